@@ -7,9 +7,9 @@
 //! 2. nodes of each step over the whole box ([`lattice`]), placed by inverse kinematics; refused where the arm cannot serve
 //!    ([`node`]);
 //! 3. the session's own nodes, where it was measured on a grid ([`measured`]);
-//! 4. every step judged on stations that took no part ([`judge`]), with what its table answers for ([`covered`]);
-//! 5. of model nodes the largest step that is hardly worse than the model itself, of measured ones the largest whose bound, and
-//!    that of all smaller steps, is within the tolerance ([`choose`]).
+//! 4. every step judged on stations that took no part ([`judge`]), with the coverage of its table ([`covered`]);
+//! 5. for model nodes the largest step that is hardly worse than the model itself, for measured ones the largest whose
+//!    bound, and that of all smaller steps, is within the tolerance ([`choose`]).
 
 pub mod choose;
 pub mod covered;
@@ -40,7 +40,7 @@ use crate::kinematics::Configuration;
 use crate::progress::Progress;
 use rows::Judging;
 
-/// Where node values come from.
+/// The source of node values.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize,
 )]
@@ -62,23 +62,23 @@ impl Source {
     }
 }
 
-/// How a step was judged.
+/// The way in which a step was judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Judgement {
     /// A cell of the step around each held-out station.
     LocalCell,
-    /// The very nodes that would be published.
+    /// The nodes of the table that would be published.
     Table,
 }
 
-/// What came out of judging one step.
+/// The verdict on one step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// The bound, with the measurement's guard, is within the tolerance.
     Meets,
     /// It is not.
     DoesNotMeet,
-    /// It could not be shown: why.
+    /// It could not be shown: the reason.
     NotShown(String),
 }
 
@@ -87,11 +87,11 @@ pub enum Verdict {
 pub struct Judged {
     /// The step asked for, mm.
     pub step_mm: f64,
-    /// Where node values come from.
+    /// Source of node values.
     pub source: Source,
-    /// How values inside a cell follow.
+    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// How it was judged.
+    /// The way in which it was judged.
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
     pub of_test: Option<String>,
@@ -99,30 +99,30 @@ pub struct Judged {
     pub lattice: Option<Lattice>,
     /// Pitch along each axis of the base frame, mm; `None` where the step does not fit.
     pub pitch_mm: Option<[f64; 3]>,
-    /// Nodes of the grid; for local cells, the eight of each cell.
+    /// Number of nodes of the grid; for local cells, eight for each cell.
     pub nodes: usize,
-    /// Refused nodes by reason.
+    /// Number of refused nodes, by reason.
     pub refused_nodes: std::collections::BTreeMap<Refusal, usize>,
-    /// Cells of the grid.
+    /// Number of cells of the grid.
     pub cells: usize,
-    /// Refused cells by reason.
+    /// Number of refused cells, by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
-    /// What its table answers for; `None` where it has no table.
+    /// The stations and the part of the box that its table covers; `None` where it has no table.
     pub covered: Option<Covered>,
-    /// What is left on held-out stations.
+    /// Remaining errors on held-out stations.
     pub held_out: HeldOut,
-    /// Figures of what is left; `None` without any station.
+    /// Figures of the remaining errors; `None` without any station.
     pub figures: Option<Figures>,
-    /// Distribution-free upper tolerance bound with between-session variation: each joint comes to them from a side of its own,
-    /// and the base has drifted as it does in a session. Where nothing is known of that, that of the session; `None` with
-    /// too few stations.
+    /// Distribution-free upper tolerance bound with between-session variation: each joint approaches the stations from a
+    /// side of its own, and the base has drifted as in a session. Where that variation is not known, the session's own
+    /// bound; `None` with too few stations.
     pub bound: Option<f64>,
-    /// The same of the session's own stations as they were measured.
+    /// The bound of the session's own stations as measured; `None` with too few stations.
     pub bound_of_session: Option<f64>,
     /// The bound, with between-session variation as `bound` has it, of what the model itself leaves on the same stations without
     /// a grid, mm; `None` for measured nodes and with too few stations.
     pub model_bound: Option<f64>,
-    /// The verdict; for local cells it informs and decides nothing.
+    /// The verdict; for local cells it only informs.
     pub verdict: Verdict,
     /// Whether this row's table was chosen.
     pub chosen: bool,
@@ -131,7 +131,7 @@ pub struct Judged {
 /// A node of the published table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableNode {
-    /// Joint angles of the nominal arm there, or why there are none.
+    /// Joint angles of the nominal arm there, rad, or why there are none.
     pub joints: Result<Vec<f64>, Refusal>,
     /// Error with its covariance (base frame, mm and mm²), or why there is none.
     pub error: Result<(Vector3<f64>, Matrix3<f64>), Refusal>,
@@ -144,17 +144,17 @@ pub struct TableNode {
 pub struct Table {
     /// The step asked for, mm.
     pub step_mm: f64,
-    /// Where the nodes are, in the base frame.
+    /// The positions of the nodes, in the base frame.
     pub lattice: Lattice,
     /// The tool's orientation in the base frame.
     pub orientation: UnitQuaternion<f64>,
     /// The arm configuration, for six-axis arms.
     pub configuration: Option<Configuration>,
-    /// Where node values come from.
+    /// Source of node values.
     pub source: Source,
-    /// How values inside a cell follow.
+    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// IDW's power.
+    /// The power of inverse distance weighting.
     pub idw_power: f64,
     /// The largest turn of a target's orientation from the table's, rad.
     pub orientation_tolerance_rad: f64,
@@ -169,7 +169,7 @@ pub struct Grids {
     pub judged: Vec<Judged>,
     /// The chosen table; `None` where no step gives one.
     pub table: Option<Table>,
-    /// Why it was chosen and what it holds.
+    /// The reason for the choice, and the verdict on it.
     pub choice: Choice,
     /// The arm configuration of all tables, for six-axis arms.
     pub configuration: Option<Configuration>,
@@ -179,17 +179,17 @@ pub struct Grids {
     pub guard_mm: f64,
 }
 
-/// Why there are no grids.
+/// The reason why there are no grids.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GridError {
-    /// No stations to build on.
+    /// There are no stations to build on.
     #[error(
         "no paired station is left to build a grid on; look at the rejects for what was left out"
     )]
     NoStations,
 }
 
-/// Everything grids are built and judged on.
+/// The inputs that grids are built and judged on.
 #[derive(Clone, Copy)]
 pub struct GridInput<'a> {
     /// The stations, with their errors and folds.
@@ -208,8 +208,8 @@ impl Grids {
         Some(&self.judged[self.choice.row?])
     }
 
-    /// Judges the chosen table by a test session: by those of its stations that the table answers for. Its row is added to the
-    /// others; the choice stays as it is. Nothing is added where there is no table.
+    /// Judges the chosen table by a test session: by those of its stations that the table covers. Its row is added to the
+    /// others; the choice is unchanged. Nothing is added where there is no table.
     pub fn judge_by_session(
         &mut self,
         session: &str,

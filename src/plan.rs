@@ -1,15 +1,16 @@
-//! Plan: before the tracker is set up, which step, which poses, and what accuracy to expect ([`crate::method::planning`]).
+//! Plan: before the tracker is set up, the step, the poses, and the accuracy to expect ([`crate::method::planning`]).
 //!
-//! Inputs: the nominal arm and [`PlanSettings`]: what is expected of robots, the cell, the region, the tolerance. Output: a
-//! [`SamplingPlan`]. Nothing here fits, grids or judges by itself: robots are drawn by [`crate::simulate`] and go through the
-//! code that runs at night.
+//! Inputs: the nominal arm and [`PlanSettings`]: the expected robots, the cell, the region, the tolerance. Output: a
+//! [`SamplingPlan`]. Nothing here fits, grids or judges by itself: robots are drawn by [`crate::simulate`] and go through
+//! the code of a real run.
 //!
-//! 1. Poses of the region are placed ([`place`]) and held against what the cell allows ([`line_of_sight`]).
-//! 2. The uniform grid: accuracy over robots for each step ([`steps`]), and what else it depends on ([`influence`]).
+//! 1. Poses of the region are placed ([`place`]) and checked against the limits of the cell ([`line_of_sight`]).
+//! 2. The uniform grid: accuracy over robots for each step ([`steps`]), and the influences other than the step
+//!    ([`influence`]).
 //! 3. Designs by number of poses, with the full error model ([`design`], [`compare`]).
-//! 4. The smallest design that meets the tolerance becomes a session: identify, verify, visits again for drift, in an order
+//! 4. The smallest design that meets the tolerance becomes a session: identify, verify, visit again for drift, in an order
 //!    of short travel ([`order`], [`session`]).
-//! 5. The whole session is tried on robots that took no part in choosing it: what they leave is the promise.
+//! 5. The whole session is tried on robots that took no part in choosing it: their errors give the promise.
 
 pub mod compare;
 pub mod design;
@@ -47,29 +48,29 @@ pub use session::{PlannedVisit, Purpose, Session};
 pub use settings::{PlanSettings, Region};
 pub use steps::StepRow;
 
-/// Robots that influences are studied on: they show a shape, no verdict follows.
+/// Number of robots for the study of influences: they show a shape, no verdict follows.
 const INFLUENCE_ROBOTS: usize = 40;
-/// Fresh poses to take each robot's own from.
+/// Number of fresh poses from which each robot takes its own.
 const POOL: usize = 2000;
-/// Sizes tried between the largest design that does not hold and the smallest that does.
+/// Number of sizes tried between the largest design that does not hold and the smallest that does.
 const BISECTIONS: usize = 3;
 
-/// Everything a plan says.
+/// The results of a plan.
 #[derive(Debug, Clone)]
 pub struct SamplingPlan {
     /// Steps of the uniform grid.
     pub steps: Vec<StepRow>,
-    /// The largest step that holds, as its place in `steps`.
+    /// Index in `steps` of the largest step that holds; `None` where none does.
     pub step: Option<usize>,
-    /// What else the grid depends on, at that step, or at the smallest.
+    /// Influences on the grid other than the step, at that step, or at the smallest.
     pub influences: Vec<InfluenceRow>,
     /// Designs by number of poses.
     pub designs: Vec<DesignRow>,
-    /// Random poses that were drawn to choose from, and why others were not taken.
+    /// Number of random poses that were drawn, and the reasons why some were not taken.
     pub candidates: Drawn,
-    /// What to measure, in order.
+    /// The visits to measure, in order.
     pub session: Session,
-    /// What the session gives on robots that took no part in choosing it.
+    /// The outcomes of the session on robots that took no part in choosing it.
     pub promise: Outcomes,
 }
 
@@ -80,21 +81,21 @@ impl SamplingPlan {
     }
 }
 
-/// What every robot of a plan is tried with.
+/// The inputs that all robots of a plan share.
 #[derive(Clone, Copy)]
 pub struct Trial<'t> {
     /// The nominal arm.
     pub arm: &'t Arm,
-    /// What places poses.
+    /// Places poses for the arm.
     pub placer: &'t Placer<'t>,
-    /// What the plan follows from.
+    /// The settings that the plan follows from.
     pub settings: &'t PlanSettings,
-    /// Who listens.
+    /// Receiver of the progress.
     pub progress: &'t dyn Progress,
 }
 
 impl<'t> Trial<'t> {
-    /// What `work` has of each of the numbered robots, in their order, on all cores.
+    /// The result of `work` for each of the numbered robots, in their order, on all cores.
     fn each_robot<T: Send>(
         &self,
         task: &str,

@@ -213,7 +213,7 @@ fn accepted_targets_may_come_from_other_writers() {
     let unit: ArrayRef = Arc::new(StringArray::from(vec!["1.5 mm", "2 mm"]));
     let error = foreign_targets(unit.clone(), vec![]).unwrap_err();
     assert!(
-        error.contains("\"x_mm\": found Utf8, the schema says float64"),
+        error.contains("\"x_mm\": found Utf8, the schema states float64"),
         "{error}"
     );
     // A column that may be null is no place for text to vanish into.

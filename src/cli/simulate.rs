@@ -59,15 +59,15 @@ pub struct SimulateArgs {
     errors: ErrorFlags,
 }
 
-/// Why no session was made.
+/// The reason why no session was made.
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
     /// What is wrong with a file that is read or written.
     #[error("{}: {kind}", path.display())]
     File {
-        /// The file, or the folder.
+        /// Path of the file or the folder.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         kind: SimulateFileError,
     },
     /// The settings cannot be simulated.
@@ -81,13 +81,13 @@ pub enum SimulateCommandError {
     Exists(PathBuf),
 }
 
-/// What is wrong with a file that a simulated session is made of, or written to.
+/// The fault in a file that a simulated session is made from, or written to.
 #[derive(Debug, Error)]
 pub enum SimulateFileError {
     /// The robot file cannot be read.
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
-    /// The robot file is not one: where and why.
+    /// The robot file is not one: place and cause.
     #[error(transparent)]
     Parse(Box<toml::de::Error>),
     /// The robot file's arm is wrong.
@@ -98,7 +98,7 @@ pub enum SimulateFileError {
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
     )]
     NoJoints {
-        /// The target.
+        /// Name of the target.
         target: String,
     },
     /// The folder or the disk refused.
@@ -113,7 +113,7 @@ pub enum SimulateFileError {
 }
 
 impl SimulateFileError {
-    /// This problem of the file at `path`.
+    /// The error for this fault in the file at `path`.
     fn at(self, path: &Path) -> SimulateCommandError {
         SimulateCommandError::File {
             path: path.to_owned(),

@@ -1,6 +1,6 @@
 //! The tolerance, the verdict of a step, and the choice among steps.
 //!
-//! Two rules choose, and both choices are told; `[grid] choose` says which of them is published:
+//! Two rules choose, and both choices are reported; `[grid] choose` sets which of them is published:
 //! - *within*: model nodes cost nothing, so the largest step that is hardly worse than the model itself;
 //! - *fewest-nodes*: the largest step that holds with all smaller ones, as where each node costs a measurement.
 
@@ -18,16 +18,16 @@ use crate::figures::{Counted, Coverage, least_count};
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerance {
-    /// What a position error may be, mm.
+    /// Largest allowed position error, mm.
     pub mm: f64,
     /// Share of positions that have to be within it.
     pub share: f64,
-    /// How sure one has to be of that.
+    /// Confidence of that.
     pub confidence: f64,
 }
 
 impl Tolerance {
-    /// The coverage that bounds are asked for.
+    /// The share and confidence of bounds.
     pub const fn coverage(&self) -> Coverage {
         Coverage {
             share: self.share,
@@ -35,7 +35,7 @@ impl Tolerance {
         }
     }
 
-    /// The verdict of a bound on as many poses: `bound + guard ≤ tolerance`.
+    /// The verdict on a bound that counts so many poses: `bound + guard ≤ tolerance`.
     ///
     /// ```
     /// use posegrid::figures::PoseErrors;
@@ -65,33 +65,33 @@ impl Tolerance {
     }
 }
 
-/// What a rule chose.
+/// The choice of a rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picked {
-    /// Place among the judged rows.
+    /// Index among the judged rows.
     pub row: usize,
     /// Whether the tolerance is met by it, and shown to be.
     pub verdict: Verdict,
-    /// Why this row, in words.
+    /// The reason for this row, as text.
     pub words: String,
 }
 
-/// Which row was chosen, and why.
+/// The chosen row, and the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// Place of the published table among the judged rows; `None` where no step gives a table.
+    /// Index of the published table among the judged rows; `None` where no step gives a table.
     pub row: Option<usize>,
     /// Whether the tolerance is met, and shown to be.
     pub verdict: Verdict,
-    /// The choice in words.
+    /// The choice as text.
     pub words: String,
-    /// What [`Rule::Within`] chooses; `None` where no step gives a table.
+    /// The choice of [`Rule::Within`]; `None` where no step gives a table.
     pub within: Option<Picked>,
-    /// What [`Rule::FewestNodes`] chooses; `None` where no step gives a table.
+    /// The choice of [`Rule::FewestNodes`]; `None` where no step gives a table.
     pub fewest_nodes: Option<Picked>,
 }
 
-/// What both rules choose among the judged rows, and the row that is published.
+/// The choices of both rules among the judged rows, and the row that is published.
 pub(super) fn choose(judged: &[Judged], settings: &GridSettings) -> Choice {
     let within = rules::within(judged, settings.within);
     let fewest_nodes = rules::fewest_nodes(judged);

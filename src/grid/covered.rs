@@ -1,27 +1,27 @@
-//! What a table answers for: the share of the measured stations, and of the box.
+//! The coverage of a table: the share of the measured stations, and of the box.
 
 use super::lattice::Lattice;
 use super::node::GridStation;
 use super::settings::GridPlan;
 
-/// A table that answers for a smaller share of the stations like it is chosen only where none answers for more.
+/// A table that covers a smaller share of the stations like it is chosen only where none covers more.
 pub(super) const ENOUGH: f64 = 0.95;
 
-/// What a table answers for.
+/// The coverage of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Covered {
-    /// Stations that it answers for.
+    /// Number of stations that it covers.
     pub stations: usize,
-    /// Stations like it: of its arm configuration, and turned from its orientation by no more than the tolerance.
+    /// Number of stations like it: of its arm configuration, and turned from its orientation by at most the tolerance.
     pub like: usize,
-    /// All measured stations.
+    /// Number of all measured stations.
     pub measured: usize,
     /// Share of the box's volume in cells that can serve, 0 to 1.
     pub of_box: f64,
 }
 
 impl Covered {
-    /// What the nodes of `lattice` answer for; `serves` says whether a cell of these vertices has values.
+    /// The coverage of the nodes of `lattice`; `serves` gives whether a cell with these vertices has values.
     pub(super) fn of(
         lattice: &Lattice,
         plan: &GridPlan,
@@ -58,12 +58,12 @@ impl Covered {
         (self.like > 0).then(|| self.stations as f64 / self.like as f64)
     }
 
-    /// Whether it answers for so many of the stations like it that it may be chosen before others.
+    /// Whether it covers enough of the stations like it to be chosen before others.
     pub(super) fn is_enough(&self) -> bool {
         self.of_like().is_none_or(|share| share >= ENOUGH)
     }
 
-    /// What it answers for, in words.
+    /// The coverage as text.
     pub fn words(&self) -> String {
         let of = if self.like == self.measured {
             "measured stations".to_owned()

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// How a value inside a cell follows from its vertices.
+/// The interpolation of a value inside a cell from its vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
@@ -13,7 +13,7 @@ pub enum Interpolation {
     Trilinear,
 }
 
-/// Closer than this to a vertex, in mm, is an exact hit.
+/// Distance to a vertex, mm, below which a point is taken to be at it.
 const EXACT_HIT_MM: f64 = 1e-9;
 
 impl Interpolation {

@@ -1,4 +1,4 @@
-//! How a step is judged: always on stations that took no part.
+//! The judgement of a step, always on stations that took no part.
 //!
 //! *Local cell*: a cell of the lattice's pitches around each held-out station, at that station's own orientation and configuration,
 //! the station at a quasi-random place of it (a table's targets lie anywhere in their cells). *Table*: the very nodes
@@ -16,51 +16,53 @@ use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::figures::{Counted, PoseErrors};
 use crate::fit::ToolErrors;
 
-/// Errors that are left on held-out stations, and the stations that could not be judged.
+/// Remaining errors on held-out stations, and the stations that could not be judged.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HeldOut {
     /// Norm of measured minus interpolated error, in station order, mm.
     pub norms: Vec<f64>,
     /// Measured minus interpolated error of the same stations.
     pub left: Vec<LeftAt>,
-    /// Norms by pose: what a bound counts.
+    /// Norms by pose, for the bound.
     pub by_pose: PoseErrors,
-    /// Norms by pose of the errors of those stations with between-session variation drawn anew, as many for each; empty where nothing is known
-    /// of that, and in a row of steps, which keeps the bound they have.
+    /// Norms by pose of the errors of these stations with between-session variation, the same number for each; empty where
+    /// that variation is not known, and in a row of steps, which keeps the bound they have.
     pub between_sessions: PoseErrors,
-    /// Norm of the same stations' errors with nothing subtracted, mm.
+    /// Norm of the same stations' errors without any correction, mm.
     pub uncorrected: Vec<f64>,
-    /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
+    /// Norm of the errors that the model itself leaves on the same stations, without any grid, mm; empty for measured
+    /// nodes.
     pub direct: Vec<f64>,
-    /// Norms by pose of what the model itself leaves there: what its bound counts; empty for measured nodes.
+    /// Norms by pose of the errors that the model itself leaves there, for its bound; empty for measured nodes.
     pub direct_by_pose: PoseErrors,
-    /// Norms by pose of what the model itself leaves there with between-session variation drawn anew; empty as `between_sessions` is.
+    /// Norms by pose of the errors that the model itself leaves there, with between-session variation; empty where
+    /// `between_sessions` is.
     pub direct_another_day: PoseErrors,
-    /// Blocks the stations come from: those of one block are not independent.
+    /// Blocks of the stations: those of one block are not independent.
     pub blocks: BTreeSet<usize>,
-    /// Stations in a refused cell, by reason.
+    /// Number of stations in a refused cell, by reason.
     pub refused: BTreeMap<Refusal, usize>,
-    /// Stations outside the box.
+    /// Number of stations outside the box.
     pub outside: usize,
-    /// Stations of another configuration or beyond the orientation tolerance.
+    /// Number of stations of another configuration or beyond the orientation tolerance.
     pub unlike: usize,
 }
 
-/// What is left of one station's error.
+/// The remaining error of one station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftAt {
-    /// The station's number.
+    /// Number of the station.
     pub station: usize,
-    /// The number of the station that its pose is named by.
+    /// Number of the station that names its pose.
     pub pose: usize,
-    /// Which grid judged, where several do: 0 otherwise.
+    /// Number of the grid that judged, where several do; otherwise 0.
     pub sample: usize,
     /// Measured minus interpolated, mm.
     pub error: Vector3<f64>,
 }
 
 impl HeldOut {
-    /// Adds what `interpolated` leaves of a station's error, by grid `sample`.
+    /// Adds the error of a station that remains after `interpolated` is subtracted, for grid `sample`.
     pub fn add(&mut self, station: &GridStation, interpolated: &Vector3<f64>, sample: usize) {
         let left = LeftAt {
             station: station.number,
@@ -82,7 +84,8 @@ impl HeldOut {
         self.blocks.insert(station.fold);
     }
 
-    /// Adds what a table `found` at a station beside what `model` predicts there; or counts why there is nothing to add.
+    /// Adds the value that a table `found` at a station, with the prediction of `model` there; or counts the reason why
+    /// there is none.
     pub(super) fn add_found(
         &mut self,
         station: &GridStation,
@@ -103,7 +106,7 @@ impl HeldOut {
         }
     }
 
-    /// Adds the same beside what the model predicts without a grid.
+    /// Adds the remaining error, with the one of the model without a grid.
     fn add_beside(
         &mut self,
         station: &GridStation,
@@ -121,13 +124,13 @@ impl HeldOut {
         }
     }
 
-    /// Poses and stations that the norms are of: fewer than norms where a station is judged by several decimated grids.
+    /// Number of poses and stations of the norms: fewer than norms where a station is judged by several decimated grids.
     pub fn counted(&self) -> Counted {
         self.by_pose.counted()
     }
 
-    /// Mean of what the grid leaves beyond what the model itself leaves, and its standard error, mm; `None` for measured
-    /// nodes and with fewer than two stations.
+    /// Mean of the error that the grid leaves beyond that of the model itself, and its standard error, mm; `None` for
+    /// measured nodes and with fewer than two stations.
     pub fn excess(&self) -> Option<(f64, f64)> {
         let excess: Vec<f64> = self
             .norms
@@ -141,7 +144,7 @@ impl HeldOut {
         (excess.len() > 1).then(|| (mean, (squares / (n - 1.0) / n).sqrt()))
     }
 
-    /// Whether what is left is, on average, no less than what was there: the grid does not help.
+    /// Whether the remaining errors are, on average, no smaller than the uncorrected ones: the grid does not help.
     pub(super) fn is_no_help(&self) -> bool {
         !self.norms.is_empty()
             && self.norms.iter().sum::<f64>() >= self.uncorrected.iter().sum::<f64>()
@@ -230,7 +233,7 @@ pub(super) fn by_local_cell(
     held_out
 }
 
-/// Judges `stations` by the nodes that would be published, the node values by the model of each station's fold.
+/// Judges `stations` by the nodes that would be published, with node values from the model of each station's fold.
 pub fn by_table(
     stations: &[GridStation],
     grid: &PlacedGrid,
@@ -270,7 +273,7 @@ pub fn by_table(
 /// The error at a node, base frame, mm, or why there is none.
 pub type NodeError = Result<Vector3<f64>, Refusal>;
 
-/// The error at a point by those at the nodes; `None` outside the grid, or why its cell cannot serve.
+/// The error at a point from those at the nodes; `None` outside the grid, or why its cell cannot serve.
 pub fn by_nodes(
     grid: &PlacedGrid,
     errors: &[NodeError],

@@ -69,10 +69,10 @@ pub enum NoLattice {
     },
 }
 
-/// A point's cell and its place in it.
+/// The cell of a point, and the point's place in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InCell {
-    /// Node numbers of the eight vertices; vertex v is high along axis k when bit k of v is set.
+    /// Numbers of the eight nodes; vertex v is high along axis k when bit k of v is set.
     pub vertices: [usize; 8],
     /// Place in the cell along each axis, 0 to 1.
     pub fraction: Vector3<f64>,
@@ -120,12 +120,12 @@ impl Lattice {
         }
     }
 
-    /// Nodes in all.
+    /// Number of nodes.
     pub fn node_count(&self) -> usize {
         self.counts.iter().product()
     }
 
-    /// Cells in all.
+    /// Number of cells.
     pub(super) fn cell_count(&self) -> usize {
         self.counts.iter().map(|count| count - 1).product()
     }
@@ -151,7 +151,7 @@ impl Lattice {
         index[0] + self.counts[0] * (index[1] + self.counts[1] * index[2])
     }
 
-    /// Where node `number` lies.
+    /// The position of node `number`.
     pub fn position(&self, number: usize) -> Point3<f64> {
         let [nx, ny, _] = self.counts;
         let index = [number % nx, number / nx % ny, number / (nx * ny)];

@@ -1,7 +1,7 @@
 //! Grids whose node values are the stations measured at the nodes: the seed paper's own way.
 //!
-//! Only a session measured on a grid has them. Coarser steps come by decimation: every phase of every multiple of the
-//! pitch is a grid of its own, judged on all stations inside that are not its nodes.
+//! Only a session measured on a grid has them. Coarser steps come from decimation: every phase of every multiple of the
+//! pitch is a grid of its own, judged on all stations inside it that are not its nodes.
 
 use std::collections::BTreeMap;
 
@@ -13,30 +13,30 @@ use super::lattice::{Lattice, PLANE_MM};
 use super::node::{GridStation, Refusal, on_one_branch};
 use crate::kinematics::Configuration;
 
-/// A session's own grid: which station stands at which node.
+/// A session's own grid: the station at each node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredGrid {
     /// The lattice of the session's pitch.
     pub lattice: Lattice,
-    /// Place in the list of stations for each node that was measured.
+    /// Index in the list of stations for each node that was measured.
     pub stations: BTreeMap<[usize; 3], usize>,
 }
 
-/// Why a session is not on a grid.
+/// The reason why a session is not on a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotOnGrid {
     /// Commanded positions do not repeat along an axis.
     #[error("the commanded positions do not lie on planes of equal pitch along {axis}")]
     NoPitch {
-        /// Which axis.
+        /// Name of the axis.
         axis: char,
     },
     /// More than half of the nodes were not visited.
     #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
     Sparse {
-        /// Measured nodes.
+        /// Number of measured nodes.
         measured: usize,
-        /// Nodes of the lattice.
+        /// Number of nodes of the lattice.
         nodes: usize,
     },
     /// Tool orientations differ.
@@ -44,7 +44,7 @@ pub enum NotOnGrid {
     Mixed,
 }
 
-/// Tool orientations of one grid differ by less than this, rad.
+/// Largest difference of tool orientations in one grid, rad.
 const ONE_ORIENTATION_RAD: f64 = 0.02;
 
 impl MeasuredGrid {
@@ -68,7 +68,7 @@ impl MeasuredGrid {
         {
             return Err(NotOnGrid::Mixed);
         }
-        // A node visited twice keeps its first visit; later ones judge other phases, never their own node's.
+        // A node visited twice keeps its first visit; later ones judge other phases, but not their own node.
         let mut places = BTreeMap::new();
         for (place, station) in stations.iter().enumerate() {
             places
@@ -89,7 +89,7 @@ impl MeasuredGrid {
         })
     }
 
-    /// How many pitches a step is along each axis; `None` where it is no whole multiple or leaves no cell.
+    /// The step in pitches along each axis; `None` where it is no whole multiple or leaves no cell.
     pub(super) fn multiples(&self, step_mm: f64) -> Option<[usize; 3]> {
         let multiple = |axis: usize| {
             let exact = step_mm / self.lattice.step[axis];
@@ -153,14 +153,15 @@ impl MeasuredGrid {
 /// One decimated grid: the station at each of its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated {
-    /// Where the nodes are.
+    /// The positions of the nodes.
     pub lattice: Lattice,
-    /// Place in the list of stations, where the node was measured.
+    /// Index in the list of stations; `None` where the node was not measured.
     pub nodes: Vec<Option<usize>>,
 }
 
 impl Decimated {
-    /// Judges the station at `place` by this grid, which is `sample` of several; visits of its own nodes take no part.
+    /// Judges the station at `place` by this grid, which is number `sample` of several; visits of its own nodes take no
+    /// part.
     fn add(
         &self,
         held_out: &mut HeldOut,
@@ -278,7 +279,7 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
     }
     let (first, last) = (starts[0], starts[starts.len() - 1]);
     let count = ((last - first) / pitch).round() as usize + 1;
-    // The smallest gap carries the rounding of two commands; the whole extent shares it among all.
+    // The smallest gap includes the rounding of two commands; the whole extent distributes it over all gaps.
     Ok(Planes {
         first,
         pitch: (last - first) / (count - 1) as f64,
@@ -293,8 +294,8 @@ mod tests {
     use super::*;
     use crate::figures::Counted;
 
-    /// Every node of 3 × 3 × 3 with a pitch of 100 mm, gone to twice: as a grid is, one round after the other. The second round's
-    /// commands are `off_mm` beside the first's.
+    /// Every node of 3 × 3 × 3 with a pitch of 100 mm, visited twice, one round after the other. The second round's
+    /// commands are `off_mm` away from the first's.
     fn twice(off_mm: f64, is_one_pose: bool) -> Vec<GridStation> {
         let station = |number: usize| {
             let node = number % 27;
@@ -322,12 +323,12 @@ mod tests {
 
     #[test]
     fn another_visit_of_a_node_is_no_held_out_station() {
-        // Each station is a node or stands at one: its own measurement would judge it.
+        // Each station is a node or is at one: its own measurement would judge it.
         let stations = twice(0.0, true);
         assert_eq!(judged(&stations, 1).counted(), Counted::default());
         // A command rounded otherwise is another pose, and at the same node.
         assert_eq!(judged(&twice(0.05, false), 1).counted(), Counted::default());
-        // Of every second node the eight corners are left; 19 poses between them judge, each visited twice.
+        // With every second node the eight corners are left; the 19 poses between them judge, each visited twice.
         let held_out = judged(&stations, 2);
         let expected = Counted {
             poses: 19,

@@ -1,4 +1,4 @@
-//! Nodes of a grid: where the arm stands at each, and the error there.
+//! Nodes of a grid: the joint angles of the arm at each, and the error there.
 
 use std::collections::BTreeMap;
 
@@ -13,12 +13,12 @@ use crate::kinematics::{
     Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
 
-/// A station as grids see it.
+/// A station in the form that grids need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridStation {
-    /// Its number in the session.
+    /// Number in the session.
     pub number: usize,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
     /// Commanded position of the tool point in the base frame, mm.
     pub position: Point3<f64>,
@@ -32,14 +32,14 @@ pub struct GridStation {
     pub error: Vector3<f64>,
     /// The fold that holds it out.
     pub fold: usize,
-    /// Changes of its error that another session may bring, mm: several, each as likely as the others; none where
-    /// nothing is known of that.
+    /// Changes of its error that another session may bring, mm: several, all equally likely; empty where they are not
+    /// known.
     pub between_sessions: Vec<Vector3<f64>>,
 }
 
 impl GridStation {
-    /// A paired station as grids see it: `commanded` is the tool's commanded position in the base frame, where there is
-    /// one. `None` for a station without a measurement. It is taken for the only visit of its pose.
+    /// A paired station for grids: `commanded` is the tool's commanded pose in the base frame, where there is one. `None`
+    /// for a station without a measurement. It is taken as the only visit of its pose.
     pub fn of(
         station: &Station,
         commanded: Option<Point3<f64>>,
@@ -62,7 +62,7 @@ impl GridStation {
         })
     }
 
-    /// What `interpolated` would leave of its errors with between-session variation: their norms, mm.
+    /// Norms, mm, of its errors with between-session variation after `interpolated` is subtracted.
     pub(super) fn left_between_sessions(
         &self,
         interpolated: &Vector3<f64>,
@@ -74,10 +74,10 @@ impl GridStation {
     }
 }
 
-/// Nodes nearer to a singularity than this factor (0 at it, about 1 far away) are refused: joint angles and with them
-/// the error change there within less than any step.
+/// Smallest singularity factor of a usable node (0 at a singularity, about 1 far away): nearer to one, joint angles and
+/// with them the error change within less than any step.
 const LEAST_SINGULARITY_FACTOR: f64 = 0.02;
-/// Joint angles of a cell's vertices that differ by more than this are on different branches, rad.
+/// Largest difference of joint angles between a cell's vertices on one branch, rad.
 const BRANCH_RAD: f64 = 1.5;
 
 /// Finds joint angles for tool poses near measured stations.
@@ -90,7 +90,7 @@ pub struct Reach<'a> {
 }
 
 impl<'a> Reach<'a> {
-    /// For tool poses of the nominal `arm`.
+    /// The reach of the nominal `arm` for tool poses.
     pub fn new(arm: &'a Arm, flange_from_tool: Isometry3<f64>) -> Self {
         let settings = InverseSettings {
             least_singularity_factor: LEAST_SINGULARITY_FACTOR,
@@ -121,7 +121,8 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// The same, with how far from reachable a pose is where it is not.
+    /// Joint angles for a tool pose, in the arm configuration of `seed`; the error states how far from reachable the pose
+    /// is.
     pub fn solve(&self, pose: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
         let tool = &self.flange_from_tool;
         inverse(self.arm, &self.nominal, pose, tool, seed, &self.settings)
@@ -134,7 +135,7 @@ impl<'a> Reach<'a> {
     }
 }
 
-/// A node of a lattice: where the arm stands there, or why nowhere.
+/// A node of a lattice: the joint angles of the arm there, or why there are none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
     /// Joint angles, rad.
@@ -146,7 +147,7 @@ pub struct Placed {
 /// The nodes of a grid with the joint angles at which each is evaluated, and its usable cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedGrid {
-    /// Where the nodes are.
+    /// The positions of the nodes.
     pub lattice: Lattice,
     /// The tool's orientation at every node.
     pub orientation: UnitQuaternion<f64>,
@@ -190,13 +191,13 @@ impl PlacedGrid {
         }
     }
 
-    /// The cell of a point, if the grid has it and all its vertices can serve; otherwise why not.
+    /// The cell of a point, or why it cannot serve; `None` outside the grid.
     pub fn cell(&self, point: &Point3<f64>) -> Option<Result<InCell, Refusal>> {
         let cell = self.lattice.locate(point)?;
         Some(self.usable(&cell.vertices).map(|()| cell))
     }
 
-    /// Refused nodes by reason.
+    /// Number of refused nodes, by reason.
     pub fn refused_nodes(&self) -> BTreeMap<Refusal, usize> {
         count(
             self.nodes
@@ -205,7 +206,7 @@ impl PlacedGrid {
         )
     }
 
-    /// Refused cells by reason.
+    /// Number of refused cells, by reason.
     pub fn refused_cells(&self) -> BTreeMap<Refusal, usize> {
         let cells = self.lattice.cells();
         count(cells.filter_map(|index| self.usable(&self.lattice.vertices(index)).err()))
@@ -244,7 +245,7 @@ pub fn on_one_branch(vectors: &[&[f64]]) -> bool {
     })
 }
 
-/// How often each refusal occurs.
+/// Number of occurrences of each refusal.
 pub fn count(refusals: impl Iterator<Item = Refusal>) -> BTreeMap<Refusal, usize> {
     let mut counts = BTreeMap::new();
     refusals.for_each(|refusal| *counts.entry(refusal).or_default() += 1);

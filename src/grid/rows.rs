@@ -17,7 +17,7 @@ use crate::figures::{Coverage, Figures, PoseErrors};
 pub(super) struct Judging<'j> {
     /// Stations and models.
     pub(super) input: &'j GridInput<'j>,
-    /// What has to be met.
+    /// The tolerance: limit, share of positions and confidence.
     pub(super) tolerance: &'j Tolerance,
     /// `[grid]`.
     pub(super) settings: &'j GridSettings,
@@ -215,7 +215,7 @@ pub(super) fn session_row(
     }
 }
 
-/// What names a row.
+/// The columns that identify a row.
 #[derive(Clone, Copy)]
 struct Row {
     step_mm: f64,

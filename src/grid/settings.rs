@@ -18,26 +18,27 @@ use crate::kinematics::Configuration;
 pub struct GridSettings {
     /// Steps to judge, mm.
     pub steps_mm: Vec<f64>,
-    /// The box in the base frame. Absent: the box around the stations that are like the table.
+    /// The box in the base frame. Absent: the box around the stations with the table's configuration and about its
+    /// orientation.
     #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
     pub bounds: Option<WorkBox>,
     /// The tool's orientation in the base frame as a quaternion x y z w. Absent: the mean of the most frequent
     /// configuration's stations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation_xyzw: Option<[f64; 4]>,
-    /// A target's orientation may differ from the table's by this much, degrees.
+    /// Largest difference of a target's orientation from the table's, degrees.
     #[serde(default = "default_orientation_tolerance")]
     pub orientation_tolerance_deg: f64,
-    /// Ways to interpolate inside a cell.
+    /// Interpolations inside a cell.
     #[serde(default = "default_interpolations")]
     pub interpolations: Vec<Interpolation>,
-    /// Where node values may come from.
+    /// Sources of node values.
     #[serde(default = "default_sources")]
     pub sources: Vec<Source>,
     /// The power p of `idw`.
     #[serde(default = "default_power")]
     pub idw_power: f64,
-    /// How the published step is chosen.
+    /// The rule for choosing the published step.
     #[serde(default)]
     pub choose: Rule,
     /// A table of model nodes may have a bound above the model's own by this share of it, or by
@@ -46,12 +47,12 @@ pub struct GridSettings {
     pub within: f64,
 }
 
-/// How the published step is chosen among those that were judged.
+/// The rules for choosing the published step among the judged ones.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rule {
-    /// Model nodes, which cost nothing: the largest step whose bound is within `within` of the model's own. Measured nodes:
-    /// the largest step that holds. Of both, the one with the smaller bound.
+    /// Model nodes, which need no measurement: the largest step whose bound is within `within` of the model's own. Measured
+    /// nodes: the largest step that holds. Of both, the one with the smaller bound.
     #[default]
     Within,
     /// The largest step that holds with all smaller ones, whatever its nodes cost: the seed paper's rule.
@@ -91,7 +92,7 @@ pub struct GridPlan {
 }
 
 impl GridSettings {
-    /// Settles what the section leaves to the stations.
+    /// Derives from the stations the values that the section does not give.
     pub fn plan(&self, stations: &[GridStation]) -> Result<GridPlan, GridError> {
         if stations.is_empty() {
             return Err(GridError::NoStations);
@@ -117,7 +118,8 @@ impl GridSettings {
                     .collect::<Vec<_>>(),
             )
         };
-        // A session of many orientations has few stations near any one: its box is around all of the configuration.
+        // A session of many orientations has few stations near any one: then its box is around all stations of the
+        // configuration.
         let alike: Vec<&GridStation> = own.iter().filter(near).copied().collect();
         let alike = if 2 * alike.len() >= own.len() {
             alike
@@ -138,7 +140,7 @@ impl GridSettings {
 }
 
 impl GridPlan {
-    /// Whether the table claims to serve a station: its configuration, and its orientation within the tolerance.
+    /// Whether the table covers a station: its configuration, and its orientation within the tolerance.
     pub(super) fn is_like(&self, station: &GridStation) -> bool {
         station.configuration == self.configuration
             && station.orientation.angle_to(&self.orientation) <= self.tolerance_rad
@@ -177,7 +179,7 @@ pub(super) enum NotJudged {
 }
 
 impl NotJudged {
-    /// The pitches that the step comes to; `None` where it does not fit.
+    /// The pitches of the step along each axis, mm; `None` where it does not fit.
     pub(super) const fn pitch_mm(&self) -> Option<[f64; 3]> {
         match self {
             Self::NoLattice(_) => None,
@@ -186,7 +188,7 @@ impl NotJudged {
     }
 }
 
-/// The configuration of most stations; the first in order where several are as frequent.
+/// The configuration of most stations; of equally frequent ones the first in order.
 fn most_frequent(stations: &[GridStation]) -> Option<Configuration> {
     let mut counts: BTreeMap<Option<Configuration>, usize> = BTreeMap::new();
     for station in stations {

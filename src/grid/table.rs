@@ -1,4 +1,4 @@
-//! The table of the chosen step: its nodes with their errors and covariances, and what other sessions say of it.
+//! The table of the chosen step: its nodes with their errors and covariances, and its judgement by other sessions.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
 }
 
 impl Table {
-    /// Judges the table by stations of another session, beside what the model predicts there.
+    /// Judges the table by stations of another session, in comparison with the model's prediction there.
     pub(super) fn judged_by(&self, stations: &[GridStation], model: &ToolErrors<'_>) -> HeldOut {
         let mut held_out = HeldOut::default();
         for station in stations {
@@ -44,13 +44,13 @@ impl Table {
         held_out
     }
 
-    /// Whether the table claims to serve a station: its configuration, and its orientation within the tolerance.
+    /// Whether the table covers a station: its configuration, and its orientation within the tolerance.
     fn is_like(&self, station: &GridStation) -> bool {
         let turned = station.orientation.angle_to(&self.orientation);
         station.configuration == self.configuration && turned <= self.orientation_tolerance_rad
     }
 
-    /// The error at a point by the nodes around it, mm; `None` outside the table, or why its cell cannot serve.
+    /// The error at a point from the nodes around it, mm; `None` outside the table, or why its cell cannot serve.
     fn error_at(&self, point: &Point3<f64>) -> Option<Result<Vector3<f64>, Refusal>> {
         let cell = self.lattice.locate(point)?;
         let nodes = cell.vertices.map(|vertex| &self.nodes[vertex]);

@@ -1,11 +1,11 @@
-//! Tables of a run → what controllers and off-line programming read.
+//! Tables of a run → files for controllers and off-line programming.
 //!
-//! - [`nodes_csv`]: a compensation table as CSV, a row a node, what holds for all of it in `#` lines before;
+//! - [`nodes_csv`]: a compensation table as CSV, one row per node, after `#` lines with the values of the whole table;
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
 //! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
-//! Names come from logs and pipeline files: each is written so that it cannot be anything but a name.
+//! Names come from logs and pipeline files: each is written so that it can only be read as a name.
 
 pub mod curves_json;
 pub mod nodes_csv;
@@ -24,21 +24,21 @@ use super::lake::LakeError;
 use super::schema::SchemaError;
 use super::table::FileError;
 
-/// Why a table is not exported.
+/// The reason why a table is not exported.
 #[derive(Debug, Error)]
 pub enum ExportError {
     /// The file holds no table.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The program does not know its own table.
+    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// What is wrong with what the file holds, or with writing it.
+    /// A fault in the content of the file, or in writing it.
     #[error("{}", kind.message(path))]
     At {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         kind: ExportErrorKind,
     },
     /// The table of nodes cannot be read.
@@ -47,10 +47,10 @@ pub enum ExportError {
     /// The identified arm cannot be read.
     #[error(transparent)]
     Arm(#[from] CalibrationsTableError),
-    /// Rows of several runs.
+    /// The rows are of several runs.
     #[error(transparent)]
     Common(#[from] CommonError),
-    /// No table with the times of a session's stations.
+    /// There is no table with the times of a session's stations.
     #[error(
         "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
          {source}; give its file by --stations"
@@ -61,7 +61,7 @@ pub enum ExportError {
         /// Why.
         source: Box<LakeError>,
     },
-    /// A station without a time.
+    /// A station has no time.
     #[error(
         "no table \"stations\" that was read has station {station} of session {session:?}; give the files of all sessions of \
          the run by --stations"
@@ -72,9 +72,9 @@ pub enum ExportError {
         /// The station.
         station: usize,
     },
-    /// A time that MCAP cannot say.
+    /// A time is outside the range of MCAP.
     #[error(
-        "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP counts from 0 up: \
+        "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP times start at 0: \
          the controller's stamps are wrong"
     )]
     EarlyTime {
@@ -85,58 +85,58 @@ pub enum ExportError {
         /// Its stamp, ns.
         ns: i64,
     },
-    /// Times for a format that has none.
+    /// Times are given for a format that does not use them.
     #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
     NoUseForTimes(&'static str),
-    /// As MCAP.
+    /// The MCAP writer failed.
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Write(#[from] io::Error),
-    /// As CSV.
+    /// The CSV writer failed.
     #[error(transparent)]
     Csv(#[from] csv::Error),
-    /// As JSON.
+    /// The JSON writer failed.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
 }
 
-/// What is wrong with a file that is exported, or with the file that is made of it.
+/// The fault in a file that is exported, or in the file made from it.
 #[derive(Debug)]
 pub enum ExportErrorKind {
     /// The file holds another table.
     OtherTable {
-        /// What it holds.
+        /// The table in the file, or that there is none.
         found: String,
-        /// The format asked for.
+        /// Name of the format.
         format: &'static str,
-        /// The tables it is made of.
+        /// The tables that it is made from.
         needs: &'static str,
     },
-    /// No row.
+    /// The table has no row.
     Empty,
-    /// Rows that differ in what holds for all of them.
+    /// Rows differ in a value that all should share.
     NotOne {
         /// The column.
         column: String,
-        /// The row that differs.
+        /// Number of the row that differs.
         row: usize,
     },
-    /// An arm without joint curves.
+    /// The arm has no joint curves.
     NoCurves,
     /// An arm that URDF cannot say: what it has.
     NoUrdf(&'static str),
-    /// A file that stands in no lake.
+    /// The file is in no lake.
     NoLake,
-    /// Stations of another run.
+    /// The stations are of another run.
     OtherRun {
         /// The run of the file.
         found: String,
         /// The run of the residuals.
         expected: String,
     },
-    /// Something stands where the result is to be.
+    /// The output file exists already.
     Exists,
     /// The file cannot be written.
     NotWritten(io::Error),

@@ -2,12 +2,13 @@
 //!
 //! 1. [`Columns`] takes whole columns by name and puts them in the order of the schema.
 //! 2. Every column is checked against its contract: type, length, nulls, finite numbers, allowed words.
-//! 3. Rows of a published table are sorted by the schema's `order`; two rows of the same name are refused.
+//! 3. Rows of a published table are sorted by the schema's `order`; two rows with the same name are refused.
 //! 4. A struct of typed fields is the rows of a table ([`Row`]): it makes the columns, and is read back from them.
-//! 5. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
+//! 5. [`write()`] and [`read()`] convert a [`Table`] to the bytes of a Parquet file and back; a file is checked when it is
+//!    read.
 //!
-//! The same values give the same bytes. Every file written carries the digest of its content (`digest`), and a published
-//! table that is read is held against it.
+//! The same values give the same bytes. Every file carries the digest of its content (`digest`), and a published table is
+//! compared with it when it is read.
 
 mod cell;
 mod check;
@@ -56,17 +57,17 @@ impl Table {
         self.schema
     }
 
-    /// The robot, session and run that every row carries; `None` for a table that has none, or several.
+    /// The robot, session and run of every row; `None` for a table that has none, or several.
     pub const fn key(&self) -> Option<&RunKey> {
         self.key.as_ref()
     }
 
-    /// The version of the schema by which it was written: an older one's columns that came later are null.
+    /// The version of the schema by which it was written: for an older one, columns added later are null.
     pub const fn version(&self) -> u32 {
         self.version
     }
 
-    /// The digest of all columns but `except`, hexadecimal; the same whatever file holds them.
+    /// The digest of all columns except `except`, hexadecimal; it does not depend on the file.
     pub(super) fn digest_without(&self, except: &[&str]) -> String {
         digest::of_columns(self, except)
     }
@@ -76,7 +77,7 @@ impl Table {
         &self.batch
     }
 
-    /// How many rows.
+    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.batch.num_rows()
     }

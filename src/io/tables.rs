@@ -1,12 +1,13 @@
-//! What a piece of work found → the rows of its published tables: one file here for each table, one struct for its rows.
+//! The results of a piece of work → the rows of its published tables: one file here for each table, one struct for its
+//! rows.
 //!
-//! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are rows
-//! with their checked [`Table`]s:
+//! Inputs are the domain structs of [`Outcome`] and the statements of the pipeline file ([`PublishContext`]); outputs are
+//! rows with their checked [`Table`]s:
 //! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`; `logs` are written where they are read ([`logs`]);
-//! 2. of the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
+//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
 //!    `grid_steps`, `compensation`, `accuracy`.
 //!
-//! What came into each stage and what became of it ([`counts`]) stands in `runs` ([`runs`]).
+//! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
 
 pub mod accuracy;
 pub mod calibrations;
@@ -64,7 +65,7 @@ use scales::ScaleRow;
 use semivariograms::SemivariogramRow;
 use stations::StationRow;
 
-/// What tables say besides what the stages found.
+/// The content of tables that does not come from the stages.
 #[derive(Debug, Clone)]
 pub struct PublishContext<'a> {
     /// The nominal arm.
@@ -77,30 +78,30 @@ pub struct PublishContext<'a> {
     pub full: &'a FullSettings,
     /// `[tolerance]`.
     pub tolerance: Tolerance,
-    /// What the grids are of.
+    /// The source of the grids' node values, and their judgement.
     pub grid: GridBasis,
-    /// Variance per axis of measurement and repeatability, to hold a nugget against, mm².
+    /// Variance per axis of measurement and repeatability, to compare a nugget with, mm²; `None` where it is not known.
     pub noise_mm2: Option<f64>,
-    /// What the results are valid for, as the pipeline file states it.
+    /// The conditions that the results are valid for, as the pipeline file states them.
     pub valid_for: Conditions,
-    /// The run that this one takes the place of.
+    /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
 }
 
-/// What node values of the grids come from, and how they were judged.
+/// The source of the grids' node values, and their judgement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridBasis {
     /// The model of source `model`.
     pub model: Model,
-    /// The joint angles it was given at the nodes.
+    /// The joint angles that it was given at the nodes.
     pub angles: Angles,
-    /// How the stations that judge were kept from training.
+    /// The way in which the stations that judge were kept from training.
     pub split: Split,
     /// Expanded uncertainty (k = 2) that guards verdicts, mm.
     pub guard_mm: f64,
 }
 
-/// Why tables cannot be made or published.
+/// The reason why tables cannot be made or published.
 #[derive(Debug, Error)]
 pub enum PublishError {
     /// Values break a table's contract.
@@ -115,7 +116,7 @@ pub enum PublishError {
     /// The counts do not balance, or the row of `runs` cannot be made.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
-    /// A model cannot be written down.
+    /// A model cannot be written as JSON.
     #[error(
         "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
     )]
@@ -226,7 +227,7 @@ impl RunRows {
     }
 }
 
-/// How a run ended, for its row in `runs`.
+/// The ending of a run, for its row in `runs`.
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     Ending {
         verdict: (&outcome.verdict.verdict()).into(),

@@ -1,7 +1,7 @@
-//! The page of a plan: what it published → one HTML file, as a run's page is.
+//! The page of a plan: its published rows → one HTML file, like a run's page.
 //!
-//! Input is [`Content`], rows of `sampling_plan` and `plan_figures` as they are published; output is the text of the page. It
-//! is a pure function: the same rows give the same bytes. Sections, the verdict first:
+//! Input is [`Content`], rows of `sampling_plan` and `plan_figures` as published; output is the text of the page. It is a
+//! pure function: the same rows give the same bytes. Sections, the verdict first:
 //!
 //! 1. the promise in words, and what has to be measured for it; 2. the uniform grid, accuracy against step; 3. designs,
 //!    accuracy against the number of poses; 4. what else a grid depends on; 5. the session, pose by pose; 6. provenance.
@@ -28,7 +28,7 @@ const SECTIONS: [Maker<Content>; 6] = [
     ("designs", "Better designs", designs::section),
     (
         "influences",
-        "What else the grid depends on",
+        "Other influences on the grid",
         influences::section,
     ),
     ("session", "The session", session::section),
@@ -38,7 +38,7 @@ const SECTIONS: [Maker<Content>; 6] = [
     }),
 ];
 
-/// The page.
+/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("Plan · {}", content.robot),

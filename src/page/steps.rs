@@ -71,7 +71,7 @@ fn no_table(content: &Content) -> Markup {
     }
 }
 
-/// What each rule chooses, and why.
+/// The choice of each rule, with the reason.
 fn choices(content: &Content) -> Markup {
     let why = |of: fn(&StepRow) -> Option<&String>| content.steps.iter().find_map(of);
     html! {
@@ -96,7 +96,7 @@ fn pitches(step: &StepRow) -> Markup {
     }
 }
 
-/// The share of the stations like it that a table answers for, and that of the box.
+/// The share of the stations like it that a table covers, and that of the box.
 fn covers(step: &StepRow) -> Markup {
     let percent = |share: Option<f64>| words::optional(share.map(|share| 100.0 * share), 1);
     html! { (percent(step.like_covered_share)) " / " (percent(step.box_covered_share)) }

@@ -1,6 +1,6 @@
-//! The configuration: a pipeline file with everything resolved and checked that can be known before a log is opened.
+//! The configuration: a pipeline file, resolved and checked as far as possible before a log is opened.
 //!
-//! Input is the path of a pipeline file and what the command line says besides; output is a [`Configuration`]. Steps:
+//! Input is the path of a pipeline file and the options of the command line; output is a [`Configuration`]. Steps:
 //! 1. the file is parsed ([`super::file`]); paths in it are relative to it;
 //! 2. the robot file becomes an arm;
 //! 3. numbers are checked (`checks`);
@@ -38,22 +38,22 @@ pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
 pub use tree::Tree;
 
-/// A checked pipeline: what to do, on which files, with which settings.
+/// A checked pipeline: the work, its files and its settings.
 #[derive(Debug, Clone)]
 pub struct Configuration {
-    /// The pipeline file's name without its ending.
+    /// The pipeline file's name without its extension.
     pub pipeline: String,
-    /// The robot's name in the tables; absent where the logs' metadata has to say it.
+    /// The robot's name in the tables; absent where the logs' metadata has to name it.
     pub robot: Option<String>,
     /// The robot file, an input of every run.
     pub robot_file: PathBuf,
     /// The nominal arm.
     pub arm: Arm,
-    /// What the results are valid for.
+    /// The conditions that the results are valid for.
     pub valid_for: Conditions,
-    /// How the logs are read.
+    /// The reading of the logs.
     pub mapping: Mapping,
-    /// What a log may ask for.
+    /// The largest sizes that a log may have.
     pub limits: Limits,
     /// Share of a log's bytes that may be lost to damage before its session fails.
     pub max_lost_share: f64,
@@ -61,31 +61,31 @@ pub struct Configuration {
     pub max_rejected_share: f64,
     /// The join.
     pub join: JoinSettings,
-    /// How commands are stated, where the logs have them.
+    /// The frames of commands, where the logs have them.
     pub command_frames: Option<CommandFrames>,
     /// The stages after the join.
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
     pub settings: String,
-    /// Where the sessions' logs stand.
+    /// The place of the sessions' logs.
     pub tree: Tree,
-    /// What there is to do.
+    /// The pieces of work.
     pub pieces: Vec<WorkPiece>,
     /// Sessions that there is no piece for, in the order of the pieces.
     pub set_aside: Vec<SetAside>,
-    /// What stands among the sessions and is none.
+    /// Folders and files among the sessions that are no session.
     pub left_out: Vec<LeftOut>,
-    /// What is legal and yet worth knowing.
+    /// Remarks on allowed settings that a person should know.
     pub remarks: Vec<&'static str>,
-    /// Where the published tables are.
+    /// Place of the published tables.
     pub lake: Place,
     /// Whether decoded samples are published.
     pub logs: bool,
-    /// The id of the sampling plan that the sessions were measured by, where their logs do not say it.
+    /// The id of the sampling plan that the sessions were measured by, where their logs do not state it.
     pub sampling_plan: Option<String>,
 }
 
-/// What the command line says besides the pipeline file.
+/// Options of the command line that override the pipeline file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Overrides {
     /// Sessions to learn from, instead of `[input] sessions`; empty for none.
@@ -176,14 +176,14 @@ fn folder_of(path: &Path) -> Result<PathBuf, ConfigurationError> {
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
 }
 
-/// The lake that the command line names, or else the file's, if this program can use it.
+/// The lake that the command line names, otherwise the file's; an error if this program cannot use it.
 pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, ConfigurationError> {
     let lake = named.map_or(of_file, Place::of);
     store::at(&lake)?;
     Ok(lake)
 }
 
-/// What a person wrote in a file in `base`, as [`resolved`] where it is a path.
+/// A place as written in a file in `base`; a path is [`resolved`].
 fn placed_at(base: &Path, written: &Path) -> Place {
     match Place::of(written) {
         Place::Path(path) => Place::Path(resolved(base, &path)),
@@ -191,7 +191,7 @@ fn placed_at(base: &Path, written: &Path) -> Place {
     }
 }
 
-/// `path` relative to `base`, which has no symbolic links, with leading `..` taken off it.
+/// `path` relative to `base`, which has no symbolic links, with its leading `..` removed.
 fn resolved(base: &Path, path: &Path) -> PathBuf {
     let mut whole = base.to_owned();
     let mut rest = path.components().peekable();
@@ -282,7 +282,7 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
         ),
         (
             one_point.is_none(),
-            "there is no [commanded], so there are no errors against the command",
+            "there is no [commanded], so there are no errors relative to the command",
         ),
         (
             one_point == Some(false) && surveyed && file.fit.geometric.target.is_none(),
@@ -295,11 +295,11 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
         ),
         (
             one_point == Some(true) && !based,
-            "[tracker] tracker_from_base is not given, so there are no errors against the raw command",
+            "[tracker] tracker_from_base is not given, so there are no errors relative to the raw command",
         ),
         (
             file.grid.steps_mm.len() < 6,
-            "[grid] steps_mm has fewer than six steps: a choice among few says little",
+            "[grid] steps_mm has fewer than six steps: a choice among few shows little",
         ),
     ];
     let held = remarks.into_iter().filter(|(holds, _)| *holds);
@@ -310,12 +310,13 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
 struct Placed {
     up: Option<UnitVector3<f64>>,
     command_frames: Option<CommandFrames>,
-    /// The controller's tool, which commands are for. It may be meant to be the target; where the target sits is measured.
+    /// The controller's tool, which commands are for. It may be meant to be the target; the position of the target is
+    /// measured.
     flange_from_tool: Option<Isometry3<f64>>,
     base: Option<ErrorBase>,
     /// Whether the commanded point is the measured target; `None` without commands.
     target_is_tool: Option<bool>,
-    /// Where the tool tip is at the flange, mm.
+    /// Position of the tool tip at the flange, mm.
     tool_tip: Option<Vector3<f64>>,
 }
 
@@ -369,7 +370,7 @@ impl Placed {
     }
 }
 
-/// A placement as a transform; the key says where it stands in the file.
+/// A placement as a transform; the key states its place in the file.
 pub(super) fn placed(
     path: &Path,
     key: &'static str,
@@ -409,15 +410,15 @@ fn no_tool(path: &Path) -> ConfigurationError {
     ConfigurationError::Missing {
         path: path.to_owned(),
         key: "[commanded] flange_from_tool",
-        reason: "target_is_tool = false says that the commanded point is not the measured target, so nothing else \
-                 tells where it is at the flange; state the controller's tool",
+        reason: "target_is_tool = false states that the commanded point is not the measured target, so no other key \
+                 states its position at the flange; state the controller's tool",
     }
 }
 
-/// A direction written by hand has a length near 1; anything else is a slip.
+/// Tolerance for the length of a direction, which should be 1; a larger difference is a mistake.
 const UNIT: f64 = 0.01;
 
-/// Against gravity in the base frame, as a direction.
+/// The direction against gravity in the base frame.
 pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, ConfigurationError> {
     let vector = Vector3::from(up);
     let (direction, norm) = UnitVector3::new_and_get(vector);

@@ -1,24 +1,23 @@
-//! Damage of logs and rejected messages, held against what the pipeline file allows.
+//! Damage of logs and rejected messages, compared with the limits of the pipeline file.
 //!
-//! Damage is bytes that cannot be read, and messages that are known to be lost: with those bytes, or since the log's own
+//! Damage is bytes that cannot be read, and messages that are known to be lost: with those bytes, or because the log's own
 //! summary counts them and they are not there. More than `max_lost_share` of a log's bytes or messages, or of the messages
-//! of one topic that the pipeline file names, leave the session without a result.
-//! Rejects are messages that were read and cannot be used: of each topic more than `max_rejected_share` of them leave a
-//! result that does not count as good.
+//! of one topic that the pipeline file names, leave the session without a result. Rejects are messages that were read and
+//! cannot be used: more than `max_rejected_share` of a topic's messages give a result that does not count as good.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 use thiserror::Error;
 
-/// What a session's logs are called in its counts.
+/// Names of a session's logs in its counts and in messages.
 const LOGS: [(&str, &str); 3] = [
     ("controller", "the controller's log"),
     ("tracker", "the tracker's log"),
     ("log", "the log"),
 ];
 
-/// What the messages of each topic are called that the pipeline file names.
+/// Names of the topics of the pipeline file, in counts and in messages.
 const STREAMS: [(&str, &str); 4] = [
     ("joints", "the joint states"),
     ("commands", "the commanded poses"),
@@ -36,7 +35,7 @@ pub struct DamageError {
     allowed: f64,
 }
 
-/// A part of something that is lost.
+/// The lost part of a log or topic.
 #[derive(Debug, Clone, PartialEq)]
 struct Loss {
     of: &'static str,
@@ -67,7 +66,7 @@ impl Loss {
     }
 }
 
-/// Bytes lost and bytes in all of each of a session's logs.
+/// Lost bytes and all bytes of each of a session's logs.
 fn bytes(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     LOGS.into_iter().filter_map(|(role, of)| {
         let all = *counts.get(&format!("{role}.bytes"))?;
@@ -81,7 +80,7 @@ fn bytes(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     })
 }
 
-/// Messages lost of each log and of each topic that is read, as far as they are counted.
+/// Lost messages and all messages of each log and of each topic that is read, as far as they are counted.
 fn messages(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     LOGS.into_iter().chain(STREAMS).filter_map(|(name, of)| {
         let count = |what: &str| counts.get(&format!("{name}.{what}")).copied();
@@ -95,7 +94,7 @@ fn messages(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     })
 }
 
-/// Refuses a session of which one log lost more than a share of its bytes or messages, or of those of one topic.
+/// Refuses a session in which one log lost more than this share of its bytes or messages, or of those of one topic.
 pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), DamageError> {
     let mut losses = bytes(counts).chain(messages(counts));
     match losses.find(|loss| loss.is_beyond(allowed)) {
@@ -104,29 +103,27 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
     }
 }
 
-/// What a session's logs lost, in a line for each that lost something or does not end as it should.
+/// The losses of a session's logs as text: a line for each log that lost something or whose end is missing.
 pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
     let cut = |(role, log)| {
         let cut = counts
             .get(&format!("{role}.files_cut"))
             .is_some_and(|files| *files > 0);
         cut.then(|| {
-            format!(
-                "{session}: {log} ends too early: what its recorder did not write cannot be known"
-            )
+            format!("{session}: {log} ends too early: what its recorder did not write is not known")
         })
     };
     let damaged = bytes(counts).filter(|loss| loss.lost > 0);
     let damaged = damaged.map(|Loss { of, lost, all, .. }| {
         format!(
-            "{session}: {of} is damaged: {lost} of {all} bytes lost ({:.2} %); the table rejects tells where",
+            "{session}: {of} is damaged: {lost} of {all} bytes lost ({:.2} %); see table rejects",
             percent(lost, all)
         )
     });
     let missing = messages(counts).filter(|loss| loss.lost > 0);
     let missing = missing.map(|loss| {
         let words = loss.words();
-        format!("{session}: {words}; the table rejects tells where")
+        format!("{session}: {words}; see table rejects")
     });
     damaged
         .chain(missing)
@@ -143,7 +140,7 @@ struct Counted {
     kept: u64,
 }
 
-/// Topics of which more messages were rejected than a share, in words; `counts` as a row of `runs` has them.
+/// Topics of which more than this share of messages was rejected, as text; `counts` is in the form of a row of `runs`.
 pub(super) fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
     let counts: Vec<Counted> = serde_json::from_str(counts).unwrap_or_default();
     let beyond = |counted: &&Counted| {
@@ -154,7 +151,7 @@ pub(super) fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
         let rejected = read - kept;
         format!(
             "{rejected} of {read} {of} were rejected ({:.2} %), more than [input] max_rejected_share = {allowed} allows; \
-             the table rejects tells why",
+             see table rejects",
             percent(rejected, *read)
         )
     };
@@ -182,7 +179,7 @@ mod tests {
 
     #[test]
     fn a_small_log_is_not_lost_among_the_bytes_of_a_large_one() {
-        // A hundredth of the tracker's 1000 bytes, whatever the controller's log is.
+        // A hundredth of the tracker's 1000 bytes, whatever the size of the controller's log.
         assert_eq!(within(&counts(10), 0.01), Ok(()));
         let error = within(&counts(11), 0.01).unwrap_err().to_string();
         assert!(

@@ -1,7 +1,7 @@
-//! A session that a table drove: the file that says so, and what becomes of the table's promise.
+//! A session that a table drove: the file of corrected targets, and the comparison with the table's promise.
 //!
-//! The corrected targets stand in the session's folder (`[input] corrected_targets`), as `posegrid compensate` wrote them. What the
-//! table promised, and for which tool and temperatures, stands in the lake under its run.
+//! The corrected targets are in the session's folder (`[input] corrected_targets`), as `posegrid compensate` wrote them.
+//! The table's promise, and its tool and temperatures, are in the lake under its run.
 
 mod made;
 
@@ -22,10 +22,10 @@ use crate::manifest::RunKey;
 use crate::report::driven::{matched, promise_words};
 use made::TableRun;
 
-/// A command that is further than this from what the file says is not the file's, mm: controllers round to a micrometre or ten.
+/// A command further than this from the one in the file is not the file's, mm: controllers round to one to ten micrometres.
 const NOT_THE_FILES_MM: f64 = 0.05;
 
-/// What drove a session, where its folder has corrected targets.
+/// The corrected targets that drove a session; `None` where its folder has none.
 pub(super) fn driven_by(
     files: &SessionFiles,
     stations: &[Station],
@@ -46,16 +46,16 @@ pub(super) fn driven_by(
     Ok(Some(DrivenBy { file, matched }))
 }
 
-/// What the last session says of the table that drove it.
+/// The findings of the last session about the table that drove it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DrivenWords {
     /// Whether the table still holds; `None` where none drove the session.
     pub(super) state: Option<String>,
-    /// That and everything else, in lines that a person reads.
+    /// The state and all other findings, as lines for a person.
     pub(super) lines: Vec<String>,
 }
 
-/// What the last session says of the table that drove it.
+/// The findings of the last session about the table that drove it.
 pub(super) fn words(
     outcome: &Outcome<'_>,
     arm: &Arm,
@@ -95,7 +95,7 @@ pub(super) fn words(
     })
 }
 
-/// How many stations went where.
+/// The number of stations at each kind of place, as text.
 fn went(driven: &Driven, session: &JoinedSession) -> String {
     let Some(by) = &session.driven_by else {
         return "no targets".to_owned();
@@ -117,7 +117,7 @@ fn went(driven: &Driven, session: &JoinedSession) -> String {
             "far from every target: in another frame, or of another program",
         ),
         (by.matched.between, "between two targets"),
-        (departed, "commanded otherwise than the file says"),
+        (departed, "commanded otherwise than the file states"),
         (by.file.refused, "targets had been refused"),
     ];
     for (count, what) in others.into_iter().filter(|(count, _)| *count > 0) {

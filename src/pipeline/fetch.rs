@@ -1,7 +1,7 @@
-//! Logs on object storage → local copies to read, under names of our own.
+//! Logs on object storage → local copies to read, under generated names.
 //!
-//! Input: a piece of work as it was listed. Output: [`Fetched`], the same piece with paths that can be read; its copies go with
-//! it. Nothing of an object's name becomes part of a path. A log that is not what was listed any more is an error.
+//! Input: a piece of work as it was listed. Output: [`Fetched`], the same piece with paths that can be read; its copies are
+//! removed with it. No part of an object's name becomes part of a path. A log that differs from the listed one is an error.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,29 +16,29 @@ use crate::io::lake::temporary;
 use crate::io::store::StoreError;
 use crate::io::targets;
 
-/// What folders of copies are named by.
+/// Prefix of the names of folders with copies.
 const COPIES: &str = "posegrid-logs";
 
 /// A piece of work whose logs can be read.
 #[derive(Debug)]
 pub struct Fetched {
     piece: WorkPiece,
-    /// Copies, by the address of what they are of.
+    /// Path of each copy, by the address of its original.
     copies: BTreeMap<PathBuf, PathBuf>,
-    /// Their folder; `None` where the logs are read where they stand.
+    /// Folder of the copies; `None` where the logs are local.
     _folder: Option<TempDir>,
 }
 
 /// Why logs cannot be fetched.
 #[derive(Debug, Error)]
 pub enum FetchError {
-    /// The storage did not give one.
+    /// The storage did not return a log.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The copy cannot be written.
     #[error("cannot write a copy of {} in {}: {source}; TMPDIR names the folder that copies are made in", of.display(), folder.display())]
     Copy {
-        /// What was copied.
+        /// Address of the original.
         of: PathBuf,
         /// The folder of temporaries.
         folder: PathBuf,
@@ -48,7 +48,7 @@ pub enum FetchError {
 }
 
 impl Fetched {
-    /// Fetches the logs of a piece of work, where they do not stand on this machine.
+    /// Fetches the logs of a piece of work that are not on this machine.
     pub fn of(tree: &Tree, piece: &WorkPiece) -> Result<Self, FetchError> {
         let (mut piece, mut copies) = (piece.clone(), BTreeMap::new());
         if matches!(tree, Tree::Folder) {
@@ -83,7 +83,7 @@ impl Fetched {
         &self.piece
     }
 
-    /// A message in which copies go by the addresses of what they are of.
+    /// A message with the addresses of the originals in place of the copies' paths.
     pub fn told(&self, message: &str) -> String {
         let told = |text: String, (address, copy): (&PathBuf, &PathBuf)| {
             text.replace(&copy.display().to_string(), &address.display().to_string())
@@ -91,7 +91,7 @@ impl Fetched {
         self.copies.iter().fold(message.to_owned(), told)
     }
 
-    /// Whether anything was copied.
+    /// Whether any log was copied.
     pub(super) fn is_copied(&self) -> bool {
         !self.copies.is_empty()
     }
@@ -111,7 +111,7 @@ fn logs_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
     })
 }
 
-/// The ending of a copy, which says how it is read.
+/// The extension of a copy, which determines how it is read.
 fn ending(path: &Path) -> &'static str {
     match targets::Form::of(path) {
         Ok(targets::Form::Csv) => "csv",
@@ -120,7 +120,7 @@ fn ending(path: &Path) -> &'static str {
     }
 }
 
-/// Copies what stands at an address.
+/// Copies the object at an address.
 fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError> {
     let Tree::Listed { store, files } = tree else {
         return Ok(address.to_owned());

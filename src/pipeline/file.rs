@@ -1,4 +1,4 @@
-//! The pipeline file as it is written: sections, keys and their defaults.
+//! The pipeline file as written: sections, keys and their defaults.
 //!
 //! Unknown keys are refused, and what no log states (units, frames, time sources, the order of angles) has no default.
 //! What the file says is checked in [`super::configuration`]; the settings that a run's name follows from are this file without
@@ -28,9 +28,9 @@ use crate::similarity::SimilaritySettings;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineFile {
-    /// `[robot]`: the arm, and what its results are valid for.
+    /// `[robot]`: the arm, and the conditions that its results are valid for.
     pub robot: RobotSection,
-    /// `[input]`: where sessions are, and what makes one.
+    /// `[input]`: the place of the sessions, and the files of each.
     pub input: InputSection,
     /// `[controller]`: joint angles.
     pub controller: ControllerSettings,
@@ -54,7 +54,7 @@ pub struct PipelineFile {
     /// `[report]`.
     #[serde(default)]
     pub report: ReportSection,
-    /// `[limits]`: what a log may ask for.
+    /// `[limits]`: the largest sizes that a log may have.
     #[serde(default)]
     pub limits: Limits,
     /// `[plan]`, for planning alone: no run follows from it.
@@ -65,7 +65,7 @@ pub struct PipelineFile {
 }
 
 impl PipelineFile {
-    /// What the fit is told of the measurement.
+    /// The measurement's uncertainty, for the fit.
     pub fn noise(&self) -> Noise {
         let fit = &self.fit.geometric;
         let tracker = Source {
@@ -90,9 +90,10 @@ pub struct RobotSection {
     /// The robot's name in the tables. Absent: `robot` of the logs' metadata record `session`.
     #[serde(skip_serializing)]
     pub name: Option<String>,
-    /// Against gravity, in the base frame: `[0, 0, 1]` for an arm on the floor. Absent: gravity is left out of the model.
+    /// Direction against gravity, in the base frame: `[0, 0, 1]` for an arm on the floor. Absent: gravity is left out of
+    /// the model.
     pub up: Option<[f64; 3]>,
-    /// `[robot.valid_for]`: what the results are valid for.
+    /// `[robot.valid_for]`: the conditions that the results are valid for.
     #[serde(default)]
     pub valid_for: Conditions,
 }
@@ -104,7 +105,7 @@ pub struct InputSection {
     /// The folder with the sessions, relative to the pipeline file.
     #[serde(skip_serializing)]
     pub folder: PathBuf,
-    /// What makes a session of what stands there.
+    /// The way in which files belong to sessions.
     #[serde(default, skip_serializing)]
     pub sessions_by: SessionsBy,
     /// Sessions to learn from. Absent: every one that has both logs.
@@ -119,14 +120,14 @@ pub struct InputSection {
     /// The tracker's log; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
-    /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session whose folder has one is
-    /// judged by it as well.
+    /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session
+    /// whose folder has one is also judged by it.
     #[serde(default = "corrected_targets", skip_serializing)]
     pub corrected_targets: LogNames,
-    /// Which sessions are learnt from together.
+    /// The sessions that are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
-    /// How long a log without an end must not change to be taken for a damaged one, s; until then its session waits.
+    /// Time for which a log without an end must not have changed to be taken as damaged, s; until then its session waits.
     #[serde(default = "settle_s", skip_serializing)]
     pub settle_s: u64,
     /// Share of a log's bytes or messages, or of those of a topic that is read, that may be lost before its session fails.
@@ -157,7 +158,7 @@ impl LogNames {
     }
 }
 
-/// What a session's name stands for in the names of its files.
+/// The placeholder for a session's name in the names of its files.
 pub const SESSION_PLACE: &str = "{session}";
 
 impl LogNames {
@@ -179,21 +180,22 @@ impl fmt::Display for LogNames {
     }
 }
 
-/// What makes a session of what stands in the folder.
+/// The way in which files belong to sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SessionsBy {
-    /// Each sub-folder is one, named as it is.
+    /// Each sub-folder is a session with the folder's name.
     #[default]
     Folder,
-    /// Files of the folder with the session's name in theirs, where `{session}` stands in `controller` and `tracker`.
+    /// Files of the folder whose names contain the session's name, in the place of `{session}` in `controller` and
+    /// `tracker`.
     FileName,
-    /// Files of the folder that name it in their metadata record `session` under `session`.
+    /// Files of the folder whose metadata record `session` names it under `session`.
     Metadata,
 }
 
 impl SessionsBy {
-    /// What a session is, in words.
+    /// The definition of a session, as text.
     pub fn of(self, controller: &LogNames, tracker: &LogNames) -> String {
         match self {
             Self::Folder => format!("a sub-folder with {controller} and {tracker}"),
@@ -205,7 +207,7 @@ impl SessionsBy {
     }
 }
 
-/// Which sessions are learnt from together.
+/// The sessions that are learnt from together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pool {
@@ -233,7 +235,7 @@ pub struct CommandedSection {
     pub target_is_tool: bool,
 }
 
-/// `[commanded]` as it stands in the file.
+/// `[commanded]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CommandedKeys {
@@ -257,11 +259,11 @@ pub struct TrackerSection {
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
     pub uncertainty: TrackerUncertainty,
-    /// Where the arm's base stands in the tracker's frame: errors, table and verdict are stated in that base. Fitted where absent.
+    /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
     pub tracker_from_base: Option<TrackerFromBase>,
 }
 
-/// `[tracker]` as it stands in the file.
+/// `[tracker]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TrackerKeys {
@@ -278,7 +280,7 @@ struct TrackerKeys {
     tracker_from_base: Option<TrackerFromBase>,
 }
 
-/// Where the arm's base stands in the tracker's frame.
+/// Pose of the arm's base in the tracker's frame.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TrackerFromBase {
@@ -344,21 +346,21 @@ pub struct ReportSection {
     pub refit_target: bool,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
-    /// The id of the plan that the sessions were measured by, where their logs do not say it.
+    /// The id of the plan that the sessions were measured by, where their logs do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<String>,
-    /// Where the tool tip is, for figures there. Absent: none.
+    /// Position of the tool tip, for figures there. Absent: no such figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tool_tip: Option<ToolTip>,
 }
 
-/// Where the tool tip is.
+/// Position of the tool tip.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ToolTip {
     /// The frame that it is stated in.
     pub frame: TipFrame,
-    /// mm.
+    /// Position in that frame, mm.
     pub xyz_mm: [f64; 3],
 }
 
@@ -418,12 +420,12 @@ fn corrected_targets() -> LogNames {
     )
 }
 
-/// A log that lost more than a hundredth of itself is no longer the session that was driven.
+/// A log that lost more than a hundredth of its bytes or messages no longer shows the whole session.
 const fn max_lost_share() -> f64 {
     0.01
 }
 
-/// Where one message in twenty cannot be used, something is wrong with the cell or with the pipeline file.
+/// Where one message in twenty cannot be used, the cell or the pipeline file has a fault.
 const fn max_rejected_share() -> f64 {
     0.05
 }
@@ -483,7 +485,7 @@ const PLACED: &str = "{ xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] } whe
 const SAME_POINT: &str =
     "true where the commanded point is the measured target, false where it is another";
 /// Choices for `uncertainty`.
-const DATA_SHEET: &str = "what the data sheet says, for example { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, \
+const DATA_SHEET: &str = "the values of the data sheet, for example { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, \
      transverse_um_per_m = 6, divisor = 2 }";
 
 impl TryFrom<BTreeMap<String, toml::Value>> for FitSection {

@@ -1,15 +1,15 @@
-//! A lake → what changed over the sessions of each robot.
+//! A lake → the changes over the sessions of each robot.
 //!
 //! Steps, for one robot:
 //! 1. every row of `runs` is read and digested (`rows`); a row that cannot be read, a run that another replaces and
 //!    an estimate over several sessions are left out, with the reason;
-//! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name. Stamps are the
-//!    controller's own: where its clock was set back, so is the order;
-//! 3. what was judged before is taken from the summary beside the lake's tables as far as its digests are those of
-//!    the rows today (`summary`); the other sessions are read (`session`) and judged ([`crate::history`]);
-//! 4. the summary is written again where there was something new.
+//! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name.
+//!    Stamps are the controller's own: where its clock was set back, the order follows it;
+//! 3. earlier judgements are taken from the summary next to the lake's tables as far as its digests are those of the rows
+//!    today (`summary`); the other sessions are read (`session`) and judged ([`crate::history`]);
+//! 4. the summary is written again where there was a new session.
 //!
-//! The summary is no table of the lake: it can be removed at any time and is then made again.
+//! The summary is no table of the lake: it can be removed at any time and is then computed again.
 
 mod figures;
 mod order;
@@ -35,10 +35,10 @@ use rows::{Fact, Row};
 use summary::{Entry, Summary};
 pub use trend::trend;
 
-/// Sessions read at the same time: each takes some tens of megabytes meanwhile.
+/// Number of sessions read at the same time: each takes some tens of megabytes.
 const AT_ONCE: usize = 4;
 
-/// What is asked for.
+/// The sessions that a history is asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
     /// Only this robot.
@@ -47,7 +47,7 @@ pub struct Asked {
     pub since: Option<String>,
     /// Up to this session.
     pub until: Option<String>,
-    /// Whether to judge every session anew, without the summary.
+    /// Whether to judge every session again, without the summary.
     pub fresh: bool,
 }
 
@@ -58,7 +58,7 @@ pub struct RobotHistory {
     pub robot: String,
     /// The sessions in order.
     pub sessions: Vec<PastSession>,
-    /// Runs left out: where, and why.
+    /// Runs left out, with place and reason.
     pub left_out: Vec<LeftOut>,
     /// Rows of `runs` in all: those of `sessions` and `left_out`.
     pub runs: usize,
@@ -75,27 +75,27 @@ pub struct LeftOut {
     pub place: PathBuf,
     /// Session and run, where the row could be read.
     pub key: Option<RunKey>,
-    /// Why.
+    /// The reason.
     pub reason: Reason,
 }
 
 /// Why a run takes no part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reason {
-    /// Another run of the session took its place.
+    /// Another run of the session replaced it.
     Replaced,
     /// It is an estimate over several sessions.
     Pooled,
     /// It is a plan, which measured nothing.
     Plan,
-    /// It is before or after what was asked for.
+    /// It is before or after the requested sessions.
     NotAsked,
-    /// A file of it is damaged, missing or not of this lake.
+    /// A file of it is damaged, missing or not in this lake.
     Unreadable(String),
 }
 
 impl Reason {
-    /// The reason in a word or two, to count by.
+    /// The reason in a few words, for counting.
     pub const fn word(&self) -> &'static str {
         match self {
             Self::Replaced => "replaced by another run",
@@ -111,7 +111,7 @@ impl Reason {
 #[derive(Debug, Error)]
 pub enum HistoryError {
     /// No lake.
-    #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` told as its tables", .0)]
+    #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` printed as its tables", .0)]
     NoLake(Place),
     /// Thousands of files are read, which object storage gives one by one.
     #[error(
@@ -130,7 +130,7 @@ pub enum HistoryError {
     },
     /// No such session.
     #[error(
-        "robot {robot:?} has no session {session:?} in its history; `posegrid history` without --since and --until tells those it has"
+        "robot {robot:?} has no session {session:?} in its history; `posegrid history` without --since and --until lists its sessions"
     )]
     NoSession {
         /// The robot.
@@ -238,13 +238,13 @@ impl RobotHistory {
     }
 }
 
-/// What each row says that could be read, by its digest.
+/// The facts in each readable row, by its digest.
 fn facts_of(rows: &[Row]) -> BTreeMap<String, Fact> {
     let fact = |row: &Row| Some((row.digest.clone(), row.fact.as_ref().ok()?.clone()));
     rows.iter().filter_map(fact).collect()
 }
 
-/// What is said of each row, and how many of them had to be read.
+/// The judgement of each row, and the number of rows that had to be read.
 fn judge(
     lake: &Lake,
     rows: &[CurrentRow],

@@ -1,8 +1,8 @@
 //! Planning: the `[plan]` section of a pipeline file → a published plan.
 //!
 //! Inputs: the pipeline file at a path, no log. Output: [`Planned`]; in the lake, the tables `sampling_plan` and
-//! `plan_figures`, the plan's page made of them, and the row of `runs` that makes them exist. The plan's id is that run; the
-//! same file gives the same plan.
+//! `plan_figures`, the plan's page, and the row of `runs` that makes them exist. The plan's id is that run; the same file
+//! gives the same plan.
 
 mod cell;
 mod checks;
@@ -35,7 +35,7 @@ use cell::Placed;
 pub use known::{KnownError, KnownMisfit};
 pub use so_far::{SoFar, SoFarError};
 
-/// The session under which a plan stands in the lake.
+/// The session name of a plan in the lake.
 pub const SESSION: &str = "plan";
 
 /// A checked pipeline file with its `[plan]`.
@@ -43,9 +43,9 @@ pub const SESSION: &str = "plan";
 pub struct Planning {
     /// The nominal arm.
     pub arm: Arm,
-    /// What the plan follows from.
+    /// The settings that the plan follows from.
     pub settings: PlanSettings,
-    /// Where the published tables are.
+    /// Place of the published tables.
     pub lake: Place,
     command_from_base: Isometry3<f64>,
     pub(super) work: Work,
@@ -54,20 +54,20 @@ pub struct Planning {
 /// A plan that was made, or was there already.
 #[derive(Debug)]
 pub struct Planned {
-    /// Its id.
+    /// Key of the plan's run.
     pub key: RunKey,
-    /// What it says; `None` where the lake had it already, and nothing was done.
+    /// The plan; `None` where the lake had it already, and nothing was done.
     pub plan: Option<SamplingPlan>,
     /// Whether it is shown to meet the tolerance.
     pub is_met: bool,
-    /// Where its page is; plans of versions that wrote none have none.
+    /// Place of its page; `None` for plans of versions without pages.
     pub page: Option<Place>,
 }
 
 /// Why there is no plan.
 #[derive(Debug, Error)]
 pub enum PlanningError {
-    /// The pipeline file.
+    /// The pipeline file is bad.
     #[error(transparent)]
     File(#[from] ConfigurationError),
     /// The settings have no canonical form.
@@ -76,13 +76,13 @@ pub enum PlanningError {
     /// An input cannot be read.
     #[error(transparent)]
     Input(#[from] Box<RunError>),
-    /// The plan itself.
+    /// The plan cannot be made.
     #[error("plan: {0}")]
     Plan(#[from] plan::PlanError),
-    /// A past session that cannot take the place of the prior.
+    /// A past session cannot replace the prior.
     #[error(transparent)]
     Known(#[from] Box<KnownError>),
-    /// A session that cannot be held against its plan.
+    /// A session cannot be compared with its plan.
     #[error(transparent)]
     SoFar(#[from] Box<SoFarError>),
     /// The tables cannot be published.
@@ -106,7 +106,8 @@ impl Planning {
         Self::reload(path, lake, None)
     }
 
-    /// The same of a plan that was made, which started from the table `known_arm`: its session may have a later run by now.
+    /// Loads a plan that was made before, and that started from the table `known_arm`: its session may have a later run by
+    /// now.
     pub(super) fn reload(
         path: &Path,
         lake: Option<&Path>,
@@ -117,7 +118,7 @@ impl Planning {
         let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[plan]",
-            reason: "it says what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
+            reason: "it states what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
         })?;
         checks::check(path, section, read.arm.joints().len())?;
         let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
@@ -130,7 +131,7 @@ impl Planning {
             .unwrap_or_else(|| stem.clone().into_owned());
         let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
         if let Some(known) = &section.known {
-            // Computed again into a temporary lake, the past run stands in the pipeline file's own.
+            // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
             let lakes = [&lake, &read.lake];
             let table = match known_arm {
                 Some(table) => table.to_owned(),
@@ -221,7 +222,7 @@ impl Planning {
     }
 }
 
-/// Candidates in and out: in = kept + rejected.
+/// The numbers of candidates read, kept and rejected.
 fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
     let drawn = &plan.candidates;
     let rejected: BTreeMap<String, u64> = drawn

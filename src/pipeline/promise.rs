@@ -1,7 +1,7 @@
-//! What a sampling plan promised, held against the session that was measured by it.
+//! The promise of a sampling plan, compared with the session that was measured by it.
 //!
-//! The plan's id stands in the pipeline file (`[report] plan`) or in the logs (metadata record `session`, key `plan`); the plan
-//! itself is in the lake. The session's errors at the poses that verify are those of models which did not see them: the
+//! The plan's id is in the pipeline file (`[report] plan`) or in the logs (metadata record `session`, key `plan`); the plan
+//! itself is in the lake. The session's errors at the verification poses are those of models that did not see them: the
 //! full error model from commands alone, blocks held out.
 
 use super::planning::SESSION;
@@ -13,36 +13,36 @@ use crate::manifest::RunKey;
 use crate::report::promise::{PlanPromise, PromiseKept, Verified};
 use crate::report::{Model, ResidualSet, Split};
 
-/// What became of a plan's promise.
+/// The outcome of a plan's promise.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Promised {
     /// No plan is named.
     NoPlan,
     /// The lake has no such plan.
     Unknown(String),
-    /// There are no errors to hold it against.
+    /// There are no errors to compare it with.
     NoErrors(String),
-    /// It was held against the session.
+    /// It was compared with the session.
     Held(PlanPromise, Box<PromiseKept>),
 }
 
 impl Promised {
-    /// In a line that a person reads.
+    /// The outcome in one line for a person; `None` without a plan.
     pub(super) fn words(&self) -> Option<String> {
         match self {
             Self::NoPlan => None,
             Self::Unknown(plan) => Some(format!(
-                "plan {plan}: the lake has no such plan of this robot, so its promise is not held against the session"
+                "plan {plan}: the lake has no such plan of this robot, so its promise is not compared with the session"
             )),
             Self::NoErrors(plan) => Some(format!(
-                "plan {plan}: no model gave errors of stations it did not see, so nothing is held against its promise"
+                "plan {plan}: no model gave errors of stations it did not see, so its promise is not compared with anything"
             )),
             Self::Held(promise, kept) => Some(promise.words(kept)),
         }
     }
 }
 
-/// Holds the promise that the last training session was measured by against its stations.
+/// Compares the promise that the last training session was measured by with its stations.
 pub(super) fn held(
     named: Option<&String>,
     outcome: &Outcome<'_>,

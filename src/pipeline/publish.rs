@@ -1,4 +1,4 @@
-//! What a piece of work found → its tables, its page and its row of `runs`, which makes the run exist.
+//! The results of a piece of work → its tables, its page and its row of `runs`, which makes the run exist.
 
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
@@ -7,7 +7,8 @@ use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, endi
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
 
-/// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
+/// Writes every table of a run, its page, and then its row of `runs`. Its table `logs`, if any, was written and kept
+/// before.
 pub fn publish(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,

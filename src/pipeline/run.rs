@@ -1,7 +1,7 @@
 //! One piece of work: read, joined, run through the stages, published.
 //!
-//! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has it is left
-//! alone. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
+//! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has the run is left
+//! unchanged. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
 //! that makes the run exist.
 
 mod error;
@@ -35,7 +35,7 @@ pub use error::RunError;
 pub(super) use inputs::{input, work};
 pub(super) use session::{joined, read};
 
-/// What a finished piece of work comes to.
+/// The result of a finished piece of work.
 #[derive(Debug, Clone)]
 pub struct Done {
     /// The session of its tables, or `pooled`.
@@ -46,15 +46,15 @@ pub struct Done {
     pub already_there: bool,
     /// Whether the tolerance is met.
     pub verdict: Verdict,
-    /// Why it is not, or not shown to be, and who says so.
+    /// The reason why it is not met or not shown to be, with the judges that decide; `None` where it is met.
     pub reason: Option<String>,
-    /// Topics of which more was rejected than the pipeline file allows, in words.
+    /// Topics of which more was rejected than the pipeline file allows, as text.
     pub rejected: Vec<String>,
-    /// What came out, line by line.
+    /// The results as lines of text.
     pub words: Vec<String>,
-    /// Where its tables are.
+    /// Place of its tables.
     pub tables: Place,
-    /// Where its page is; runs of versions that wrote none have none.
+    /// Place of its page; `None` for runs of versions without pages.
     pub page: Option<Place>,
 }
 
@@ -85,7 +85,7 @@ pub fn run_piece(
     })
 }
 
-/// Does one piece of work whose logs stand on this machine.
+/// Does one piece of work whose logs are on this machine.
 fn run_local(
     configuration: &Configuration,
     piece: &WorkPiece,
@@ -152,7 +152,7 @@ fn run_local(
     })
 }
 
-/// What the page says besides the tables.
+/// The statements of the page that no table has.
 fn said(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
@@ -170,13 +170,13 @@ fn said(
     })
 }
 
-/// Where the page of a run is, if it has one.
+/// Place of the page of a run; `None` where it has none.
 pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError> {
     let page = lake.page(key)?;
     Ok(lake.has_page(key)?.then_some(page))
 }
 
-/// What the lake says of a run that it has.
+/// The result of a run that the lake has already.
 fn already_there(
     configuration: &Configuration,
     lake: &Lake,

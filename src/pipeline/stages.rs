@@ -1,5 +1,5 @@
-//! The stages after the join, in order: fit, residuals, similarity, grid, accuracy. Pure: what is read comes in, what is
-//! published goes out.
+//! The stages after the join, in order: fit, residuals, similarity, grid, accuracy. They are pure: inputs are arguments,
+//! results are return values.
 
 mod between_sessions;
 mod driven;
@@ -37,18 +37,18 @@ use judged::{Judged, raw_command, train_folds};
 use observed::Observed;
 use unseen::Judges;
 
-/// What the stages are set to.
+/// The settings of the stages.
 #[derive(Debug, Clone)]
 pub struct StageSettings {
-    /// What is known of the measurement.
+    /// The measurement's uncertainty.
     pub noise: Noise,
     /// The geometric fit.
     pub fit: FitSettings,
     /// The full error model.
     pub full: FullSettings,
-    /// Against gravity in the base frame, where the mounting is known.
+    /// Direction against gravity in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
-    /// The controller's own tool at the flange, which commands are for; without one it is the fitted target.
+    /// The controller's own tool at the flange, which commands are for; `None`: the fitted target.
     pub flange_from_tool: Option<Isometry3<f64>>,
     /// The frame that commands are stated in, in the base frame.
     pub base_from_command: Isometry3<f64>,
@@ -60,13 +60,13 @@ pub struct StageSettings {
     pub similarity: SimilaritySettings,
     /// Steps and nodes.
     pub grid: GridSettings,
-    /// What has to be met.
+    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// How an unseen session's frames are found.
+    /// Settings for finding an unseen session's frames.
     pub refit: RefitSettings,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
-    /// Where the tool tip is at the flange, along the flange's axes, mm, where figures are asked for it.
+    /// Position of the tool tip at the flange, along the flange's axes, mm; `None` where no figures are asked for it.
     pub tool_tip: Option<Vector3<f64>>,
 }
 
@@ -80,10 +80,10 @@ impl StageSettings {
     }
 }
 
-/// Why a stage has no result.
+/// The reason why a stage has no result.
 #[derive(Debug, Error)]
 pub enum StageError {
-    /// The fit.
+    /// The fit failed.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
     /// A session with several sources or targets.
@@ -91,21 +91,21 @@ pub enum StageError {
     SeveralIn {
         /// The session's name.
         session: String,
-        /// How many of each.
+        /// Number of each.
         source: Several,
     },
     /// A model with several sources or targets.
     #[error("fit: {0}")]
     Several(#[from] Several),
-    /// Sessions that cannot be pooled.
+    /// The sessions cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
-    /// The grids.
+    /// The grids cannot be made.
     #[error("grid: {0}")]
     Grid(#[from] GridError),
 }
 
-/// Everything that follows from joined sessions.
+/// All results that follow from joined sessions.
 pub fn run<'a>(
     arm: &'a Arm,
     training: Vec<JoinedSession>,
@@ -224,7 +224,7 @@ fn one_each<'s>(sessions: impl Iterator<Item = &'s JoinedSession>) -> Result<(),
     Ok(())
 }
 
-/// Sessions that are pooled have to be of one arm.
+/// Checks that pooled sessions are of one arm.
 fn check_pool(
     arm: &Arm,
     observed: &Observed,
@@ -246,7 +246,7 @@ fn check_pool(
     })
 }
 
-/// Semivariograms of what each model leaves on the session it was trained on.
+/// Semivariograms of the errors that each model leaves on the session that it was trained on.
 fn semivariograms(
     session: &JoinedSession,
     residuals: &[ResidualSet],

@@ -1,18 +1,18 @@
-//! What a past run claims, recomputed.
+//! The claims of a past run, recomputed.
 //!
-//! Inputs: the row of `runs` in a lake ([`Claim`]), the run's files there, and the pipeline file by which its logs are found.
+//! Inputs: the row of `runs` in a lake ([`Claim`]), the run's files there, and the pipeline file that finds its logs.
 //! Output: [`Verified`], with a [`Verdict`]. The lake is only read. Steps, for one run:
 //! 1. the row against itself: its name follows from its inputs, settings and version, its place from its name, its digest
 //!    from its content, and the bytes of its file from all that (`row`);
 //! 2. the digest of every file it wrote (`altered`);
-//! 3. the other runs that it rests on, and what is left of them (`cited`);
+//! 3. the other runs that it depends on, and their tables that are left (`cited`);
 //! 4. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
-//! 5. where those are the same, the run again by the code of `posegrid run` into a temporary lake, and every file compared:
-//!    bytes first, then values (`again`, [`crate::io::table::compare`]).
+//! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
+//!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed. It has the
-//! digest of that one's row as it was then; and of a row that no later one replaces, a list kept elsewhere knows the digest
-//! ([`RowList`]). Every file under the lake is accounted for besides ([`FilesOfLake`]).
+//! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
+//! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
+//! list kept elsewhere ([`RowList`]). Every file under the lake is also counted ([`FilesOfLake`]).
 
 mod altered;
 mod cited;
@@ -48,18 +48,18 @@ pub use settings::ChangedSetting;
 use source::{NoSource, Source};
 pub use verdict::Verdict;
 
-/// Why nothing can be verified.
+/// The reason why nothing can be verified.
 #[derive(Debug, Error)]
 pub enum VerifyError {
     /// No lake.
-    #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` told as its tables", lake.display())]
+    #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` printed as its tables", lake.display())]
     NoLake {
         /// The folder.
         lake: Place,
-        /// What is missing.
+        /// The missing part.
         reason: &'static str,
     },
-    /// Neither a run nor a session.
+    /// A name that is neither a run nor a session.
     #[error("{name:?} is neither a run nor a session in {}; its sessions: {}", lake.display(), sessions.join(", "))]
     NoSuchRun {
         /// The name asked for.
@@ -69,18 +69,18 @@ pub enum VerifyError {
         /// Sessions that it has.
         sessions: Vec<String>,
     },
-    /// No run by the pipeline files given.
+    /// No run was made by the given pipeline files.
     #[error("{} has no run by {}; its runs are by {}", lake.display(), asked.join(", "), found.join(", "))]
     NoneByPipeline {
         /// The lake.
         lake: Place,
         /// Names of the pipeline files given.
         asked: Vec<String>,
-        /// Names of those that the lake's runs are by.
+        /// Names of the pipeline files that made the lake's runs.
         found: Vec<String>,
     },
-    /// Two pipeline files of one name.
-    #[error("{} and {} have one name, and a row of `runs` tells no more than the name: verify their runs one after the other", first.display(), second.display())]
+    /// Two pipeline files have one name.
+    #[error("{} and {} have one name, and a row of `runs` has only the name: verify their runs one after the other", first.display(), second.display())]
     TwoOfOneName {
         /// The first.
         first: PathBuf,
@@ -93,56 +93,56 @@ pub enum VerifyError {
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// The list of rows that are expected cannot be used.
+    /// The list of expected rows cannot be used.
     #[error(transparent)]
     List(#[from] ListError),
 }
 
-/// What verifying a run came to.
+/// The findings about a run.
 #[derive(Debug, Clone)]
 pub struct Verified {
-    /// What the row says.
+    /// Contents of the row.
     pub claim: Claim,
-    /// Where the row contradicts itself, in words.
+    /// Contradictions of the row, as text.
     pub contradictions: Vec<String>,
     /// Every file that the row names.
     pub outputs: Vec<Output>,
-    /// The run that took its place.
+    /// The run that replaced it; `None` without one.
     pub superseded_by: Option<String>,
-    /// Other runs that it rests on.
+    /// Other runs that it depends on.
     pub cited: Vec<Citation>,
-    /// Inputs that are not what the row says.
+    /// Inputs that differ from the row.
     pub inputs: Vec<ChangedInput>,
-    /// Settings that are not what the row says.
+    /// Settings that differ from the row.
     pub settings: Vec<ChangedSetting>,
-    /// What computing it again gave.
+    /// The result of recomputing it.
     pub recomputed: Recomputed,
 }
 
-/// What computing a run again gave.
+/// The result of recomputing a run.
 #[derive(Debug, Clone)]
 pub enum Recomputed {
-    /// It was not computed again, as inputs or settings are others.
+    /// It was not recomputed, since inputs or settings differ.
     OtherWork,
-    /// It could not be: why.
+    /// It could not be recomputed: the reason.
     No(String),
-    /// Every file of it, in the row's order; those that are the same byte for byte are counted.
+    /// All its files, in the row's order; those that are the same byte for byte are only counted.
     Yes {
-        /// Files with the same bytes.
+        /// Number of files with the same bytes.
         same: usize,
-        /// The others.
+        /// The other files.
         others: Vec<ComparedFile>,
     },
 }
 
 impl Verified {
-    /// What it comes to.
+    /// The verdict on the run.
     pub fn verdict(&self) -> Verdict {
         verdict::verdict(self)
     }
 }
 
-/// Where a row of `runs` contradicts itself, its place, its file or a later row, in words.
+/// Contradictions of a row of `runs` with itself, its place, its file or a later row, as text.
 pub fn row_contradictions(
     run: &PastRun,
     claim: &Claim,
@@ -152,7 +152,7 @@ pub fn row_contradictions(
     row::contradictions(run, claim, register, lake)
 }
 
-/// Verifies one run, whose row says `claim`; `register` has every run of the lake.
+/// Verifies one run, whose row is `claim`; `register` has every run of the lake.
 pub fn verify(
     run: &PastRun,
     claim: &Claim,
@@ -173,7 +173,7 @@ pub fn verify(
     verified.recomputed = match &run.pipeline {
         Some(pipeline) => recomputed(&mut verified, pipeline, register, lake, progress),
         None => Recomputed::No(format!(
-            "it is by the pipeline file {:?}: give that file with --pipeline",
+            "it was made by the pipeline file {:?}: give that file with --pipeline",
             claim.pipeline
         )),
     };
@@ -216,7 +216,7 @@ fn recomputed(
     if !verified.inputs.is_empty() || !verified.settings.iter().all(keeps) {
         return Recomputed::OtherWork;
     }
-    // Settings that name a plan outrank the logs.
+    // A plan named in the settings outranks one in the logs.
     let has_plan = verified.cited.iter().any(|own| own.role == Role::Planned);
     if let Some(plan) = source.sampling_plan().filter(|_| !has_plan) {
         let cited = Citation::new(Role::Planned, &plan, register, lake);

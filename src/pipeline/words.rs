@@ -1,4 +1,4 @@
-//! What a run found, in lines that a person reads.
+//! The findings of a run, as lines for a person.
 
 use super::damage;
 use super::stages::scales;
@@ -11,7 +11,8 @@ use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Moment, Split};
 use crate::units::NS_PER_S;
 
-/// What a page has no section for: damage of logs, scales that are named, and stations that the full error model hardly believes.
+/// Findings that a page has no section for: damage of logs, named scales, and stations with little weight in the full error
+/// model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
@@ -20,7 +21,7 @@ pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     damaged.chain(named).chain(more).collect()
 }
 
-/// The result in lines that a person reads.
+/// The result as lines for a person.
 pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let pooled = outcome.training.len() > 1;
     let sessions = outcome.training.iter().chain(&outcome.test);
@@ -41,7 +42,7 @@ pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     words
 }
 
-/// What each judge says, where a test session is one; and what the sessions of a pool say that were left out in turn.
+/// The judgement of each judge, where a test session is one; and of the sessions of a pool that were left out in turn.
 fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
     let judges = outcome.verdict.judges();
     let line = |judge: &Judge| format!("judged by {}", judge.line());
@@ -49,8 +50,8 @@ fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
     named.map(line).chain(left_out(outcome)).collect()
 }
 
-/// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is published,
-/// and the one that is was learnt from them.
+/// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is
+/// published, and the published one was learnt from them.
 fn left_out(outcome: &Outcome<'_>) -> Option<String> {
     let verdicts: Vec<String> = outcome
         .training
@@ -100,12 +101,13 @@ fn part_words(full: &FullModel) -> String {
     format!("parts of the model by evidence: {}", parts.join(", "))
 }
 
-/// A station that counts for less than this in the full error model is far from what all others say.
+/// Largest weight in the full error model of a station that counts as far from the others' prediction.
 const FAR: f64 = 0.25;
-/// The most stations that are named.
+/// Most stations that are named.
 const NAMED: usize = 5;
 
-/// Stations that the full error model hardly believes, the least believed first, with how far all others predict them.
+/// Stations with little weight in the full error model, the smallest weight first, with their distance from the others'
+/// prediction.
 fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
     let full = outcome.full.as_ref()?;
     let paired = outcome.training.iter().flat_map(|session| {
@@ -129,13 +131,13 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
     };
     (!far.is_empty()).then(|| {
         format!(
-            "stations far from what all others say, hardly counted: {}{more}; see weight in residuals",
+            "stations far from the prediction of all others, with little weight: {}{more}; see weight in residuals",
             named.join(", ")
         )
     })
 }
 
-/// Figures on stations that took no part, and the command as it is.
+/// Whether the figures are on stations that took no part, or of the raw command.
 fn is_headline(accuracy: &Accuracy) -> bool {
     let subject = &accuracy.subject;
     subject.model.about().corrects == Corrects::Nothing
@@ -147,7 +149,7 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
     let subject = &accuracy.subject;
     let mut model = subject.model.name_at(subject.angles);
     if subject.model.about().corrects == Corrects::Nothing {
-        model.insert_str(0, "error against the ");
+        model.insert_str(0, "error relative to the ");
     }
     let judged = match (subject.split, subject.base_refit) {
         (Split::None, _) => String::new(),

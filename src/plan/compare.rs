@@ -1,11 +1,11 @@
-//! Designs side by side: accuracy of the full error model against the number of poses, for grid, random and chosen poses.
+//! Designs compared: accuracy of the full error model against the number of poses, for grid, random and chosen poses.
 //!
-//! Inputs: the nominal arm and what is expected of robots. Output: a row for each design and number of poses.
-//! 1. Candidates are random poses of the region that suit the constraints; each design takes its own from them, but the
+//! Inputs: the nominal arm and the expected robots. Output: a row for each design and number of poses.
+//! 1. Candidates are random poses of the region that suit the constraints; each design takes its own from them, except the
 //!    grid, which has its nodes.
 //! 2. Each robot measures each design at each number of poses; the full error model is trained on it.
-//! 3. Its predictions from commands alone are held against what the robot really does at fresh poses of the region: that is
-//!    what compensating by the identified arm leaves.
+//! 3. Its predictions from commands alone are compared with the robot's true errors at fresh poses of the region: the
+//!    difference is the error that compensation by the identified arm leaves.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -24,21 +24,22 @@ use crate::grid::Lattice;
 use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Ingredient, Stream};
 
-/// Poses that stand for the region while a design is chosen.
+/// Number of poses that represent the region while a design is chosen.
 const REGION_POSES: usize = 300;
-/// Errors drawn from each pose's covariance for what a design expects.
+/// Number of errors drawn from each pose's covariance for the expectation of a design.
 const DRAWS: usize = 32;
 
-/// How poses are chosen.
+/// The ways in which poses are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// A uniform grid at the table's orientation.
     UniformGrid,
     /// Random poses of the region.
     Random,
-    /// One after another, each lowering the summed variance over the region most.
+    /// One after another, each lowering the summed variance over the region the most.
     GreedyVariance,
-    /// One after another, each saying most of geometry and frames: D-optimal, which at a number of poses is the largest O1.
+    /// One after another, each adding the most information on geometry and frames: D-optimal, which at a given number of
+    /// poses is the largest O1.
     DOptimal,
 }
 
@@ -52,36 +53,36 @@ impl Kind {
     ];
 }
 
-/// What one design at one number of poses gives.
+/// The results of one design at one number of poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DesignRow {
-    /// How poses are chosen.
+    /// The way in which poses are chosen.
     pub kind: Kind,
     /// Poses measured.
     pub poses: usize,
-    /// What the model expects to leave, mm; `None` for designs that were not chosen by it.
+    /// Errors that the model expects to remain, mm; `None` for designs that were not chosen by it.
     pub expected: Option<Expected>,
-    /// What it gave on the robots.
+    /// The outcomes on the robots.
     pub outcomes: Outcomes,
 }
 
-/// What the model expects of errors over the region, mm.
+/// The model's expectation of errors over the region, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expected {
     /// Mean.
     pub mean_mm: f64,
-    /// What the tolerance's share of errors stays below.
+    /// Bound of the tolerance's share of errors.
     pub share_mm: f64,
 }
 
 /// Candidates and the orders in which designs take them.
 #[derive(Debug, Clone)]
 pub struct Designs {
-    /// The candidates, and what became of the others drawn.
+    /// The candidates, and the number of poses drawn with the reasons why some were not taken.
     pub candidates: (Vec<Commanded>, Drawn),
-    /// Candidates in the order the variance design takes them, with what each leaves.
+    /// Candidates in the order in which the variance design takes them, with the variance after each.
     pub by_variance: Vec<Choice>,
-    /// What the model expects after each of them.
+    /// The model's expectation after each of them.
     pub expected: Vec<Expected>,
     /// Candidates in the order the D-optimal design takes them.
     pub by_information: Vec<usize>,
@@ -122,7 +123,7 @@ impl Designs {
             expected.push(Expected::of(design.region(), &visit, settings));
             progress.advance(1);
         }
-        // What says most of geometry is asked of an arm of which nothing is known, whatever is known of this one.
+        // The information on geometry is computed for an arm that is not known, even where this one is.
         let geometric = unknown.geometry_alone();
         let mut design = Design::new(&geometric, &measured, &[]);
         let mut by_information = Vec::new();
@@ -207,7 +208,7 @@ fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Op
     Some(Grid::of(placer, settings, step_mm, lattice))
 }
 
-/// Random poses that may be measured: in the box, turned further than the region asks for, and suiting the constraints.
+/// Random poses that may be measured: in the box, turned further than the region needs, and suiting the constraints.
 fn candidates(
     arm: &Arm,
     placer: &Placer<'_>,
@@ -222,7 +223,7 @@ fn candidates(
     placer.random(&region, settings.candidates, &mut stream, &suits)
 }
 
-/// The full error model of a robot of which nothing is known yet, in the plan's cell.
+/// The full error model of a robot that is not known yet, in the plan's cell.
 fn expected_model(
     arm: &Arm,
     settings: &PlanSettings,
@@ -240,7 +241,7 @@ fn expected_model(
     )
 }
 
-/// Where base and target are meant to be.
+/// The intended places of base and target.
 fn frames(settings: &PlanSettings) -> FramePair {
     let cell = &settings.population.cell;
     let tracker_from_base =
@@ -251,7 +252,7 @@ fn frames(settings: &PlanSettings) -> FramePair {
     )
 }
 
-/// Axis variables of poses that stand for the region.
+/// Axis variables of poses that represent the region.
 pub fn region_axes(
     arm: &Arm,
     placer: &Placer<'_>,
@@ -323,7 +324,7 @@ pub fn judge_sizes(
     let mut asked: Vec<(Kind, Vec<Commanded>)> = Vec::new();
     for &(kind, count) in sizes {
         let poses = designs.poses(kind, count, placer, settings);
-        // Several sizes may ask for the same grid, and none for one of fewer than eight nodes.
+        // Several sizes may ask for the same grid, and a size below eight has none.
         let is_new = !asked
             .iter()
             .any(|(k, p)| (*k, p.len()) == (kind, poses.len()));
@@ -352,7 +353,7 @@ pub fn judge_sizes(
     asked.iter().enumerate().map(row).collect()
 }
 
-/// What the full error model trained on `poses` leaves at `tests`.
+/// The errors that the full error model trained on `poses` leaves at `tests`.
 pub(super) fn on_robot(
     robot: &mut Robot<'_>,
     poses: &[Commanded],
@@ -365,7 +366,7 @@ pub(super) fn on_robot(
     }
 }
 
-/// What a fitted robot is left with at `tests`, each commanded in another session and predicted from its command alone.
+/// The errors that a fitted robot has at `tests`, each commanded in another session and predicted from its command alone.
 pub fn left_at(
     robot: &mut Robot<'_>,
     fitted: &Fitted<'_>,

@@ -3,8 +3,8 @@
 //! Inputs: an error model ([`FullModel`], before the session or of one measured earlier), candidate poses with the
 //! covariance of a measurement there, and poses of the region that matters. Output: candidates in the order chosen.
 //!
-//! With K the covariance of all positions under the model, measuring candidate c with noise N takes
-//! `G_c (K_cc + N)⁻¹ G_cᵀ` off the region's covariance, `G_c` being the region's covariance with c. Two aims:
+//! With K the covariance of all positions under the model, measuring candidate c with noise N subtracts `G_c (K_cc + N)⁻¹
+//! G_cᵀ` from the region's covariance, `G_c` being the region's covariance with c. Two aims:
 //! - *variance*: the largest trace of that goes first, so that the summed variance over the region falls fastest;
 //! - *information*: the largest `ln |K_cc + N| − ln |N|`, K of geometry and frames alone. The sum of these is the logarithm
 //!   of the determinant of the posterior information: a D-optimal set, which at a given number of poses also has the
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{SourceId, TargetId};
 
-/// Candidates a worker takes at once; fixed, so that results do not depend on the number of threads.
+/// Number of candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
 
 /// A pose that may be measured.
@@ -30,11 +30,11 @@ pub struct Candidate {
     pub noise: Matrix3<f64>,
 }
 
-/// A design as far as it has been chosen.
+/// A design, as chosen so far.
 #[derive(Debug, Clone)]
 pub struct Design<'c> {
     candidates: &'c [Candidate],
-    /// What the model leaves open of the candidates: `KᵀK` of its columns, three for each, is their covariance before.
+    /// Square root of the candidates' prior covariance: `KᵀK` of its columns, three for each candidate.
     half: DMatrix<f64>,
     /// Covariance of the region (down) with the candidates (across).
     cross: DMatrix<f64>,
@@ -51,14 +51,14 @@ pub struct Design<'c> {
 /// One choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// Which candidate.
+    /// Index of the candidate.
     pub candidate: usize,
-    /// Mean over the region of the trace of the covariance that is left after it, mm².
+    /// Mean over the region of the trace of the remaining covariance, mm².
     pub left_mm2: f64,
 }
 
 impl<'c> Design<'c> {
-    /// A design of which nothing is chosen yet, for the positions of a session that `model` expects.
+    /// A design without choices, for the positions of a session that `model` expects.
     pub fn new(model: &FullModel, candidates: &'c [Candidate], region: &[Vec<f64>]) -> Self {
         let axes: Vec<&[f64]> = candidates.iter().map(|c| c.axes.as_slice()).collect();
         let half = half(model, &axes);
@@ -80,18 +80,18 @@ impl<'c> Design<'c> {
         &self.chosen
     }
 
-    /// Covariance that is left at each pose of the region, mm².
+    /// Remaining covariance at each pose of the region, mm².
     pub fn region(&self) -> &[Matrix3<f64>] {
         &self.region
     }
 
-    /// Mean over the region of the trace of the covariance that is left, mm².
+    /// Mean over the region of the trace of the remaining covariance, mm².
     pub(super) fn left_mm2(&self) -> f64 {
         let sum: f64 = self.region.iter().map(Matrix3::trace).sum();
         sum / self.region.len().max(1) as f64
     }
 
-    /// Chooses the candidate that lowers the region's summed variance most; `None` when all are chosen.
+    /// Chooses the candidate that lowers the region's summed variance the most; `None` when all are chosen.
     pub fn choose(&mut self) -> Option<Choice> {
         let gain = |candidate: usize| {
             let cross = self.cross.columns(3 * candidate, 3);
@@ -105,7 +105,7 @@ impl<'c> Design<'c> {
         Some(self.take(best))
     }
 
-    /// Chooses the candidate that says most of all columns of the model together; `None` when all are chosen.
+    /// Chooses the candidate with the most information on all columns of the model together; `None` when all are chosen.
     pub(super) fn choose_informative(&mut self) -> Option<Choice> {
         let gain = |candidate: usize| {
             let noise = self.candidates[candidate].noise.determinant();
@@ -146,12 +146,12 @@ impl<'c> Design<'c> {
         }
     }
 
-    /// Covariance of what would be measured at a candidate.
+    /// Covariance of a measurement at a candidate.
     fn measured(&self, candidate: usize) -> Matrix3<f64> {
         self.own[candidate] + self.candidates[candidate].noise
     }
 
-    /// The candidate of the largest gain that is not chosen yet; the first of those that gain as much.
+    /// The candidate with the largest gain that is not chosen yet; of equal ones the first.
     fn best(&self, gain: impl Fn(usize) -> f64 + Sync) -> Option<usize> {
         let mut is_free = vec![true; self.candidates.len()];
         self.chosen.iter().for_each(|&taken| is_free[taken] = false);
@@ -168,7 +168,7 @@ impl<'c> Design<'c> {
             .map(|(candidate, _)| candidate)
     }
 
-    /// Covariance of a candidate (three rows) with all, given what is chosen.
+    /// Covariance of a candidate (three rows) with all, given the choices so far.
     fn with_candidates(&self, candidate: usize) -> DMatrix<f64> {
         let mut covariance = self.half.columns(3 * candidate, 3).tr_mul(&self.half);
         for rows in &self.factor {
@@ -199,7 +199,7 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
     half
 }
 
-/// The target at a pose in the session that is planned.
+/// The target at a pose in the planned session.
 pub(super) fn query(axes: &[f64]) -> Query<'_> {
     Query {
         axes,
@@ -288,7 +288,7 @@ mod tests {
             .collect()
     }
 
-    /// A model with few columns, in which nothing is known.
+    /// A model with few columns, before any measurement.
     fn model(region: &[Vec<f64>]) -> FullModel {
         let settings = FullSettings {
             harmonics: 4,

@@ -1,12 +1,12 @@
-//! Whether what was measured so far is enough, and which poses would say most next: a design that stops by itself.
+//! Whether the stations so far are enough, and the most informative poses to measure next: a design that stops by itself.
 //!
 //! Inputs: the full error model of the stations so far, poses of the region that matters, poses that may be measured.
-//! 1. Arms are drawn that the model holds possible, all poses of the region together: its posterior, a day of the base, and
-//!    for each pose where its joints come to stand against their command and what no visit repeats.
-//! 2. What the mean model leaves of each is judged as a simulated robot is in a plan: the bound that the asked share of
-//!    them stays below is the promise.
+//! 1. Arms are drawn from the model's posterior, with all poses of the region together; to each pose the base's
+//!    between-session variation, the joints' approach-direction offsets and the error that no visit repeats are added.
+//! 2. The error that the mean model leaves on each is judged like a simulated robot of a plan: the bound that the share of
+//!    them asked for stays below is the promise.
 //! 3. Where that is above the tolerance, poses are chosen one after another as in a plan, until the expected errors have
-//!    fallen by as much as the promise is too large.
+//!    fallen by the factor by which the promise is too large.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -18,19 +18,19 @@ use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{SourceId, TargetId};
 use crate::simulate::{Ingredient, Stream};
 
-/// Arms that are drawn; a promise for 95 % with 95 % confidence needs 59.
+/// Number of arms that are drawn; a promise for 95 % with 95 % confidence needs 59.
 const ARMS: usize = 300;
 
-/// Poses that would say most next.
+/// The most informative poses to measure next.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Next {
-    /// Candidates, in the order in which they say most.
+    /// Indices of candidates, in the order of choice.
     pub poses: Vec<usize>,
     /// Whether they are expected to be enough.
     pub are_enough: bool,
 }
 
-/// What the session so far promises over the region, if no more were measured. `session` is its place in the model.
+/// The promise of the session so far over the region, if no more were measured. `session` is its index in the model.
 pub fn promised(
     model: &FullModel,
     session: usize,
@@ -101,7 +101,7 @@ pub fn next(
     }
 }
 
-/// A pose as it is commanded some day.
+/// A pose as commanded in another session.
 const fn commanded(axes: &[f64], session: usize) -> Query<'_> {
     Query {
         axes,

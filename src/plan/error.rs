@@ -1,4 +1,4 @@
-//! Why there is no plan.
+//! Errors of planning.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::grid::NoLattice;
 
-/// Why there is no plan.
+/// The reason why there is no plan.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PlanError {
     /// A box or a step that makes no lattice.
@@ -19,13 +19,13 @@ pub enum PlanError {
         reasons(refused)
     )]
     OutOfReach {
-        /// Poses wanted.
+        /// Number of poses wanted.
         wanted: usize,
-        /// Poses found.
+        /// Number of poses found.
         found: usize,
-        /// Poses drawn.
+        /// Number of poses drawn.
         drawn: usize,
-        /// Why the others cannot, by reason.
+        /// Number of poses that cannot be measured, by reason.
         refused: BTreeMap<&'static str, usize>,
     },
     /// Fewer candidates than poses.
@@ -34,14 +34,14 @@ pub enum PlanError {
          times as many, or lower [plan] poses"
     )]
     FewCandidates {
-        /// Candidates asked for.
+        /// Number of candidates asked for.
         candidates: usize,
-        /// The most poses of a design.
+        /// Most poses of a design.
         poses: usize,
     },
 }
 
-/// Counts in words.
+/// Counts as text.
 fn reasons(refused: &BTreeMap<&'static str, usize>) -> String {
     let words: Vec<String> = refused
         .iter()

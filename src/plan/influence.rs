@@ -1,5 +1,5 @@
-//! What a grid's accuracy depends on besides its step: where its nodes lie, how the tool is turned, mixed arm
-//! configurations, and singularities near by.
+//! Influences on a grid's accuracy other than its step: the place of its nodes, the turn of the tool, mixed arm
+//! configurations, and near singularities.
 //!
 //! Inputs: as in [`super::steps`], one step. Output: a row for each study and value, source and interpolation.
 
@@ -25,10 +25,10 @@ const FLIPPED: [f64; 4] = [0.0, 0.05, 0.2, 0.5];
 /// Edges of the least singularity factor of a fresh pose.
 const FACTORS: [f64; 6] = [0.0, 0.1, 0.2, 0.3, 0.5, f64::INFINITY];
 
-/// Fresh poses that grids moved by a share of their step are judged at, to take each robot's own from.
+/// Number of fresh poses for grids moved by a share of their step; each robot takes its own from them.
 const INFLUENCE_POOL: usize = 2000;
 
-/// What is varied.
+/// The variable of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Study {
     /// The grid moved along each axis by this share of its step; fresh poses are those inside all such grids.
@@ -51,22 +51,22 @@ impl Study {
     }
 }
 
-/// What one study and value gives.
+/// The results of one study and value.
 #[derive(Debug, Clone)]
 pub struct InfluenceRow {
-    /// What is varied, and how far.
+    /// The variable and its value.
     pub study: Study,
     /// Step, mm.
     pub step_mm: f64,
-    /// Where node values come from.
+    /// Source of node values.
     pub source: Source,
-    /// How values inside a cell follow.
+    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// Poses to measure.
+    /// Number of poses to measure.
     pub poses: usize,
-    /// Fresh poses or nodes that a study asked for and the arm does not reach in its way, one robot.
+    /// Number of fresh poses or nodes that a study needed and the arm cannot reach in its way, for one robot.
     pub not_reached: usize,
-    /// What it gave on the robots.
+    /// The outcomes on the robots.
     pub outcomes: Outcomes,
 }
 
@@ -78,15 +78,15 @@ struct Case<'c> {
     not_reached: usize,
 }
 
-/// Which fresh poses judge a robot.
+/// The fresh poses that judge a robot.
 enum Fresh<'c> {
-    /// Its share of the plan's.
+    /// The robot's share of the plan's poses.
     Plans,
-    /// Its share of others.
+    /// The robot's share of other poses.
     Of(&'c [Commanded]),
-    /// The plan's, turned by this angle, rad.
+    /// The plan's poses, turned by this angle, rad.
     Turned(f64),
-    /// Those of the plan's whose least singularity factor is between these.
+    /// The plan's poses whose least singularity factor is between these.
     Factor(f64, f64),
 }
 
@@ -114,8 +114,8 @@ pub fn study(
     Ok(rows(&cases, &found, settings))
 }
 
-/// The grid moved by each of [`SHIFTS`], judged at `common`, which all of them cover; none where there are no three nodes
-/// along each axis.
+/// The grid moved by each of [`SHIFTS`], judged at `common`, which all of them cover; empty where there are fewer than
+/// three nodes along an axis.
 fn shifts<'c>(
     grid: &Grid,
     common: &'c [Commanded],
@@ -133,7 +133,7 @@ fn shifts<'c>(
     SHIFTS.into_iter().filter_map(case).collect()
 }
 
-/// Turned fresh poses, flipped wrists and singularities, on the grid where it is.
+/// Turned fresh poses, flipped wrists and singularities, on the grid at its own place.
 fn of_one_grid<'c>(grid: &'c Grid, placer: &Placer<'_>) -> Vec<Case<'c>> {
     let as_it_is = |study, fresh| Case {
         study,
@@ -208,7 +208,7 @@ impl Fresh<'_> {
     }
 }
 
-/// The grid moved by a share of its step to the low side, a layer of nodes more on the high side.
+/// The grid moved by a share of its step to the low side, with one more layer of nodes on the high side.
 fn shifted(grid: &Grid, share: f64, placer: &Placer<'_>, settings: &PlanSettings) -> Option<Grid> {
     let whole = grid.placed.lattice;
     if whole.counts.iter().any(|&count| count < 3) {
@@ -224,7 +224,8 @@ fn shifted(grid: &Grid, share: f64, placer: &Placer<'_>, settings: &PlanSettings
     Some(Grid::of(placer, settings, grid.step_mm, lattice))
 }
 
-/// The grid with every so many-th node measured with the wrist flipped, and how many of them the arm cannot reach so.
+/// The grid with a regular share of its nodes measured with the wrist flipped, and the number of those that the arm cannot
+/// reach so.
 fn flipped(grid: &Grid, share: f64, placer: &Placer<'_>) -> (Grid, usize) {
     let mut flipped = grid.clone();
     let mut not_reached = 0;
@@ -251,7 +252,7 @@ fn least_factor(arm: &Arm, joints: &[f64]) -> Option<f64> {
     Some(SingularityFactors::of(arm, &nominal, joints)?.smallest())
 }
 
-/// Fresh poses turned by an angle about random axes; those that the arm then cannot reach are left out.
+/// Fresh poses turned by an angle about random axes; those that the arm cannot reach then are left out.
 fn turned(poses: &[Commanded], turn_rad: f64, trial: &Trial<'_>, number: usize) -> Vec<Commanded> {
     let seed = trial.settings.seed ^ (number as u64 + 1);
     let mut stream = Stream::new(seed, Ingredient::TestPoses);

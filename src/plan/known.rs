@@ -1,8 +1,8 @@
-//! An arm that was identified before: what a past session's posterior says takes the place of the prior.
+//! An arm that was identified before: the posterior of a past session replaces the prior.
 //!
-//! Inputs: the full error model of a past run, what the new session shares with it. Robots are drawn from its posterior
-//! with all its covariance (geometry, curves, gravity, gear lines, where joints come to stand, the target; and how a new
-//! session differs), designs start from it, and a session's own fit goes on from it.
+//! Inputs: the full error model of a past run, and the parts that the new session shares with it. Robots are drawn from its
+//! posterior with all its covariance (geometry, curves, gravity, gear lines, approach-direction offsets, the target; and
+//! the between-session variation), designs start from it, and a session's own fit continues from it.
 
 use nalgebra::{DVector, Vector3};
 
@@ -26,7 +26,7 @@ pub struct KnownArm {
 }
 
 impl KnownArm {
-    /// From the model of a past run, for a session of `stations` stations; `None` where a factorisation fails.
+    /// The arm from the model of a past run, for a session of `stations` stations; `None` where a factorisation fails.
     pub fn new(
         arm: &Arm,
         past: &FullModel,
@@ -42,12 +42,12 @@ impl KnownArm {
         })
     }
 
-    /// The model of the session, of which nothing is measured yet.
+    /// The model of the session before any measurement.
     pub const fn model(&self) -> &FullModel {
         &self.model
     }
 
-    /// The model once stations of the session are measured; `found` are the frames that the nominal arm finds from them.
+    /// The model after stations of the session are measured; `found` are the frames that the nominal arm finds from them.
     pub fn learned(
         &self,
         arm: &Arm,
@@ -58,7 +58,7 @@ impl KnownArm {
         self.model.learned(arm, observations, frames)
     }
 
-    /// Arm number `cell.seed` of those that the posterior holds possible, its base put into the cell where it was not moved.
+    /// Arm number `cell.seed` drawn from the posterior, with its base put into the cell where it was not moved.
     pub fn draw(&self, cell: &mut SimulateSettings) -> ArmErrors {
         let mut stream = Stream::new(cell.seed, Ingredient::Posterior);
         let size = self.model.layout().size();
@@ -80,7 +80,7 @@ impl KnownArm {
         )
     }
 
-    /// Moves what visits attained by what the arm as a whole does not repeat.
+    /// Adds to visits the error that the arm as a whole does not repeat.
     pub fn scatter(&self, visits: &mut [Visit], seed: u64) {
         let (sd_mm, _) = self.model.visit_deviations();
         let mut stream = Stream::new(seed, Ingredient::Scatter);
@@ -118,7 +118,7 @@ impl KnownArm {
             [cos, sin] => Some(GearLine::of(cycles, cos, sin)),
             _ => None,
         };
-        // The gravity columns of a joint stand behind those of the joints before it, one for each later mass.
+        // The gravity columns of a joint come after those of the joints before it, one for each later mass.
         let before: usize = (0..joint).map(|earlier| joints - earlier).sum();
         let gravity = of(Block::Gravity).into_iter();
         AxisError {
@@ -152,14 +152,14 @@ impl KnownArm {
             .then(|| (0..joints).map(stand).collect())
     }
 
-    /// The coefficients of a block; none where the model has no such part.
+    /// The coefficients of a block; empty where the model has no such part.
     fn coefficients(&self, block: Block, drawn: &DVector<f64>) -> Vec<f64> {
         let columns = self.model.layout().columns(block).unwrap_or(0..0);
         drawn.as_slice()[columns].to_vec()
     }
 }
 
-/// From pairs `cos, sin`.
+/// A curve from pairs `cos, sin`.
 fn curve(pairs: &[f64]) -> JointCurve {
     let (pairs, _) = pairs.as_chunks::<2>();
     JointCurve {

@@ -1,13 +1,14 @@
 //! Whether a pose may be measured: the arm's own limits, keep-out boxes, and the tracker's line of sight to the target.
 //!
-//! Inputs: an arm, reported joint angles, what is asked of a pose. Output: nothing, or the first reason against it, in this
-//! order:
+//! Inputs: an arm, reported joint angles, the constraints on a pose. Output: nothing, or the first reason against it, in
+//! this order:
 //! 1. joint limits, arm configuration, distance to singularities;
 //! 2. keep-out boxes, for the straight lines between consecutive joint origins, the flange and the target;
-//! 3. range, the angle at which the tracker's beam meets the target, and whether a link stands in the beam.
+//! 3. range, the angle at which the tracker's beam meets the target, and whether a link is in the beam.
 //!
-//! A link is a straight line with a radius (a capsule): coarse, and on the safe side where the radius is that of the
-//! link's widest part. Everything is in the base frame, mm and rad, of the nominal arm: plans are made before an arm is known better.
+//! A link is a straight line with a radius (a capsule): coarse, and conservative where the radius is that of the link's
+//! widest part. Everything is in the base frame, mm and rad, of the nominal arm: plans are made before an arm is
+//! identified.
 
 use nalgebra::{Isometry3, Point3, UnitVector3};
 use thiserror::Error;
@@ -18,30 +19,29 @@ mod segment;
 
 use segment::Segment;
 
-/// What is asked of a pose.
+/// The constraints on a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraints {
-    /// The arm configuration, where only one is wanted; needs a six-axis arm.
+    /// The arm configuration, where only one is allowed; needs a six-axis arm.
     pub configuration: Option<Configuration>,
-    /// Smallest [`SingularityFactors::smallest`] allowed; 0 asks for nothing. Needs a six-axis arm.
+    /// Smallest [`SingularityFactors::smallest`] allowed; 0 allows all. Needs a six-axis arm.
     pub least_singularity_factor: f64,
-    /// How near a joint may come to its limits, rad.
+    /// Smallest distance of a joint to its limits, rad.
     pub limit_margin_rad: f64,
-    /// Where the target sits at the flange.
+    /// Pose of the target at the flange.
     pub flange_from_target: Isometry3<f64>,
     /// Boxes that no part of the arm may enter.
     pub keep_out: Vec<KeepOut>,
-    /// How far outside a box the lines between joint origins have to stay, mm: half of the arm's thickness, and what is wanted
-    /// beyond.
+    /// Distance that the lines between joint origins keep from a box, mm: half of the arm's thickness, and a margin.
     pub keep_out_margin_mm: f64,
-    /// The tracker, where the target has to be seen.
+    /// The tracker, where the target has to be visible; otherwise `None`.
     pub tracker: Option<LineOfSight>,
 }
 
 /// A box along the base frame's axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeepOut {
-    /// What stands there.
+    /// Name of the box.
     pub name: String,
     /// Its lowest corner, mm.
     pub least_mm: [f64; 3],
@@ -49,14 +49,14 @@ pub struct KeepOut {
     pub most_mm: [f64; 3],
 }
 
-/// What a tracker needs to see the target.
+/// The conditions under which a tracker sees the target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineOfSight {
-    /// Where the tracker stands in the base frame, mm.
+    /// Position of the tracker in the base frame, mm.
     pub tracker: Point3<f64>,
-    /// Which way the target looks, in its own frame.
+    /// Direction in which the target faces, in its own frame.
     pub facing: UnitVector3<f64>,
-    /// Largest angle between that direction and the way to the tracker, rad.
+    /// Largest angle between that direction and the direction to the tracker, rad.
     pub acceptance_rad: f64,
     /// Least and most distance between tracker and target, mm.
     pub range_mm: [f64; 2],
@@ -75,54 +75,54 @@ pub enum Part {
     Target,
 }
 
-/// Why a pose is not measured.
+/// The reason why a pose is not measured.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Unsuitable {
     /// A joint would be beyond a limit, or too near.
     #[error(
-        "joint {joint:?} stands at {angle_deg:.3}°, allowed are {lower_deg:.3}° to {upper_deg:.3}°"
+        "joint {joint:?} is at {angle_deg:.3}°, allowed are {lower_deg:.3}° to {upper_deg:.3}°"
     )]
     BeyondLimit {
-        /// The joint's name.
+        /// Name of the joint.
         joint: String,
-        /// The angle asked for, degrees.
+        /// Angle of the joint, degrees.
         angle_deg: f64,
-        /// The lowest angle allowed, margin taken off, degrees.
+        /// Lowest angle allowed, margin included, degrees.
         lower_deg: f64,
-        /// The highest angle allowed, margin taken off, degrees.
+        /// Highest angle allowed, margin included, degrees.
         upper_deg: f64,
     },
-    /// The arm has no configurations, and one was asked for.
+    /// The arm has no configurations, but the constraints need one.
     #[error(
         "arm configuration and distance to singularities are known for arms of six axes with upper arm and forearm, this one \
          has {axes}: leave both out"
     )]
     NoConfiguration {
-        /// How many axes it has.
+        /// Number of axes of the arm.
         axes: usize,
     },
-    /// Another arm configuration than the one wanted.
-    #[error("the arm stands as {found}, wanted is {wanted}")]
+    /// The arm configuration is not the one allowed.
+    #[error("the arm is in configuration {found}, wanted is {wanted}")]
     OtherConfiguration {
         /// Configuration of the pose.
         found: Configuration,
-        /// Configuration asked for.
+        /// Configuration that is allowed.
         wanted: Configuration,
     },
-    /// Too near a singularity.
+    /// The pose is too near a singularity.
     #[error("the pose is {factor:.4} from a singularity, allowed is {least:.4} or more")]
     NearSingularity {
-        /// The smallest singularity factor there.
+        /// Smallest singularity factor of the pose.
         factor: f64,
-        /// What is asked for.
+        /// Smallest factor allowed.
         least: f64,
     },
-    /// A part of the arm comes into a box.
+    /// A part of the arm enters a box.
     #[error("{part} comes nearer than {margin_mm} mm to keep-out box {keep_out:?}")]
     InKeepOut {
-        /// The box's name.
+        /// Name of the box.
         keep_out: String,
-        /// The part nearest to the base that does.
+        /// The part that does; of several the one nearest to the base.
         part: Part,
         /// The distance to be kept, mm.
         margin_mm: f64,
@@ -139,22 +139,20 @@ pub enum Unsuitable {
         /// Most allowed, mm.
         most_mm: f64,
     },
-    /// The target looks away from the tracker.
+    /// The target faces away from the tracker.
     #[error(
         "the beam meets the target {angle_deg:.1}° off its axis, accepted are {acceptance_deg:.1}°"
     )]
     TurnedAway {
-        /// Angle between the target's axis and the way to the tracker, degrees.
+        /// Angle between the target's axis and the direction to the tracker, degrees.
         angle_deg: f64,
-        /// What the target accepts, degrees.
+        /// Largest angle that the target accepts, degrees.
         acceptance_deg: f64,
     },
-    /// A part of the arm stands in the beam.
-    #[error(
-        "{part} stands in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed"
-    )]
+    /// A part of the arm is in the beam.
+    #[error("{part} is in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed")]
     BeamBlocked {
-        /// The part nearest to the base that does.
+        /// The part that does; of several the one nearest to the base.
         part: Part,
         /// Distance between the beam and the part's middle line, mm.
         distance_mm: f64,
@@ -164,7 +162,7 @@ pub enum Unsuitable {
 }
 
 impl Unsuitable {
-    /// The word for counts.
+    /// Name of the reason, for counts.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::BeyondLimit { .. } => "beyond_limit",
@@ -179,7 +177,7 @@ impl Unsuitable {
     }
 }
 
-/// Whether the pose at these reported joint angles may be measured.
+/// Checks that the pose at these reported joint angles may be measured.
 ///
 /// # Panics
 /// When the number of angles is not the number of joints.
@@ -245,7 +243,7 @@ fn parts(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Vec<(Part, Seg
         link => Part::Link(link + 1),
     };
     let (first, along) = axes[0];
-    // What lies along the first axis no joint moves: a box under the base may reach up to it.
+    // No joint moves points on the first axis: a box under the base may reach up to it.
     let is_moved = |point: &Point3<f64>| along.cross(&(point - first)).norm() > 1e-6;
     let pairs = points.windows(2).enumerate();
     pairs
@@ -291,7 +289,7 @@ fn seen(base_from_target: &Isometry3<f64>, line_of_sight: &LineOfSight) -> Resul
     Ok(())
 }
 
-/// Parts that the target sits on, nearer than their radius, are left to the acceptance angle.
+/// Parts next to the target, nearer than their radius, are covered by the acceptance angle.
 fn beam_is_free(
     parts: &[(Part, Segment)],
     base_from_target: &Isometry3<f64>,

@@ -1,15 +1,15 @@
-//! The order in which poses are visited: short joint travel, and visits again that show drift and repeatability.
+//! The order in which poses are visited: short joint travel, and repeated visits that show drift and repeatability.
 //!
-//! Inputs: joint angles of the poses, where the arm starts, how fast each joint is. Outputs: an order, and from it the
+//! Inputs: joint angles of the poses, the start of the arm, the speed of each joint. Outputs: an order, and from it the
 //! list of visits. The time between two poses is that of the joint that takes longest, `max_j |Δq_j| / speed_j`, the others
 //! being slowed to arrive with it (a point-to-point move without acceleration).
 //!
 //! 1. Nearest neighbour from home, or the order given, whichever is shorter.
-//! 2. Improved until no move shortens it: stretches turned round (2-opt, Croes 1958) and runs of up to three poses moved
+//! 2. Improved until no move shortens it: stretches reversed (2-opt, Croes 1958) and runs of up to three poses moved
 //!    elsewhere (Or 1976), between each pose and its ten nearest only, so that thousands of poses take a second.
 //! 3. Poses visited again ([`with_repeats`]).
 //!
-//! Ties go to the pose that stands first in the input: the same poses give the same order everywhere.
+//! Of equal choices the pose that is first in the input is taken: the same poses give the same order everywhere.
 
 use std::num::NonZeroUsize;
 
@@ -24,31 +24,31 @@ pub enum Visit {
     Pose(usize),
     /// The same pose again after some others, for the repeatability.
     Repeat {
-        /// Which pose.
+        /// Index of the pose.
         of: usize,
     },
     /// One of the first poses again, for the drift of the base.
     DriftCheck {
-        /// Which pose.
+        /// Index of the pose.
         of: usize,
     },
 }
 
-/// How often poses are visited again.
+/// The frequency of repeated visits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Revisits {
-    /// Of every so many poses the first is visited again after the last of them; `None` for no repeats.
+    /// Number of poses after which the first of them is visited again; `None` for no repeats.
     pub repeat_every: Option<NonZeroUsize>,
-    /// After every so many poses, and at the end, come the drift checks; `None` for none.
+    /// Number of poses after which drift checks follow, and at the end; `None` for none.
     pub drift_every: Option<NonZeroUsize>,
-    /// How many of the first poses a drift check visits.
+    /// Number of the first poses that a drift check visits.
     pub drift_poses: usize,
 }
 
-/// The poses, as places in `joints`, in an order of short travel from `home`; never longer than the order given.
+/// The poses, as indices in `joints`, in an order of short travel from `home`; never longer than the given order.
 ///
-/// `joints` are angles (rad; mm for sliding joints), `speeds` how far each joint goes in a second. A joint whose speed is not
-/// above zero counts as one that takes no time.
+/// `joints` are angles (rad; mm for sliding joints), `speeds` the travel of each joint in a second. A joint whose speed is
+/// not above zero counts as one that takes no time.
 ///
 /// # Panics
 /// When a pose or `home` has fewer joints than `speeds`.
@@ -67,7 +67,7 @@ pub(super) fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) 
     path.shortened(start)
 }
 
-/// The visits of a session: every pose of `order` once, and some again as `revisits` says.
+/// The visits of a session: every pose of `order` once, and some again by `revisits`.
 pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
     let early = &order[..revisits.drift_poses.min(order.len())];
     let checks = || early.iter().map(|&of| Visit::DriftCheck { of });
@@ -78,7 +78,7 @@ pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
     for (place, &pose) in order.iter().enumerate() {
         visits.push(Visit::Pose(pose));
         let done = place + 1;
-        // A run of one would repeat a pose without having left it.
+        // A run of one would repeat a pose without leaving it.
         if let Some(run) = ends(done, revisits.repeat_every).filter(|run| run.get() > 1) {
             visits.push(Visit::Repeat {
                 of: order[done - run.get()],
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_lattice_is_walked_without_a_detour() {
-        // 8 × 8 poses one second apart, home one second before a corner: 64 moves of a second are the least there is.
+        // 8 × 8 poses one second apart, home one second before a corner: the minimum is 64 moves of a second.
         let lattice: Vec<Vec<f64>> = (0..64)
             .map(|i| {
                 let i = (i * 37) % 64;
@@ -174,7 +174,7 @@ mod tests {
             let seconds = |order: &[usize]| travel_seconds(&poses, &home, &speeds, order);
             assert!(seconds(&order) <= seconds(&given));
             assert_eq!(order, visiting_order(&poses, &home, &speeds));
-            // An order that is good already stays as it is, or gets better.
+            // An order that is already good stays unchanged, or gets better.
             let ordered: Vec<Vec<f64>> = order.iter().map(|&i| poses[i].clone()).collect();
             let again = visiting_order(&ordered, &home, &speeds);
             let then = travel_seconds(&ordered, &home, &speeds, &again);
@@ -231,7 +231,7 @@ mod tests {
     fn without_revisits_every_pose_is_visited_once() {
         let visits = with_repeats(&[2, 0, 1], &Revisits::default());
         assert_eq!(visits, [2, 0, 1].map(Visit::Pose));
-        // A drift check needs something between it and the poses it visits again.
+        // A drift check needs a pose between it and the poses that it visits again.
         let at_once = Revisits {
             drift_every: NonZeroUsize::new(1),
             drift_poses: 3,

@@ -1,4 +1,4 @@
-//! What many robots came out at: figures over robots, and whether enough of them meet the tolerance.
+//! The outcomes of many robots: figures over robots, and whether enough of them meet the tolerance.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use crate::figures::{Counted, Coverage, Figures, share_at_least, upper_tolerance
 use crate::fit::FitError;
 use crate::grid::{Refusal, Tolerance, Verdict};
 
-/// What one robot is left with on its fresh poses.
+/// The outcome of one robot on its fresh poses.
 #[derive(Debug, Clone)]
 pub enum RobotOutcome {
     /// It was judged.
@@ -15,7 +15,7 @@ pub enum RobotOutcome {
     NoFit(FitError),
 }
 
-/// Errors that are left on fresh poses of one robot.
+/// Remaining errors on fresh poses of one robot.
 #[derive(Debug, Clone)]
 pub struct Left {
     /// Figures of the norms, mm; `None` where no pose could be judged.
@@ -24,14 +24,15 @@ pub struct Left {
     pub bound: Option<f64>,
     /// Whether the bound is within the tolerance.
     pub verdict: Verdict,
-    /// Poses that could not be judged because of their cell, by reason.
+    /// Number of poses that could not be judged because of their cell, by reason.
     pub refused: BTreeMap<Refusal, usize>,
-    /// Poses outside the grid.
+    /// Number of poses outside the grid.
     pub outside: usize,
 }
 
 impl RobotOutcome {
-    /// From what is left at each fresh pose, mm: `None` outside a grid, or why its cell cannot serve.
+    /// The outcome from the remaining error at each fresh pose, mm: `None` outside a grid, or the reason why its cell
+    /// cannot serve.
     pub fn of(
         left: impl Iterator<Item = Option<Result<f64, Refusal>>>,
         tolerance: &Tolerance,
@@ -47,7 +48,7 @@ impl RobotOutcome {
             }
         }
         let bound = upper_tolerance_bound(&norms, tolerance.coverage());
-        // The true errors are known here: there is no instrument to guard against.
+        // The true errors are known here: no measurement uncertainty is added.
         let verdict = tolerance.verdict(bound, Counted::once(norms.len()), 0.0);
         Self::Judged(Left {
             figures: Figures::of(&norms),
@@ -62,27 +63,29 @@ impl RobotOutcome {
 /// Figures over robots.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcomes {
-    /// Robots drawn.
+    /// Number of robots drawn.
     pub robots: usize,
-    /// Robots whose session could not be fitted.
+    /// Number of robots whose session could not be fitted.
     pub no_fit: usize,
-    /// Robots with a bound.
+    /// Number of robots with a bound.
     pub judged: usize,
-    /// Robots whose bound is within the tolerance.
+    /// Number of robots whose bound is within the tolerance.
     pub meet: usize,
-    /// Least share of the population that meets it, with the asked confidence.
+    /// Least share of the population that meets it, with the confidence asked for.
     pub share_at_least: f64,
     /// The share asked for.
     pub share_asked: f64,
     /// Mean over robots of each robot's figures, mm; `None` without a robot that was judged.
     pub mean: Option<RobotFigures>,
-    /// Mean error of the worst robots: what the asked share of robots stays below, with the asked confidence, mm.
+    /// Bound of the mean errors: the share of robots asked for stays below it, with the confidence asked for, mm; `None`
+    /// with too few robots.
     pub mean_bound_mm: Option<f64>,
-    /// Bound that the asked share of robots stays below, with the asked confidence, mm; `None` with too few robots.
+    /// Bound of the bounds: the share of robots asked for stays below it, with the confidence asked for, mm; `None` with
+    /// too few robots.
     pub bound_mm: Option<f64>,
-    /// Fresh poses that could not be judged because of their cell, all robots together.
+    /// Number of fresh poses that could not be judged because of their cell, all robots together.
     pub refused: BTreeMap<Refusal, usize>,
-    /// Fresh poses outside the grid, all robots together.
+    /// Number of fresh poses outside the grid, all robots together.
     pub outside: usize,
 }
 
@@ -100,7 +103,7 @@ pub struct RobotFigures {
 }
 
 impl Outcomes {
-    /// Sums up robots; `asked` is the share that has to meet the tolerance, and how sure one has to be of it.
+    /// Sums up robots; `asked` is the share that has to meet the tolerance, and the confidence of that.
     pub fn of<'r>(robots: impl Iterator<Item = &'r RobotOutcome>, asked: Coverage) -> Self {
         let mut all = Self {
             share_asked: asked.share,

@@ -1,4 +1,4 @@
-//! Poses of a region: where the nominal arm stands for each, in the arm configuration of the plan.
+//! Poses of a region: the joint angles of the nominal arm for each, in the arm configuration of the plan.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -13,10 +13,10 @@ use crate::grid::{GridStation, Lattice, PlacedGrid, Reach, Refusal, WorkBox};
 use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Stream};
 
-/// Poses are drawn this many times as often as are wanted before the region counts as out of reach.
+/// Number of draws per wanted pose before the region counts as out of reach.
 const DRAWS: usize = 20;
 
-/// What places poses: the arm's inverse kinematics, and poses to start from all over the region.
+/// Places poses: the arm's inverse kinematics, and start poses all over the region.
 #[derive(Debug)]
 pub struct Placer<'a> {
     reach: Reach<'a>,
@@ -62,12 +62,12 @@ impl<'a> Placer<'a> {
         });
     }
 
-    /// What the arm can reach, and how.
+    /// The reach of the arm.
     pub const fn reach(&self) -> &Reach<'a> {
         &self.reach
     }
 
-    /// Joint angles of a pose of the target, from the nearest pose that is known.
+    /// Joint angles of a pose of the target, from the nearest known pose.
     pub fn joints(&self, pose: &Isometry3<f64>) -> Result<Vec<f64>, Refusal> {
         let position = Point3::from(pose.translation.vector);
         let away = |seed: &GridStation| (seed.position - position).norm();
@@ -86,7 +86,7 @@ impl<'a> Placer<'a> {
         })
     }
 
-    /// Joint angles of the same pose with the wrist flipped; `None` where a limit is in the way.
+    /// Joint angles of the same pose with the wrist flipped; `None` where a joint limit prevents it.
     pub fn flipped(&self, command: &Commanded) -> Option<Vec<f64>> {
         let own = self.reach.configuration(&command.joints)?;
         let turns = [(PI, PI), (-PI, PI), (PI, -PI), (-PI, -PI)];
@@ -108,7 +108,7 @@ impl<'a> Placer<'a> {
         PlacedGrid::new(&self.reach, lattice, orientation, &seeds)
     }
 
-    /// `count` random poses of the region that `suits`, in a seeded order, and what became of the others drawn.
+    /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn.
     pub fn random(
         &self,
         region: &Region,
@@ -150,12 +150,12 @@ impl<'a> Placer<'a> {
     }
 }
 
-/// Random poses that were looked at, and why some of them were not taken.
+/// Random poses that were drawn, and the reasons why some were not taken.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Drawn {
-    /// Poses looked at.
+    /// Number of poses drawn.
     pub poses: usize,
-    /// Of these, poses not taken, by reason.
+    /// Number of poses not taken, by reason.
     pub refused: BTreeMap<&'static str, usize>,
 }
 

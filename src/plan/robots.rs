@@ -1,4 +1,4 @@
-//! Robots as they may turn out: each drawn, measured and fitted by the code that runs at night.
+//! Simulated robots of the expected kind: each drawn, measured and fitted by the code of a real run.
 
 use std::sync::Arc;
 
@@ -55,7 +55,7 @@ impl<'a> Robot<'a> {
         }
     }
 
-    /// A session of its own: `poses` visited in order.
+    /// A session of the robot: `poses` visited in order.
     pub fn session(&mut self, poses: &[Commanded]) -> Vec<Visit> {
         let session = SimulateSettings {
             seed: self.sessions.bits(),
@@ -68,7 +68,7 @@ impl<'a> Robot<'a> {
         visits
     }
 
-    /// Measures `poses` and fits what `full` allows on them.
+    /// Measures `poses` and fits the models of `full` to them.
     pub fn fitted(
         &mut self,
         poses: &[Commanded],
@@ -102,7 +102,7 @@ impl<'a> Robot<'a> {
 }
 
 impl Robot<'_> {
-    /// The models of one session; where the arm is known, the whole one goes on from what is known.
+    /// The models of one session; where the arm is known, the full error model continues from it.
     fn models(
         &self,
         observations: &[Observation],
@@ -137,7 +137,7 @@ pub fn stations(visits: Vec<Visit>) -> Vec<Station> {
     visits.into_iter().map(|visit| visit.station).collect()
 }
 
-/// Stations as the fit takes them, with what they fell short of their commands.
+/// Stations in the form of the fit, with their settling errors.
 fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec<Observation> {
     let frames = CommandFrames {
         base_from_command: Isometry3::identity(),

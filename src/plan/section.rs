@@ -1,4 +1,4 @@
-//! The `[plan]` section of a pipeline file: what is expected of the robot, and what the plan may ask of the cell.
+//! The `[plan]` section of a pipeline file: the expected robots, and the constraints of the cell.
 
 use std::path::PathBuf;
 
@@ -18,49 +18,49 @@ pub struct PlanSection {
     /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees. Where `[grid]` states no
     /// orientation, the target's orientation there is the table's.
     pub home_deg: Vec<f64>,
-    /// Where the tracker will stand: the arm's base in its frame, to the decimetre.
+    /// Intended place of the tracker: the arm's base in its frame, to the decimetre.
     pub tracker_from_base: Placement,
     /// Key of all random numbers.
     #[serde(default = "seed")]
     pub seed: u64,
-    /// Robots that steps are judged on.
+    /// Number of robots that steps are judged on.
     #[serde(default = "robots")]
     pub robots: usize,
-    /// Robots that designs are judged on, with the full error model.
+    /// Number of robots that designs are judged on, with the full error model.
     #[serde(default = "whole_model_robots")]
     pub whole_model_robots: usize,
-    /// Fresh poses that judge each robot.
+    /// Number of fresh poses that judge each robot.
     #[serde(default = "test_poses")]
     pub test_poses: usize,
-    /// Share of robots that has to meet the tolerance, and how sure one has to be of that.
+    /// Share of robots that has to meet the tolerance, and the confidence of that.
     #[serde(default = "robots_meet")]
     pub robots_meet: Coverage,
-    /// Random poses that designs choose from.
+    /// Number of random poses that designs choose from.
     #[serde(default = "candidates")]
     pub candidates: usize,
-    /// Numbers of poses at which designs are compared; the least that meets the tolerance becomes the plan.
+    /// Numbers of poses at which designs are compared; the smallest that meets the tolerance becomes the plan.
     #[serde(default = "poses")]
     pub poses: Vec<usize>,
     /// Random poses are turned away from the table's orientation by up to this angle, degrees.
     #[serde(default)]
     pub cone_deg: f64,
-    /// A few early poses are visited again after so many stations, which shows how the base drifts; 0 for never.
+    /// Number of stations after which a few early poses are visited again, which shows the drift of the base; 0 for never.
     #[serde(default = "drift_check_every")]
     pub drift_check_every: usize,
-    /// Fresh poses that the session measures to verify the promise.
+    /// Number of fresh poses that the session measures to verify the promise.
     #[serde(default = "verify_poses")]
     pub verify_poses: usize,
-    /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: the more they are, the
-    /// more they say. Never less than `cone_deg`.
+    /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: a larger angle gives
+    /// more information. Never less than `cone_deg`.
     #[serde(default = "candidate_cone_deg")]
     pub candidate_cone_deg: f64,
-    /// `[plan.constraints]`: what measured poses have to suit.
+    /// `[plan.constraints]`: the constraints on measured poses.
     #[serde(default)]
     pub constraints: ConstraintsSection,
-    /// `[plan.known]`: a past session that identified this arm, in the place of what is expected of robots.
+    /// `[plan.known]`: a past session that identified this arm, instead of the expected robots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub known: Option<KnownSection>,
-    /// `[plan.expect]`: what is expected of robots.
+    /// `[plan.expect]`: the expected robots.
     #[serde(default)]
     pub expect: Expect,
 }
@@ -76,43 +76,43 @@ pub struct KnownSection {
     /// Or a session (or `pooled`) of the same robot, whose current run in the lake is taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
-    /// Whether the arm's base and the tracker stand where they stood.
+    /// Whether the arm's base and the tracker have not moved since.
     #[serde(default)]
     pub base: BaseMounted,
-    /// Whether the target sits where it sat.
+    /// Whether the target has not moved since.
     #[serde(default)]
     pub target: TargetMounted,
 }
 
-/// Where base and tracker of a new session stand, against a past one.
+/// The places of base and tracker in a new session, relative to a past one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaseMounted {
     /// One of them was moved.
     #[default]
     New,
-    /// Where they stood.
+    /// Neither was moved.
     Same,
 }
 
-/// How the target of a new session sits, against that of a past one.
+/// The mounting of the target in a new session, relative to a past one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TargetMounted {
-    /// The same one in the same place, put on again: within `[plan.expect] target_sd_mm`.
+    /// The same target in the same place, mounted again: within `[plan.expect] target_sd_mm`.
     #[default]
     Again,
     /// It was never taken off.
     Same,
-    /// Another one, or in another place: where `[fit] target` says.
+    /// Another target, or in another place: the one in `[fit] target`.
     Other,
 }
 
-/// What measured poses have to suit, besides the arm configuration of `home_deg`.
+/// Constraints on measured poses, in addition to the arm configuration of `home_deg`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintsSection {
-    /// How near a joint may come to its limits, degrees.
+    /// Smallest distance of a joint to its limits, degrees.
     pub limit_margin_deg: f64,
     /// Least distance to a singularity, as the smallest of the three factors (0 at it, about 1 far from it).
     pub least_singularity_factor: f64,
@@ -120,7 +120,7 @@ pub struct ConstraintsSection {
     pub keep_out: Vec<KeepOutSection>,
     /// Distance that the lines between joint origins keep from these boxes, mm: half of the arm's thickness and more.
     pub keep_out_margin_mm: f64,
-    /// What the tracker needs to see the target. Absent: it sees it from everywhere.
+    /// The conditions under which the tracker sees the target. Absent: it sees it from everywhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line_of_sight: Option<LineOfSightSection>,
 }
@@ -129,7 +129,7 @@ pub struct ConstraintsSection {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeepOutSection {
-    /// What stands there.
+    /// Name of the box.
     pub name: String,
     /// Its least coordinates, mm.
     pub low_mm: [f64; 3],
@@ -137,13 +137,13 @@ pub struct KeepOutSection {
     pub high_mm: [f64; 3],
 }
 
-/// What a tracker needs to see the target.
+/// The conditions under which a tracker sees the target.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineOfSightSection {
-    /// Which way the target looks, along the tool's axes.
+    /// Direction in which the target faces, along the tool's axes.
     pub facing: [f64; 3],
-    /// Largest angle between that and the way to the tracker, degrees.
+    /// Largest angle between that direction and the direction to the tracker, degrees.
     pub acceptance_deg: f64,
     /// Least and largest distance, mm.
     pub range_mm: [f64; 2],
@@ -163,7 +163,7 @@ impl Default for ConstraintsSection {
     }
 }
 
-/// What is expected of robots, as standard deviations.
+/// The expected robots, as standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Expect {
@@ -179,13 +179,13 @@ pub struct Expect {
     pub gear_line_urad: f64,
     /// Backlash, µrad.
     pub backlash_urad: f64,
-    /// How far the controller stops short of its command, µrad.
+    /// Settling error: how far the controller stops before its command, µrad.
     pub stops_short_urad: f64,
-    /// What a visit of a joint does not repeat, µrad.
+    /// Repeatability: the part of a joint's position that a visit does not repeat, µrad.
     pub repeatability_urad: f64,
-    /// What a typical joint gives way when the whole arm is stretched out level before it, µrad.
+    /// Deflection of a typical joint when the whole arm is stretched out level, µrad.
     pub sag_urad: f64,
-    /// Where the target really sits at the flange, against where it is meant to, mm.
+    /// Difference between the real and the intended place of the target at the flange, mm.
     pub target_sd_mm: f64,
     /// Drift of the base over a session, mm.
     pub base_drift_mm: f64,
@@ -194,8 +194,8 @@ pub struct Expect {
 }
 
 impl Default for Expect {
-    /// The robots of [`crate::method::planning`]: lengths 0.3 mm, angles 0.02°, compliance, harmonics; the rest as good
-    /// industrial arms have it.
+    /// The robots of [`crate::method::planning`]: lengths 0.3 mm, angles 0.02°, compliance, harmonics; the other values are
+    /// those of good industrial arms.
     fn default() -> Self {
         Self {
             length_sd_mm: 0.3,
@@ -259,7 +259,7 @@ const fn robots() -> usize {
     200
 }
 
-/// One more than the 59 that 95 % of robots with 95 % confidence ask for.
+/// One more than the 59 that 95 % of robots with 95 % confidence need.
 const fn whole_model_robots() -> usize {
     60
 }
@@ -283,7 +283,7 @@ fn poses() -> Vec<usize> {
     vec![25, 50, 100]
 }
 
-/// Most reflectors accept that much from a tracker.
+/// Most reflectors accept this angle from a tracker.
 const fn candidate_cone_deg() -> f64 {
     30.0
 }
@@ -292,7 +292,7 @@ const fn drift_check_every() -> usize {
     25
 }
 
-/// 95 % of errors with 95 % confidence ask for 59.
+/// 95 % of errors with 95 % confidence need 59.
 const fn verify_poses() -> usize {
     60
 }

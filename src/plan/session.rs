@@ -1,4 +1,4 @@
-//! The planned session: what to measure, what for, in which order, and what it promises.
+//! The planned session: the poses to measure, their purposes, their order, and the promise.
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
@@ -14,23 +14,23 @@ use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// The design of the session's own poses.
 pub const KIND: Kind = Kind::GreedyVariance;
-/// Fewer poses than this determine no arm.
+/// Fewest poses that determine an arm.
 pub const LEAST_POSES: usize = 10;
-/// Fewer poses than this do not determine where a known arm stands, should the beam miss one of them.
+/// Fewest poses that determine the place of a known arm, even if the beam misses one of them.
 pub const LEAST_KNOWN_POSES: usize = 5;
-/// Early poses that a drift check visits again.
+/// Number of early poses that a drift check visits again.
 const DRIFT_POSES: usize = 2;
 
-/// What a visit is for.
+/// The purpose of a visit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// The arm is identified on it.
     Identify,
     /// It takes no part in the fit and verifies the promise.
     Verify,
-    /// The pose of an earlier visit again, for the drift of the base; the arm is identified on it too.
+    /// The pose of an earlier visit again, for the drift of the base; the arm is also identified on it.
     DriftCheck {
-        /// Which visit.
+        /// Index of that visit.
         of: usize,
     },
 }
@@ -47,11 +47,11 @@ pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
 /// One visit of the session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedVisit {
-    /// What it is for.
+    /// Purpose of the visit.
     pub purpose: Purpose,
     /// The target's pose in the base frame and the nominal arm's angles there.
     pub command: Commanded,
-    /// Place in the order in which the design chose it, and what the model then left over the region, mm²; `None` for
+    /// Place in the order in which the design chose it, and the model's variance over the region after it, mm²; `None` for
     /// visits that the design did not choose.
     pub choice: Option<(usize, f64)>,
 }
@@ -64,7 +64,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// The first `poses` choices of the variance design, fresh poses that verify, and drift checks, in an order of short
+    /// The first `poses` choices of the variance design, fresh verification poses, and drift checks, in an order of short
     /// travel.
     pub fn new(trial: &Trial<'_>, designs: &Designs, poses: usize) -> Result<Self, PlanError> {
         let (arm, settings) = (trial.arm, trial.settings);
@@ -94,7 +94,7 @@ impl Session {
         let joints: Vec<Vec<f64>> = visits.iter().map(|v| v.command.joints.clone()).collect();
         let speeds = vec![settings.population.motion.speed_rad_s; settings.home.len()];
         let order = visiting_order(&joints, &settings.home, &speeds);
-        // Drift is checked on poses that identify: what verifies is measured once.
+        // Drift is checked on identification poses: verification poses are measured once.
         let (early, rest): (Vec<usize>, Vec<usize>) = {
             let identify = |&place: &usize| visits[place].purpose == Purpose::Identify;
             let early: Vec<usize> = order
@@ -132,13 +132,13 @@ impl Session {
         }
     }
 
-    /// How many visits are for what `is` picks.
+    /// Number of visits whose purpose `is` accepts.
     pub fn count(&self, is: impl Fn(Purpose) -> bool) -> usize {
         self.visits.iter().filter(|visit| is(visit.purpose)).count()
     }
 }
 
-/// What the session gives on robots that took no part in choosing it.
+/// The outcomes of the session on robots that took no part in choosing it.
 pub fn promise(trial: &Trial<'_>, session: &Session, pool: &[Commanded]) -> Outcomes {
     let settings = trial.settings;
     let first = settings.robots.max(settings.whole_model_robots);
@@ -147,8 +147,8 @@ pub fn promise(trial: &Trial<'_>, session: &Session, pool: &[Commanded]) -> Outc
     Outcomes::of(robots.iter(), settings.robots_meet)
 }
 
-/// The session on these robots of the plan's population: each measures all of it, is identified on all but what verifies,
-/// and is judged at fresh poses in another session.
+/// The session on these robots of the plan's population: each measures all of it, is identified on all except the
+/// verification poses, and is judged at fresh poses in another session.
 pub fn tried(
     trial: &Trial<'_>,
     session: &Session,

@@ -1,12 +1,12 @@
-//! The uniform grid, the seed paper's design: for each step, how many poses it takes and what accuracy it gives.
+//! The uniform grid, the seed paper's design: for each step, the number of poses and the accuracy.
 //!
-//! Inputs: the nominal arm and what is expected of robots. Output: a row for each step, node source and interpolation.
+//! Inputs: the nominal arm and the expected robots. Output: a row for each step, node source and interpolation.
 //! 1. For each step, the lattice in the box, every node placed at the table's orientation and visited in serpentines.
 //! 2. Each robot measures the nodes of each step; base, target and geometry are fitted on them.
-//! 3. Node errors, as measured or by the geometric model, are interpolated at fresh poses and held against what the robot
-//!    really does there.
+//! 3. Node errors, as measured or from the geometric model, are interpolated at fresh poses and compared with the robot's
+//!    true errors there.
 //! 4. A step holds for a robot when the bound of [`crate::figures`] on its fresh poses is within the tolerance; it holds
-//!    for the population when the share of robots is, with the asked confidence, no less than was asked for.
+//!    for the population when the share of such robots is, with the confidence asked for, at least the share asked for.
 
 use std::collections::BTreeMap;
 
@@ -36,20 +36,20 @@ pub struct Grid {
     pub commands: Vec<Commanded>,
 }
 
-/// What one step, source and interpolation gives.
+/// The results of one step, source and interpolation.
 #[derive(Debug, Clone)]
 pub struct StepRow {
     /// Step, mm.
     pub step_mm: f64,
-    /// Where node values come from.
+    /// Source of node values.
     pub source: Source,
-    /// How values inside a cell follow.
+    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// Poses to measure.
+    /// Number of poses to measure.
     pub poses: usize,
-    /// Nodes that cannot be measured, by reason.
+    /// Number of nodes that cannot be measured, by reason.
     pub refused_nodes: BTreeMap<Refusal, usize>,
-    /// What it gave on the robots.
+    /// The outcomes on the robots.
     pub outcomes: Outcomes,
 }
 
@@ -93,7 +93,7 @@ impl Grid {
     }
 }
 
-/// Nodes x fastest, each line and layer back the way the last one came.
+/// Nodes with x fastest, each line and layer in the opposite direction to the one before.
 fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     let back = |turn: usize, i: usize, n: usize| if turn % 2 == 1 { n - 1 - i } else { i };
     (0..nz).flat_map(move |z| {
@@ -103,7 +103,7 @@ fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     })
 }
 
-/// The steps that are judged, mm, in the order of the settings: of steps that come to the same pitches, the smallest.
+/// The steps that are judged, mm, in the order of the settings: of steps with the same pitches, the smallest.
 pub fn judged_steps(settings: &PlanSettings) -> Result<Vec<f64>, PlanError> {
     let steps = &settings.grid.steps_mm;
     let lattice = |&step_mm: &f64| Lattice::new(&settings.region.bounds, step_mm);
@@ -117,7 +117,7 @@ pub fn judged_steps(settings: &PlanSettings) -> Result<Vec<f64>, PlanError> {
     Ok(places.map(|place| steps[place]).collect())
 }
 
-/// Judges every step of the settings on the plan's robots, steps that come to the same pitches once.
+/// Judges every step of the settings on the plan's robots, steps with the same pitches once.
 pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, PlanError> {
     let (placer, settings) = (trial.placer, trial.settings);
     let grids: Vec<Grid> = judged_steps(settings)?
@@ -132,7 +132,7 @@ pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, Plan
     Ok(rows(&grids, &robots, settings))
 }
 
-/// The fresh poses that judge a robot: its own share of the pool, which is drawn in random order.
+/// The fresh poses that judge a robot: its own share of the pool, which is in random order.
 pub fn test_poses(pool: &[Commanded], settings: &PlanSettings, number: usize) -> Vec<Commanded> {
     let from = number * settings.test_poses;
     (from..from + settings.test_poses)
@@ -153,7 +153,7 @@ pub fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
 #[derive(Debug)]
 pub struct Measured<'a> {
     fitted: Fitted<'a>,
-    /// Errors at the nodes, by source; zero at nodes that were refused, which no usable cell touches.
+    /// Errors at the nodes, by source; zero at refused nodes, which no usable cell touches.
     by_model: Vec<NodeError>,
     at_stations: Vec<NodeError>,
 }
@@ -184,7 +184,7 @@ impl<'a> Measured<'a> {
         })
     }
 
-    /// What each source and interpolation leaves at fresh visits.
+    /// The errors that each source and interpolation leaves at fresh visits.
     pub fn left(&self, grid: &Grid, tests: &[Visit], settings: &PlanSettings) -> Vec<RobotOutcome> {
         let errors = self.fitted.true_errors(tests, settings);
         let left = |(source, interpolation): (Source, Interpolation)| {
@@ -204,7 +204,7 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// One robot measured on one grid: what each source and interpolation leaves on fresh poses.
+/// One robot measured on one grid: the errors that each source and interpolation leaves on fresh poses.
 pub(super) fn on_robot(
     robot: &mut Robot<'_>,
     grid: &Grid,
@@ -217,7 +217,7 @@ pub(super) fn on_robot(
     }
 }
 
-/// The rows of all steps, from what each robot has of each grid.
+/// The rows of all steps, from the outcomes of each robot on each grid.
 fn rows(
     grids: &[Grid],
     robots: &[Vec<Vec<RobotOutcome>>],
@@ -239,7 +239,7 @@ fn rows(
     grids.iter().enumerate().flat_map(of_grid).collect()
 }
 
-/// What each source and interpolation gave on the robots, `place` being which of each robot's grids.
+/// The outcomes of each source and interpolation on the robots, `place` being the index of each robot's grid.
 pub(super) fn by_family(
     robots: &[Vec<Vec<RobotOutcome>>],
     place: usize,
@@ -253,7 +253,8 @@ pub(super) fn by_family(
     })
 }
 
-/// The row of the largest step of any source and interpolation that holds with all smaller ones of its own.
+/// The index of the row with the largest step, of any source and interpolation, that holds together with all smaller ones
+/// of its own; `None` without one.
 pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
     let mut families: Vec<(Source, Interpolation)> = rows
         .iter()

@@ -14,7 +14,7 @@ const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 /// What was promised of errors before they were measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Promise {
-    /// Mean error, mm; `None` where nothing is promised of it.
+    /// Promised mean error, mm; `None` where it is not promised.
     pub mean_mm: Option<f64>,
     /// What `share` of errors stays below, mm; `None` where nothing is promised of it.
     pub bound_mm: Option<f64>,
@@ -27,9 +27,9 @@ pub struct Promise {
 /// What a plan promised, and the poses that verify it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPromise {
-    /// The plan's id.
+    /// Id of the plan.
     pub plan: String,
-    /// Joint angles of the poses that verify, rad.
+    /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
     /// The promise.
     pub promise: Promise,
@@ -53,7 +53,7 @@ pub struct PromiseKept {
     pub promise: Promise,
     /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,
-    /// The poses that were measured, and their visits.
+    /// Number of measured poses, and of their visits.
     pub counted: Counted,
     /// Of these poses, how many are within the promised bound.
     pub within: usize,
@@ -62,7 +62,7 @@ pub struct PromiseKept {
 }
 
 impl PromiseKept {
-    /// Holds a promise against errors by pose, whose figures are these.
+    /// Compares a promise with errors by pose, whose figures are given.
     pub fn new(promise: Promise, by_pose: &PoseErrors, figures: Option<Figures>) -> Self {
         let bound_mm = promise.bound_mm.unwrap_or(0.0);
         let worst = by_pose.worst();
@@ -82,7 +82,7 @@ impl PromiseKept {
         self.interval.1 < self.promise.share
     }
 
-    /// What became of the promise, in two words.
+    /// The outcome of the promise, in two words.
     pub fn verdict(&self) -> &'static str {
         if self.is_broken() {
             "not kept"
@@ -91,7 +91,7 @@ impl PromiseKept {
         }
     }
 
-    /// The share of all errors that may be within the bound.
+    /// The share of all errors that may be within the bound, as text.
     pub fn possible(&self) -> String {
         format!(
             "{:.1} to {:.1} % of all with {} % confidence",
@@ -103,7 +103,7 @@ impl PromiseKept {
 }
 
 impl PlanPromise {
-    /// Holds the promise against stations that stand at the poses that verify.
+    /// Compares the promise with stations at the verification poses.
     pub fn held_against(&self, stations: &[Verified]) -> PromiseKept {
         let visited = self.verify.iter().filter_map(|pose| at(pose, stations));
         let visited: BTreeSet<usize> = visited.collect();
@@ -116,7 +116,7 @@ impl PlanPromise {
         PromiseKept::new(self.promise, &by_pose, Figures::of(&by_pose.worst()))
     }
 
-    /// The comparison in a line that a person reads.
+    /// The comparison in one line for a person.
     pub fn words(&self, kept: &PromiseKept) -> String {
         let promise = &self.promise;
         let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
@@ -129,12 +129,12 @@ impl PlanPromise {
         );
         let Some(figures) = kept.figures else {
             return format!(
-                "{head}; none of its {} poses that verify was measured: nothing to hold it against",
+                "{head}; none of its {} verification poses was measured: nothing to compare it with",
                 self.verify.len()
             );
         };
         format!(
-            "{head}; found, with measurement noise, on {} of {} poses that verify: mean {:.3} mm, largest {:.3} mm, {} within \
+            "{head}; found, with measurement noise, on {} of {} verification poses: mean {:.3} mm, largest {:.3} mm, {} within \
              the bound ({}): {}",
             kept.counted.poses,
             self.verify.len(),
@@ -246,7 +246,7 @@ mod tests {
             !kept.is_broken()
                 && promise()
                     .words(&kept)
-                    .contains("nothing to hold it against")
+                    .contains("nothing to compare it with")
         );
     }
 }

@@ -206,7 +206,7 @@ fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tole
     with_covered(figure(of, tolerance), covered)
 }
 
-/// Words with what a table answers for.
+/// A text with the coverage of a table.
 fn with_covered(words: String, covered: Option<&Covered>) -> String {
     match covered {
         Some(covered) => format!("{words}; {}", covered.words()),

@@ -57,7 +57,7 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
     verify(&cell, &[]).expect(0, &["30 files in the lake: 28 of runs, 2 the lake's own"]);
     let forged = plant(&cell, &own, "accuracy/r/x/zz.parquet");
     let says = format!(
-        "foreign: {}: it says that it is table accuracy of run {run} of robot \"{ROBOT}\" and session \"mon\"",
+        "foreign: {}: it states that it is table accuracy of run {run} of robot \"{ROBOT}\" and session \"mon\"",
         forged.display()
     );
     verify(&cell, &[]).expect(3, &[&says, "2 runs: 2 the same", "1 foreign"]);
@@ -220,7 +220,7 @@ fn a_row_that_was_replaced_is_reported_when_it_is_changed_with_all_its_digests()
         1,
         &[
             &format!("run {first}: row of runs altered"),
-            "which took its place, says that it had the digest ",
+            "which took its place, states that it had the digest ",
             &format!("cites run {first}, whose place it took: its row in runs is not the one that it was then"),
         ],
     );
@@ -308,7 +308,7 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     });
     let lake = cell.path("lake");
     ended(posegrid().arg("verify").arg(&lake).arg("mon"))
-        .expect(1, &["row of runs altered", "which took its place, says"]);
+        .expect(1, &["row of runs altered", "which took its place, states"]);
 }
 
 /// Five millimetres more in each node.

@@ -316,7 +316,7 @@ fn what_cannot_be_verified_is_reported() {
     let other = cell.path("other.toml");
     fs::copy(cell.pipeline(), &other).expect("copied");
     by(&other, &[]).expect(2, &["has no run by other", "its runs are by pipeline"]);
-    by(&other, &["mon"]).expect(1, &["it is by the pipeline file \"pipeline\""]);
+    by(&other, &["mon"]).expect(1, &["it was made by the pipeline file \"pipeline\""]);
     let bare = |lake: &Path| ended(posegrid().arg("verify").arg(lake));
     bare(&lake).expect(1, &["2 runs: 2 not recomputed"]);
     bare(&cell.path("nowhere")).expect(2, &["there is no lake in", "no such folder"]);

@@ -65,7 +65,7 @@ fn a_lake_on_object_storage_is_verified_planned_for_and_read_by_others() {
         3,
         &[
             "foreign: s3://",
-            "accuracy/r/x/zz.parquet: it says that it is table accuracy of run ",
+            "accuracy/r/x/zz.parquet: it states that it is table accuracy of run ",
         ],
     );
     // A table that is altered is told.

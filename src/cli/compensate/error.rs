@@ -118,7 +118,7 @@ pub enum CompensateCommandError {
     OnlyFromKrl {
         /// The output file.
         out: PathBuf,
-        /// The file of targets.
+        /// Path of the file of targets.
         targets: PathBuf,
     },
     /// The targets state KUKA's S, which is not defined for this arm.

@@ -1,6 +1,6 @@
 //! The two rules that choose a step.
 //!
-//! Both choose among tables that answer for enough of the stations like them; among all tables only where none does.
+//! Both choose among tables that cover enough of the stations like them; among all tables only where none does.
 
 use std::cmp::Ordering;
 
@@ -8,11 +8,12 @@ use super::Picked;
 use crate::grid::covered::ENOUGH;
 use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict};
 
-/// A bound may be above the model's own by so much even where the share of it is less, mm: no instrument shows it.
+/// A bound may exceed the model's own by this, mm, even where the share of it is less: no instrument shows the difference.
 pub const WITHIN_MM: f64 = 0.005;
 
-/// What [`Rule::Within`](super::Rule) chooses: by model nodes the largest step whose bound is within this share of the model's own,
-/// by measured nodes the largest that holds, and of both the one with the smaller bound. `None` where no row has a table.
+/// The choice of [`Rule::Within`](super::Rule): for model nodes the largest step whose bound is within this share of the
+/// model's own, for measured nodes the largest that holds, and of both the one with the smaller bound. `None` where no row
+/// has a table.
 pub(super) fn within(judged: &[Judged], share: f64) -> Option<Picked> {
     let pool = Pool::of(judged);
     let model = pool.only(Source::Model).near_the_model(share);
@@ -28,8 +29,8 @@ pub(super) fn within(judged: &[Judged], share: f64) -> Option<Picked> {
     Some(pool.with_cost(picked))
 }
 
-/// What [`Rule::FewestNodes`](super::Rule) chooses: the largest step whose bound, and that of all smaller steps of its source and
-/// interpolation, is within the tolerance. `None` where no row has a table.
+/// The choice of [`Rule::FewestNodes`](super::Rule): the largest step whose bound, and that of all smaller steps of its
+/// source and interpolation, is within the tolerance. `None` where no row has a table.
 pub(super) fn fewest_nodes(judged: &[Judged]) -> Option<Picked> {
     let pool = Pool::of(judged);
     Some(pool.with_cost(pool.largest()?))
@@ -38,14 +39,14 @@ pub(super) fn fewest_nodes(judged: &[Judged]) -> Option<Picked> {
 /// Rows of tables that a rule may choose from.
 struct Pool<'j> {
     judged: &'j [Judged],
-    /// Places among the judged rows.
+    /// Indices among the judged rows.
     rows: Vec<usize>,
-    /// Whether no table answers for enough of the stations like it.
+    /// Whether no table covers enough of the stations like it.
     is_short: bool,
 }
 
 impl<'j> Pool<'j> {
-    /// All tables that answer for enough stations; all there are where none does.
+    /// All tables that cover enough stations; all tables where none does.
     fn of(judged: &'j [Judged]) -> Self {
         let is_table = |row: &Judged| {
             row.judgement == Judgement::Table && row.of_test.is_none() && row.lattice.is_some()
@@ -105,7 +106,7 @@ impl<'j> Pool<'j> {
         let margin = |model: f64| (share * model).max(WITHIN_MM);
         let mut near = bounds.clone();
         near.retain(|(_, bound, model)| *bound <= model + margin(*model));
-        // Of several that are as near, one that meets the tolerance.
+        // Of several equally near ones, one that meets the tolerance.
         let meets = |place: &(usize, f64, f64)| self.judged[place.0].verdict == Verdict::Meets;
         if near.iter().any(meets) {
             near.retain(meets);
@@ -195,8 +196,8 @@ impl<'j> Pool<'j> {
         })
     }
 
-    /// Orders rows by step, then by bound, the smaller one last, then by the mean error in local cells: stations that stand on
-    /// nodes tell interpolations not apart.
+    /// Orders rows by step, then by bound, the smaller one last, then by the mean error in local cells: stations on nodes
+    /// do not distinguish interpolations.
     fn by_size(&self, a: usize, b: usize) -> Ordering {
         let (one, other) = (&self.judged[a], &self.judged[b]);
         let bound = |row: &Judged| row.bound.unwrap_or(f64::INFINITY);
@@ -218,7 +219,7 @@ impl<'j> Pool<'j> {
         }
     }
 
-    /// Adds what the choice costs and what it answers for.
+    /// Adds the cost of the choice and its coverage.
     fn with_cost(&self, mut picked: Picked) -> Picked {
         let row = &self.judged[picked.row];
         picked.words += &cost(row);
@@ -245,10 +246,10 @@ fn beside(judged: &[Judged], mut published: Picked, other: &Picked) -> Picked {
     published
 }
 
-/// What the grid costs beside the model without one, and whether it helps at all, in words.
+/// The error that the grid adds to that of the model without one, and whether it helps at all, as text.
 fn cost(row: &Judged) -> String {
     if row.held_out.is_no_help() {
-        return "; a grid does not help here: on held-out stations it leaves no less than was there".to_owned();
+        return "; a grid does not help here: on held-out stations the errors are no smaller with it".to_owned();
     }
     match row.held_out.excess() {
         Some((excess, error)) if excess > error => {
@@ -277,8 +278,8 @@ fn families(judged: &[Judged]) -> Vec<(Source, Interpolation)> {
     families
 }
 
-/// The tables of a family that were judged, in the order of their steps. What is no multiple of a measured pitch, does not fit or
-/// comes to the pitches of another is no step of it: the others have to hold without gap.
+/// The judged tables of a family, in the order of their steps. A step that is no multiple of a measured pitch, does not fit
+/// or has the pitches of another is none of the family: the others have to hold without a gap.
 fn tables_of(judged: &[Judged], family: (Source, Interpolation)) -> Vec<usize> {
     let of_family = |row: &Judged| {
         row.judgement == Judgement::Table

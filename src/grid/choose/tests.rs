@@ -191,7 +191,7 @@ fn a_step_that_answers_for_too_few_stations_comes_after_one_that_answers_for_eno
         let judged = [small.clone(), large.clone()];
         assert_eq!(chosen(&judged, rule).0, Some(0));
     }
-    // Where none answers for enough, all may be chosen, and that is said.
+    // Where none covers enough, all may be chosen, and the text states so.
     small.covered = Some(covered(90, 100));
     for rule in [Rule::Within, Rule::FewestNodes] {
         let (row, _, words) = chosen(&[small.clone(), large.clone()], rule);

@@ -1,7 +1,7 @@
 //! The error curve of each joint as JSON: angle, error and its standard deviation, in rad, on whole degrees.
 //!
-//! A controller or an off-line program that corrects joint angles subtracts `error_rad` at the angle it is about to
-//! command. The curve is beside the identified geometry, whose constant offsets of joints it does not hold.
+//! A controller or an off-line program that corrects joint angles subtracts `error_rad` at the angle that it is about to
+//! command. The curve is relative to the identified geometry, and does not contain the constant offsets of joints.
 
 use std::io::Write;
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::io::tables::joint_errors::JointErrorRow;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 
-/// The curve is given this far beyond what was measured, degrees, as in table `joint_errors`.
+/// Distance beyond the measured angles at which the curve ends, degrees, as in table `joint_errors`.
 const BEYOND_DEG: f64 = 15.0;
 
 /// The document.
@@ -33,12 +33,12 @@ struct Curves {
     unit: &'static str,
     angle: &'static str,
     error: &'static str,
-    /// Null where the table does not hold it.
+    /// Null where the table does not have it.
     valid_for: Option<ValidFor>,
     joints: Vec<Curve>,
 }
 
-/// What the curves are valid for; null: not stated.
+/// The conditions that the curves are valid for; null: not stated.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct ValidFor {
     #[serde(flatten)]
@@ -52,7 +52,7 @@ struct ValidFor {
 struct Curve {
     joint: usize,
     name: String,
-    /// Lowest and highest angle among the points that lie within what was measured.
+    /// Lowest and highest angle among the points within the measured range; null where there are none.
     measured_rad: Option<[f64; 2]>,
     angle_rad: Vec<f64>,
     error_rad: Vec<f64>,
@@ -111,7 +111,7 @@ fn write(
         run: key.run.clone(),
         unit: "rad",
         angle: "the axis variable: the reported angle, for coupled axes with the robot file's joint map applied",
-        error: "attained minus reported angle beside the identified geometry; smooth curve and gear lines together",
+        error: "attained minus reported angle, relative to the identified geometry; smooth curve and gear lines together",
         valid_for,
         joints,
     };
@@ -175,7 +175,7 @@ fn degrees(low: f64, high: f64) -> Vec<f64> {
     let last = (high.to_degrees() + BEYOND_DEG).ceil();
     std::iter::successors(Some(first), |degree| Some(degree + 1.0))
         .take_while(|degree| *degree <= last)
-        // A joint that never became stationary within sixteen turns is no joint.
+        // A range wider than sixteen turns is an error in the data.
         .take(10_000)
         .map(f64::to_radians)
         .collect()

@@ -1,7 +1,8 @@
-//! A compensation table as CSV: a row a node; before them, each in a line `# name: value`, what holds for every node.
+//! A compensation table as CSV: one row per node; before them the values of the whole table, each in a line `# name:
+//! value`.
 //!
-//! Readers that know no comments skip these lines: pandas by `comment="#"`, polars by `comment_prefix="#"`, `DuckDB` by
-//! `comment='#'`. Values there are JSON, so that no name breaks a line.
+//! Readers skip these lines: pandas with `comment="#"`, polars with `comment_prefix="#"`, `DuckDB` with `comment='#'`.
+//! Values there are JSON, so that no name breaks a line.
 
 use std::io::Write;
 use std::path::Path;
@@ -15,7 +16,7 @@ use crate::io::targets::spread::Spread;
 use crate::io::targets::write_csv::write_columns;
 use crate::io::targets::write_json::value;
 
-/// Columns that differ from node to node. All others hold for the table.
+/// Columns that differ from node to node. All others have one value in the whole table.
 const OF_NODES: [&str; 24] = [
     "node",
     "index_x",
@@ -82,8 +83,8 @@ fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, Exp
     Ok(no_formula(values.join(", ")))
 }
 
-/// JSON that no spreadsheet takes for a formula where it parts such a line at its commas: a comma with one behind it stands
-/// in texts alone, and there a letter may be written by its number.
+/// JSON that no spreadsheet takes for a formula where it splits such a line at its commas: a comma followed by a formula's
+/// first character occurs only in texts, and there a letter may be written by its number.
 fn no_formula(json: String) -> String {
     ["=", "+", "-", "@"].iter().fold(json, |json, sign| {
         let letter = sign.as_bytes()[0];

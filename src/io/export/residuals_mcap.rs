@@ -1,15 +1,15 @@
-//! Residuals as an MCAP file that Foxglove opens as it is.
+//! Residuals as an MCAP file that Foxglove opens without conversion.
 //!
-//! Inputs: a file of table `residuals`, and when each station was measured, from tables `stations` of the same run. Output: for
-//! each model, way of judging and session two topics, named `/before/…` for what the robot does uncorrected and `/after/…`
-//! for what a model or a table leaves:
-//! - `…/vectors`, `foxglove.SceneUpdate`: an arrow a station, from where the target was predicted towards where it was measured,
-//!   [`ARROW_SCALE`] times as long as the error, in frame `base`. All of a topic stand in one message at its first station,
-//!   so that they are seen wherever one looks into the file;
+//! Inputs: a file of table `residuals`, and the time of each station, from tables `stations` of the same run. Output: for
+//! each model, way of judging and session two topics, named `/before/…` for the robot's uncorrected errors and `/after/…`
+//! for the errors that a model or a table leaves:
+//! - `…/vectors`, `foxglove.SceneUpdate`: one arrow per station, from the predicted towards the measured position of the
+//!   target, [`ARROW_SCALE`] times as long as the error, in frame `base`. All arrows of a topic are in one message at its
+//!   first station, so that they are visible at every time of the file;
 //! - `…/error`, `posegrid.Residual`: the numbers of each row, at its station's time, to plot.
 //!
-//! Messages are JSON. Times are the controller's, the first stationary moment; what holds for the whole file stands in its
-//! metadata record `posegrid`. The same tables give the same bytes.
+//! Messages are JSON. Times are the controller's, the first stationary moment; values of the whole file are in its metadata
+//! record `posegrid`. The same tables give the same bytes.
 
 mod rows;
 mod scene;
@@ -35,17 +35,17 @@ use rows::{Numbers, Of, rows};
 use scene::{Arrow, SceneUpdate};
 use times::Times;
 
-/// How many times as long as errors arrows are drawn: 1 mm is 200 mm in a work space of metres.
+/// Length of arrows divided by that of the errors: 1 mm is 200 mm in a work space of metres.
 pub const ARROW_SCALE: f64 = 200.0;
 
 /// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// What stays in a topic's name as it is; names of sessions may be anything.
+/// Characters that stay unchanged in a topic's name; names of sessions may hold any.
 const TOPIC: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
 
 const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 
-/// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that the file stands in.
+/// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that holds the file.
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
@@ -66,7 +66,7 @@ pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<
     Ok(sink.write_all(&log.finish()?)?)
 }
 
-/// A message before it is written: when, on which channel, its body.
+/// A message before it is written: time, channel, body.
 struct Message {
     ns: u64,
     channel: u16,
@@ -83,7 +83,7 @@ impl Log {
         let mut writer = WriteOptions::new()
             .library("posegrid")
             .chunk_size(Some(CHUNK_BYTES))
-            // Bytes must not depend on how many cores the machine has.
+            // Bytes must not depend on the number of cores of the machine.
             .compression_threads(0)
             .compression_level(9)
             .create(Cursor::new(Vec::new()))?;
@@ -97,7 +97,7 @@ impl Log {
         })
     }
 
-    /// The two topics of rows that are of the same.
+    /// Adds the two topics of rows with one subject.
     fn add(&mut self, of: &Of, rows: &[ResidualRow], times: &Times) -> Result<(), ExportError> {
         let topic = topic(of);
         let vectors = self.channel(&topic, "vectors", "foxglove.SceneUpdate", scene::SCHEMA)?;
@@ -135,7 +135,7 @@ impl Log {
         Ok(())
     }
 
-    /// Writes the messages in time order, those of an earlier channel first where times are equal.
+    /// Writes the messages in time order; where times are equal, the earlier channel comes first.
     fn finish(mut self) -> Result<Vec<u8>, ExportError> {
         self.messages
             .sort_by_key(|message| (message.ns, message.channel));
@@ -153,7 +153,7 @@ impl Log {
     }
 }
 
-/// What holds for the whole file.
+/// The values of the whole file.
 fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
     [
         ("format", "posegrid residuals 1".to_owned()),
@@ -172,7 +172,7 @@ fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
     .into()
 }
 
-/// Before or after, by what, judged how, of which session.
+/// The topic's name: before or after, the model, the way of judging, the session.
 fn topic(of: &Of) -> String {
     let judged = match of.subject.split {
         Split::None => "training",

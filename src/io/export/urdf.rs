@@ -1,13 +1,13 @@
 //! The identified geometry as URDF.
 //!
 //! Inputs: the arm of table `calibrations` with its geometry alone. Output: links `base_link`, `link_1` …, `flange`, `tool`
-//! with a revolute joint for each of the arm's, m and rad. Steps:
-//! 1. the chain is cut at its joint variables: what stands before one is the joint's origin;
+//! with a revolute joint for each joint of the arm, m and rad. Steps:
+//! 1. the chain is cut at its joint variables: the transform before one is the joint's origin;
 //! 2. `base_link` is the controller's base and `flange` its flange, in the error reference frame of base and target
 //!    ([`crate::method::compensation`]), not the root and the end of the identified chain, which a fit may move by
-//!    millimetres along what it cannot tell apart. So this arm's tool point is where the geometry's compensation says it
-//!    is;
-//! 3. each rotation becomes roll, pitch, yaw so that they give it back also where the pitch is ±90°.
+//!    millimetres along directions that are not identifiable. So this arm's tool point is where the geometry's compensation
+//!    puts it;
+//! 3. each rotation becomes roll, pitch, yaw that restore it even where the pitch is ±90°.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -24,7 +24,7 @@ use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 
-/// Writes the geometry that a file of table `calibrations` holds.
+/// Writes the geometry in a file of table `calibrations`.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     let PublishedArm {
         key,
@@ -66,7 +66,7 @@ impl Pieces {
         })
     }
 
-    /// A chain behind `before`, cut at its joint variables.
+    /// A chain after `before`, cut at its joint variables.
     fn cut(before: Isometry3<f64>, chain: &Chain) -> Result<Self, &'static str> {
         let mut joints = Vec::new();
         let mut since = before;
@@ -167,7 +167,7 @@ fn push_joint(
     );
 }
 
-/// Three numbers, no zero of them negative.
+/// Three numbers, without a negative zero.
 fn three(numbers: [f64; 3]) -> String {
     let [a, b, c] = numbers.map(|number| number + 0.0);
     format!("{a} {b} {c}")
@@ -180,7 +180,7 @@ fn limit(joint: &Joint) -> String {
     )
 }
 
-/// A name that none of the joints has.
+/// A name that no joint has.
 fn unlike(name: &str, joints: &[Joint]) -> String {
     let mut own = name.to_owned();
     while joints.iter().any(|joint| joint.name == own) {
@@ -191,8 +191,8 @@ fn unlike(name: &str, joints: &[Joint]) -> String {
 
 /// Roll, pitch and yaw of `Rz(yaw) Ry(pitch) Rx(roll)`.
 ///
-/// Any yaw that takes the second row's first element away leaves `Ry(pitch) Rx(roll)`, so the three give the rotation back to
-/// the last digits also where the yaw itself is not determined.
+/// Any yaw that makes the first element of the second row zero leaves `Ry(pitch) Rx(roll)`, so the three angles restore the
+/// rotation to the last digits even where the yaw itself is not determined.
 fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let matrix: Matrix3<f64> = *rotation.to_rotation_matrix().matrix();
     let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
@@ -202,7 +202,7 @@ fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     [roll, pitch, yaw]
 }
 
-/// As an attribute's value. XML has no way to write most control characters.
+/// The value of an attribute. XML has no form for most control characters.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -219,12 +219,12 @@ fn escaped(text: &str) -> String {
     out
 }
 
-/// Code points that XML 1.0 leaves out beside control characters.
+/// Whether XML 1.0 excludes a code point that is no control character.
 const fn is_no_character(letter: char) -> bool {
     matches!(letter, '\u{FFFE}' | '\u{FFFF}')
 }
 
-/// Inside a comment, where two hyphens end it.
+/// A text inside a comment, which two hyphens would end.
 fn in_comment(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -34,9 +34,9 @@ row! {
         targets_digest: String,
         /// BLAKE3 of the file written, hexadecimal.
         file_digest: String,
-        /// Targets read.
+        /// Number of targets read.
         targets: i64,
-        /// Targets that have a command.
+        /// Number of targets that have a command.
         corrected: i64,
         /// Targets that have none.
         refused: i64,

@@ -16,7 +16,7 @@ pub enum MessageSchema {
     Json(JsonSchema),
 }
 
-/// The plan that reads the wanted values of one channel's messages.
+/// The reader of the wanted values of one channel's messages.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldReader {
     /// Of ROS 2 messages in CDR.

@@ -1,4 +1,4 @@
-//! What may stand in a column: Rust values → Arrow arrays.
+//! The values of a column: Rust values → Arrow arrays.
 
 use std::iter::repeat_n;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub trait Cell {
 pub trait Value: Sized {
     /// The column's type.
     const KIND: ColumnType;
-    /// The array of a whole column, or the first row whose value does not fit and the value.
+    /// The array of a whole column; an error has the first row whose value does not fit, and the value.
     fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)>;
     /// The array of a column with the same value in each row.
     fn same(value: Option<Self>, rows: usize) -> Result<ArrayRef, (usize, String)>
@@ -144,7 +144,7 @@ fn element(of: DataType) -> FieldRef {
     Arc::new(Field::new("element", of, false))
 }
 
-/// So many lists of one length, their values one behind the other.
+/// Lists of one length, their values one after another.
 pub(super) fn lists_alike(values: &[f64], rows: usize) -> ArrayRef {
     let length = values.len().checked_div(rows).unwrap_or(0);
     assert_eq!(values.len(), length * rows, "values of {rows} lists");

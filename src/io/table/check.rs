@@ -1,4 +1,4 @@
-//! Columns against the contract of their table: types, lengths, nulls, numbers, words, the order of rows.
+//! Columns checked against the contract of their table: types, lengths, nulls, numbers, words, the order of rows.
 
 use std::sync::Arc;
 
@@ -13,8 +13,8 @@ use super::{Table, TableError, same};
 use crate::io::schema::{ColumnSchema, ColumnType, Role, TableSchema};
 use crate::manifest::RunKey;
 
-/// The table that the columns make, if they keep its contract, and the rows as they were given in the order that they have now
-/// (`None` where that is the same); columns that are not given are `like` those of a table that keeps it.
+/// The table of the columns, if they keep its contract, and for each row its place in the order given (`None` where the
+/// order is the same); columns that are not given are taken from `like`, a checked table.
 pub(super) fn table(
     schema: &'static TableSchema,
     key: Option<RunKey>,
@@ -34,7 +34,7 @@ pub(super) fn table(
     };
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let names = row_names(schema, &batch);
-    // Nearly always the rows come in order, and each is held against the one before it alone.
+    // Nearly always the rows are in order, and each is compared only with the one before it.
     let (batch, order) = if rising(&names, rows).map_err(arrow)? {
         (batch, None)
     } else {
@@ -49,7 +49,7 @@ pub(super) fn table(
     Ok((table, order))
 }
 
-/// Every column, given or `like` that of another table.
+/// All columns, given or from the table `like`.
 fn all(
     schema: &TableSchema,
     arrays: Vec<Option<ArrayRef>>,
@@ -86,7 +86,7 @@ fn in_order(
     };
     let order = row_order(names, batch.num_rows()).map_err(arrow)?;
     check_rows_differ(schema, &order)?;
-    // What somebody else wrote keeps its order: that of targets is the order of the program that visits them.
+    // A table from another program keeps its order: that of targets is the order of the program that visits them.
     if schema.role == Role::Accepted {
         return Ok((batch, None));
     }
@@ -141,7 +141,7 @@ fn broken_value(column: &ColumnSchema, array: &ArrayRef) -> Option<(usize, Strin
         (ColumnType::Float64, _) => not_finite(array),
         (ColumnType::ListFloat64, _) => {
             let lists = array.as_list::<i32>();
-            // Nearly always all are finite: one look at all elements tells.
+            // Nearly always all are finite: one check of all elements is enough.
             not_finite(lists.values())?;
             let wrong = |row| Some((row, not_finite(&lists.value(row))?.1));
             (0..lists.len())
@@ -155,7 +155,7 @@ fn broken_value(column: &ColumnSchema, array: &ArrayRef) -> Option<(usize, Strin
 
 fn not_finite(array: &ArrayRef) -> Option<(usize, String)> {
     let numbers = array.as_primitive::<Float64Type>();
-    // Nearly always all are finite: all bits of a block of them tell that faster than one by one.
+    // Nearly always all are finite: combining the bits of a block is faster than testing each.
     let all_finite = |block: &[f64]| block.iter().fold(true, |all, x| all & x.is_finite());
     let absent = numbers.null_count() == numbers.len();
     if absent || numbers.values().chunks(1024).all(all_finite) {
@@ -186,8 +186,8 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
     ))
 }
 
-/// The columns that name a row, enumerations as the places of their words; without enumerations that say the same in every
-/// row, by which no two differ.
+/// The columns that identify a row, enumerations as the positions of their words; without enumerations that are the same in
+/// every row, since no two rows differ by them.
 fn row_names(schema: &TableSchema, batch: &RecordBatch) -> Vec<ArrayRef> {
     let names = schema.order.iter();
     names
@@ -212,8 +212,8 @@ fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<Arr
     Some(Arc::new(ranks))
 }
 
-/// Whether each row stands behind the one before it. Without columns that name rows no row does; with nulls among them
-/// it is not told here.
+/// Whether each row comes after the one before it. It is false without columns that identify rows, and with nulls among
+/// them, where this test does not apply.
 fn rising(names: &[ArrayRef], rows: usize) -> Result<bool, ArrowError> {
     let told = |column: &ArrayRef| column.null_count() == 0 && !column.data_type().is_nested();
     if rows < 2 || !names.iter().all(told) {
@@ -230,7 +230,7 @@ fn rising(names: &[ArrayRef], rows: usize) -> Result<bool, ArrowError> {
     Ok(behind.true_count() == pairs)
 }
 
-/// A row by the place where it was given, and whether it has the same name as the one before it.
+/// A row by its place in the order given, and whether it has the same name as the one before it.
 struct OrderedRow {
     given: usize,
     same_as_previous: bool,

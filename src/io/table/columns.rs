@@ -8,7 +8,7 @@ use super::{Cell, Table, TableError, Value, cell, check};
 use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
 
-/// Collects the columns of a table; what is wrong is told at the end, by [`Self::finish`].
+/// Collects the columns of a table; [`Self::finish`] reports the first error.
 ///
 /// ```
 /// # use posegrid::{io::{schema, table::Columns}, manifest::RunKey};
@@ -33,13 +33,13 @@ pub struct Columns {
     rows: usize,
     key: Option<RunKey>,
     arrays: Vec<Option<ArrayRef>>,
-    /// Whose columns stand for those that are not given.
+    /// The table whose columns replace those that are not given.
     like: Option<Table>,
     error: Option<TableError>,
 }
 
 impl Columns {
-    /// An empty table of `rows` rows, still without columns.
+    /// A table of `rows` rows, still without columns.
     pub fn new(schema: &'static TableSchema, rows: usize) -> Self {
         Self {
             schema,
@@ -51,7 +51,8 @@ impl Columns {
         }
     }
 
-    /// A table like `table`, with as many rows: columns that are not given are those of `table`, and not checked again.
+    /// A table like `table`, with the same number of rows: columns that are not given are those of `table`, and not checked
+    /// again.
     pub fn like(table: &Table) -> Self {
         Self {
             key: table.key().cloned(),
@@ -95,10 +96,10 @@ impl Columns {
         })
     }
 
-    /// A column of lists of one length, their values one behind the other.
+    /// A column of lists of one length, their values one after another.
     ///
     /// # Panics
-    /// When that is not a whole number of values for each row.
+    /// When the number of values is no multiple of the number of rows.
     #[must_use]
     pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
         self.put(name, ColumnType::ListFloat64, |rows| {
@@ -141,7 +142,8 @@ impl Columns {
         Ok(self.finish_in_order()?.0)
     }
 
-    /// The same, with the rows as they were given in the order that they have now; `None` where that is the same.
+    /// Checks everything and sorts the rows; also returns for each row its place in the order given, `None` where the order
+    /// is the same.
     pub(super) fn finish_in_order(self) -> Result<(Table, Option<Vec<usize>>), TableError> {
         if let Some(error) = self.error {
             return Err(error);
@@ -155,7 +157,7 @@ impl Columns {
         )
     }
 
-    /// Takes the array that `make` gives for so many rows, unless something was wrong before.
+    /// Takes the array that `make` gives for the rows, unless there was an error before.
     fn put(
         mut self,
         name: &str,
@@ -213,7 +215,7 @@ impl Columns {
                 && array.len() == self.rows
                 && array.null_count() == self.rows
         };
-        // Nothing is the same nothing in every column.
+        // All columns of nulls can share one array.
         let shared = self.arrays.iter().flatten().find(alike).cloned();
         self.arrays[place] = Some(shared.unwrap_or_else(|| new_null_array(&kind, self.rows)));
     }
@@ -263,7 +265,7 @@ mod tests {
             .column("offset", [1e-4, 2e-4])
             .finish()
             .unwrap();
-        // base_target stands before geometric among the schema's words, though not in the alphabet of the rows given.
+        // base_target comes before geometric among the schema's words, though not in the alphabet of the rows given.
         assert_eq!(table.text("model").value(0), "base_target");
         assert_eq!(table.f64("offset").values(), &[2e-4, 1e-4]);
         assert!(table.i64("joint").is_null(0) && table.i64("joint").value(1) == 1);
@@ -298,7 +300,7 @@ mod tests {
             ),
             (
                 whole().column("offset", [1_u64, 2]),
-                "\"offset\": found int64, the schema says float64",
+                "\"offset\": found int64, the schema states float64",
             ),
             (
                 whole().column("offset", [Some(0.0), None]),
@@ -327,7 +329,7 @@ mod tests {
             columns.column("offset", offsets).finish().unwrap()
         };
         let first = whole([1e-4, 2e-4]);
-        // The first one's rows were put in order: those given now stand in that order already.
+        // The first one's rows were sorted: those given now are in that order already.
         let second = Columns::like(&first)
             .column("offset", [4e-4, 3e-4])
             .finish();

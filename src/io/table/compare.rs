@@ -1,9 +1,10 @@
-//! Two tables of one kind → where they differ, by column and row.
+//! Two tables of one kind → their differences, by column and row.
 //!
-//! Input is a published table and the same one computed again; output is a [`Comparison`]. Steps:
-//! 1. rows are paired by the columns that name them; numbers among those columns may differ by [`CLOSE`];
-//! 2. each column's cells are compared pair by pair: numbers by their difference, also those within JSON, all else exactly;
-//! 3. of each column that differs the largest difference is kept, and the first cell that is no number.
+//! Input is a published table and the same one recomputed; output is a [`Comparison`]. Steps:
+//! 1. rows are paired by the columns that identify them; numbers among those columns may differ by [`CLOSE`];
+//! 2. each column's cells are compared pair by pair: numbers by their difference, also those within JSON, all others
+//!    exactly;
+//! 3. for each column that differs the largest difference is kept, and the first cell that is no number.
 
 mod cells;
 mod rows;
@@ -15,10 +16,10 @@ use rows::{Rows, pair};
 /// Largest relative difference of two numbers that count as the same value: rounding on another processor.
 pub const CLOSE: f64 = 1e-9;
 
-/// Where two tables differ.
+/// The differences of two tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Columns with a cell that is not the same, in the schema's order.
+    /// Columns with a cell that differs, in the schema's order.
     pub columns: Vec<ColumnDifference>,
     /// Rows that only the published table has.
     pub only_published: OneSided,
@@ -29,28 +30,28 @@ pub struct Comparison {
 /// Rows that one side lacks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct OneSided {
-    /// How many.
+    /// Number of such rows.
     pub rows: usize,
-    /// The first of them, by the columns that name it.
+    /// The first of them, by the columns that identify it.
     pub first: Option<String>,
 }
 
-/// How a column differs.
+/// The differences of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnDifference {
-    /// The column.
+    /// Name of the column.
     pub column: String,
-    /// Cells that are not the same.
+    /// Number of cells that differ.
     pub cells: usize,
-    /// Cells compared.
+    /// Number of cells compared.
     pub compared: usize,
-    /// Of the numbers that differ, the largest differences.
+    /// The largest differences of numbers; `None` where no number differs.
     pub largest: Option<Largest>,
-    /// The first cell that differs other than by a number.
+    /// The first cell that differs other than by a number; `None` without one.
     pub unlike: Option<Unlike>,
 }
 
-/// The largest differences of a column's numbers; they may stand in different rows.
+/// The largest differences of a column's numbers; they may be in different rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Largest {
     /// Absolute, in the column's unit.
@@ -59,25 +60,26 @@ pub struct Largest {
     pub relative: f64,
     /// The row of the largest relative difference.
     pub row: String,
-    /// What is published there.
+    /// The published number there.
     pub published: f64,
-    /// What was computed.
+    /// The computed number.
     pub computed: f64,
 }
 
 /// Two cells that are not the same, and not both numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unlike {
-    /// The row.
+    /// Name of the row.
     pub row: String,
-    /// What is published there.
+    /// The published cell there.
     pub published: String,
-    /// What was computed.
+    /// The computed cell.
     pub computed: String,
 }
 
 impl Comparison {
-    /// The largest relative difference, where nothing else differs and it is at most [`CLOSE`]; 0 where nothing differs.
+    /// The largest relative difference, where only numbers differ and by at most [`CLOSE`]; 0 where nothing differs. `None`
+    /// otherwise.
     pub fn same_values(&self) -> Option<f64> {
         let relative = |column: &ColumnDifference| match (&column.largest, &column.unlike) {
             (Some(largest), None) => Some(largest.relative),
@@ -90,7 +92,7 @@ impl Comparison {
     }
 }
 
-/// Compares two tables of the same schema, but for the columns `ignored`.
+/// Compares two tables of the same schema, except the columns `ignored`.
 ///
 /// # Panics
 /// When the tables are of two schemas.
@@ -119,7 +121,7 @@ fn one_sided(table: &Table, rows: &[usize]) -> OneSided {
     }
 }
 
-/// How one column differs, if it does.
+/// The difference of one column; `None` where there is none.
 fn difference(
     column: &str,
     published: &Table,
@@ -221,7 +223,7 @@ mod tests {
     #[test]
     fn of_each_column_the_largest_difference_is_reported() {
         let published = curve([-1.0, 0.0, 1.0], [1e-4, 2e-4, 4e-4], "00ff");
-        // Off by 1e-5 of 2e-4, 5 % of the larger of both, and by 1.5e-5 of 4e-4, which is less of it.
+        // Off by 1e-5 of 2e-4, 5 % of the larger of both, and by 1.5e-5 of 4e-4, which is a smaller share.
         let computed = curve([-1.0, 0.0, 1.0], [1e-4, 1.9e-4, 3.85e-4], "00ff");
         let told = compare(&published, &computed, &[]);
         let [column] = &told.columns[..] else {
@@ -249,7 +251,7 @@ mod tests {
 
     #[test]
     fn rows_of_one_side_are_counted_and_the_others_still_paired() {
-        // The row at −1 is gone, one at 2 is new; the one at 0 moved by a rounding, and is the same row.
+        // The row at −1 is missing, one at 2 is new; the one at 0 moved by a rounding, and is the same row.
         let published = curve([-1.0, 0.5, 1.0], [1e-4, 2e-4, 3e-4], "00ff");
         let computed = curve([0.5 + 1e-13, 1.0, 2.0], [2e-4, 3e-4, 9e-4], "00ff");
         let told = compare(&published, &computed, &[]);

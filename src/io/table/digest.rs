@@ -1,23 +1,23 @@
 //! The content of a table → its digest, which each file carries in its metadata as `posegrid.content_digest`.
 //!
-//! It is of what a reader sees, whichever pages, row groups and encodings hold it: names, types and values of columns, and
-//! the entries of the metadata that are posegrid's. So a damaged value is told by the file alone, years later and without
-//! its lake. Whoever changes a value can change the digest too: against that stand the digests of files in `runs`.
+//! It covers the values that a reader sees, in whichever pages, row groups and encodings: names, types and values of
+//! columns, and posegrid's entries of the metadata. So the file alone shows a damaged value, years later and without its
+//! lake. Whoever changes a value can change the digest too: the digests of files in `runs` protect against that.
 //!
-//! Texts go in behind their length in bytes; numbers, lengths and counts as 64 bits, lowest byte first; all digests are
-//! BLAKE3. The digest of a table is of, one behind the other:
+//! Texts are hashed after their length in bytes; numbers, lengths and counts as 64 bits, lowest byte first; all digests are
+//! BLAKE3. The digest of a table covers, one after another:
 //! 1. the text `posegrid table 1`;
-//! 2. the number of entries `posegrid.*` but for the digest's own, and each in the order of their keys: key, value;
+//! 2. the number of entries `posegrid.*` except the digest's own, and each in the order of their keys: key, value;
 //! 3. the number of columns, and of each: its name, its type as the schema names it, one byte 1 if it may be null and 0
 //!    if not, and the digests of its presence, lengths and values;
 //! 4. the number of rows.
 //!
 //! Presence, lengths and values are sequences over all rows, in which equal neighbours are counted: each run of equal ones
-//! goes in as a text and the length of the run.
+//! is hashed as a text and the length of the run.
 //! - Presence: one byte for each row, 1 for a value and 0 for null.
-//! - Lengths: of each list that is there, how many elements it has, as 64 bits; nothing of a column without lists.
-//! - Values: of each value or element that is there, one byte 1 or 0 of a truth value, or the text. Numbers are not
-//!   counted: each goes in as its 64 bits.
+//! - Lengths: for each list that is present, its number of elements, as 64 bits; empty for a column without lists.
+//! - Values: for each value or element that is present, one byte 1 or 0 of a truth value, or the text. Numbers are not
+//!   counted: each is hashed as its 64 bits.
 
 mod column;
 #[cfg(test)]
@@ -31,13 +31,13 @@ use super::Table;
 use crate::io::schema::TableSchema;
 use column::ColumnDigest;
 
-/// The entry of a file's metadata that has the digest.
+/// Key of the metadata entry with the digest.
 pub(super) const ENTRY: &str = "posegrid.content_digest";
 
-/// What the keys of our own entries begin with.
+/// Prefix of the keys of posegrid's own entries.
 const OWN: &str = "posegrid.";
 
-/// What the digest begins with; another way to digest will begin with another number.
+/// The first text of the digest; another way to digest will have another number.
 const FORM: &str = "posegrid table 1";
 
 /// The digest of a table that comes in parts.
@@ -53,7 +53,7 @@ pub(super) fn of_file(table: &Table, entries: &[(String, String)]) -> String {
     digest.finish(entries)
 }
 
-/// The digest of a table's columns but for some, hexadecimal; of the metadata only the table's name and version.
+/// The digest of a table's columns except some, hexadecimal; of the metadata only the table's name and version.
 pub(super) fn of_columns(table: &Table, except: &[&str]) -> String {
     let mut digest = ContentDigest::new(table.schema, table.version, except);
     digest.add(&[&table.batch]);
@@ -65,7 +65,7 @@ pub(super) fn of_columns(table: &Table, except: &[&str]) -> String {
 }
 
 impl ContentDigest {
-    /// Of a table as that version of it has it, but for some columns.
+    /// A digest, still without rows, of a table in that version of its schema, except some columns.
     pub(super) fn new(schema: &TableSchema, version: u32, except: &[&str]) -> Self {
         let columns = schema.columns.iter().enumerate();
         let own =
@@ -78,7 +78,7 @@ impl ContentDigest {
         }
     }
 
-    /// Adds rows behind those before; column beside column, on all threads.
+    /// Adds rows after those before; column by column, on all threads.
     pub(super) fn add(&mut self, parts: &[&RecordBatch]) {
         let add = |column: &mut ColumnDigest| {
             for part in parts {
@@ -89,7 +89,7 @@ impl ContentDigest {
         self.rows += parts.iter().map(|part| part.num_rows() as u64).sum::<u64>();
     }
 
-    /// The same of a single part, on this thread alone.
+    /// Adds the rows of a single part, on this thread alone.
     pub(super) fn add_here(&mut self, part: &RecordBatch) {
         for column in &mut self.columns {
             column.add(part.column(column.place));
@@ -97,7 +97,7 @@ impl ContentDigest {
         self.rows += part.num_rows() as u64;
     }
 
-    /// How many rows were added.
+    /// The number of rows that were added.
     pub(super) const fn rows(&self) -> u64 {
         self.rows
     }

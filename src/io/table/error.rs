@@ -1,4 +1,4 @@
-//! What can be wrong with columns, and with files of them.
+//! Errors of columns and of files with them.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use arrow::error::ArrowError;
 use parquet::errors::ParquetError;
 use thiserror::Error;
 
-/// Why columns do not make a table.
+/// The reason why columns do not make a table.
 #[derive(Debug, Error)]
 pub enum TableError {
-    /// A column that the schema does not have.
+    /// The schema has no such column.
     #[error("table {table}: there is no column {column:?}; see `posegrid schema {table}`")]
     UnknownColumn {
         /// The table.
@@ -18,9 +18,9 @@ pub enum TableError {
         /// The column.
         column: String,
     },
-    /// Two columns whose names are the same but for the size of letters, or one that the schema has in others.
+    /// Two columns have names that differ at most in upper and lower case, or one has the schema's name in another case.
     #[error(
-        "table {table}: column {column:?} beside {other:?}: the names are the same, or but for the size of letters; which is \
+        "table {table}: columns {column:?} and {other:?}: the names differ at most in upper and lower case; which is \
          meant is not clear"
     )]
     Alike {
@@ -28,10 +28,10 @@ pub enum TableError {
         table: String,
         /// The column.
         column: String,
-        /// The other, or the schema's.
+        /// The other column, or the schema's.
         other: String,
     },
-    /// The same column twice.
+    /// A column is given twice.
     #[error("table {table}: column {column:?} is given twice")]
     Twice {
         /// The table.
@@ -39,7 +39,7 @@ pub enum TableError {
         /// The column.
         column: String,
     },
-    /// Columns that nobody gave.
+    /// Columns are missing.
     #[error("table {table}: missing columns {}; a column without values still has to be there, all null", columns.join(", "))]
     Missing {
         /// The table.
@@ -47,8 +47,8 @@ pub enum TableError {
         /// The columns.
         columns: Vec<String>,
     },
-    /// A column of another type.
-    #[error("table {table}, column {column:?}: found {found}, the schema says {expected}")]
+    /// A column has another type.
+    #[error("table {table}, column {column:?}: found {found}, the schema states {expected}")]
     WrongType {
         /// The table.
         table: String,
@@ -59,16 +59,16 @@ pub enum TableError {
         /// The type found.
         found: String,
     },
-    /// A column of another length than the table.
+    /// A column has another length than the table.
     #[error("table {table}, column {column:?}: {found} values for {rows} rows")]
     Length {
         /// The table.
         table: String,
         /// The column.
         column: String,
-        /// Rows of the table.
+        /// Number of rows of the table.
         rows: usize,
-        /// Values found.
+        /// Number of values found.
         found: usize,
     },
     /// A value that breaks the column's contract.
@@ -80,10 +80,10 @@ pub enum TableError {
         column: String,
         /// The row, from 0, as given.
         row: usize,
-        /// What is wrong with it, and what is allowed.
+        /// The fault in it, and the values allowed.
         problem: String,
     },
-    /// Two rows that the columns of `order` do not tell apart.
+    /// Two rows have the same values in the columns of `order`.
     #[error(
         "table {table}, rows {first} and {second}: the same {}; a table has one row per {one_row_per}",
         if columns.is_empty() { "file".to_owned() } else { columns.join(", ") }
@@ -91,13 +91,13 @@ pub enum TableError {
     SameRow {
         /// The table.
         table: String,
-        /// Columns that name a row.
+        /// The columns that identify a row.
         columns: Vec<String>,
-        /// What a row is.
+        /// The thing that one row describes.
         one_row_per: String,
         /// One row, from 0, as given.
         first: usize,
-        /// The other.
+        /// The other row.
         second: usize,
     },
     /// Arrow refused.
@@ -110,42 +110,42 @@ pub enum TableError {
     },
 }
 
-/// Why a file cannot be read as a table.
+/// The error of a file that cannot be read as a table.
 #[derive(Debug, Error)]
 #[error("{}", kind.message(path))]
 pub struct FileError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The fault in it.
     pub kind: FileErrorKind,
 }
 
-/// What is wrong with a file that is read as a table.
+/// The fault in a file that is read as a table.
 #[derive(Debug)]
 pub enum FileErrorKind {
     /// The file cannot be opened: the system's error.
     Open(io::Error),
-    /// Values that would take too much memory.
+    /// Its values would take too much memory.
     TooLarge {
         /// The limit, bytes.
         limit: u64,
-        /// What to try.
+        /// Advice.
         advice: &'static str,
     },
     /// Not a Parquet file, or a damaged one: Parquet's error.
     Parquet(ParquetError),
-    /// A file so damaged that the Parquet reader gave up in the middle: the reader's message.
+    /// A file so damaged that the Parquet reader stopped in the middle: the reader's message.
     Damaged(String),
     /// Its values cannot be read: Arrow's error.
     Values(ArrowError),
-    /// Not the table asked for.
+    /// The file holds another table.
     OtherTable {
-        /// What the file holds by its own metadata.
+        /// The table that the file's own metadata states.
         found: String,
-        /// The table asked for.
+        /// Name of the table asked for.
         expected: String,
     },
-    /// Another version of the table.
+    /// The file has another version of the table.
     OtherVersion {
         /// The table.
         table: String,
@@ -154,22 +154,22 @@ pub enum FileErrorKind {
         /// The version of this program's schema.
         expected: u32,
     },
-    /// Its content is not what was written.
+    /// The content of the file is not the one that was written.
     Altered {
         /// The digest of its content.
         found: String,
         /// The digest that its metadata has.
         stated: String,
     },
-    /// Its lake says something else of it than the file itself: what differs.
+    /// The rows of its lake contradict the file: the difference.
     NotOfLake(String),
-    /// Its columns break the table's contract.
+    /// The columns of the file break the table's contract.
     Content(TableError),
 }
 
 impl FileError {
-    /// Whether the file itself is damaged or changed, as far as that can be told; one that is not there, or of another
-    /// version, is not.
+    /// Whether the file itself is damaged or changed, as far as is known; one that is missing, or of another version, is
+    /// not.
     pub const fn is_damage(&self) -> bool {
         !matches!(
             self.kind,
@@ -197,7 +197,7 @@ impl FileErrorKind {
             ),
             Self::Parquet(source) => format!("cannot read {path} as a Parquet file: {source}"),
             Self::Damaged(problem) => format!(
-                "{path} is damaged: reading it failed with \"{problem}\"; get it anew or run its session again"
+                "{path} is damaged: reading it failed with \"{problem}\"; restore it from a copy or run its session again"
             ),
             Self::Values(source) => format!("cannot read the values of {path}: {source}"),
             Self::OtherTable { found, expected } => {

@@ -1,7 +1,7 @@
 //! Parquet files → tables.
 //!
-//! A published table is held against the digest of its content that its file carries ([`Seal`]): [`read`] refuses one that
-//! differs, [`open`] gives it with what was found. Files of versions that wrote no digest have none.
+//! A published table is compared with the digest of its content that its file carries ([`Seal`]): [`read`] refuses one that
+//! differs, [`open`] returns it with the result. Files of versions without digests have none.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -25,19 +25,19 @@ use crate::manifest::RunKey;
 struct Entries(Vec<(String, String)>);
 
 impl Entries {
-    /// Of several of one name, the last.
+    /// The value of a key; of several the last.
     fn get(&self, key: &str) -> Option<&String> {
         let own = self.0.iter().rev().find(|(own, _)| own == key);
         own.map(|(_, value)| value)
     }
 }
 
-/// What the digest in a file says of its content.
+/// The result of comparing a file's content with its digest.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Seal {
-    /// The content is what was written.
+    /// The content is the one that was written.
     Holds,
-    /// It is not.
+    /// The content differs from the one that was written.
     Broken {
         /// The digest that the file states, hexadecimal.
         stated: String,
@@ -48,30 +48,30 @@ pub enum Seal {
     Absent,
 }
 
-/// A table, and what its file's digest says of it.
+/// A table, and the result of comparing its file with its digest.
 #[derive(Debug, Clone)]
 pub struct Opened {
-    /// The table as the file has it.
+    /// The table in the file.
     pub table: Table,
-    /// Whether that is what was written.
+    /// Whether it is the one that was written.
     pub seal: Seal,
 }
 
-/// What a Parquet file says it is, without its values.
+/// The statements of a Parquet file about itself, without its values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Head {
-    /// The table that it holds; `None` where it is no table of posegrid.
+    /// Name of the table in it; `None` where it is no table of posegrid.
     pub table: Option<String>,
-    /// Robot, session and run, where it says them.
+    /// Robot, session and run; `None` where it does not state them.
     pub key: Option<RunKey>,
-    /// The program that wrote it, where it says so.
+    /// The program that wrote it; `None` where it does not state it.
     pub created_by: Option<String>,
 }
 
-/// Reads a Parquet file as `schema` says, and checks that it keeps that contract.
+/// Reads a Parquet file as a table of `schema`, and checks that it keeps that contract.
 ///
-/// A published table has to say in its metadata which table and version it is. An accepted one may come from anywhere:
-/// columns that may be null may be missing, others may be there, and narrower types are widened.
+/// A published table has to state its table and version in its metadata. An accepted one may come from any program: columns
+/// that may be null may be missing, other columns may be present, and narrower types are widened.
 ///
 /// ```
 /// # use posegrid::{io::{schema, table::{self, Columns}}, manifest::RunKey};
@@ -92,7 +92,7 @@ pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileErro
     read_within(path, schema, Bound::TABLE)
 }
 
-/// The same of a file whose size, and that of its values in memory, has another bound.
+/// Reads a Parquet file whose size, and that of its values in memory, has another bound.
 pub fn read_within(
     path: &Path,
     schema: &'static TableSchema,
@@ -102,12 +102,12 @@ pub fn read_within(
     open_within(file, path, schema, bound.of_values())?.believed(path)
 }
 
-/// Opens a file that is one, and not too large.
+/// Opens a regular file that is not too large.
 fn open_file(path: &Path, bound: Bound) -> Result<File, FileError> {
     input::open(path, bound).map_err(|source| FileErrorKind::Open(source).at(path))
 }
 
-/// The same of an open file, which is named `path` in errors; it may be as large as it is.
+/// Reads a table from an open file of any size, which errors call `path`.
 pub fn read_open(
     file: File,
     path: &Path,
@@ -117,7 +117,7 @@ pub fn read_open(
 }
 
 impl Opened {
-    /// The table, unless it is not what was written.
+    /// The table; an error where it is not the one that was written.
     pub fn believed(self, path: &Path) -> Result<Table, FileError> {
         match self.seal {
             Seal::Holds | Seal::Absent => Ok(self.table),
@@ -128,8 +128,7 @@ impl Opened {
     }
 }
 
-/// Reads an open file, which is named `path` in errors, and says whether its content is what was written.
-/// It may be as large as it is.
+/// Reads an open file of any size, which errors call `path`, and states whether its content is the one that was written.
 pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
     let unbounded = Bound {
         bytes: u64::MAX,
@@ -138,14 +137,14 @@ pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Ope
     open_within(file, path, schema, unbounded)
 }
 
-/// The same of a file whose values take no more memory than `values` allows.
+/// Reads an open file whose values take no more memory than `values` allows.
 pub fn open_within(
     file: File,
     path: &Path,
     schema: &'static TableSchema,
     values: Bound,
 ) -> Result<Opened, FileError> {
-    // The Parquet reader panics on some damaged pages. It owns nothing but the file, so nothing is left half done.
+    // The Parquet reader panics on some damaged pages. It owns only the file, so no other state is left inconsistent.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema, values)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {
         Err(FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))
@@ -178,7 +177,7 @@ fn seal(table: &Table, entries: &Entries) -> Seal {
     }
 }
 
-/// The file's metadata entries and its rows, as the file has them.
+/// The file's metadata entries and its rows, unchanged.
 fn decode(
     path: &Path,
     file: File,
@@ -197,7 +196,7 @@ fn decode(
     let found = Arc::clone(reader.schema());
     let mut batches = Vec::new();
     let mut bytes = 0_u64;
-    // A few bytes of a file can stand for many rows: they are counted as they come.
+    // A few bytes of a file can represent many rows: their size is summed as they are read.
     for batch in reader.build().map_err(parquet)? {
         let batch = batch.map_err(values)?;
         bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
@@ -211,19 +210,19 @@ fn decode(
     Ok((entries, batch))
 }
 
-/// What the Parquet file at `path` says it is.
+/// The statements of the Parquet file at `path` about itself.
 pub fn head(path: &Path) -> Result<Head, FileError> {
     let file = open_file(path, Bound::TABLE)?;
     head_of(&file, path)
 }
 
-/// The same of an open file, which is named `path` in errors.
+/// The statements about itself of an open file, which errors call `path`.
 pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
     let read = || {
         let mut metadata = ParquetMetaDataReader::new();
         metadata.try_parse(file).and_then(|()| metadata.finish())
     };
-    // As in `open`.
+    // The reader may panic, as in `open`.
     let found = catch_unwind(AssertUnwindSafe(read))
         .map_err(|panic| FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))?;
     let metadata = found.map_err(|source| FileErrorKind::Parquet(source).at(path))?;
@@ -260,7 +259,7 @@ fn key(entries: &Entries) -> Option<RunKey> {
     Some(RunKey::new(part("robot")?, part("session")?, part("run")?))
 }
 
-/// The version of the table's schema by which a file says it was written.
+/// The version of the table's schema that a file states.
 fn version(entries: &Entries) -> Option<u32> {
     entries.get("posegrid.schema_version")?.parse().ok()
 }
@@ -287,7 +286,7 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
     Ok(())
 }
 
-/// The columns of `schema` out of a file's, by name; those that came after its `version` are null.
+/// The columns of `schema` from a file's, by name; those added after its `version` are null.
 fn columns(
     batch: &RecordBatch,
     schema: &TableSchema,
@@ -319,7 +318,7 @@ fn columns(
     Ok(schema.columns.iter().map(find).collect())
 }
 
-/// That no name of a column stands twice, and none is one of the schema's in letters of another size.
+/// Checks that no name of a column is given twice, and none is one of the schema's in another case.
 fn names_are_clear<'n>(
     names: impl Iterator<Item = &'n str>,
     schema: &TableSchema,
@@ -342,9 +341,9 @@ fn names_are_clear<'n>(
     Ok(())
 }
 
-/// The array as `wanted` where that says the same; otherwise as it is, and the check that follows names its type.
+/// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its type.
 fn widened(array: &ArrayRef, wanted: &DataType) -> ArrayRef {
-    // Otherwise what does not fit would become null in silence.
+    // Otherwise values that do not fit would silently become null.
     let strict = CastOptions {
         safe: false,
         ..CastOptions::default()
@@ -464,7 +463,7 @@ mod tests {
             error.contains("is not as it was written: its content has the digest"),
             "{error}"
         );
-        // Of a version that wrote none: under another key nobody looks for it.
+        // As a version without digests wrote it: the entry is renamed.
         let mut none = bytes.clone();
         none[key.unwrap()] ^= 1;
         assert_eq!(opened(&none).seal, Seal::Absent);
@@ -486,7 +485,7 @@ mod tests {
                     .unwrap();
                 let outcome = catch_unwind(|| read(file.path(), schema));
                 let outcome = outcome.unwrap_or_else(|_| panic!("panic at byte {place}"));
-                // Statistics, sizes and names that this reader passes over may change; no value may.
+                // Statistics, sizes and names that this reader does not use may change; no value may.
                 assert!(
                     outcome.as_ref().is_err() || outcome.as_ref().is_ok_and(|read| *read == table),
                     "byte {place}"

@@ -1,10 +1,11 @@
 //! Rows of a table: one struct of typed fields ↔ whole columns.
 //!
-//! [`row!`](crate::io::table::row) declares the struct of a table. A field is the column of its name; one that is a point, a
-//! quaternion or a covariance names the columns it fills. Robot, session and run stand beside the rows where all have the
-//! same. The struct writes ([`Row::table`], which puts the rows in the table's order) and reads ([`Row::read`]); a test holds it against its schema.
+//! [`row!`](crate::io::table::row) declares the struct of a table. A field is the column of its name; a field that is a
+//! point, a quaternion or a covariance names its columns. Robot, session and run are outside the rows where all have the
+//! same. The struct writes ([`Row::table`], which sorts the rows in the table's order) and reads ([`Row::read`]); a test
+//! compares it with its schema.
 //!
-//! An enumeration is a word in the file alone: [`words!`](crate::io::table::words) pairs its values with them once.
+//! An enumeration is a word only in the file: [`words!`](crate::io::table::words) pairs its values with their words once.
 
 use std::sync::Arc;
 
@@ -40,7 +41,7 @@ pub trait Row: Sized {
         Rows::new(rows, |columns| columns.key(key))
     }
 
-    /// The table of rows that say themselves what robot, session and run they are of.
+    /// The table of rows that have their own robot, session and run.
     fn table_of_several(rows: Vec<Self>) -> Result<Rows<Self>, TableError> {
         Rows::new(rows, |columns| columns)
     }
@@ -70,22 +71,22 @@ impl<R: Row> Rows<R> {
     }
 }
 
-/// A column as a field has it.
+/// A column of a field.
 #[cfg(test)]
 pub struct FieldColumn {
     /// Its name.
     pub name: &'static str,
-    /// What its values are.
+    /// Type of its values.
     pub kind: ColumnType,
     /// Whether a value may be absent.
     pub nullable: bool,
-    /// Whether an enumeration has this word; `None` for what is no enumeration.
+    /// Whether an enumeration has this word; `None` where it is no enumeration.
     pub knows: fn(&str) -> Option<bool>,
 }
 
-/// What one column holds a value of.
+/// A value that one column can hold.
 pub trait Stored: Sized + 'static {
-    /// The value as a column takes it.
+    /// Type of the value in a column.
     type As<'v>: Value;
 
     /// The value for a column.
@@ -94,20 +95,20 @@ pub trait Stored: Sized + 'static {
     /// The value in a row where it is not null.
     fn at(array: &dyn Array, row: usize) -> Self;
 
-    /// Whether an enumeration has this word; `None` for what is no enumeration.
+    /// Whether an enumeration has this word; `None` where it is no enumeration.
     fn knows(_word: &str) -> Option<bool> {
         None
     }
 }
 
-/// What a field of a row may be: a value, several that belong together, or either as an option.
+/// The type of a field of a row: a value, several that belong together, or either as an option.
 pub trait Field: Sized + 'static {
-    /// What the values of its columns are.
+    /// Type of the values of its columns.
     const KIND: ColumnType;
     /// Whether it may be absent.
     const NULLABLE: bool;
 
-    /// The field of all rows as the columns of these names.
+    /// Puts the field of all rows into the columns of these names.
     fn put<'v>(
         columns: Columns,
         names: &'static [&'static str],
@@ -118,7 +119,7 @@ pub trait Field: Sized + 'static {
     fn all<'t>(table: &'t Table, names: &'static [&'static str])
     -> impl Iterator<Item = Self> + 't;
 
-    /// As [`Stored::knows`].
+    /// Like [`Stored::knows`].
     fn knows(_word: &str) -> Option<bool> {
         None
     }
@@ -209,7 +210,7 @@ impl<const N: usize> Field for Option<[f64; N]> {
         columns.group(of_number(names), values.copied())
     }
 
-    /// A row that lacks one of them has none.
+    /// A row that lacks one of the values has none.
     fn all<'t>(
         table: &'t Table,
         names: &'static [&'static str],
@@ -257,7 +258,7 @@ stored! {
     Arc<[String]> as &'v [String]: AsRef::as_ref, |array, row| Self::from(texts(array, row));
 }
 
-/// A whole number; those that a field of unsigned numbers has are never negative in a table of ours.
+/// A whole number; those of a field of unsigned numbers are never negative in a table of posegrid.
 fn whole(array: &dyn Array, row: usize) -> i64 {
     array.as_primitive::<Int64Type>().value(row)
 }
@@ -283,12 +284,12 @@ fn texts(array: &dyn Array, row: usize) -> Vec<String> {
     texts.map(str::to_owned).collect()
 }
 
-/// An enumeration that stands in tables as words.
+/// An enumeration that is a word in tables.
 pub trait Word: Copy + 'static {
     /// The word of a value.
     fn word(self) -> &'static str;
 
-    /// The value of a word; `None` for a word of something else.
+    /// The value of a word; `None` where it is no word of this enumeration.
     fn of_word(word: &str) -> Option<Self>;
 }
 

@@ -1,4 +1,4 @@
-//! Columns that say the same in every row: what a table is of stands in each of its rows.
+//! Columns with the same value in every row, such as the table's subject.
 
 use arrow::array::{Array, StringArray};
 use arrow::datatypes::ArrowNativeType;
@@ -11,7 +11,7 @@ pub(super) fn text(array: &StringArray) -> Option<&str> {
     let first = array.value(0);
     let offsets = array.value_offsets();
     let bytes = &array.value_data()[offsets[0].as_usize()..offsets[array.len()].as_usize()];
-    // All of one length, and the bytes are the same when shifted by one row.
+    // All texts have one length, and the bytes are the same when shifted by one row.
     let same = array
         .offsets()
         .lengths()
@@ -36,7 +36,7 @@ mod tests {
         assert_eq!(text_of(&[]), None);
         assert_eq!(text_of(&[None, None]), None);
         assert_eq!(text_of(&[Some("a"), None]), None);
-        // The same bytes in a row, cut otherwise; the same lengths, other bytes.
+        // The same bytes in sequence, divided differently; the same lengths, other bytes.
         assert_eq!(text_of(&[Some("aa"), Some("a"), Some("aaa")]), None);
         assert_eq!(text_of(&[Some("ab"), Some("ab"), Some("ac")]), None);
         let several: StringArray = ["x", "y", "y", "y", "z"].map(Some).into_iter().collect();

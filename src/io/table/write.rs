@@ -1,14 +1,13 @@
 //! Tables → Parquet files.
 //!
-//! A file says in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
-//! `posegrid.frames` (JSON, column → unit or frame), `posegrid.robot`, `.session` and `.run`, and the digest of all that and
-//! of its content, `posegrid.content_digest` ([`super::digest`]). It holds no time, no host and no path, so the same table
-//! gives the same bytes.
+//! A file states in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
+//! `posegrid.frames` (JSON, column → unit or frame), `posegrid.robot`, `.session` and `.run`, and the digest of all that
+//! and of its content, `posegrid.content_digest` ([`super::digest`]). It holds no time, no host and no path, so the same
+//! table gives the same bytes.
 //!
 //! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group;
 //!    parts of a table may be encoded on any number of threads.
-//! 2. A [`PartsFile`] digests the parts in their order, puts their row groups one behind the other and the metadata behind
-//!    all.
+//! 2. A [`PartsFile`] digests the parts in their order, and writes their row groups one after another, then the metadata.
 
 mod column;
 mod encoder;
@@ -26,7 +25,7 @@ use super::Table;
 use super::digest::{self, ContentDigest};
 pub use encoder::{Encoder, RowGroups};
 
-/// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
+/// Rows in a row group: a reader of one column of one group reads little, and a writer holds little.
 pub const ROW_GROUP_ROWS: usize = 65_536;
 
 /// Writes a table as a Parquet file into `sink` and gives `sink` back.
@@ -39,7 +38,7 @@ pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError>
 }
 
 /// A Parquet file that is written part by part. Each part is digested, and its row groups appended, once each and both in
-/// the order of the rows; which of the two comes first is the caller's choice.
+/// the order of the rows; the caller chooses which of the two comes first.
 pub struct PartsFile<W: Write> {
     file: SerializedFileWriter<W>,
     digest: ContentDigest,
@@ -59,7 +58,7 @@ impl<W: Write + Send> PartsFile<W> {
         })
     }
 
-    /// Digests the content of parts, behind those before them, on all threads.
+    /// Digests the content of parts, after those before them, on all threads.
     pub fn digest<'t>(&mut self, parts: impl IntoIterator<Item = &'t Table>) {
         let batches: Vec<_> = parts.into_iter().map(Table::batch).collect();
         self.digest.add(&batches);
@@ -70,7 +69,7 @@ impl<W: Write + Send> PartsFile<W> {
         self.digest.add_here(&part.batch);
     }
 
-    /// Puts the row groups of a part behind those before it.
+    /// Appends the row groups of a part.
     pub fn append(&mut self, part: &RowGroups) -> Result<(), ParquetError> {
         for columns in part.columns() {
             let mut group = self.file.next_row_group()?;
@@ -83,10 +82,10 @@ impl<W: Write + Send> PartsFile<W> {
         Ok(())
     }
 
-    /// Ends the file and gives its sink back.
+    /// Ends the file and returns its sink.
     ///
     /// # Panics
-    /// When other rows were digested than appended.
+    /// When the digested rows differ from the appended ones.
     pub fn finish(mut self) -> Result<W, ParquetError> {
         let rows = (self.digest.rows(), self.appended);
         assert_eq!(rows.0, rows.1, "every row is digested and appended");

@@ -19,15 +19,15 @@ const COVERAGE_FACTOR: f64 = 2.0;
 row! {
     /// An accuracy figure.
     pub struct AccuracyRow of "accuracy" {
-        /// How the stations were kept from training.
+        /// The way in which the stations were kept from training.
         split: Split,
-        /// What corrects the error.
+        /// The model that corrects the error.
         model: Model,
         /// The joint angles that the model was given.
         angles: Angles,
-        /// Where the base of an unseen session comes from.
+        /// The source of the base of an unseen session.
         base_refit: BaseRefit,
-        /// What part the stations had in the fit.
+        /// The part of the stations in the fit.
         role: Role,
         /// Measured, predicted, or measured after a table drove the session.
         evidence: Moment,
@@ -35,13 +35,13 @@ row! {
         moment: BeforeAfter,
         /// The point that the error is of.
         point: Point,
-        /// What kind of figure it is.
+        /// The kind of figure.
         quantity: FigureKind,
-        /// Which figure.
+        /// Name of the figure.
         name: FigureName,
-        /// The session that the stations are of.
+        /// The session of the stations.
         of_session: String,
-        /// The pose of an ISO 9283 figure, by the station it was first visited as; `None` over all poses.
+        /// The pose of an ISO 9283 figure, by the station of its first visit; `None` over all poses.
         pose: Option<usize>,
         /// The figure; `None` where it is not shown.
         value: Option<f64>,
@@ -51,25 +51,25 @@ row! {
         expanded_uncertainty: Option<f64>,
         /// Coverage factor of that uncertainty.
         coverage_factor: Option<f64>,
-        /// Values it is over; of a bound, the poses it counts.
+        /// Number of values; for a bound, of poses.
         n: usize,
-        /// Of a bound, visits of these poses.
+        /// For a bound, number of visits of these poses.
         visits: Option<usize>,
-        /// Blocks they come from, where that is known.
+        /// Number of blocks of the poses; `None` where it is not known.
         blocks: Option<usize>,
-        /// Values that the standard or the bound asks for.
+        /// Number of values that the standard or the bound needs.
         n_needed: Option<i64>,
-        /// Of a bound, the share of errors that it covers.
+        /// For a bound, the share of errors that it covers.
         share: Option<f64>,
-        /// Of a bound, its confidence.
+        /// For a bound, its confidence.
         confidence: Option<f64>,
-        /// Of a bound, the tolerance that it is held against, mm.
+        /// For a bound, the tolerance that it is compared with, mm.
         tolerance: Option<f64>,
-        /// Of a bound, whether the tolerance is met.
+        /// For a bound, whether the tolerance is met.
         verdict: Option<TableVerdict>,
-        /// Why it is not met or not shown, or what limits the figure.
+        /// Why it is not met or not shown, or the limitation of the figure.
         reason: Option<String>,
-        /// The table that corrects, where one does.
+        /// The table that corrects; `None` where none does.
         table_id: Option<String>,
     }
 }
@@ -86,15 +86,15 @@ pub enum BeforeAfter {
 /// Kinds of figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureKind {
-    /// Of the norms of position errors.
+    /// A figure of the norms of position errors.
     PositionError,
     /// A figure of ISO 9283.
     Iso9283,
-    /// How well stated covariances fit what was found.
+    /// The agreement of stated covariances with the errors found.
     Coverage,
 }
 
-/// Which figure a row has.
+/// The figure of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
     /// The mean.
@@ -158,7 +158,7 @@ words! {
 }
 
 impl AccuracyRow {
-    /// What it is a figure of.
+    /// The subject of the figure.
     pub fn subject(&self) -> Subject {
         Subject {
             split: self.split,
@@ -169,7 +169,7 @@ impl AccuracyRow {
         }
     }
 
-    /// A figure of this kind and name that says nothing else yet.
+    /// A figure of this kind and name, with all other columns absent.
     fn of(
         subject: &Subject,
         (point, moment): (Point, Moment),
@@ -239,12 +239,12 @@ pub fn rows<'a>(
     of_sets.chain(iso_9283::rows(iso_9283)).collect()
 }
 
-/// Whether a figure is the one that the verdict of the run is read from: the run's own table on held-out blocks.
+/// Whether the verdict of the run is read from this figure: the run's own table on held-out blocks.
 fn carries_verdict(of: &Accuracy) -> bool {
     (of.subject.model, of.subject.split, of.point) == (Model::Table, Split::Blocks, Point::Tool)
 }
 
-/// The figures of one set, those that are not there left out; the bound always, as it carries the verdict.
+/// The figures of one set, without those that are absent; the bound always, since it has the verdict.
 fn figures(
     of: &Accuracy,
     verdict: &Verdict,
@@ -292,7 +292,7 @@ fn figures(
     norms.chain([bound]).chain(covered).collect()
 }
 
-/// The bound with what it is held against.
+/// The bound with the tolerance and the uncertainty.
 fn bound(
     of: &Accuracy,
     verdict: &Verdict,

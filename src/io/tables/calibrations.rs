@@ -1,4 +1,4 @@
-//! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
+//! `calibrations`: each identified model, complete, with its determinacy and the conditions that it is valid for.
 
 use super::PublishContext;
 use super::error_frame::{ErrorFrameName, ErrorFrameOf};
@@ -17,7 +17,7 @@ use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
 
 row! {
-    /// A model that was identified, how well it is determined, and what it is valid for.
+    /// An identified model, its determinacy, and the conditions that it is valid for.
     pub struct CalibrationRow of "calibrations" {
         /// The arm's model.
         arm_model: String,
@@ -25,7 +25,7 @@ row! {
         convention: Convention,
         /// Joints whose axis is parallel to the one before.
         parallel_joints: Vec<String>,
-        /// The joints, as the controller names them.
+        /// The joints, by the controller's names.
         joint_names: Vec<String>,
         /// The model.
         model_kind: Model,
@@ -33,25 +33,25 @@ row! {
         parts: Vec<String>,
         /// Optional parts that the evidence dropped.
         parts_dropped: Vec<String>,
-        /// Optional parts that the evidence was asked about.
+        /// Optional parts that were tested by their evidence.
         parts_tried: Vec<String>,
-        /// What each of these brought, nats.
+        /// Gain in log evidence of each of these, nats.
         parts_gain_nat: Vec<f64>,
         /// Sessions it was identified from.
         sessions: Vec<String>,
-        /// The joint angles that it is of.
+        /// The joint angles that it was identified from.
         angles: Angles,
         /// Stations used.
         stations: usize,
-        /// Of them, those that are weighted down.
+        /// Number of them with a reduced weight.
         stations_downweighted: usize,
         /// Measured numbers.
         observations: usize,
         /// Free parameters.
         parameters: usize,
-        /// Structural rank, of a geometry.
+        /// Structural rank, for a geometry.
         rank: Option<usize>,
-        /// Condition number, of a geometry; `None` where it is not finite.
+        /// Condition number, for a geometry; `None` where it is not finite.
         condition: Option<f64>,
         /// Observability O1.
         o1: Option<f64>,
@@ -75,7 +75,7 @@ row! {
         prior_angle_rad: Option<f64>,
         /// Whether the iterations converged.
         converged: Option<bool>,
-        /// What ended them, in words.
+        /// The reason why the iterations ended, as text.
         convergence: String,
         /// Iterations made.
         iterations: Option<usize>,
@@ -170,19 +170,19 @@ row! {
         configurations: Vec<String>,
         /// The tool, as the pipeline file states it.
         tool: Option<String>,
-        /// The payload, kg, as it states it.
+        /// The payload, kg, as the pipeline file states it.
         payload_kg: Option<f64>,
-        /// The mounting, as it states it.
+        /// The mounting, as the pipeline file states it.
         mounting: Option<String>,
-        /// The base, as it states it.
+        /// The base, as the pipeline file states it.
         base: Option<String>,
-        /// The controller, as it states it.
+        /// The controller, as the pipeline file states it.
         controller_model: Option<String>,
-        /// Whether the controller's own compensation is on, as it states it.
+        /// Whether the controller's own compensation is on, as the pipeline file states it.
         absolute_accuracy_option: Option<bool>,
-        /// Lowest temperature met while measuring, °C.
+        /// Lowest temperature while measuring, °C.
         temperature_min_c: Option<f64>,
-        /// Highest temperature met while measuring, °C.
+        /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
         /// The version of the saved model's format.
         model_version: u32,
@@ -262,7 +262,7 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
         .collect()
 }
 
-/// Names as texts of their own.
+/// The names as owned texts.
 fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
 }
@@ -370,7 +370,7 @@ impl<'a> Identified<'a> {
         }
     }
 
-    /// What every model can be asked.
+    /// The parts common to all models.
     fn model(&self) -> &'a dyn PoseModel {
         match self.of {
             Of::Calibration(calibration) => calibration,
@@ -397,7 +397,7 @@ impl<'a> Identified<'a> {
         always.chain(own.map(|part| part_name(part.name))).collect()
     }
 
-    /// `of` each optional part that the evidence was asked about.
+    /// The value `of` each optional part that was tested by its evidence.
     fn tried<T>(&self, of: impl Fn(&PartEvidence) -> T) -> Vec<T> {
         self.model().optional_parts().iter().map(of).collect()
     }
@@ -434,13 +434,13 @@ impl<'a> Identified<'a> {
         self.model().parameter_count()
     }
 
-    /// Stations that are weighted down.
+    /// Number of stations with a reduced weight.
     fn weighted_down(&self) -> usize {
         let weights = self.weights().iter();
         weights.filter(|weight| **weight < WEIGHTED_DOWN).count()
     }
 
-    /// What ended the iterations, in words.
+    /// The reason why the iterations ended, as text.
     const fn convergence(&self) -> &'static str {
         match self.of {
             Of::Calibration(own) => in_words(own.solution.convergence),
@@ -484,7 +484,7 @@ fn part_name(name: &'static str) -> &'static str {
     }
 }
 
-/// Three rows for each position, three more where an orientation was fitted.
+/// Number of measured numbers: three for each position, three more where an orientation was fitted.
 fn observations(outcome: &Outcome<'_>) -> usize {
     let turned = outcome
         .calibrations

@@ -1,4 +1,4 @@
-//! `clocks`: how the two clocks of a session relate.
+//! `clocks`: the relation of the two clocks of a session.
 
 use crate::io::table::row;
 use crate::join::ClockEstimate;
@@ -10,19 +10,19 @@ row! {
     pub struct ClockRow of "clocks" {
         /// First stamp of the controller's log, ns.
         origin_ns: i64,
-        /// What the tracker's clock is ahead at that stamp, ns.
+        /// Offset of the tracker's clock at that stamp, ns, positive when ahead.
         offset_ns: f64,
         /// Its standard error, ns.
         offset_se_ns: f64,
-        /// How much faster the tracker's clock runs, ppm.
+        /// Drift of the tracker's clock, ppm, positive when faster.
         drift_ppm: f64,
         /// Its standard error, ppm.
         drift_se_ppm: f64,
-        /// Edges of dwells that were matched.
+        /// Number of edges of dwells that were matched.
         matched_edges: usize,
         /// Root mean square of their residuals, ns.
         edge_rms_ns: f64,
-        /// How the relation was found, in words.
+        /// The method that found the relation, as text.
         method: String,
     }
 }

@@ -1,4 +1,4 @@
-//! `compensation`: the nodes of the chosen table, carried from the base frame into the frame of commands.
+//! `compensation`: the nodes of the chosen table, transformed from the base frame into the frame of commands.
 
 use std::sync::Arc;
 
@@ -18,11 +18,11 @@ use crate::manifest::RunKey;
 use crate::report::Angles;
 
 row! {
-    /// A node of the chosen table, with what the table says of itself.
+    /// A node of the chosen table, with the values of the whole table.
     pub struct NodeRow of "compensation" {
         /// The node's number, x fastest.
         node: usize,
-        /// The orientation, of which there is one.
+        /// Number of the orientation; there is one.
         orientation: i64,
         /// The node's place along x.
         index_x: usize,
@@ -36,9 +36,9 @@ row! {
         at as [x_mm, y_mm, z_mm]: [f64; 3],
         /// The tool's orientation in the frame of commands, x y z w.
         turn as [qx, qy, qz, qw]: [f64; 4],
-        /// The arm configuration, of six-axis arms.
+        /// The arm configuration; `None` for arms without six axes.
         configuration: Option<Arc<str>>,
-        /// The joints, as the controller names them.
+        /// The joints, by the controller's names.
         joint_names: Arc<[String]>,
         /// Joint angles of the nominal arm there, rad.
         joints_rad: Option<Vec<f64>>,
@@ -55,13 +55,13 @@ row! {
         ]: Option<[f64; 6]>,
         /// Root of the covariance's trace, mm.
         error_sd_mm: Option<f64>,
-        /// Why the node has no error.
+        /// Why the node has no error; `None` where it has one.
         refused: Option<Refusal>,
         /// Distance to the nearest station of the configuration, mm.
         nearest_station_mm: Option<f64>,
-        /// The largest joint difference to the station where that is least, rad.
+        /// The largest joint difference to the station for which it is smallest, rad.
         nearest_station_rad: Option<f64>,
-        /// Stations within a step along each axis.
+        /// Number of stations within a step along each axis.
         stations_near: usize,
         /// Whether the joint angles are within those of the stations.
         within_joint_ranges: Option<bool>,
@@ -80,13 +80,13 @@ row! {
             command_from_base_qz,
             command_from_base_qw,
         ]: [f64; 4],
-        /// Where node values come from.
+        /// Source of node values.
         source: Source,
-        /// How values inside a cell follow.
+        /// Interpolation inside a cell.
         interpolation: Interpolation,
-        /// The power, where values are weighted by inverse distance.
+        /// The power of inverse distance weighting; `None` for other interpolations.
         idw_power: Option<f64>,
-        /// The joint angles that the node values are of.
+        /// The joint angles of the node values.
         angles: Angles,
         /// The largest turn of a target's orientation from the table's, degrees.
         orientation_tolerance_deg: f64,
@@ -123,19 +123,19 @@ row! {
         error_frame_sd_deg: Option<f64>,
         /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,
-        /// The payload, kg, as it states it.
+        /// The payload, kg, as the pipeline file states it.
         payload_kg: Option<f64>,
-        /// The mounting, as it states it.
+        /// The mounting, as the pipeline file states it.
         mounting: Option<Arc<str>>,
-        /// The base, as it states it.
+        /// The base, as the pipeline file states it.
         base: Option<Arc<str>>,
-        /// The controller, as it states it.
+        /// The controller, as the pipeline file states it.
         controller_model: Option<Arc<str>>,
-        /// Whether the controller's own compensation is on, as it states it.
+        /// Whether the controller's own compensation is on, as the pipeline file states it.
         absolute_accuracy_option: Option<bool>,
-        /// Lowest temperature met while measuring, °C.
+        /// Lowest temperature while measuring, °C.
         temperature_min_c: Option<f64>,
-        /// Highest temperature met while measuring, °C.
+        /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
     }
 }
@@ -160,12 +160,12 @@ pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -
         .collect()
 }
 
-/// A run has one table, so its name is the table's.
+/// The table's name: a run has one table, so it is the run's.
 pub(super) fn table_id(key: &RunKey) -> &str {
     &key.run
 }
 
-/// What every row says of the table, in a row of no node.
+/// The values of the whole table, in a row without a node.
 fn shared(
     chosen: &Chosen,
     outcome: &Outcome<'_>,
@@ -253,7 +253,7 @@ fn of_place(number: usize, chosen: &Chosen, context: &PublishContext<'_>, row: N
     )
 }
 
-/// The node's error carried into the frame of commands, or why it has none.
+/// The node's error transformed into the frame of commands, or why it has none.
 fn with_error(node: &TableNode, command_from_base: &Isometry3<f64>, row: NodeRow) -> NodeRow {
     let turn = command_from_base.rotation.to_rotation_matrix();
     let carried = |(error, covariance): &(Vector3<f64>, Matrix3<f64>)| {
@@ -269,7 +269,7 @@ fn with_error(node: &TableNode, command_from_base: &Isometry3<f64>, row: NodeRow
     }
 }
 
-/// How nodes stand to the stations that were learnt from.
+/// The relation of nodes to the stations that were learnt from.
 struct Support<'a> {
     chosen: &'a Chosen,
     stations: Vec<&'a Station>,
@@ -312,7 +312,7 @@ impl<'a> Support<'a> {
         joints.all(|(q, (low, high))| (low..=high).contains(&q))
     }
 
-    /// Stations within a step of a node along each axis.
+    /// The number of stations within a step of a node along each axis.
     fn near(&self, number: usize) -> usize {
         let (node, step) = (
             self.chosen.lattice.position(number),
@@ -323,7 +323,7 @@ impl<'a> Support<'a> {
     }
 }
 
-/// The largest joint difference to the station where that is least, rad.
+/// The largest joint difference to the station for which it is smallest, rad.
 fn nearest_rad(joints: &[f64], stations: &[&Station]) -> Option<f64> {
     let apart = |station: &&Station| {
         let differences = station

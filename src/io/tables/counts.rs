@@ -1,4 +1,4 @@
-//! What came into each stage and what became of it, for the row of `runs`: in = kept + rejected.
+//! The numbers of items that each stage read, kept and rejected, for the row of `runs`: read = kept + rejected.
 
 use std::collections::BTreeMap;
 
@@ -89,7 +89,7 @@ fn dwells(sessions: &[&JoinedSession]) -> StageCount {
     }
 }
 
-/// Stations offered to each geometric fit, and poses it is of.
+/// Stations offered to each geometric fit, and their poses.
 fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
     let offered = validity::learnt_from(outcome).count() as u64;
     let count = |(model, of): (Model, &'static str)| {

@@ -1,4 +1,4 @@
-//! `drift`: what moved between sessions, hypothesis by hypothesis, and how far.
+//! `drift`: the changes between sessions, hypothesis by hypothesis, with their sizes.
 
 use super::past::PastSession;
 use super::words::Unit;
@@ -7,7 +7,7 @@ use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
 use crate::io::table::{row, words};
 
 row! {
-    /// What a session says of one hypothesis: a test, or how far a component moved.
+    /// The result of a session for one hypothesis: a test, or the shift of a component.
     pub struct DriftRow of "drift" {
         /// The robot.
         robot: String,
@@ -17,11 +17,11 @@ row! {
         run: String,
         /// First stamp of its controller's log, ns.
         measured_at_ns: i64,
-        /// Its segment: those since the last change of the basis.
+        /// Number of its segment: the sessions since the last change of the basis.
         segment: usize,
-        /// Why a segment begins, in words, where one does.
+        /// Why a segment begins, as text; `None` where none does.
         began: Option<String>,
-        /// Sessions that it is held against.
+        /// Number of sessions that it is compared with.
         against: usize,
         /// The part that may have moved.
         hypothesis: HypothesisKind,
@@ -35,13 +35,13 @@ row! {
         degrees_of_freedom: Option<usize>,
         /// Its p-value.
         p_value: Option<f64>,
-        /// Chi-square of what remains beside it.
+        /// Chi-square of the remainder when the hypothesis is true.
         remainder_chi_square: Option<f64>,
         /// Its degrees of freedom.
         remainder_degrees_of_freedom: Option<usize>,
         /// Its p-value.
         remainder_p_value: Option<f64>,
-        /// How far the component moved.
+        /// The shift of the component, in its unit.
         shift: Option<f64>,
         /// The shift's standard error.
         standard_error: Option<f64>,

@@ -1,4 +1,4 @@
-//! The base that a table's errors are stated in, as its rows say.
+//! The base in which a table's errors are stated, in the form of its rows.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
@@ -10,12 +10,12 @@ use crate::kinematics::{Motion, Parameter};
 use crate::report::Model;
 use crate::report::frame::StatedFrame;
 
-/// The base that errors are stated in.
+/// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorFrameName {
-    /// As base + target fit it: the program's base has to be set to it.
+    /// The base of base + target: the program's base has to be set to it.
     Fitted,
-    /// Surveyed: where the program's base is.
+    /// Surveyed: the program's own base.
     Surveyed,
 }
 

@@ -1,4 +1,4 @@
-//! `grid_steps`: every step, node source, interpolation and judgement, and which was chosen.
+//! `grid_steps`: every step, node source, interpolation and judgement, and the chosen one.
 
 use super::PublishContext;
 use super::words::{self, TableVerdict};
@@ -12,11 +12,11 @@ use crate::report::{Angles, Model, Split};
 row! {
     /// A judged step.
     pub struct StepRow of "grid_steps" {
-        /// Where node values come from.
+        /// Source of node values.
         source: Source,
-        /// How values inside a cell follow.
+        /// Interpolation inside a cell.
         interpolation: Interpolation,
-        /// The power, where values are weighted by inverse distance.
+        /// The power of inverse distance weighting; `None` for other interpolations.
         idw_power: Option<f64>,
         /// The model, where node values come from one.
         model: Option<Model>,
@@ -24,11 +24,11 @@ row! {
         angles: Angles,
         /// By the table itself, or by cells around each station.
         judgement: Judgement,
-        /// How the stations that judge were kept from training.
+        /// The way in which the stations that judge were kept from training.
         split: Split,
         /// The session whose stations judge.
         of_session: String,
-        /// The table's orientation, of which there is one.
+        /// Number of the table's orientation; there is one.
         orientation: Option<i64>,
         /// The table's arm configuration.
         configuration: Option<String>,
@@ -36,11 +36,11 @@ row! {
         step_mm: f64,
         /// The pitch of nodes along each axis of the base frame, mm; `None` where the step does not fit.
         pitch_mm as [pitch_x_mm, pitch_y_mm, pitch_z_mm]: Option<[f64; 3]>,
-        /// Nodes of the table; for local cells, the eight of each.
+        /// Number of nodes of the table; for local cells, eight for each cell.
         nodes: Option<usize>,
         /// Nodes without a value.
         nodes_refused: Option<usize>,
-        /// Cells.
+        /// Number of cells.
         cells: usize,
         /// Cells at a singularity.
         cells_singular: usize,
@@ -48,13 +48,13 @@ row! {
         cells_mixed: usize,
         /// Cells that are not reached or not measured.
         cells_unreachable: usize,
-        /// Phases of the lattice: not told.
+        /// Phases of the lattice: not given.
         phases: Option<i64>,
         /// Held-out poses that judged.
         held_out: usize,
         /// Visits of them.
         visits: usize,
-        /// Errors that the bound is over.
+        /// Number of errors that the bound counts.
         errors: usize,
         /// Held-out stations whose cell has no value.
         held_out_refused: usize,
@@ -62,13 +62,13 @@ row! {
         held_out_outside: usize,
         /// Held-out stations of another orientation or configuration.
         held_out_unlike: usize,
-        /// Measured stations that the table answers for; `None` where there is no table.
+        /// Number of measured stations that the table covers; `None` where there is no table.
         stations_covered: Option<usize>,
         /// Their share of all measured stations.
         stations_covered_share: Option<f64>,
         /// Their share of the stations of the table's orientation and configuration.
         like_covered_share: Option<f64>,
-        /// The share of the box that the table answers for.
+        /// The share of the box that the table covers.
         box_covered_share: Option<f64>,
         /// Blocks that the poses come from.
         blocks: Option<usize>,
@@ -94,7 +94,7 @@ row! {
         bound_share: f64,
         /// Its confidence.
         bound_confidence: f64,
-        /// Which of the sorted errors the bound is, from 1.
+        /// Rank of the bound among the sorted errors, from 1.
         bound_rank: Option<usize>,
         /// Poses that the bound needs.
         held_out_needed: i64,
@@ -104,7 +104,7 @@ row! {
         tolerance_mm: Option<f64>,
         /// Whether it is met.
         verdict: TableVerdict,
-        /// Why not.
+        /// The reason why it is not met or not shown.
         reason: Option<String>,
         /// Whether its table is published.
         chosen: bool,
@@ -112,7 +112,7 @@ row! {
         choice_within: Option<String>,
         /// Why the rule `fewest-nodes` chooses this step, in words; `None` where it does not.
         choice_fewest_nodes: Option<String>,
-        /// Mean error beyond what the covariances of nodes say, mm.
+        /// Mean error beyond that of the model without a grid, mm.
         excess_mm: Option<f64>,
         /// Its standard error, mm.
         excess_se_mm: Option<f64>,
@@ -224,14 +224,14 @@ pub(super) fn power(interpolation: Interpolation, idw_power: f64) -> Option<f64>
     (interpolation == Interpolation::Idw).then_some(idw_power)
 }
 
-/// Cells that were refused for one of these reasons.
+/// Number of cells refused for one of these reasons.
 fn refused_cells(judged: &Judged, of: &[Refusal]) -> usize {
     of.iter()
         .filter_map(|refusal| judged.refused_cells.get(refusal))
         .sum()
 }
 
-/// The table that is published has the verdict of the run.
+/// The verdict; the published table has the verdict of the run.
 fn verdict(judged: &Judged, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
     if judged.chosen {
         let run = &outcome.verdict;

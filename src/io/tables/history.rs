@@ -17,9 +17,9 @@ row! {
         run: String,
         /// First stamp of its controller's log, ns.
         measured_at_ns: i64,
-        /// Its segment: those since the last change of the basis.
+        /// Number of its segment: the sessions since the last change of the basis.
         segment: usize,
-        /// What the figure is.
+        /// Kind of the figure.
         kind: Kind,
         /// Its name.
         name: String,
@@ -37,7 +37,7 @@ row! {
         score: Option<f64>,
         /// The chart's moving average.
         ewma: Option<f64>,
-        /// What the average may reach, to either side.
+        /// Control limit of the average, to either side.
         control_limit: Option<f64>,
         /// Whether the average is within its limit; `None` without a chart.
         verdict: Option<Control>,

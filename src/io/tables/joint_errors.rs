@@ -9,7 +9,7 @@ use crate::fit::full::curves::JointError;
 use crate::io::table::row;
 use crate::io::tables::outcome::Outcome;
 
-/// The curve is given this far beyond what was measured, degrees: there the deviation grows back to the prior's.
+/// Distance beyond the measured angles at which the curve ends, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;
 
 row! {
@@ -17,7 +17,7 @@ row! {
     pub struct JointErrorRow of "joint_errors" {
         /// The joint, from 1.
         joint: usize,
-        /// As the controller names it.
+        /// Name of the joint by the controller.
         joint_name: Arc<str>,
         /// Its angle, rad.
         angle_rad: f64,

@@ -63,19 +63,19 @@ words! {
     Source { Joints: "joints", Command: "command", Target: "target", Temperature: "temperature" }
 }
 
-/// The table of one session, being written while its logs are read. Dropped, it leaves nothing.
+/// The table of one session, being written while its logs are read. Dropped before its end, it leaves no file.
 pub struct LogTable<'r> {
     run: &'r OpenRun<'r>,
     key: RunKey,
-    /// Joint samples so far.
+    /// Number of joint samples so far.
     joints: usize,
-    /// A part of joint samples: most of its columns are those of the next one too.
+    /// A part of joint samples: most of its columns are also those of the next part.
     like: Option<Table>,
     table: Result<OpenTable<'r>, PublishError>,
 }
 
 impl<'r> LogTable<'r> {
-    /// Nothing written yet.
+    /// The table before anything is written.
     pub fn new(run: &'r OpenRun<'r>, session: &str) -> Self {
         Self {
             run,
@@ -86,8 +86,8 @@ impl<'r> LogTable<'r> {
         }
     }
 
-    /// Writes all other samples of the session behind the joint samples given before, for [`OpenRun::keep`]; `None` where
-    /// there are none at all.
+    /// Writes all other samples of the session after the joint samples, for [`OpenRun::keep`]; `None` where there are no
+    /// samples at all.
     pub fn finish(self, input: &JoinInput) -> Result<Option<WholeTable>, PublishError> {
         let mut table = self.table?;
         table.append_all(parts(input), |part| rows_of(input, part, &self.key))?;
@@ -100,7 +100,7 @@ impl JointSink for LogTable<'_> {
         *self = Self::new(self.run, &self.key.session);
     }
 
-    /// What is wrong is told at the end.
+    /// An error is reported at the end.
     fn take(&mut self, stamps_ns: &[i64], angles: &[f64]) {
         let rows = self.joints..self.joints + stamps_ns.len();
         self.joints = rows.end;
@@ -123,7 +123,7 @@ impl JointSink for LogTable<'_> {
     }
 }
 
-/// The parts of the table behind the joint samples, in the order of its rows.
+/// The parts of the table after the joint samples, in the order of its rows.
 fn parts(input: &JoinInput) -> Vec<Part> {
     let samples = [
         (Behind::Command, input.commands.count()),
@@ -140,7 +140,7 @@ fn parts(input: &JoinInput) -> Vec<Part> {
     samples.into_iter().flat_map(of_source).collect()
 }
 
-/// One of them.
+/// The rows of one part.
 fn rows_of(
     input: &JoinInput,
     Part { source, rows }: Part,
@@ -153,7 +153,7 @@ fn rows_of(
     }
 }
 
-/// What every part has: the run, the source, the sample's number and stamp.
+/// The columns of every part: run, source, number and stamp of the sample.
 fn columns(
     key: &RunKey,
     source: Source,
@@ -189,7 +189,7 @@ fn command_rows(
     Ok(placed(table, &commands.positions, orientations).finish()?)
 }
 
-/// Further joint samples, as many as a part `like` this one has.
+/// Further joint samples, as many as the part `like` has.
 fn more_joint_rows(
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,
@@ -203,7 +203,7 @@ fn more_joint_rows(
     Ok(table.finish()?)
 }
 
-/// Stamps and angles (rad, row behind row) of these rows only.
+/// Stamps and angles (rad, row after row) of these rows.
 fn joint_rows(
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,

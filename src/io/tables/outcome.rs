@@ -1,4 +1,4 @@
-//! Everything one piece of work publishes, before it is made into tables.
+//! All results of one piece of work, before they are made into tables.
 
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
@@ -19,21 +19,21 @@ use crate::similarity::Semivariogram;
 pub struct JoinedSession {
     /// Its name.
     pub name: String,
-    /// Messages and byte ranges its logs lost.
+    /// Messages and byte ranges that its logs lost.
     pub log_rejects: Vec<LogReject>,
-    /// What was read, by kind.
+    /// Number of items read, by kind.
     pub counts: std::collections::BTreeMap<String, u64>,
     /// Its stations and clocks.
     pub joined: Joined,
     /// Its commands.
     pub commanded: Commanded,
-    /// The corrected targets that drove it, where its folder has them.
+    /// The corrected targets that drove it; `None` where its folder has none.
     pub driven_by: Option<DrivenBy>,
-    /// The id of the sampling plan it was measured by, where its logs say one.
+    /// The id of the sampling plan it was measured by; `None` where its logs name none.
     pub sampling_plan: Option<String>,
 }
 
-/// What drove a session, and which of its stations went where.
+/// The corrected targets that drove a session, and the target of each station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenBy {
     /// The corrected targets.
@@ -42,30 +42,30 @@ pub struct DrivenBy {
     pub matched: Matched,
 }
 
-/// What a session says of the table that drove it.
+/// The judgement of a session on the table that drove it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Driven {
-    /// The run whose table it was.
+    /// The run of the table.
     pub key: RunKey,
-    /// Which of its tables.
+    /// Name of the table.
     pub table: String,
     /// Stations that went to a target, in the base frame.
     pub stations: Vec<DrivenStation>,
-    /// How the corrections were applied.
+    /// The way in which the corrections were applied.
     pub application: Application,
     /// Errors before and after; `None` where the stations do not span space.
     pub measured: Option<Measured>,
 }
 
 impl Driven {
-    /// The errors before and after, where they could be given.
+    /// The errors before and after; empty where they could not be found.
     pub fn sets(&self) -> impl Iterator<Item = &ResidualSet> {
         let measured = self.measured.iter();
         measured.flat_map(|measured| [&measured.before, &measured.after])
     }
 }
 
-/// Everything one piece of work found.
+/// All results of one piece of work.
 #[derive(Debug)]
 pub struct Outcome<'a> {
     /// Sessions that trained, in the fit's order.
@@ -76,9 +76,9 @@ pub struct Outcome<'a> {
     pub calibrations: Vec<(Model, Calibration)>,
     /// The full error model, unless it is switched off.
     pub full: Option<FullModel>,
-    /// Models made on top of these.
+    /// Models made from these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
-    /// The model that grids are of.
+    /// The model of the grids.
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
@@ -92,24 +92,24 @@ pub struct Outcome<'a> {
     pub semivariograms: Vec<(Model, Vec<Semivariogram>)>,
     /// Steps and table.
     pub grids: Grids,
-    /// What the last session says of the table that drove it, if one did.
+    /// The judgement of the last session on the table that drove it; `None` where none did.
     pub driven: Option<Driven>,
     /// Whether the tolerance is met: the worst of held-out blocks and of every test session.
     pub verdict: RunVerdict,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
-    /// The same for the tool tip; none where the pipeline file does not say where it is.
+    /// Figures of the tool tip, with verdicts; empty where the pipeline file does not state its position.
     pub at_tip: Vec<Accuracy>,
     /// Figures of repeated visits.
     pub iso_9283: Vec<Iso9283>,
 }
 
-/// What drove a session.
+/// The commands that drove a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivingFile {
     /// The run whose table corrected the targets.
     pub key: RunKey,
-    /// Which of its tables: `compensation` or `calibrations`.
+    /// Name of the table: `compensation` or `calibrations`.
     pub table: String,
     /// Targets with their commands, in the file's order.
     pub targets: Vec<CorrectedTarget>,

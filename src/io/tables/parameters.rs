@@ -1,4 +1,4 @@
-//! `parameters`: what each model identified, how well, and what it could not tell apart.
+//! `parameters`: the identified parameters of each model, their standard errors, and those that are not identifiable.
 
 use super::PublishContext;
 use super::words::Unit;
@@ -16,17 +16,17 @@ row! {
     pub struct ParameterRow of "parameters" {
         /// The model.
         model: Model,
-        /// Its place among the model's parameters.
+        /// Index among the model's parameters.
         parameter_index: usize,
         /// Its name.
         parameter: String,
-        /// What it is a parameter of.
+        /// The body that it belongs to.
         belongs_to: BelongsTo,
-        /// The session that it is of; `None` for the arm's.
+        /// The session of the parameter; `None` for the arm's.
         of_session: Option<String>,
         /// The joint, from 1; `None` for base and target.
         joint: Option<usize>,
-        /// What it measures.
+        /// The quantity that it measures.
         quantity: ParameterQuantity,
         /// The unit of its values.
         unit: Unit,
@@ -42,7 +42,7 @@ row! {
         prior_sd: Option<f64>,
         /// Whether it is identifiable, and if not, why.
         identifiability: Identifiability,
-        /// What it is confounded with.
+        /// The parameters that it is confounded with.
         confounded_with: Vec<String>,
         /// The parameter that it correlates with most.
         most_correlated_with: Option<String>,
@@ -51,7 +51,7 @@ row! {
     }
 }
 
-/// What a parameter is of.
+/// The body that a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BelongsTo {
     /// The base in the tracker's frame.
@@ -64,7 +64,7 @@ pub enum BelongsTo {
     Session,
 }
 
-/// What a parameter measures.
+/// The quantity that a parameter measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParameterQuantity {
     /// Denavit–Hartenberg θ.
@@ -89,7 +89,7 @@ pub enum ParameterQuantity {
     Ry,
     /// A turn about z.
     Rz,
-    /// The share of the way from reported to commanded angle.
+    /// Command–feedback weight: the share of the way from reported to commanded angle.
     CommandWeight,
 }
 
@@ -111,19 +111,19 @@ words! {
     }
 }
 
-/// What a row is of.
+/// The subject of a row.
 #[derive(Debug, Clone, Copy)]
 enum Subject {
     /// A parameter of the measurement chain.
     Chain(Unknown),
-    /// The share of the way from reported to commanded angle of one joint (from 0), in one session or in all.
+    /// The command–feedback weight of one joint (from 0), in one session or in all.
     CommandWeight {
         joint: usize,
         session: Option<usize>,
     },
 }
 
-/// What a model says of a parameter beside its place.
+/// The results for a parameter, other than its place.
 struct Found {
     offset: f64,
     standard_error: f64,
@@ -170,7 +170,7 @@ pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<Paramete
 }
 
 impl Parameters<'_> {
-    /// A row for each parameter, with what is found of it by its place.
+    /// A row for each parameter, with the results for its place.
     fn rows(&self, found: impl Fn(usize) -> Found) -> Vec<ParameterRow> {
         let labels: Vec<String> = self
             .subjects
@@ -218,7 +218,7 @@ fn of_calibration(calibration: &Calibration, place: usize) -> Found {
     }
 }
 
-/// Unknowns and weights of the full error model; what has a prior of its own is that of the geometric fit.
+/// Unknowns and weights of the full error model; those with a prior of their own are those of the geometric fit.
 fn of_full(
     full: &FullModel,
     calibrations: &[(Model, Calibration)],
@@ -229,7 +229,7 @@ fn of_full(
     move |index| {
         let standard_error = covariance[(index, index)].max(0.0).sqrt();
         let prior_sd = prior_sd(full, calibrations, subjects[index], places[index]);
-        // A base or a target has no prior but the poses: it is identifiable wherever it stands.
+        // A base or a target has no prior: it is identifiable at any place.
         let identifiable = is_identifiable(standard_error, prior_sd);
         Found {
             offset: full.column_mean(places[index]),
@@ -250,7 +250,7 @@ fn of_full(
     }
 }
 
-/// The columns that are parameters, with what they are.
+/// The columns that are parameters, with their subjects.
 fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
     let mut columns = Vec::new();
     for (block, own) in full.layout().blocks() {

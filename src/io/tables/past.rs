@@ -1,4 +1,4 @@
-//! Sessions of the past and their figures, as the tables `history` and `drift` are made of them.
+//! Past sessions and their figures, the content of the tables `history` and `drift`.
 
 use super::words::Unit;
 use crate::history::Judged;
@@ -12,12 +12,12 @@ pub struct PastSession {
     pub key: RunKey,
     /// First stamp of its controller's log.
     pub measured_at_ns: i64,
-    /// What the history says of it.
+    /// The judgement of the history on it.
     pub judged: Judged,
 }
 
 impl PastSession {
-    /// Whether the change that each of a robot's sessions showed lasts, as the session after it tells; `None` of the last.
+    /// Whether the change in each of a robot's sessions lasts, judged by the session after it; `None` for the last.
     pub fn lasting(sessions: &[Self]) -> Vec<Option<bool>> {
         let next = sessions.iter().skip(1).map(|next| next.judged.settles);
         next.chain([None]).take(sessions.len()).collect()
@@ -27,7 +27,7 @@ impl PastSession {
 /// One figure of a session.
 #[derive(Debug, Clone)]
 pub struct Figure {
-    /// What it is.
+    /// Kind of the figure.
     pub kind: Kind,
     /// Its name.
     pub name: String,
@@ -41,16 +41,16 @@ pub struct Figure {
     pub sd: Option<f64>,
     /// Its unit.
     pub unit: Unit,
-    /// Where it stands on its chart, if it has one.
+    /// Its values on its control chart; `None` where it has none.
     pub charted: Option<Charted>,
 }
 
-/// What a figure is.
+/// The kind of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// An accuracy figure.
     Accuracy,
-    /// How far base, target or a joint's offset stands from the first session.
+    /// The change of base, target or a joint's offset since the first session.
     SinceFirst,
     /// An identified parameter.
     Parameter,

@@ -11,33 +11,33 @@ use crate::plan::{Kind, Outcomes, PlanSettings, Purpose, SamplingPlan};
 row! {
     /// Accuracy after compensation over many simulated robots, for one setting of one study.
     pub struct FigureRow of "plan_figures" {
-        /// What is varied.
+        /// The study.
         study: FigureStudy,
-        /// How far it is varied, in the unit of the study; `None` where the step or the design is varied.
+        /// Value of the study's variable, in the study's unit; `None` where the step or the design is varied.
         value: Option<f64>,
         /// Choice of the measured poses.
         design: Kind,
-        /// What is subtracted from commands.
+        /// The correction that is subtracted from commands.
         source: CorrectedBy,
         /// Interpolation inside a cell; `None` without a grid.
         interpolation: Option<Interpolation>,
         /// Step of the grid, mm; `None` without a grid.
         step_mm: Option<f64>,
-        /// Poses measured.
+        /// Number of poses measured.
         poses: usize,
-        /// Nodes or poses asked for that the arm does not reach.
+        /// Number of nodes or poses needed that the arm does not reach.
         not_reached: usize,
-        /// Robots drawn.
+        /// Number of robots drawn.
         robots: usize,
-        /// Robots whose session could not be fitted; they do not meet the tolerance.
+        /// Number of robots whose session could not be fitted; they do not meet the tolerance.
         no_fit: usize,
-        /// Robots with enough fresh poses for a bound.
+        /// Number of robots with enough fresh poses for a bound.
         judged: usize,
-        /// Fresh poses in a cell that cannot serve, all robots together.
+        /// Number of fresh poses in a cell that cannot serve, all robots together.
         refused: usize,
-        /// Fresh poses outside the grid, all robots together.
+        /// Number of fresh poses outside the grid, all robots together.
         outside: usize,
-        /// Mean over robots of the mean error, mm; `None` without a robot that was judged, as the next three.
+        /// Mean over robots of the mean error, mm; `None` without a robot that was judged, like the next three.
         mean_mm: Option<f64>,
         /// Mean over robots of the 95th percentile, mm.
         p95_mm: Option<f64>,
@@ -45,17 +45,17 @@ row! {
         p99_mm: Option<f64>,
         /// Mean over robots of the largest error, mm.
         max_mm: Option<f64>,
-        /// Mean error that the error model expects, mm; `None` for poses that it did not choose, as the next.
+        /// Mean error that the error model expects, mm; `None` for poses that it did not choose, like the next.
         expected_mean_mm: Option<f64>,
-        /// Error that the tolerance's share of errors stays below, as the error model expects, mm.
+        /// Bound of the tolerance's share of errors that the error model expects, mm.
         expected_share_mm: Option<f64>,
-        /// Mean error that the asked share of robots stays below, mm; `None` with too few robots.
+        /// Bound of the mean errors that the share of robots asked for stays below, mm; `None` with too few robots.
         mean_bound_mm: Option<f64>,
-        /// Bound that the asked share of robots stays below, mm; `None` with too few robots.
+        /// Bound that the share of robots asked for stays below, mm; `None` with too few robots.
         bound_mm: Option<f64>,
-        /// Robots whose bound is within the tolerance.
+        /// Number of robots whose bound is within the tolerance.
         meet: usize,
-        /// Least share of such robots, with the asked confidence.
+        /// Least share of such robots, with the confidence asked for.
         share_at_least: f64,
         /// Share of robots that has to meet the tolerance.
         share_asked: f64,
@@ -63,7 +63,7 @@ row! {
         confidence: f64,
         /// The tolerance, mm.
         tolerance_mm: f64,
-        /// Whether the plan is this row, or the step of the influences is.
+        /// Whether this is the plan's row, or the row of the step at which influences were studied.
         chosen: bool,
     }
 }
@@ -87,7 +87,7 @@ pub enum FigureStudy {
     Promise,
 }
 
-/// What corrects commands in a study.
+/// The correction of commands in a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CorrectedBy {
     /// Node values as measured.

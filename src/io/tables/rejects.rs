@@ -7,17 +7,17 @@ use crate::io::tables::outcome::JoinedSession;
 use crate::join::{JoinReject, Station};
 
 row! {
-    /// What was left out for one reason at one place.
+    /// Items left out for one reason at one place.
     pub struct RejectRow of "rejects" {
         /// Its number.
         reject: usize,
         /// The stage that left it out.
         stage: Stage,
-        /// What it is.
+        /// Kind of item.
         kind: RejectKind,
-        /// How many bytes, messages, readings or dwells.
+        /// Number of bytes, messages, readings or dwells.
         number: u64,
-        /// Why, in a word or in words.
+        /// The reason, as a word or a sentence.
         reason: String,
         /// The log's file.
         file: Option<String>,
@@ -33,12 +33,12 @@ row! {
         start_ns: Option<i64>,
         /// Last moment, ns.
         end_ns: Option<i64>,
-        /// The station, of a dwell.
+        /// The station of a dwell; `None` for other items.
         station: Option<usize>,
     }
 }
 
-/// Stages that leave something out.
+/// Stages that leave items out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// Reading logs.
@@ -47,7 +47,7 @@ pub enum Stage {
     Join,
 }
 
-/// What was left out.
+/// The kind of items left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RejectKind {
     /// Bytes of a log.
@@ -80,7 +80,7 @@ pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
         .collect()
 }
 
-/// A row of so many, its number and its place aside.
+/// A row with this number of items, without its own number and place.
 fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
     RejectRow {
         reject: 0,

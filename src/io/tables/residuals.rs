@@ -7,23 +7,23 @@ use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subj
 row! {
     /// Measured minus predicted at one station under one model, base frame.
     pub struct ResidualRow of "residuals" {
-        /// How the stations were kept from training.
+        /// The way in which the stations were kept from training.
         split: Split,
         /// The model that predicts.
         model: Model,
         /// The joint angles that it was given.
         angles: Angles,
-        /// Where the base of an unseen session comes from.
+        /// The source of the base of an unseen session.
         base_refit: BaseRefit,
-        /// What part the stations had in the fit.
+        /// The part of the stations in the fit.
         role: Role,
-        /// The fold that held the station out, where blocks were.
+        /// The fold that held the station out; `None` unless blocks were held out.
         fold: Option<usize>,
-        /// The session that the station is of.
+        /// The session of the station.
         of_session: String,
         /// Its number.
         station: usize,
-        /// The number of the station that its pose is named by.
+        /// The number of the station that names its pose.
         pose: usize,
         /// Whether the session's base was found from it.
         used_for_refit: bool,
@@ -53,7 +53,7 @@ row! {
 }
 
 impl ResidualRow {
-    /// What it is a residual of.
+    /// The subject of the residual.
     pub fn subject(&self) -> Subject {
         Subject {
             split: self.split,

@@ -1,4 +1,4 @@
-//! `runs`: what went into a run, what came out of each stage, which files it wrote. Its row makes the run exist.
+//! `runs`: the inputs of a run, the counts of each stage, the files it wrote. Its row makes the run exist.
 
 use super::PublishError;
 use super::words::TableVerdict;
@@ -14,7 +14,7 @@ row! {
         version: String,
         /// Processor architecture and operating system.
         platform: String,
-        /// Processor features that arithmetic was chosen by.
+        /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
         /// Sessions learnt from.
         sessions: Vec<String>,
@@ -30,7 +30,7 @@ row! {
         settings: String,
         /// The digest of `settings`.
         settings_digest: String,
-        /// What came into each stage and what became of it, as JSON.
+        /// The numbers of items that each stage read, kept and rejected, as JSON.
         counts: String,
         /// Names of the files written, as TABLE/SESSION.
         table_names: Vec<String>,
@@ -42,7 +42,7 @@ row! {
         verdict: TableVerdict,
         /// Why not met or not shown.
         reason: Option<String>,
-        /// The run that this one takes the place of.
+        /// The run that this one replaces; `None` where it replaces none.
         replaces: Option<String>,
         /// The digest of that run's row.
         replaced_row_digest: Option<String>,
@@ -51,18 +51,18 @@ row! {
     }
 }
 
-/// How a finished run ended.
+/// The ending of a finished run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ending {
     /// Whether the tolerance is met.
     pub verdict: TableVerdict,
     /// Why not met or not shown.
     pub reason: Option<String>,
-    /// The run that this one takes the place of.
+    /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
 }
 
-/// BLAKE3 of the content of a row of `runs`, hexadecimal: of all its columns but the one that holds this digest.
+/// BLAKE3 of the content of a row of `runs`, hexadecimal: of all its columns except the one that holds this digest.
 pub fn row_digest(row: &Table) -> String {
     row.digest_without(&["row_digest"])
 }

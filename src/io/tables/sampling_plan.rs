@@ -13,13 +13,13 @@ use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
 
 row! {
-    /// A planned visit, and what the whole plan promises.
+    /// A planned visit, with the promise of the whole plan.
     pub struct VisitRow of "sampling_plan" {
         /// Place in the order of visits, from 0.
         pose: usize,
-        /// Its name where the plan is a file of targets.
+        /// Name of the visit's target when the plan is used as a file of targets.
         target: String,
-        /// What the visit is for.
+        /// Purpose of the visit.
         purpose: VisitPurpose,
         /// The visit whose pose a drift check repeats; `None` for all others.
         repeats: Option<usize>,
@@ -63,7 +63,7 @@ row! {
     }
 }
 
-/// Purposes of a visit; the visit that a drift check repeats stands in a column of its own.
+/// Purposes of a visit; the visit that a drift check repeats is in a column of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VisitPurpose {
     /// The arm is identified on it.

@@ -4,7 +4,7 @@ use crate::fit::scale::{ScaleVerdict, SessionScale};
 use crate::io::table::row;
 
 row! {
-    /// What is known of one session's scale.
+    /// The estimate of one session's scale.
     pub struct ScaleRow of "scales" {
         /// The session.
         of_session: String,
@@ -18,13 +18,13 @@ row! {
         kept: Option<bool>,
         /// Standard deviation of the scale before any measurement, ppm.
         prior_sd_ppm: f64,
-        /// The scale that the arm's lengths alone hold, ppm; `None` where it could not be told.
+        /// The scale from the arm's lengths alone, ppm; `None` where it could not be determined.
         free_ppm: Option<f64>,
         /// Its standard deviation, ppm.
         free_sd_ppm: Option<f64>,
-        /// Root mean square of what the lengths are off with that scale, mm.
+        /// Root mean square of the remaining errors of the lengths with that scale, mm.
         length_rms_mm: Option<f64>,
-        /// The least scale that would be named, ppm.
+        /// The smallest scale that would be named, ppm.
         detectable_ppm: Option<f64>,
         /// Standard deviation of the arm's lengths, mm.
         length_tolerance_mm: f64,
@@ -34,12 +34,12 @@ row! {
         warmer_by_most_k: Option<f64>,
         /// Whether the scale is named.
         verdict: ScaleVerdict,
-        /// Why, where that is not plain.
+        /// The reason, where it is not obvious.
         reason: Option<String>,
     }
 }
 
-/// The rows of all sessions that trained.
+/// The rows of all training sessions.
 pub fn rows(all: &[SessionScale]) -> Vec<ScaleRow> {
     all.iter().map(of_session).collect()
 }

@@ -8,7 +8,7 @@ use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, V
 row! {
     /// A bin of a semivariogram, or a model fitted to its bins: the columns of the other are absent.
     pub struct SemivariogramRow of "semivariograms" {
-        /// Where separations are measured.
+        /// The space in which separations are measured.
         space: Space,
         /// The model whose errors are compared.
         errors: Model,
@@ -28,7 +28,7 @@ row! {
         separation_upper: Option<f64>,
         /// Mean separation of the bin's pairs.
         separation: Option<f64>,
-        /// Pairs of the bin, or of all bins.
+        /// Number of pairs of the bin, or of all bins.
         pairs: u64,
         /// The bin's semivariance, mm².
         gamma_mm2: Option<f64>,
@@ -49,7 +49,7 @@ row! {
     }
 }
 
-/// What a row is of.
+/// The subject of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
     /// A bin.
@@ -62,7 +62,7 @@ words! {
     Entry { Bin: "bin", Fitted: "fitted" }
 }
 
-/// The rows of all semivariograms; `noise_mm2` is the variance of one axis that a nugget is held against.
+/// The rows of all semivariograms; `noise_mm2` is the variance of one axis that a nugget is compared with.
 pub fn rows(
     found: &[(Model, Vec<Semivariogram>)],
     noise_mm2: Option<f64>,
@@ -86,7 +86,7 @@ fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<Sem
     bins.chain(models).collect()
 }
 
-/// A row that says what it is of and nothing else.
+/// A row with its subject only.
 fn empty(errors: Model, of: &Semivariogram, entry: Entry) -> SemivariogramRow {
     SemivariogramRow {
         space: of.space,
@@ -147,7 +147,7 @@ fn number(bin: &Bin) -> i64 {
     (bin.from / (bin.to - bin.from)).round() as i64
 }
 
-/// Axes that a quantity sums over.
+/// Number of axes that a quantity sums over.
 const fn axes(quantity: Quantity) -> f64 {
     match quantity {
         Quantity::X | Quantity::Y | Quantity::Z => 1.0,

@@ -1,4 +1,4 @@
-//! `stations`: every dwell of the arm, with its command, what the tracker saw and the verdict on the pair.
+//! `stations`: every dwell of the arm, with its command, the tracker's measurement and the verdict on the pair.
 
 use std::sync::Arc;
 
@@ -19,25 +19,25 @@ row! {
         station: usize,
         /// Whether it has a measurement of its own.
         verdict: PairingVerdict,
-        /// Why not.
+        /// Why it has none; `None` where it has one.
         reason: Option<Unpaired>,
         /// Its start, ns of the controller's clock.
         start_ns: i64,
         /// Its end, ns of the controller's clock.
         end_ns: i64,
-        /// The joints, as the controller names them.
+        /// The joints, by the controller's names.
         joint_names: Arc<[String]>,
         /// Mean reported joint angles, rad.
         joints_rad: Vec<f64>,
-        /// Samples that they are the mean of.
+        /// Number of samples in the mean.
         joint_samples: usize,
-        /// Joint angles of the command, rad, where they could be found.
+        /// Joint angles of the command, rad; `None` where they could not be found.
         commanded_joints_rad: Option<Vec<f64>>,
         /// Commanded position of the tool point, frame of commands, mm.
         command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
         /// Commanded orientation, x y z w.
         command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
-        /// The target's name, where a table drove the session to one.
+        /// Name of the target; `None` unless a table drove the session to one.
         target: Option<String>,
         /// The target, mm.
         target_at as [target_x_mm, target_y_mm, target_z_mm]: Option<[f64; 3]>,
@@ -60,9 +60,9 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Readings of the dwell.
+        /// Number of readings of the dwell.
         readings: Option<usize>,
-        /// Of them, those that the position is the mean of.
+        /// Number of them in the mean position.
         readings_kept: Option<usize>,
         /// First of them, ns of the tracker's clock.
         first_reading_ns: Option<i64>,
@@ -76,20 +76,20 @@ row! {
 /// Whether a dwell has a measurement of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PairingVerdict {
-    /// It has.
+    /// It has one.
     Paired,
-    /// None.
+    /// It has none.
     Unmeasured,
-    /// Several could be its.
+    /// Several measurements could belong to it.
     Ambiguous,
 }
 
-/// Why a dwell has none.
+/// The reason why a dwell has no measurement of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unpaired {
     /// No measurement, and why.
     Unmeasured(Unmeasured),
-    /// Several could be its.
+    /// Several measurements could belong to it.
     SeveralCandidates,
 }
 
@@ -159,7 +159,7 @@ pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
         .collect()
 }
 
-/// The dwell and its one reading, without its command: sessions with several sources or targets never come to be published.
+/// The dwell and its one reading, without its command: sessions with several sources or targets are never published.
 fn measured(station: &Station) -> StationRow {
     let reading = station.one_reading();
     let point = reading.and_then(|reading| reading.value.point());
@@ -192,7 +192,7 @@ fn measured(station: &Station) -> StationRow {
     }
 }
 
-/// Reported angles plus the settling error, carried from axis variables to joint angles.
+/// Reported angles plus the settling error, converted from axis variables to joint angles.
 fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>> {
     let joints_from_axes = axes_from_joints(arm)
         .try_inverse()

@@ -1,4 +1,4 @@
-//! Every table of a small run written, read back, and held against what it was made of.
+//! Every table of a small run written, read back, and compared with its source.
 
 mod example;
 mod models;
@@ -45,7 +45,7 @@ fn table<R: Row>(rows: Vec<R>) -> Table {
     R::table(rows, &key()).unwrap().table
 }
 
-/// That rows read from the file of their table are those that made it.
+/// Checks that rows read from the file of their table are those that made it.
 fn assert_read_back<R: Row + PartialEq + std::fmt::Debug>(lake: &Lake, rows: &Rows<R>) {
     let table = lake.read(R::TABLE, &key()).unwrap();
     assert_eq!(R::read(&table), rows.rows, "{}", R::TABLE);
@@ -55,7 +55,7 @@ fn assert_read_back<R: Row + PartialEq + std::fmt::Debug>(lake: &Lake, rows: &Ro
 fn as_schema<R: Row>() -> &'static str {
     let schema = R::schema();
     let fields = R::columns();
-    // Robot, session and run stand beside the rows, or are fields of their own.
+    // Robot, session and run are outside the rows, or are fields of their own.
     let has_key = schema.columns[0].name == schema::KEY_COLUMNS[0];
     let keys = if !has_key || fields[0].name == schema::KEY_COLUMNS[0] {
         0
@@ -154,7 +154,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
         assert_eq!(&lake.read(&table.schema().table, &key()).unwrap(), table);
         assert!(table.rows() > 0, "{}", table.schema().table);
     }
-    // What is read back from a file is the rows that made it, in their table's order.
+    // Rows read back from a file are those that made it, in their table's order.
     assert_read_back(&lake, &session.stations);
     assert_read_back(&lake, &session.rejects);
     assert_read_back(&lake, &session.clocks);
@@ -233,7 +233,7 @@ fn what_came_in_was_kept_or_rejected() {
     assert_eq!(dwells.read, 45, "3 × 5 × 3 nodes");
     let lost = dwells.rejected["no_readings"];
     assert!(lost > 0);
-    // The rejects name what the counts count: 3 messages, 64 bytes, 4 readings, and each lost dwell.
+    // The rejects name the counted items: 3 messages, 64 bytes, 4 readings, and each lost dwell.
     let table = table(rejects::rows(&OUTCOME.training[0]));
     let sum = |kind: &str| -> i64 {
         rows(&table, "kind", kind)
@@ -255,7 +255,7 @@ fn stations_carry_their_verdict_and_their_command() {
     assert!(table.f64("x_mm").is_null(lost) && table.i64("readings").is_null(lost));
     let paired = rows(&table, "verdict", "paired")[0];
     assert!(table.text("reason").is_null(paired) && table.f64("x_mm").is_valid(paired));
-    // The commanded angles bring the nominal tool where the command has it, as far as the regularised step goes.
+    // The commanded angles bring the nominal tool to the command, as far as the regularised step goes.
     let joints = table.list("commanded_joints_rad").value(paired);
     let joints: Vec<f64> = joints.as_primitive::<Float64Type>().values().to_vec();
     let tool = ARM.flange(&joints).isometry() * Point3::new(25.0, -40.0, 100.0);
@@ -283,8 +283,8 @@ fn parameters_say_what_is_identifiable() {
         ];
         assert!((table.f64("identified").value(row) - parts[0] - parts[1]).abs() < 1e-9);
     }
-    // Of 45 stations in one tool orientation some parameters stay where the prior has them: the last joint's length and
-    // the target trade.
+    // From 45 stations in one tool orientation some parameters stay at their prior: the last joint's length and the target
+    // trade.
     let geometric = rows(&table, "model", "geometric");
     let weak = geometric
         .iter()
@@ -297,7 +297,7 @@ fn parameters_say_what_is_identifiable() {
         .filter(|&&row| table.text("quantity").value(row) == "command_weight")
         .count();
     assert_eq!(full.len(), geometric.unknowns.len() + weights);
-    // Parameters of the full error model have the spread that its own covariance says.
+    // Parameters of the full error model have the standard errors of its own covariance.
     let full_model = OUTCOME.full.as_ref().unwrap();
     let variance = full_model.covariance_of(&[3])[(0, 0)];
     assert!((table.f64("standard_error").value(full[3]) - variance.sqrt()).abs() < 1e-15);
@@ -338,7 +338,7 @@ fn a_saved_full_model_predicts_as_the_model_did() {
         );
         assert!((here - then).norm() < 1e-12 * here.norm(), "{here} {then}");
     }
-    // Text gives numbers back to the last digit or the one before.
+    // Text restores numbers to the last digit or the one before.
     for (back, there) in again.parts.iter().zip(&model.parts) {
         assert_eq!((back.name, back.kept), (there.name, there.kept));
         assert!((back.gain - there.gain).abs() <= 1e-12 * there.gain.abs());
@@ -417,7 +417,7 @@ fn joint_errors_are_those_of_the_model() {
     let row = table.rows() / 2;
     let joint = usize::try_from(table.i64("joint").value(row)).unwrap() - 1;
     let angle = table.f64("angle_rad").value(row);
-    // What joint j does wrong is what its curve adds to the rows of a pose there: by the columns' own coefficients.
+    // The error of joint j is the contribution of its curve to the rows of a pose there: by the columns' own coefficients.
     let coefficients = full
         .coefficients(crate::fit::full::layout::Block::Curve(joint))
         .unwrap();
@@ -451,7 +451,7 @@ fn compensation_is_stated_in_the_frame_of_commands() {
     assert!((found - Vector3::new(-error.y, error.x, error.z)).norm() < 1e-12);
     assert!((table.f64("error_cov_xx_mm2").value(node) - covariance[(1, 1)]).abs() < 1e-15);
     assert!((table.f64("error_sd_mm").value(node) - covariance.trace().sqrt()).abs() < 1e-12);
-    // As the stations used have it: where the joints were, and the target of base and target alone.
+    // As in the stations: the joint ranges, and the target of base and target alone.
     let lists =
         ["joint_lower_rad", "joint_upper_rad"].map(|column| table.list(column).value(node).len());
     assert_eq!(lists, [context().arm.joints().len(); 2]);
@@ -589,7 +589,7 @@ fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
         .iter()
         .map(|&row| table.text("name").value(row))
         .collect();
-    // In the order of the schema.s names.
+    // In the order of the schema's names.
     assert_eq!(names, ["AP_p", "AP_a", "vAP_p"]);
     let (accuracy, angle, missing) = (own[0], own[1], own[2]);
     assert_eq!(table.text("unit").value(angle), "rad");

@@ -1,4 +1,4 @@
-//! What a result is valid for: stated in the pipeline file, and the temperatures met while measuring.
+//! The conditions that a result is valid for: those stated in the pipeline file, and the temperatures while measuring.
 
 use std::collections::BTreeSet;
 
@@ -24,7 +24,7 @@ pub(super) fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
     extremes(met)
 }
 
-/// The arm configurations of the stations learnt from, in order; none of an arm without six axes.
+/// The arm configurations of the stations learnt from, in order; empty for an arm without six axes.
 pub(super) fn configurations(outcome: &Outcome<'_>) -> Vec<String> {
     let error_frame = &outcome.error_frame;
     let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());

@@ -1,4 +1,4 @@
-//! Enumerations ↔ the words that the schemas allow, each pair once; and how frames and covariances stand in columns.
+//! Enumerations ↔ the words that the schemas allow, each pair once; and the columns of frames and covariances.
 
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 
@@ -10,7 +10,7 @@ use crate::io::table::{Word, words};
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
-/// Whether a tolerance is met; where that is not shown, the reason stands in a column of its own.
+/// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TableVerdict {
     /// It is.
@@ -21,7 +21,7 @@ pub enum TableVerdict {
     NotShown,
 }
 
-/// What part the stations of a split had in the fit.
+/// The part of the stations of a split in the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// They were fitted to.
@@ -139,13 +139,13 @@ impl From<Split> for Role {
 }
 
 impl Unit {
-    /// The unit of this name; none is 1.
+    /// The unit with this name; without a name it is 1.
     pub(super) fn named(name: &str) -> Self {
         Self::of_word(name).unwrap_or(Self::One)
     }
 }
 
-/// Why a verdict is not shown.
+/// The reason why a verdict is not shown.
 pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
     match verdict {
         Verdict::NotShown(reason) => Some(reason),
@@ -153,17 +153,17 @@ pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
     }
 }
 
-/// x y z w.
+/// The quaternion x y z w.
 pub(in crate::io) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     rotation.coords.into()
 }
 
-/// x y z, mm, and x y z w.
+/// The position x y z, mm, and the quaternion x y z w.
 pub(super) fn placement(isometry: &Isometry3<f64>) -> ([f64; 3], [f64; 4]) {
     (isometry.translation.vector.into(), xyzw(&isometry.rotation))
 }
 
-/// xx xy xz yy yz zz.
+/// The upper triangle xx xy xz yy yz zz.
 pub(in crate::io) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
 }

@@ -12,15 +12,15 @@ use super::names::NamesProblem;
 use crate::io::schema::SchemaError;
 use crate::io::table::FileError;
 
-/// Why a file of targets cannot be read.
+/// The reason why a file of targets cannot be read.
 #[derive(Debug, Error)]
 pub enum TargetsError {
     /// What is wrong with the file.
     #[error("{}", kind.message(path))]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         kind: TargetsErrorKind,
     },
     /// Not a Parquet file of targets.
@@ -31,44 +31,44 @@ pub enum TargetsError {
     Schema(#[from] SchemaError),
 }
 
-/// What is wrong with a file of targets.
+/// The fault in a file of targets.
 #[derive(Debug)]
 pub enum TargetsErrorKind {
-    /// None of the forms there are.
+    /// The extension is none of the known forms.
     UnknownForm,
-    /// No row.
+    /// The file has no row.
     Empty,
-    /// A form that does not hold what a session is judged by.
+    /// A form that lacks what a session is judged by.
     NotDriving,
-    /// Corrections of a table that corrects nothing: the table's name in the file.
+    /// The corrections are by a table that corrects nothing: the table's name in the file.
     NotOfATable(String),
-    /// A number that is none.
+    /// A number that is not finite.
     NotANumber {
         /// The row, from 0.
         row: usize,
-        /// Its target.
+        /// Name of the target.
         target: String,
     },
-    /// Corrections of more than one table.
+    /// The corrections are by more than one table.
     SeveralTables,
     /// Not a CSV file, or one that cannot be read: the reader's error.
     Csv(csv::Error),
-    /// Not a JSON text, or one of another shape: the reader's error.
+    /// Not a JSON text, or one of another structure: the reader's error.
     Json(serde_json::Error),
     /// A file that cannot be read, is none, or is too large.
     Read(io::Error),
-    /// Columns that every target needs.
+    /// A column that every target needs is missing.
     MissingColumns {
-        /// The columns.
+        /// Names of the missing columns.
         missing: Vec<String>,
         /// The column names in the file's first line.
         found: Vec<String>,
     },
     /// Columns of joint angles that do not belong together: what is wrong with them.
     Angles(String),
-    /// Columns whose names do not say which is which.
+    /// Names of columns that are ambiguous.
     Names(NamesProblem),
-    /// A file that holds no targets as a whole.
+    /// The file as a whole is wrong.
     Whole(RowProblem),
     /// A row with a wrong value.
     Row(Place, RowProblem),

@@ -12,7 +12,7 @@ use crate::io::schema;
 use crate::io::table::{self, Row as _, Table, row};
 
 row! {
-    /// A target as somebody else's file states it; parts of a position and of a quaternion may be missing, which is told later.
+    /// A target as stated in another program's file; missing parts of a position or a quaternion are reported later.
     pub struct TargetRow of "targets" {
         /// Its name.
         target: String,

@@ -1,4 +1,4 @@
-//! Cells of a plan's tables that several sections have.
+//! Cells of a plan's tables that several sections use.
 
 use maud::{Markup, html};
 
@@ -10,7 +10,8 @@ pub(super) fn robots_head() -> Markup {
     html! { th { "Robots that meet it" } th { "At least" } }
 }
 
-/// How many robots meet the tolerance, and which share that shows at least; nothing where none could be judged.
+/// The number of robots that meet the tolerance, and the least share of all robots that it shows; dashes where none could
+/// be judged.
 pub(super) fn robots(figure: &FigureRow) -> Markup {
     html! {
         @if figure.judged == 0 {

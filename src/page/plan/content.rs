@@ -1,4 +1,4 @@
-//! What a plan's page tells: the rows of its published tables, and what the plan says besides.
+//! The content of a plan's page: the rows of its published tables, and the plan's statements that no table has.
 
 use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
 use crate::io::tables::sampling_plan::VisitRow;
@@ -17,18 +17,18 @@ pub struct Content {
     pub figures: Vec<FigureRow>,
     /// `sampling_plan`, in the order of visits.
     pub visits: Vec<VisitRow>,
-    /// Candidates in and out.
+    /// Numbers of candidates read, kept and rejected.
     pub counts: Vec<Count>,
-    /// What the plan was made from.
+    /// Files, version and settings that the plan was made from.
     pub provenance: Provenance,
 }
 
-/// What a plan says besides its tables.
+/// The statements of a plan that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The work.
+    /// The inputs and settings of the plan.
     pub work: &'a Work,
-    /// Candidates in and out.
+    /// Numbers of candidates read, kept and rejected.
     pub counts: &'a [StageCount],
     /// Tables written.
     pub written: &'a [Written],

@@ -16,7 +16,7 @@ const DESIGNS: [Kind; 4] = [
     Kind::Random,
     Kind::DOptimal,
 ];
-/// The look of what the model itself expects.
+/// The look of the error model's own expectation.
 const EXPECTED: usize = 4;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -26,12 +26,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let first = rows.first()?;
     Some(html! {
         p {
-            "Here no grid stands between: the full error model is identified from the measured poses, and its predictions from commands "
+            "No grid is used here: the full error model is identified from the measured poses, and its predictions from commands "
             "alone correct fresh poses. " em { "Greedy variance" } " chooses each next pose where it lowers the model's own predicted variance over the box "
-            "most; what the model expects beside it was known before any robot was drawn. Figures are of " (first.robots) " simulated robots."
+            "most; the model's own expectation was known before any robot was drawn. Figures are of " (first.robots) " simulated robots."
         }
         div.pair {
-            figure { (means(&rows)) figcaption { "Mean error, mean over robots, beside what the model itself expects." } }
+            figure { (means(&rows)) figcaption { "Mean error, mean over robots, with the model's own expectation." } }
             figure { (bounds(content, &rows)) figcaption { "Bound that the asked share of robots stays below, with the asked confidence." } }
         }
         (all_rows(content, &rows))
@@ -128,8 +128,8 @@ fn all_rows(content: &Content, rows: &[&FigureRow]) -> Markup {
     html! {
         (super::table(&head, &body))
         p.note {
-            "Expected: what the error model says before measuring, from the sizes of errors that it allows any arm. Far above what the "
-            "robots gave it is cautious, below it promises too much; the plan's promise rests on the robots."
+            "Expected: the error model's statement before measuring, from the sizes of errors that it allows any arm. If it is far above "
+            "the robots' errors it is cautious, if below it promises too much; the plan's promise is based on the robots."
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What else a grid depends on: where its nodes lie, how the tool is turned, mixed configurations, singularities near by.
+//! Other influences on a grid: the place of its nodes, the turn of the tool, mixed configurations, near singularities.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +25,7 @@ const STUDIES: [Study; 4] = [
         varied: FigureStudy::GridShift,
         heading: "Place of the grid",
         axis: ("grid moved along each axis", "steps"),
-        says: "The same step with its nodes elsewhere, judged inside all such grids.",
+        says: "One step with its nodes at different places, judged inside all these grids.",
     },
     Study {
         varied: FigureStudy::OrientationMismatch,
@@ -41,7 +41,7 @@ const STUDIES: [Study; 4] = [
     },
     Study {
         varied: FigureStudy::SingularityDistance,
-        heading: "Singularities near by",
+        heading: "Near singularities",
         axis: ("least singularity factor, lower edge", ""),
         says: "Fresh poses by their distance to a singularity: 0 is in one.",
     },
@@ -114,7 +114,7 @@ fn is_drawn(row: &FigureRow) -> bool {
     row.interpolation == Some(DRAWN)
 }
 
-/// Which values have no figure, and which have figures of too few poses for a bound.
+/// A sentence on the values that have no figure, and on those with too few poses for a bound.
 fn missing(rows: &[&FigureRow]) -> String {
     let drawn = || rows.iter().filter(|row| is_drawn(row));
     let is_absent = |row: &FigureRow| row.refused == 0 && row.outside == 0;
@@ -174,6 +174,6 @@ fn all_rows(study: &Study, rows: &[&FigureRow]) -> Markup {
     };
     html! {
         (super::table(&head, &body))
-        p.note { "Judged: robots with enough fresh poses for a bound; where there are none, no robot is said to meet the tolerance or not." }
+        p.note { "Judged: robots with enough fresh poses for a bound; where there are none, it is not shown whether robots meet the tolerance." }
     }
 }

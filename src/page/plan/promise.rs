@@ -1,4 +1,4 @@
-//! The head of the page: what the plan promises, in words, and what has to be measured for it.
+//! The head of the page: the plan's promise, and the poses that have to be measured for it.
 
 use maud::{Markup, html};
 
@@ -9,7 +9,7 @@ use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::page::verdict::{fact, mm};
 use crate::page::words::{fixed, percent, whole};
 
-/// What becomes of the tolerance, as the tables show it.
+/// Whether the plan meets the tolerance, as the tables show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Status {
     Met,
@@ -18,7 +18,7 @@ enum Status {
 }
 
 impl Status {
-    /// As the row of `runs` has it: with too few robots for a bound nothing is shown.
+    /// The status in the row of `runs`: with too few robots for a bound nothing is shown.
     fn of(content: &Content) -> Self {
         let bound = content.promise().and_then(|own| own.promised_bound_mm);
         match (found(content), bound) {
@@ -28,7 +28,7 @@ impl Status {
         }
     }
 
-    /// Class, sign and headline; the sign tells them apart without colour too.
+    /// Class, sign and headline; the sign distinguishes them without colour too.
     const fn words(self) -> (&'static str, &'static str, &'static str) {
         match self {
             Self::Met => ("met", "✓", "The plan meets the tolerance"),
@@ -42,7 +42,7 @@ impl Status {
     }
 }
 
-/// What the planned session gave on simulated robots.
+/// The figures of the planned session on simulated robots.
 fn found(content: &Content) -> Option<&FigureRow> {
     let mut rows = content.figures.iter();
     rows.find(|row| row.study == FigureStudy::Promise)
@@ -61,8 +61,8 @@ pub(super) fn header(content: &Content) -> Markup {
                 (facts(content, promise))
             }
             p.note {
-                "Promised, not measured: robots were drawn from what the pipeline file expects, measured as planned, fitted and "
-                "compensated by the code that works on real sessions. A session that carries the plan's id is held against this promise."
+                "Promised, not measured: robots were drawn as the pipeline file expects them, measured as planned, fitted and "
+                "compensated by the code that works on real sessions. A session that carries the plan's id is compared with this promise."
             }
         }
     }
@@ -83,7 +83,7 @@ fn sentence(promise: &VisitRow) -> Markup {
     }
 }
 
-/// What the simulated robots show of the tolerance.
+/// A sentence on how many simulated robots meet the tolerance.
 fn shown(content: &Content, promise: &VisitRow, status: Status) -> Markup {
     let at_least = found(content).map(|row| row.share_at_least);
     html! {

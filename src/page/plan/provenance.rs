@@ -1,4 +1,4 @@
-//! Provenance: what the plan was made from, which tables it wrote, and how to read them.
+//! Provenance: the files and settings that the plan was made from, the tables it wrote, and how to read them.
 
 use maud::{Markup, html};
 
@@ -16,7 +16,7 @@ pub(super) fn section(content: &Content) -> Markup {
         }
         p.note {
             "The plan's id follows from inputs, settings and version. Name it in " code { "[report] plan" } ", or in the log's metadata record "
-            code { "session" } " as " code { "plan" } ", and the session's report says what became of the promise."
+            code { "session" } " as " code { "plan" } ", and the session's report states whether the promise was kept."
         }
         h3 { "Inputs" }
         (files(&provenance.inputs, "Bytes"))
@@ -34,14 +34,14 @@ pub(super) fn reading_section(content: &Content) -> Markup {
     );
     html! {
         p {
-            "Every figure on this page is in the plan's tables, Parquet files " code { "TABLE/ROBOT/plan/RUN.parquet" } " beside it: "
-            code { "sampling_plan" } " is the session, pose by pose, " code { "plan_figures" } " what it follows from. With DuckDB, for one:"
+            "Every figure on this page is in the plan's tables, Parquet files " code { "TABLE/ROBOT/plan/RUN.parquet" } " next to it: "
+            code { "sampling_plan" } " is the session, pose by pose, " code { "plan_figures" } " the figures that it follows from. With DuckDB, for example:"
         }
         pre { (query) }
         p {
-            "Errors are of fresh poses, against the simulated truth without the tracker's noise. A robot meets the tolerance where the "
+            "Errors are of fresh poses, relative to the simulated truth without the tracker's noise. A robot meets the tolerance where the "
             "distribution-free bound on its own errors does; " em { "at least" } " is the share of all robots that is shown to, by Clopper and "
-            "Pearson. " code { "posegrid schema TABLE" } " says what each column is."
+            "Pearson. " code { "posegrid schema TABLE" } " describes each column."
         }
     }
 }

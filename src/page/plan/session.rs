@@ -1,4 +1,4 @@
-//! The session: where the poses lie, in which order they are visited, and what an early end would leave.
+//! The session: the places of the poses, the order of their visits, and the expected error of a session that ends early.
 
 use maud::{Markup, html};
 
@@ -7,9 +7,9 @@ use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::page::words::{self, fixed, whole};
 use crate::report::chart::{Axis, Chart, Marks, Series};
 
-/// Visits that are listed at most; the table has all.
+/// Most visits that are listed; the table has all.
 const MOST_LISTED: usize = 500;
-/// Places that one purpose is drawn with at most: more hide each other.
+/// Most places of one purpose that are drawn: more would hide each other.
 const MOST_DRAWN: usize = 400;
 /// Projections of the work space: name, across, upwards.
 const VIEWS: [(&str, usize, usize); 3] = [
@@ -27,12 +27,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             (whole(visits.len() as u64)) " visits in an order of short joint travel. On poses to " em { "identify" } " the model is fitted; those to "
-            em { "verify" } " take no part in it and hold the promise to account; ringed poses are visited " em { "again" } ", for the drift of the base."
+            em { "verify" } " take no part in it and test the promise; ringed poses are visited " em { "again" } ", for the drift of the base."
         }
         div.pair {
             @for view in VIEWS { figure { (view_of(visits, view)) figcaption { (view.0) ", frame of commands; each axis has a scale of its own." } } }
             figure { (early_end(visits)) figcaption {
-                "What the model expects to be left once so many poses are measured, in the order they were chosen: a session that has to end "
+                "Error that the model expects once this number of poses is measured, in the order they were chosen: a session that has to end "
                 "early keeps the first by " code { "chosen_as" } "."
             } }
         }
@@ -41,7 +41,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             summary { "Every visit in order" }
             (rows(content))
             @if visits.len() > MOST_LISTED {
-                p.note { "The first " (MOST_LISTED) " of " (whole(visits.len() as u64)) "; all of them stand in " code { "sampling_plan" } "." }
+                p.note { "The first " (MOST_LISTED) " of " (whole(visits.len() as u64)) "; all of them are in " code { "sampling_plan" } "." }
             }
         }
     })
@@ -79,13 +79,13 @@ fn view_of(visits: &[VisitRow], (name, across, up): (&str, usize, usize)) -> Mar
     .svg()
 }
 
-/// The root of the variance that is left, against how many poses are measured.
+/// The root of the remaining variance, against the number of measured poses.
 fn early_end(visits: &[VisitRow]) -> Markup {
     let point = |visit: &VisitRow| {
         let measured = visit.chosen_as? + 1;
         Some([measured as f64, visit.variance_left_mm2?.sqrt()])
     };
-    // A visit again for drift is of a pose that was chosen: once is enough.
+    // A visit for drift repeats a chosen pose, which counts once.
     let own = visits.iter().filter(|visit| visit.repeats.is_none());
     let mut points: Vec<[f64; 2]> = own.filter_map(point).collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -100,7 +100,7 @@ fn early_end(visits: &[VisitRow]) -> Markup {
     .svg()
 }
 
-/// Candidates in and out.
+/// Numbers of candidates read, kept and rejected.
 fn counts(content: &Content) -> Markup {
     html! {
         @for count in &content.counts {

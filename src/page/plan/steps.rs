@@ -1,4 +1,4 @@
-//! The uniform grid: what each step leaves on simulated robots, and the largest that holds.
+//! The uniform grid: the errors that each step leaves on simulated robots, and the largest step that holds.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         p { (sentence(chosen)) }
         p {
             "Each robot's grid is measured at the table's orientation, and positions between its nodes are corrected by it. Means and "
-            "95th percentiles are means over robots; the bound is what the asked share of robots stays below, with the asked confidence."
+            "95th percentiles are means over robots; the bound is the value that the share of robots asked for stays below, with the confidence asked for."
         }
         div.pair {
             figure { (chart(content, &steps, &own, chosen)) figcaption { (caption(shown, &own)) } }

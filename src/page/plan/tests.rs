@@ -1,4 +1,4 @@
-//! The page of a small plan, with names that would break a careless one.
+//! The page of a small plan, with names that would break a page that does not escape them.
 
 use std::collections::BTreeMap;
 

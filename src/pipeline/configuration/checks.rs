@@ -1,6 +1,6 @@
-//! Numbers of a pipeline file that cannot be, found before a log is opened.
+//! Invalid numbers of a pipeline file, found before a log is opened.
 //!
-//! Each check is a key, its value and what would do; the first that fails is the error.
+//! Each check is a key, its value and the allowed values; the first that fails is the error.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -16,17 +16,17 @@ use crate::io::message;
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
 use crate::similarity::SimilaritySettings;
 
-/// A key whose value cannot be.
+/// A key with an invalid value.
 pub(in crate::pipeline) struct Wrong {
     key: String,
     found: String,
     wanted: String,
 }
 
-/// Whether a value can be, and if not, why.
+/// The outcome of a check.
 pub(in crate::pipeline) type Check = Result<(), Wrong>;
 
-/// Checks everything that needs no other file than this one; `joints` is how many the arm has.
+/// Checks everything that needs only this file; `joints` is the number of joints of the arm.
 pub(super) fn check(
     path: &Path,
     file: &PipelineFile,
@@ -49,7 +49,7 @@ pub(super) fn check(
     Ok(())
 }
 
-/// What is wrong with the file at `path`.
+/// The error of an invalid value in the file at `path`.
 pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
     ConfigurationError::Setting {
         path: path.to_owned(),
@@ -95,7 +95,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     limits(&file.limits)
 }
 
-/// Which fields of messages are named, and how.
+/// Checks the fields of messages that are named.
 fn mapping(file: &PipelineFile, joints: usize) -> Check {
     let of_section = |section: &'static str| {
         move |fields: WrongFields| Wrong {
@@ -319,7 +319,7 @@ fn limits(limits: &Limits) -> Check {
     Ok(())
 }
 
-/// The key of the first number in a file that is none: TOML knows `nan` and `inf`, settings do not.
+/// The key of the first number in a file that is not finite: TOML allows `nan` and `inf`, settings do not.
 pub(super) fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
     let inside = |key: String, value: &toml::Value| {
         let (inner, found) = not_a_number(value)?;

@@ -1,4 +1,4 @@
-//! What can be wrong with a pipeline file: what, where, and what to try.
+//! Errors of a pipeline file, with advice.
 
 use std::io;
 use std::path::PathBuf;
@@ -30,29 +30,29 @@ pub enum ConfigurationError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// A value that cannot be.
+    /// An invalid value.
     #[error("{}: {key} = {found}, but it has to be {wanted}", path.display())]
     Setting {
         /// The file.
         path: PathBuf,
         /// Section and key.
         key: String,
-        /// What stands there.
+        /// The value found.
         found: String,
-        /// What would do.
+        /// The values that are allowed.
         wanted: String,
     },
-    /// A key that another one needs.
+    /// A key is missing that another one needs.
     #[error("{}: {key} is missing: {reason}", path.display())]
     Missing {
         /// The file.
         path: PathBuf,
         /// Section and key.
         key: &'static str,
-        /// Who needs it, and what to do.
+        /// The key that needs it, and advice.
         reason: &'static str,
     },
-    /// A placement that cannot be.
+    /// An invalid placement.
     #[error("{}: {key}: {source}", path.display())]
     Placement {
         /// The file.
@@ -62,7 +62,7 @@ pub enum ConfigurationError {
         /// Why.
         source: PlacementError,
     },
-    /// A setting of the join that cannot be.
+    /// An invalid setting of the join.
     #[error("{}: {source}", path.display())]
     Join {
         /// The file.
@@ -71,7 +71,7 @@ pub enum ConfigurationError {
         source: Box<JoinError>,
     },
     /// The robot file cannot be read.
-    #[error("cannot read the robot file {}, which {} names under [robot] file: {source}; nominal arms stand in pipelines/robots/", robot.display(), path.display())]
+    #[error("cannot read the robot file {}, which {} names under [robot] file: {source}; nominal arms are in pipelines/robots/", robot.display(), path.display())]
     Robot {
         /// The pipeline file.
         path: PathBuf,
@@ -88,7 +88,7 @@ pub enum ConfigurationError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// The robot file's arm cannot be.
+    /// The robot file's arm is invalid.
     #[error("{}: {source}", robot.display())]
     Arm {
         /// The robot file.
@@ -106,39 +106,39 @@ pub enum ConfigurationError {
         /// Why.
         source: io::Error,
     },
-    /// A session that is not there, or not whole.
+    /// A session is missing or incomplete.
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
     Session {
         /// The session.
         session: String,
-        /// What is missing.
+        /// The missing part.
         reason: String,
-        /// Where it was looked for.
+        /// The folder that was searched.
         folder: PathBuf,
-        /// What is there.
+        /// The sessions there.
         found: Vec<String>,
     },
-    /// A session named twice, or to learn from and to judge.
+    /// A session is named twice, or both to learn from and to judge.
     #[error(
         "session {session:?} is named {how}: a session is learnt from or judges, once; take one out"
     )]
     NamedTwice {
         /// The session.
         session: String,
-        /// Where both.
+        /// The two places.
         how: &'static str,
     },
-    /// Nothing to do.
+    /// There is no session to learn from.
     #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
     NoSessions {
-        /// Where was looked.
+        /// The folder that was searched.
         folder: PathBuf,
-        /// What makes one.
+        /// The definition of a session.
         wanted: String,
-        /// What stands there and is none.
+        /// Folders and files there that are no session.
         left_out: Vec<String>,
     },
-    /// The settings cannot be written down.
+    /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
     /// The place of the tables, or of the sessions, cannot be used.
@@ -163,7 +163,7 @@ fn besides(left_out: &[String]) -> String {
 }
 
 impl ConfigurationError {
-    /// Whether the same may go well another time: nothing is wrong with the pipeline file.
+    /// Whether the same file may work later: it has no fault.
     pub const fn is_worth_a_retry(&self) -> bool {
         matches!(self, Self::Store(error) if error.is_worth_a_retry())
     }

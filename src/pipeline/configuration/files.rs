@@ -7,7 +7,7 @@ use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
 
-/// What the files say.
+/// The contents of the files.
 #[derive(Debug)]
 pub struct Files {
     /// The pipeline file.

@@ -1,8 +1,8 @@
-//! The files in a folder that a name or a pattern of `[input]` stands for.
+//! The files in a folder that match a name or a pattern of `[input]`.
 //!
-//! A pattern is a path in the folder whose last part may hold `*` (any letters) and `?` (one letter), as recorders number
-//! the files of a split recording, and `{session}` once, for the session's name. Every pattern has to find a file, and none
-//! may find a file twice.
+//! A pattern is a path in the folder whose last part may hold `*` (any letters) and `?` (one letter), since recorders
+//! number the files of a split recording, and `{session}` once, for the session's name. Every pattern has to match a file,
+//! and no two may match the same file.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -11,16 +11,16 @@ use std::path::{Path, PathBuf};
 use super::tree::Tree;
 use crate::pipeline::file::{LogNames, SESSION_PLACE};
 
-/// Why one side of a session has no files.
+/// The reason why one side of a session has no files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Lack {
-    /// They are not there, or not yet.
+    /// They do not exist, or not yet.
     Absent(String),
-    /// They cannot be told.
+    /// They are ambiguous.
     Wrong(String),
 }
 
-/// The files of one side, by name; or what the folder lacks.
+/// The files of one side, by name; an error states what the folder lacks.
 pub(super) fn find(tree: &Tree, folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
@@ -34,7 +34,7 @@ pub(super) fn find(tree: &Tree, folder: &Path, names: &LogNames) -> Result<Vec<P
     Ok(found)
 }
 
-/// The file that may or may not be there, by name; or why it is not one.
+/// The file that may or may not exist, by name; an error where there is more than one.
 pub(super) fn at_most_one(
     tree: &Tree,
     folder: &Path,
@@ -51,7 +51,7 @@ pub(super) fn at_most_one(
     }
 }
 
-/// The files of one side of every session, by the name that `{session}` stands for.
+/// The files of one side of every session, by the name in the place of `{session}`.
 pub(super) fn find_named(
     tree: &Tree,
     folder: &Path,
@@ -83,7 +83,7 @@ pub(super) fn find_named(
     Ok(sides)
 }
 
-/// Every file that fits a pattern without `{session}`, if there is any.
+/// Every file that matches a pattern without `{session}`, if there is any.
 pub(super) fn all(tree: &Tree, folder: &Path, names: &LogNames) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
@@ -129,7 +129,7 @@ fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf
         .collect())
 }
 
-/// Files that fit a pattern with `{session}`, and what it stands for in each.
+/// Files that match a pattern with `{session}`, and the name in its place in each.
 fn named(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
@@ -145,7 +145,7 @@ fn named(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<(String, P
         .collect())
 }
 
-/// The files of a folder with the letters of their names, by name; none where there is no folder.
+/// The files of a folder with the letters of their names, by name; empty where there is no folder.
 fn files(tree: &Tree, folder: &Path) -> io::Result<Vec<(Vec<char>, PathBuf)>> {
     let mut paths = match tree.entries(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -160,12 +160,12 @@ fn letters(text: &str) -> Vec<char> {
     text.chars().collect()
 }
 
-/// A hidden file is a temporary of some program; a pattern has to say that it means it.
+/// A hidden file is a temporary of some program; only a pattern that begins with a dot matches it.
 fn shown(name: &[char], pattern: &[char]) -> bool {
     name.first() != Some(&'.') || pattern.first() == Some(&'.')
 }
 
-/// The shortest part of a name, and of those the first, with which what stands before and behind it fits.
+/// The shortest part of a name, and of those the first, for which the parts before and after it match.
 fn between(before: &[char], after: &[char], name: &[char]) -> Option<String> {
     let ends = |length: usize| (0..=name.len() - length).map(move |start| (start, start + length));
     let mut parts = (1..=name.len()).flat_map(ends);
@@ -174,7 +174,7 @@ fn between(before: &[char], after: &[char], name: &[char]) -> Option<String> {
     Some(name[start..end].iter().collect())
 }
 
-/// Whether a name fits a pattern; each `*` first stands for nothing, then for one letter more at a time.
+/// Whether a name matches a pattern; each `*` first matches nothing, then one letter more at a time.
 fn fits(pattern: &[char], name: &[char]) -> bool {
     let (mut p, mut n) = (0, 0);
     let mut retry = None;
@@ -212,7 +212,7 @@ mod tests {
         assert!(fits("arm_*.mcap", "arm_0.mcap") && fits("arm_*.mcap", "arm_.mcap"));
         assert!(fits("arm_?.mcap", "arm_ü.mcap") && !fits("arm_?.mcap", "arm_10.mcap"));
         assert!(!fits("arm_*.mcap", "arm_0.mcap.zst") && fits("arm_*.mcap*", "arm_0.mcap.zst"));
-        // The first place of "ab" is not the one that fits.
+        // The first place of "ab" is not the matching one.
         assert!(fits("*ab?", "abab1") && !fits("*ab", "abab1") && fits("**", ""));
     }
 

@@ -1,9 +1,10 @@
-//! Sessions: which are learnt from and which judge, in which pieces of work, and which have to wait.
+//! Sessions: those to learn from and those that judge, their pieces of work, and those that have to wait.
 //!
 //! 1. `found` looks into the folder of `[input]`; a log that is still being written makes its session wait (`growing`).
-//! 2. Named sessions, or all, become pieces of work, alone or pooled. A pool learns from those that are ready; when one
-//!    more is, that is other work.
-//! 3. What waits or is bad is set aside with its reason, and stops no other; a judge that is not ready stops those it judges.
+//! 2. Named sessions, or all, become pieces of work, alone or pooled. A pool learns from the sessions that are ready; with
+//!    one more it is other work.
+//! 3. Sessions that wait or are bad are set aside with the reason, and stop no other; a judge that is not ready stops those
+//!    that it judges.
 
 mod found;
 mod growing;
@@ -31,7 +32,7 @@ pub struct SessionFiles {
     pub corrected: Option<PathBuf>,
 }
 
-/// One piece of work: what one run learns from and is judged on.
+/// One piece of work: the sessions that one run learns from and is judged on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WorkPiece {
     /// The session of its tables, or `pooled`.
@@ -42,37 +43,37 @@ pub struct WorkPiece {
     pub test: Vec<SessionFiles>,
 }
 
-/// What stands among the sessions and is none, and why.
+/// A folder or file among the sessions that is no session, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     /// The name of the folder or file.
     pub name: String,
-    /// What it lacks.
+    /// The missing part.
     pub reason: String,
 }
 
-/// A session that there is no piece of work for, now.
+/// A session without a piece of work at present.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SetAside {
     /// Its name.
     pub session: String,
     /// Why.
     pub why: Why,
-    /// How many pieces are listed before it.
+    /// Number of pieces listed before it.
     pub before: usize,
 }
 
-/// Why a session is set aside, in words.
+/// The reason why a session is set aside, as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Why {
     /// It is still being written, or one side is not there yet: a later run has it.
     Waits(String),
-    /// It cannot be used as it is.
+    /// It cannot be used.
     Bad(String),
 }
 
 impl Why {
-    /// In words, whichever.
+    /// The reason as text.
     pub fn reason(&self) -> &str {
         match self {
             Self::Waits(reason) | Self::Bad(reason) => reason,
@@ -87,7 +88,7 @@ impl Why {
     }
 }
 
-/// The pieces of work, and what there is none for.
+/// The pieces of work, and the sessions without one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listed {
     pub pieces: Vec<WorkPiece>,
@@ -134,12 +135,12 @@ pub(super) fn list(
     Ok(Listed {
         pieces,
         set_aside,
-        // What is no session matters only where every session of the folder is asked for.
+        // Entries that are no session matter only where every session of the folder is asked for.
         left_out: named.map_or(found.left_out, |_| Vec::new()),
     })
 }
 
-/// Names have `{session}` in their last part where sessions are found by it, and nowhere else.
+/// Checks that names have `{session}` in their last part where sessions are found by it, and nowhere else.
 fn name_sessions(
     path: &Path,
     key: &str,
@@ -181,7 +182,7 @@ fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {
     others.cloned().collect()
 }
 
-/// The pieces of what is ready, and the rest.
+/// The pieces of the sessions that are ready, and the other sessions.
 fn pieces(pool: Pool, training: &[Session], judges: &[Session]) -> (Vec<WorkPiece>, Vec<SetAside>) {
     let (mut pieces, mut set_aside) = (Vec::new(), Vec::new());
     let mut ready: Vec<SessionFiles> = Vec::new();
@@ -224,7 +225,7 @@ fn pieces(pool: Pool, training: &[Session], judges: &[Session]) -> (Vec<WorkPiec
     (pieces, set_aside)
 }
 
-/// A session that judges, or why those that it would judge have no work.
+/// A session that judges; an error states why those that it would judge have no work.
 fn judge(session: &Session) -> Result<SessionFiles, Why> {
     let not_yet = |why: &Why| why.map(|reason| format!("{} judges it: {reason}", session.name));
     session.files().map_err(not_yet)
@@ -269,7 +270,7 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), ConfigurationErro
     Ok(())
 }
 
-/// Why there is nothing to do, and nothing to wait for.
+/// The error where there is nothing to do and nothing to wait for.
 fn nothing(
     folder: &Path,
     input: &InputSection,

@@ -1,7 +1,7 @@
-//! Where sessions are looked for: a folder, or a prefix on object storage as it was listed once.
+//! The tree in which sessions are searched: a folder, or a prefix on object storage as it was listed once.
 //!
-//! What stands on object storage is looked up by its address in the form of a path, which leads nowhere: such a file is
-//! fetched under a name of our own before it is read ([`crate::pipeline::fetch`]).
+//! A file on object storage is looked up by its address in the form of a path, which cannot be opened: it is fetched under
+//! a generated name before it is read ([`crate::pipeline::fetch`]).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use crate::io::store::{self, Listed, Place, Store, StoreError};
 
-/// A log stands in its session's folder, or a few folders below it.
+/// Depth of a log: in its session's folder, or a few folders below it.
 const LEVELS: RangeInclusive<usize> = 1..=8;
 
 /// Files and folders.
@@ -30,7 +30,7 @@ pub enum Tree {
 }
 
 impl Tree {
-    /// The tree to look into for what is at a place.
+    /// The tree for a place.
     pub fn at(place: &Place) -> Result<Self, StoreError> {
         if place.as_path().is_some() {
             return Ok(Self::Folder);
@@ -60,7 +60,7 @@ impl Tree {
         }
     }
 
-    /// What is in a folder, by name.
+    /// The entries of a folder, by name.
     pub fn entries(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let mut paths: Vec<PathBuf> = match self {
             Self::Folder => fs::read_dir(folder)?

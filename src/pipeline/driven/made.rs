@@ -1,4 +1,4 @@
-//! What the lake has of the run that made a table, and what a session that the table drove is held against.
+//! The lake's tables of the run that made a table, for comparison with the session that the table drove.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use crate::kinematics::Arm;
 use crate::report::promise::Promise;
 use crate::report::{Angles, Model, Moment, Point, Split};
 
-/// What the lake has of the run that made a table.
+/// The lake's tables of the run that made a table.
 pub(super) struct TableRun {
     valid_for: Validity,
     calibrations: Table,
@@ -28,9 +28,9 @@ pub(super) struct TableRun {
 }
 
 impl TableRun {
-    /// Reads it; or why that cannot be: it is not there, or of another version.
+    /// Reads them; an error states that they are missing, or of another version.
     pub(super) fn read(driven: &Driven, lake: &Lake) -> Result<Result<Self, NotShown>, LakeError> {
-        // Of a run that another took the place of, the row may be all that was kept.
+        // For a run that another replaced, only the row may have been kept.
         for table in ["runs", driven.table.as_str(), "calibrations", "accuracy"] {
             if !lake.has(table, &driven.key)? {
                 return Ok(Err(NotShown::NoRun));
@@ -70,12 +70,12 @@ impl TableRun {
             .map_err(|wrong| NotShown::Unreadable(wrong.to_string())))
     }
 
-    /// What it promised.
+    /// The promise of the run.
     pub(super) fn promised(&self) -> Result<&Promise, NotShown> {
         self.promise.as_ref().ok_or(NotShown::NoPromise)
     }
 
-    /// The arm as the session identified it, held against the arm as the table's run did.
+    /// The arm as the session identified it, compared with the arm of the table's run.
     pub(super) fn compared(&self, outcome: &Outcome<'_>, arm: &Arm) -> Result<Judged, String> {
         let model = self.calibrations.text("arm_model").value(0);
         if model != arm.model() {
@@ -95,8 +95,8 @@ impl TableRun {
         }
     }
 
-    /// What the table is not valid for of what the session was run with, as `compensate` holds it; at the lowest and the highest
-    /// temperature that was met.
+    /// The conditions of the session that the table is not valid for, by the rules of `compensate`; at the lowest and the
+    /// highest measured temperature.
     pub(super) fn outside(&self, session: &JoinedSession, stated: &Conditions) -> Vec<Outside> {
         let stations = session.joined.stations.iter();
         let met = stations.filter_map(|station| station.one_reading()?.temperature_c);
@@ -115,7 +115,7 @@ impl TableRun {
     }
 }
 
-/// What a run predicted of the commands that this model corrects, by stations that took no part.
+/// The accuracy that a run predicted for commands corrected by this model, from stations that took no part.
 fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
     let own: Vec<&AccuracyRow> = figures
         .iter()

@@ -11,10 +11,10 @@ use crate::io::tables::past::{Figure, Kind, PastSession};
 use crate::io::tables::words::Unit;
 use crate::report::Model;
 
-/// Joint curves are given at every so many degrees.
+/// Step of the angles at which joint curves are given, degrees.
 const EVERY_DEG: f64 = 15.0;
 
-/// The figures of each session; and, in words, what of them could not be read.
+/// The figures of each session; and, as text, the figures that could not be read.
 pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {
     let read: Vec<(Vec<Figure>, Vec<String>)> = sessions
         .par_iter()
@@ -37,7 +37,7 @@ fn of_session(lake: &Lake, session: &PastSession) -> (Vec<Figure>, Vec<String>) 
 }
 
 fn charted(charted: &Charted) -> Figure {
-    // Accuracy figures are named by several words, columns of a model by one.
+    // Names of accuracy figures have several words, names of a model's columns one.
     let is_accuracy = charted.name.contains(' ');
     let is_angle = charted.name.contains("_r") || charted.name.starts_with("theta");
     let joint = charted

@@ -1,4 +1,4 @@
-//! Which runs take part, and in which order.
+//! The runs that take part, and their order.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -12,11 +12,11 @@ pub(super) struct CurrentRow {
     pub(super) place: PathBuf,
     /// BLAKE3 of the file.
     pub(super) digest: String,
-    /// What it says.
+    /// Contents of the row.
     pub(super) fact: Fact,
 }
 
-/// The current run of each session in order, and what is left out.
+/// The current run of each session in order, and the runs left out.
 pub(super) fn current(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     let (kept, mut left_out) = readable(rows);
     let last = last_of_each(&kept);
@@ -45,7 +45,7 @@ pub(super) fn current(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     (current, left_out)
 }
 
-/// The rows that could be read, and the others as left out.
+/// The readable rows, and the others as left out.
 fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
     for Row {
@@ -70,7 +70,8 @@ fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     (kept, left_out)
 }
 
-/// The current run of each session. Where two machines wrote at once several are replaced by none: the last by name counts.
+/// The current run of each session. Where two machines wrote at once several runs are replaced by none: the last by name
+/// counts.
 fn last_of_each(rows: &[CurrentRow]) -> BTreeMap<String, String> {
     let replaced: BTreeSet<(&str, &str)> = rows
         .iter()
@@ -87,7 +88,7 @@ fn last_of_each(rows: &[CurrentRow]) -> BTreeMap<String, String> {
 }
 
 impl CurrentRow {
-    /// The row as one that takes no part.
+    /// The row as a run that takes no part.
     pub(super) fn left_out(self, reason: Reason) -> LeftOut {
         LeftOut {
             place: self.place,
@@ -97,7 +98,7 @@ impl CurrentRow {
     }
 }
 
-/// Those from `since` to `until`; the others are left out.
+/// The rows from `since` to `until`; the others are left out.
 pub(super) fn within(
     rows: Vec<CurrentRow>,
     asked: &Asked,

@@ -1,7 +1,7 @@
-//! Every row of `runs` of a robot: its bytes' digest, and what the history needs of it.
+//! Every row of `runs` of a robot: its file's digest, and the facts that the history needs.
 //!
-//! Files are read whole and digested, in parallel. What a row says is taken from the summary where that has its digest, and
-//! read from the row and the session's table `clocks` otherwise. This is the one place that looks into the lake's folders.
+//! Files are read whole and digested, in parallel. The facts of a row are taken from the summary where that has its digest,
+//! and otherwise read from the row and the session's table `clocks`. Only this file looks into the lake's folders.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,11 +29,11 @@ pub(super) struct Row {
     pub(super) place: PathBuf,
     /// BLAKE3 of the file, hexadecimal; empty where it cannot be read.
     pub(super) digest: String,
-    /// What it says, or why it says nothing.
+    /// Facts of the row, or why it cannot be read.
     pub(super) fact: Result<Fact, String>,
 }
 
-/// What a row says, as far as the history needs it.
+/// The facts of a row that the history needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Fact {
     pub(super) key: RunKey,
@@ -49,7 +49,7 @@ pub(super) struct Fact {
     pub(super) tables: [String; 2],
 }
 
-/// What a run is of.
+/// The kind of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
     /// One session.
@@ -157,7 +157,7 @@ fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
     let expected = lake.path(schema, &claim.key);
     let expected = expected.map_err(|error| error.to_string())?;
     if expected.as_path() != Some(place) {
-        let reason = format!("it says of itself that it is {}", expected.display());
+        let reason = format!("its content is that of {}", expected.display());
         return Err(told(reason));
     }
     fact(lake, claim)
@@ -195,7 +195,7 @@ fn kind(claim: &Claim) -> Kind {
     }
 }
 
-/// First stamp of the session's controller log. Of a run that another took the place of, the row may be all that was kept.
+/// First stamp of the session's controller log. For a run that another replaced, only the row may have been kept.
 fn first_stamp(lake: &Lake, key: &RunKey) -> Result<Option<i64>, String> {
     let told = |error: LakeError| error.to_string();
     if !lake.has("clocks", key).map_err(told)? {

@@ -1,7 +1,7 @@
-//! One session's published tables → what the history asks of it.
+//! One session's published tables → the figures that the history needs.
 //!
-//! Each file is digested and held against the row of `runs` before it is believed. The model is the whole one where there is
-//! one, else the geometry. Figures are those of held-out stations where the session has them.
+//! Each file is digested and compared with the row of `runs` before it is used. The model is the full error model where
+//! there is one, otherwise the geometry. Figures are those of held-out stations where the session has them.
 
 use std::fs::File;
 use std::path::Path;
@@ -21,7 +21,7 @@ use crate::io::tables::words::Role;
 use crate::manifest::digest;
 use crate::report::{Angles, BaseRefit, Model, Point, Split};
 
-/// What one session says; or, in words, why it says nothing.
+/// The figures of one session; or, as text, why there are none.
 pub(super) fn read(lake: &Lake, fact: &Fact) -> Result<SessionFigures, String> {
     let calibrations = checked(lake, fact, "calibrations", &fact.tables[0])?;
     let accuracy = checked(lake, fact, "accuracy", &fact.tables[1])?;
@@ -40,7 +40,7 @@ pub(super) fn read(lake: &Lake, fact: &Fact) -> Result<SessionFigures, String> {
     })
 }
 
-/// A table whose file is the one that the run wrote.
+/// A table whose file is the one that the run wrote; an error otherwise.
 fn checked(lake: &Lake, fact: &Fact, name: &str, expected: &str) -> Result<Table, String> {
     let schema = schema::find(name).map_err(|error| error.to_string())?;
     let path = lake
@@ -51,7 +51,7 @@ fn checked(lake: &Lake, fact: &Fact, name: &str, expected: &str) -> Result<Table
         digest_of(&path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     if found != expected {
         return Err(format!(
-            "{} is not what the run wrote: its digest is {found}, the row of runs says {expected}; see posegrid verify",
+            "{} is not what the run wrote: its digest is {found}, the row of runs states {expected}; see posegrid verify",
             path.display()
         ));
     }
@@ -62,7 +62,7 @@ fn digest_of(path: &Path) -> std::io::Result<String> {
     Ok(digest(File::open(path)?)?.0)
 }
 
-/// The best model's estimate, and which model it is.
+/// The best model's estimate, and the name of the model.
 pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Estimate), String> {
     let rows = CalibrationRow::read(calibrations);
     let text = |kind: Model| {

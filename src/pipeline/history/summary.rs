@@ -1,9 +1,10 @@
-//! The summary of a robot's history: what was judged before, so that ten thousand sessions need not be read again.
+//! The summary of a robot's history: earlier judgements, so that ten thousand sessions need not be read again.
 //!
-//! A file `.history/ROBOT.jsonl` in the lake's folder, beside the tables and no part of them: a first line with a digest of the
-//! rest, a line for each row of `runs`, one for each session judged, and the state that the next session is judged from. It is believed only as
-//! far as the digests of the rows of `runs` in it are those of today, and those rows hold the digests of every table
-//! that was read. Numbers are kept to the last bit. Damaged, or of another version, it is made again.
+//! A file `.history/ROBOT.jsonl` in the lake's folder, next to the tables and no part of them: a first line with a digest
+//! of the other lines, a line for each row of `runs`, one for each judged session, and the state from which the next
+//! session is judged. It is used only as far as the digests of the rows of `runs` in it are those of today, and those rows
+//! hold the digests of every table that was read. Numbers are kept to the last bit. A damaged summary, or one of another
+//! version, is computed again.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -22,28 +23,28 @@ use crate::io::lake::Lake;
 use crate::io::whole_file::replace_whole;
 use crate::manifest::VERSION;
 
-/// Raised when the lines or what they mean change.
+/// Version of the lines and of their meaning; raised by any change.
 const FORMAT: u32 = 2;
 
-/// What was judged before.
+/// Earlier judgements.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Summary {
-    /// What each row of `runs` says, by the digest of its file.
+    /// The facts of each row of `runs`, by the digest of its file.
     pub(super) facts: BTreeMap<String, Fact>,
     /// The sessions judged, in order.
     pub(super) entries: Vec<Entry>,
     /// The state after the last of them.
     pub(super) session_history: SessionHistory,
-    /// Whether sessions behind the last row were cut off, so that the state is not that after the last.
+    /// Whether sessions after the last row were cut off: then the state is not the one after the last session.
     pub(super) is_cut: bool,
 }
 
-/// A session judged.
+/// A judged session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Entry {
     /// Digest of its row in `runs`.
     pub(super) digest: String,
-    /// What was said of it, or why it could not be read.
+    /// Its judgement, or why it could not be read.
     pub(super) judged: Result<Judged, String>,
 }
 
@@ -63,7 +64,7 @@ enum Line {
 }
 
 impl Summary {
-    /// The summary of the robot whose rows are in `folder`; an empty one where there is none that can be believed.
+    /// The summary of the robot whose rows are in `folder`; an empty one where none can be used.
     pub(super) fn read(lake: &Lake, folder: &Path) -> Self {
         let text = input::text(&place(lake, folder), Bound::TABLE).unwrap_or_default();
         Self::parse(&text).unwrap_or_default()
@@ -93,8 +94,8 @@ impl Summary {
         Some(summary)
     }
 
-    /// The same where its sessions are the first of `rows`; nothing where they are not, or where one that could not be read
-    /// `is_readable` by now.
+    /// The part of the summary whose sessions are the first of `rows`; empty where they are not, or where a session that
+    /// could not be read `is_readable` by now.
     pub(super) fn up_to(
         mut self,
         rows: &[CurrentRow],
@@ -106,13 +107,13 @@ impl Summary {
         if !rows.iter().zip(&self.entries).all(same) {
             return Self::default();
         }
-        // The state is that after the last: with fewer rows nothing follows any more, and nothing may be kept.
+        // The state is the one after the last session: with fewer rows no session can follow it, and it is not kept.
         self.is_cut = self.entries.len() > rows.len();
         self.entries.truncate(rows.len());
         self
     }
 
-    /// Writes the summary, whole or not at all.
+    /// Writes the summary, completely or not at all.
     pub(super) fn write(&self, lake: &Lake, folder: &Path) -> io::Result<()> {
         let path = place(lake, folder);
         let beside = path.parent().expect("a summary stands in a folder");
@@ -144,7 +145,7 @@ impl Head {
     }
 }
 
-/// Named as the robot's folder is, whose name is encoded.
+/// The summary's path, named like the robot's folder, whose name is encoded.
 fn place(lake: &Lake, folder: &Path) -> PathBuf {
     let mut name = folder.file_name().unwrap_or(OsStr::new("robot")).to_owned();
     name.push(".jsonl");

@@ -1,4 +1,4 @@
-//! The cell as a pipeline file states it → what a plan is made with.
+//! The cell as a pipeline file states it → the settings of a plan.
 
 use std::path::Path;
 
@@ -60,7 +60,7 @@ impl<'p> Placed<'p> {
         })
     }
 
-    /// Everything that the plan follows from.
+    /// All settings that the plan follows from.
     pub(super) fn settings(
         &self,
         arm: &Arm,
@@ -183,7 +183,7 @@ impl<'p> Placed<'p> {
     }
 }
 
-/// The instrument as simulated sessions have it.
+/// The instrument in the form of simulated sessions.
 fn tracker(uncertainty: &TrackerUncertainty) -> TrackerErrors {
     let simulated = TrackerErrors::adm();
     TrackerErrors {

@@ -1,4 +1,4 @@
-//! Counts, angles, sizes and shares of a `[plan]` section that cannot be.
+//! Invalid counts, angles, sizes and shares of a `[plan]` section.
 
 use std::path::Path;
 
@@ -7,12 +7,12 @@ use crate::pipeline::configuration::checks::{Check, each, not_negative, told, wr
 use crate::plan::section::{Expect, PlanSection};
 use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 
-/// More robots or poses than this are a slip of the pen.
+/// Most robots or poses: a larger number is a mistake.
 const MOST: usize = 100_000;
-/// More poses than this are no session.
+/// Most poses of a session.
 const MOST_POSES: usize = 2000;
 
-/// The first value of the section that cannot be, for an arm of `joints` joints.
+/// Finds the first invalid value of the section, for an arm of `joints` joints.
 pub(super) fn check(
     path: &Path,
     section: &PlanSection,

@@ -1,4 +1,4 @@
-//! `[plan.known]` → the arm as a past run identified it, held against the plan's own.
+//! `[plan.known]` → the arm as a past run identified it, checked against the plan's own.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,13 +20,14 @@ use crate::manifest::RunKey;
 use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
 use crate::plan::{KnownArm, PlanSettings};
 
-/// A target that sits further from where it sat is another one, mm: weak priors let it trade that much with the last link.
+/// Largest change of the target's position at which it counts as the same, mm: weak priors let it trade that much with the
+/// last link.
 const SAME_PLACE_MM: f64 = 10.0;
 
-/// Why a past session cannot take the place of the prior.
+/// The reason why a past session cannot replace the prior.
 #[derive(Debug, Error)]
 pub enum KnownError {
-    /// Not one of the two ways to name it.
+    /// Both or none of the two ways to name it are given.
     #[error(
         "{}: [plan.known] names {found}: give either calibrations (the file of a past run) or session (whose current run in the \
          lake is taken)", path.display()
@@ -34,7 +35,7 @@ pub enum KnownError {
     Named {
         /// The pipeline file.
         path: PathBuf,
-        /// What is given.
+        /// The keys that are given.
         found: &'static str,
     },
     /// The lake has no run of that session.
@@ -64,15 +65,15 @@ pub enum KnownError {
     /// The lake cannot be read.
     #[error("[plan.known]: {0}")]
     Lake(#[from] LakeError),
-    /// The program does not know its own table.
+    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// A run with several sources or targets.
+    /// The run has several sources or targets.
     #[error("[plan.known]: {}: {source}", path.display())]
     Several {
         /// The table.
         path: PathBuf,
-        /// How many of each.
+        /// Number of each.
         source: Several,
     },
     /// The past session does not fit this plan.
@@ -80,49 +81,49 @@ pub enum KnownError {
     Misfit {
         /// The table.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch.
         kind: KnownMisfit,
     },
 }
 
-/// Why the arm of a past session is not the one to plan for.
+/// The reason why the arm of a past session is not the one to plan for.
 #[derive(Debug)]
 pub enum KnownMisfit {
-    /// A table of another robot.
+    /// The table is of another robot.
     OtherRobot {
-        /// Its robot.
+        /// Robot of the table.
         found: String,
-        /// The plan's.
+        /// Robot of the plan.
         wanted: String,
     },
-    /// An arm of another number of joints.
+    /// The arm has another number of joints.
     Joints {
-        /// Joints there.
+        /// Number of joints of the table's arm.
         found: usize,
-        /// Joints of the plan's arm.
+        /// Number of joints of the plan's arm.
         wanted: usize,
     },
-    /// Another nominal arm.
+    /// The nominal arms differ.
     OtherNominal {
-        /// The model there.
+        /// Model name of the table's arm.
         found: String,
-        /// The plan's.
+        /// Model name of the plan's arm.
         wanted: String,
-        /// What differs.
+        /// The part that differs.
         what: &'static str,
     },
-    /// A run without the full error model.
+    /// The run has no full error model.
     GeometryAlone,
-    /// A target in another place.
+    /// The target is in another place.
     OtherTarget {
         /// Where it sat, mm on the flange.
         found: [f64; 3],
-        /// Where it will sit.
+        /// Its position in the plan, flange frame, mm.
         wanted: [f64; 3],
-        /// How far that is.
+        /// Distance between the two, mm.
         away_mm: f64,
     },
-    /// Rounding.
+    /// The covariance cannot be factored because of rounding.
     NotPositive,
 }
 
@@ -172,7 +173,7 @@ impl KnownMisfit {
     }
 }
 
-/// Where the table is that `[plan.known]` names.
+/// Place of the table that `[plan.known]` names.
 pub(super) fn table(
     path: &Path,
     base: &Path,
@@ -209,7 +210,7 @@ fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownEr
     path.ok_or(KnownError::Remote { table })
 }
 
-/// The arm that the table at `path` knows, in the session that is planned.
+/// The arm in the table at `path`, in the planned session.
 pub(super) fn read(
     path: &Path,
     arm: &Arm,

@@ -1,10 +1,12 @@
-//! A plan held against the session while it is being measured: what its stations so far promise, and what to measure next.
+//! A plan compared with the session while it is measured: the promise of the stations so far, and the poses to measure
+//! next.
 //!
 //! Inputs: the plan in the lake, the logs so far of a session of the pipeline file's `[input]`. Output: [`SoFar`]; nothing
-//! is published, as the session is not whole.
+//! is published, since the session is not complete.
 //! 1. The logs are read and joined by the code of `run`.
-//! 2. Stations are matched with planned poses; those that verify take no part.
-//! 3. The full error model of the others, from what is known of the arm where the plan has that, promises ([`enough`]).
+//! 2. Stations are matched with planned poses; verification poses take no part.
+//! 3. The full error model of the others, started from the known arm where the plan has one, gives the promise
+//!    ([`enough`]).
 
 use std::path::Path;
 
@@ -27,28 +29,28 @@ use crate::plan::{Outcomes, Placer, PlanError, compare};
 use crate::progress::Progress;
 use crate::report::promise::is_same_pose;
 
-/// What a session so far comes to.
+/// The state of a session that is being measured.
 #[derive(Debug)]
 pub struct SoFar {
     /// The plan.
     pub plan: RunKey,
-    /// Stations that were measured and take part.
+    /// Number of measured stations that take part.
     pub identify: usize,
-    /// Stations at poses that verify: they take no part.
+    /// Number of stations at verification poses: they take no part.
     pub verify: usize,
     /// Dwells without a measurement.
     pub unmeasured: usize,
-    /// Planned poses that identify.
+    /// Number of planned identification poses.
     pub planned: usize,
-    /// What is promised if no more were measured.
+    /// The promise if no more poses were measured.
     pub promise: Outcomes,
-    /// Planned poses to measure next, by name, where that is not enough.
+    /// Names of planned poses to measure next; empty where the stations are enough.
     pub next: Vec<String>,
     /// Whether those are expected to be enough.
     pub next_are_enough: bool,
 }
 
-/// Why a session cannot be held against its plan.
+/// The reason why a session cannot be compared with its plan.
 #[derive(Debug, Error)]
 pub enum SoFarError {
     /// There is no plan yet.
@@ -62,7 +64,7 @@ pub enum SoFarError {
         run: String,
     },
     /// The stations so far determine nothing.
-    #[error("session {session}: {source}; measure on")]
+    #[error("session {session}: {source}; measure more poses")]
     Fit {
         /// The session.
         session: String,
@@ -71,7 +73,7 @@ pub enum SoFarError {
     },
     /// The full error model is switched off, or could not be factored.
     #[error(
-        "session {session}: there is no full error model of it, which alone knows what it does not know: [fit.full] enabled = true"
+        "session {session}: there is no full error model of it, the only model that states its own uncertainty: set [fit.full] enabled = true"
     )]
     NoModel {
         /// The session.
@@ -80,7 +82,7 @@ pub enum SoFarError {
 }
 
 impl Planning {
-    /// Holds the stations so far of `session` against the plan that the pipeline file at `path` makes.
+    /// Compares the stations so far of `session` with the plan that the pipeline file at `path` makes.
     pub fn so_far(
         &self,
         path: &Path,
@@ -218,7 +220,7 @@ impl Planning {
         compare::region_axes(&self.arm, &placer, &self.settings)
     }
 
-    /// Of the planned poses that are left, those to measure next.
+    /// The poses to measure next, from the planned poses that are left.
     fn next(
         &self,
         model: &FullModel,

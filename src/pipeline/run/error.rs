@@ -1,4 +1,4 @@
-//! Why a piece of work has no result.
+//! The reasons why a piece of work has no result.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ use crate::pipeline::damage::DamageError;
 use crate::pipeline::fetch::FetchError;
 use crate::pipeline::stages::StageError;
 
-/// Why a piece of work has no result.
+/// The reason why a piece of work has no result.
 #[derive(Debug, Error)]
 pub enum RunError {
     /// An input cannot be digested.
@@ -25,7 +25,7 @@ pub enum RunError {
         /// Why.
         source: std::io::Error,
     },
-    /// A recording that would count twice.
+    /// A recording would count twice.
     #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
     SameTwice {
         /// Session and side.
@@ -44,7 +44,7 @@ pub enum RunError {
         /// Why.
         source: Box<RunError>,
     },
-    /// Neither the pipeline file nor the logs name the robot.
+    /// The robot is named neither in the pipeline file nor in the logs.
     #[error(
         "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
     )]
@@ -57,7 +57,7 @@ pub enum RunError {
     Damaged {
         /// The session.
         session: String,
-        /// What was lost.
+        /// The loss.
         damage: DamageError,
     },
     /// The logs cannot be joined.
@@ -68,10 +68,10 @@ pub enum RunError {
         /// Why.
         source: Box<JoinError>,
     },
-    /// A stage after the join.
+    /// A stage after the join has no result.
     #[error(transparent)]
     Stage(#[from] StageError),
-    /// What drove a session cannot be read.
+    /// The corrected targets that drove a session cannot be read.
     #[error("session {session}: corrected targets: {source}")]
     Driving {
         /// The session.
@@ -88,18 +88,18 @@ pub enum RunError {
     /// The logs cannot be fetched.
     #[error(transparent)]
     Fetch(#[from] FetchError),
-    /// Any of these, of logs that were fetched, in words that name what they are copies of.
+    /// Any of these errors, for logs that were fetched, as text that names the originals.
     #[error("{words}")]
     Copied {
-        /// The session whose fault it is, where it is one's.
+        /// The session that caused it; `None` where no single one did.
         session: Option<String>,
-        /// What is wrong.
+        /// The error as text.
         words: String,
     },
 }
 
 impl RunError {
-    /// The session whose fault it is, where it is one's.
+    /// The session that caused it; `None` where no single one did.
     pub fn session(&self) -> Option<&str> {
         match self {
             Self::OfSession { session, .. } => Some(session),

@@ -1,4 +1,4 @@
-//! What a piece of work is made from, which gives it its name: files by their digests, settings, the robot.
+//! The inputs of a piece of work, which give it its name: files by their digests, settings, the robot.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use crate::io::log::read_metadata;
 use crate::manifest::{self, Input, Work};
 use crate::pipeline::configuration::{Configuration, SessionFiles, WorkPiece};
 
-/// The work's identity. A log is only looked into here where nothing else names the robot.
+/// The work's identity. A log is opened here only where neither the pipeline file nor the command line names the robot.
 pub(in crate::pipeline) fn work(
     configuration: &Configuration,
     piece: &WorkPiece,

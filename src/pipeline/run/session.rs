@@ -13,7 +13,7 @@ use crate::pipeline::configuration::{Configuration, SessionFiles};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
 
-/// Reads a session, and meanwhile writes its decoded samples, where they are to be published.
+/// Reads a session, and writes its decoded samples at the same time, where they are to be published.
 pub(super) fn read_for(
     configuration: &Configuration,
     files: &SessionFiles,

@@ -1,14 +1,15 @@
-//! Between-session variation of a station's error: how the joints came to it, and where the base stood.
+//! Between-session variation of a station's error: the approach direction of its joints, and the drift of the base.
 //!
-//! Held-out stations of one session were measured on the way that the session took: along a line of a grid two joints may
-//! always come from opposite sides, and the base drifts as it did that day. A target of another session is approached from
-//! elsewhere. The full error model says what both did to each station (its command–feedback weight, its drift), so that:
-//! 1. what the station's own settling errors and its own drift moved it by is taken out;
-//! 2. settling errors are put in that each joint had at some station of its own, joint by joint, and a drift as large as the
-//!    model finds it at a random time.
+//! Held-out stations of one session were measured along that session's path: along a line of a grid two joints may always
+//! approach from opposite sides, and the base drifts as it did in that session. In another session a target is approached
+//! from elsewhere. The full error model states the effect of both on each station (its command–feedback weight, its drift),
+//! so that:
+//! 1. the effects of the station's own settling errors and of its own drift are removed;
+//! 2. settling errors are added that each joint had at some station of its own, joint by joint, and a drift of the size
+//!    that the model finds, at a random time.
 //!
-//! Nothing is drawn: places and sizes are those of a sequence that fills the unit cube evenly (Richtmyer 1951), so that the
-//! same stations give the same bytes.
+//! No random numbers are drawn: places and sizes are those of a sequence that fills the unit cube evenly (Richtmyer 1951),
+//! so that the same stations give the same bytes.
 
 use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -19,11 +20,11 @@ use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
 use crate::io::tables::outcome::JoinedSession;
 
-/// Other days for each station.
+/// Number of simulated other sessions for each station.
 const DAYS: usize = 8;
 
-/// Gives the stations of `session` (`place` in the models) what they may have been on other days; as they are where
-/// there is no full error model.
+/// Gives the stations of `session` (`place` in the models) the changes of their errors that other sessions may bring; none
+/// where there is no full error model.
 pub(super) fn add_between_session_variation(
     stations: &mut [GridStation],
     session: &JoinedSession,
@@ -47,7 +48,7 @@ pub(super) fn add_between_session_variation(
     }
 }
 
-/// What the session's commands were sent with and fell short of, by station number.
+/// The settling errors of the session's stations (command minus feedback), by station number.
 fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
     let stations = session.joined.stations.iter();
     stations
@@ -63,7 +64,7 @@ struct OtherDays<'o> {
     place: usize,
     error_frame: &'o ErrorFrame<'o>,
     settling_errors: Vec<(usize, &'o [f64])>,
-    /// Standard deviation per axis of where the base stands some day.
+    /// Standard deviation per axis of the base's position in another session.
     day_mm: f64,
 }
 
@@ -86,7 +87,7 @@ impl OtherDays<'_> {
                         let other: Vec<f64> = (0..own.len())
                             .map(|joint| self.some(joint, even.next()))
                             .collect();
-                        // The command is the same: what is reported differs.
+                        // The command is the same: the reported angles differ.
                         let commanded = reported.iter().zip(own).map(|(axis, short)| axis + short);
                         let reported: Vec<f64> = commanded
                             .zip(&other)
@@ -100,7 +101,7 @@ impl OtherDays<'_> {
             .collect()
     }
 
-    /// What a joint fell short by at the station whose place among all is `share`.
+    /// The settling error of a joint at the station whose place among all is `share`.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -111,7 +112,7 @@ impl OtherDays<'_> {
         self.settling_errors[place.min(self.settling_errors.len() - 1)].1[joint]
     }
 
-    /// Where the model has the tool point, in the base frame, mm.
+    /// The position of the tool point by the model, in the base frame, mm.
     fn stands(
         &self,
         reported: &[f64],
@@ -135,14 +136,14 @@ impl OtherDays<'_> {
     }
 }
 
-/// One point of a sequence that fills the unit cube evenly, coordinate by coordinate: multiples of the roots of primes, which
-/// no fraction comes near (Richtmyer 1951).
+/// One point of a sequence that fills the unit cube evenly, coordinate by coordinate: multiples of the roots of primes,
+/// which no fraction approximates well (Richtmyer 1951).
 struct Even {
     number: f64,
     coordinate: usize,
 }
 
-/// Three axes of drift and thirteen joints; an arm of more joints would have the first coordinates again.
+/// For three axes of drift and thirteen joints; an arm with more joints would use the first coordinates again.
 const PRIMES: [f64; 16] = [
     2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
 ];
@@ -189,7 +190,7 @@ mod tests {
             let drawn = coordinate(skip);
             let mean = drawn.iter().sum::<f64>() / 2000.0;
             let variance = drawn.iter().map(|x| x * x).sum::<f64>() / 2000.0;
-            // Random numbers would be within 0.07 and 0.1 (three standard errors); even ones are nearer.
+            // Random numbers would be within 0.07 and 0.1 (three standard errors); those of the even sequence are closer.
             assert!(
                 mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02,
                 "{skip}: {mean} {variance}"

@@ -1,4 +1,4 @@
-//! A session that a table drove: what it says of that table.
+//! A session that a table drove: its judgement on that table.
 
 use nalgebra::Vector3;
 
@@ -10,7 +10,7 @@ use crate::io::tables::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::join::Station;
 use crate::report::driven::{self, DrivenStation};
 
-/// What the session says of the table that drove it; `None` where none did.
+/// The session's judgement on the table that drove it; `None` where none did.
 pub(super) fn judged(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,

@@ -1,5 +1,5 @@
-//! Accuracy figures of residuals, for the point that was measured and, where the pipeline file says where it is, for the tool
-//! tip.
+//! Accuracy figures of residuals, for the point that was measured and, where the pipeline file states its position, for the
+//! tool tip.
 
 use std::collections::BTreeMap;
 
@@ -16,13 +16,13 @@ use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
 };
 
-/// What figures are made from besides residuals.
+/// The inputs of figures other than residuals.
 pub(super) struct FigureMaker<'f> {
     pub(super) settings: &'f StageSettings,
     pub(super) training: &'f [JoinedSession],
     /// Base and target of each session that trained.
     pub(super) frames: &'f [FramePair],
-    /// Of the last session.
+    /// The error reference frame of the last session.
     pub(super) error_frame: &'f ErrorFrame<'f>,
     pub(super) stations: &'f [GridStation],
     pub(super) grids: &'f Grids,
@@ -50,7 +50,7 @@ impl FigureMaker<'_> {
         figures
     }
 
-    /// The same for the tool tip; none where the pipeline file does not say where it is.
+    /// Figures of all these sets for the tool tip; empty where the pipeline file does not state its position.
     pub(super) fn at_tip(
         &self,
         residuals: &[ResidualSet],
@@ -72,10 +72,10 @@ impl FigureMaker<'_> {
         figures
     }
 
-    /// Where the measured target of a set's session sits at the flange, mm.
+    /// Position of the measured target of a set's session at the flange, mm.
     fn target(&self, set: &ResidualSet) -> Vector3<f64> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
-        // An unseen session is predicted with the frames of the first.
+        // An unseen session is predicted with the frames of the first session.
         let place = self.training.iter().position(of_session).unwrap_or(0);
         self.frames[place]
             .flange_from_target
@@ -155,7 +155,7 @@ impl FigureMaker<'_> {
         }
     }
 
-    /// A table corrects the tool point and leaves orientations as they are commanded: the tip sees all of their error.
+    /// A table corrects the tool point and leaves orientations as commanded: the tip has all of their error.
     fn of_table_at_tip(&self, lever: Vector3<f64>) -> Accuracy {
         let turns = self.turns_by_station();
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
@@ -176,7 +176,7 @@ impl FigureMaker<'_> {
             }
         }
         let of = |errors: &PoseErrors| errors.bound(tolerance.coverage());
-        // Never less than what was seen.
+        // The bound is never less than the session's own.
         let bound =
             of(&by_pose).map(|own| of(&between_sessions).map_or(own, |other| own.max(other)));
         let counted = by_pose.counted();
@@ -196,7 +196,7 @@ impl FigureMaker<'_> {
         }
     }
 
-    /// How the flange stood against its command at each station of the last session, by station number.
+    /// The attained and the commanded orientation of the flange at each station of the last session, by station number.
     fn turns_by_station(&self) -> BTreeMap<usize, Turn> {
         let session = self.session();
         let turns = without_constant(&commanded_turns(session, self.error_frame), |_| true);

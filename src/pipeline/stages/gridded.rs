@@ -1,4 +1,4 @@
-//! Stations and models as the grid stage takes them.
+//! Stations and models in the form that the grid stage needs.
 
 use nalgebra::{Point3, Vector3};
 
@@ -10,7 +10,7 @@ use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::progress::Progress;
 
-/// The session's paired stations as grids see them: commanded tool poses, and what was attained against them.
+/// The session's paired stations for grids: commanded tool poses, and the errors relative to them.
 pub(super) fn grid_stations(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
@@ -31,7 +31,7 @@ pub(super) fn grid_stations(
     paired.zip(folds).filter_map(station).collect()
 }
 
-/// A station with its command and the place of the station that its pose is named by.
+/// A station with its command and the index of the station that names its pose.
 type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
 pub(super) fn grids<'m>(
@@ -44,7 +44,7 @@ pub(super) fn grids<'m>(
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
     let errors = |models: &'m Models| ToolErrors::new(models.best().1, session, error_frame);
-    // A fold that holds nothing out is never asked.
+    // A fold that holds no station out is never used.
     let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
     let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();
     let guard_mm = guard_mm(stations, error_frame, settings);

@@ -1,11 +1,11 @@
-//! ISO 9283's figures of every session: of its own stations, and of residuals against what was commanded.
+//! ISO 9283's figures of every session: of its own stations, and of residuals relative to the command.
 //!
-//! Commands and attained positions are held in one frame, the base as the subject has it:
-//! - base + target of a training session: its own fit, on all its stations; of another session: found from its first stations,
-//!   which take no part, as for every verdict;
-//! - raw command, and a session that a table drove: as their residuals have it;
-//! - the full error model from commands alone, on stations that took no part: what it would leave, which is predicted. Reported
-//!   angles hold errors against where the controller thinks it is, which is no command.
+//! Commands and attained positions are compared in one frame, with the base of the subject:
+//! - base + target of a training session: its own fit, on all its stations; of another session: found from its first
+//!   stations, which take no part, as for every verdict;
+//! - raw command, and a session that a table drove: the base of their residuals;
+//! - the full error model from commands alone, on stations that took no part: the error that it would leave, which is
+//!   predicted. Errors from reported angles are relative to the controller's own feedback, which is no command.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +24,7 @@ use crate::report::{
     Angles, BaseRefit, Model, Moment, Point, Residual, ResidualSet, Split, Subject,
 };
 
-/// What the figures are made of.
+/// The inputs of the figures.
 pub(super) struct Sources<'s> {
     pub(super) arm: &'s Arm,
     /// Base and target of each session that trained, as the nominal arm has them.
@@ -71,7 +71,7 @@ impl Sources<'_> {
         )
     }
 
-    /// The commands against the tool point, of all stations or of those after the `first`.
+    /// The commands compared with the tool point, at all stations or at those after the `first`.
     fn base_target(
         &self,
         visits: &Visits<'_>,
@@ -125,8 +125,8 @@ impl Sources<'_> {
         }
     }
 
-    /// A session that took no part in the training: the base, and the target where it has one of its own, from its first
-    /// stations. `None` where they do not span space.
+    /// The figures of a session that took no part in the training: the base, and the target where it has one of its own,
+    /// are found from its first stations. `None` where they do not span space.
     fn unseen(&self, visits: &Visits<'_>) -> Option<Iso9283> {
         let refit = self.settings.refit;
         let trained = *self.frames.first()?;
@@ -149,14 +149,14 @@ impl Sources<'_> {
             flange_from_target: Transform::claim(target),
             ..trained
         };
-        // How a target of its own is turned is not known: its orientations say nothing of the tool's.
+        // The orientation of a target of its own is not known: measured orientations do not show the tool's.
         let oriented = self.settings.noise.takes_orientations() && !refit.with_target;
         let error_frame =
             ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
         Some(self.base_target(visits, &error_frame, Some(first.len())))
     }
 
-    /// The figures of residuals that are held against a command, where they are evidence and poses were repeated.
+    /// The figures of residuals relative to a command, where they are evidence and poses were repeated.
     fn of_residuals(
         &self,
         set: &ResidualSet,
@@ -214,7 +214,7 @@ fn paired(
 /// The dwells of a session with the poses they went to.
 struct Visits<'s> {
     session: &'s JoinedSession,
-    /// For each station with a command the place of the first one at its pose.
+    /// For each station with a command the index of the first one at its pose.
     poses: Vec<Option<usize>>,
 }
 
@@ -255,11 +255,11 @@ impl<'s> Visits<'s> {
         named.collect()
     }
 
-    /// Why there is no pose with two visits.
+    /// The reason why there is no pose with two visits.
     fn why_none(&self) -> String {
         let commanded = self.poses.iter().flatten().count();
         if commanded == 0 {
-            return "no station has a command, and visits of one pose are told by their command"
+            return "no station has a command, and visits of one pose are found by their command"
                 .to_owned();
         }
         let firsts = self.poses.iter().enumerate();

@@ -1,4 +1,4 @@
-//! Models held against the stations that judge them.
+//! Models compared with the stations that judge them.
 
 use rayon::prelude::*;
 
@@ -16,8 +16,8 @@ use crate::report::evaluate::{self, RefitSettings, Stations};
 use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
-/// Observations up to which folds are trained side by side. A training holds its rows, some 32 KB an observation for six
-/// joints; of more observations it keeps all threads busy by itself.
+/// Most observations for which folds are trained in parallel. A training holds its rows, some 32 KB an observation for six
+/// joints; with more observations one training keeps all threads busy by itself.
 const SIDE_BY_SIDE: usize = 1500;
 
 /// The models of every fold that holds a station out, in fold order.
@@ -46,7 +46,7 @@ pub(super) fn train_folds(
     folds
 }
 
-/// Models and what judges them.
+/// Models and the stations that judge them.
 pub(super) struct Judged<'j> {
     pub(super) arm: &'j Arm,
     pub(super) observed: &'j Observed,
@@ -56,7 +56,7 @@ pub(super) struct Judged<'j> {
 }
 
 impl Judged<'_> {
-    /// Every way in which stations judge models: those that trained, blocks and sessions held out, sessions that only judge.
+    /// All ways in which stations judge models: training stations, blocks and sessions held out, sessions that only judge.
     pub(super) fn residuals(
         &self,
         test: &[JoinedSession],
@@ -73,7 +73,7 @@ impl Judged<'_> {
         Ok(residuals)
     }
 
-    /// What is left on the stations that trained, with what each of them counted for.
+    /// The residuals at the stations that trained, with the weight of each.
     fn own_sessions(&self) -> Vec<ResidualSet> {
         let of = |(place, session): (usize, &JoinedSession)| {
             let own = self.observed.own(place);

@@ -20,7 +20,7 @@ impl Observed {
             |(place, session): (usize, &JoinedSession)| observations(arm, place, session, settings);
         let all: Vec<Observation> = training.iter().enumerate().flat_map(own).collect();
         let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
-        // A pose stands where it was first visited, in whichever session, so that no block parts its visits.
+        // A pose is at the place of its first visit, in whichever session, so that no block separates its visits.
         let places = visits::poses(&dwells(training));
         let positions: Vec<Point3<f64>> = places.iter().map(|&first| positions[first]).collect();
         let folds = settings.fit.blocks.folds(&positions);
@@ -43,7 +43,7 @@ impl Observed {
         self.of_session(session).map(|(_, fold)| fold).collect()
     }
 
-    /// All other sessions, numbered anew.
+    /// The observations of all other sessions, with the sessions numbered again.
     pub(super) fn without_session(&self, session: usize) -> Vec<Observation> {
         let others = self.all.iter().filter(|o| o.session != session);
         let renumbered = others.map(|o| Observation {
@@ -63,7 +63,7 @@ impl Observed {
     }
 }
 
-/// The dwells that observations of all sessions are of, in their order.
+/// The dwells of the observations of all sessions, in their order.
 fn dwells(training: &[JoinedSession]) -> Vec<Dwell<'_>> {
     training.iter().flat_map(dwells_of).collect()
 }
@@ -89,7 +89,7 @@ pub(super) fn observations(
     observations
 }
 
-/// Where the nominal flange is: blocks are cut on it.
+/// Position of the nominal flange: blocks are cut by it.
 pub(super) fn flange_position(arm: &Arm, observation: &Observation) -> Point3<f64> {
     Point3::from(arm.chain().nominal(&observation.axes).translation.vector)
 }

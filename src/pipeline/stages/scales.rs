@@ -1,4 +1,4 @@
-//! The scale of each session that trained, and what a scale that is named does to verdicts.
+//! The scale of each training session, and its effect on verdicts where a scale is named.
 
 use super::StageSettings;
 use super::observed::Observed;
@@ -8,7 +8,7 @@ use crate::grid::{Grids, Verdict};
 use crate::io::tables::outcome::JoinedSession;
 use crate::report::Accuracy;
 
-/// The scales of all sessions that trained, in their order.
+/// The scales of all training sessions, in their order.
 pub(super) fn scales(
     observed: &Observed,
     models: &Models,
@@ -31,13 +31,13 @@ pub(super) fn scales(
     training.iter().enumerate().map(scale).collect()
 }
 
-/// Why no position is shown to be right: the sessions whose scale is named; `None` where none is.
+/// The reason why no position is shown to be right: the sessions whose scale is named; `None` where none is.
 pub(in crate::pipeline) fn named(scales: &[SessionScale]) -> Option<String> {
     let named: Vec<String> = scales.iter().filter_map(SessionScale::named).collect();
     (!named.is_empty()).then(|| named.join("; "))
 }
 
-/// Takes back every verdict that says that positions are right, where a scale is named: all of them were measured in its unit.
+/// Withdraws every verdict that positions are right, where a scale is named: all of them were measured in its unit.
 pub(super) fn withhold<'v>(
     scales: &[SessionScale],
     grids: &mut Grids,

@@ -1,11 +1,12 @@
-//! The error reference frame that a session's errors are stated in, as the pipeline file says where the base is.
+//! The error reference frame of a session's errors, by the base that the pipeline file states.
 //!
-//! - Surveyed: the base is where the survey says, so a corrected command brings the tool to where the program wants it in that frame.
-//! - Fitted: the base is where base + target put it, so the program's base has to be set to it.
+//! - Surveyed: the base is at its surveyed place, so a corrected command brings the tool to the place that the program
+//!   wants in that frame.
+//! - Fitted: the base is at the place found by base + target, so the program's base has to be set to it.
 //!
-//! Where the commanded point is the measured target, an error is that of the measured point: no lever stands between the two, and
-//! nothing of the tool's error is lost in a target that was fitted. Otherwise the lever comes from `[fit] target` in a surveyed
-//! frame, where it is stated, and from the fitted target elsewhere.
+//! Where the commanded point is the measured target, an error is that of the measured point: there is no lever between the
+//! two, and no part of the tool's error is lost in a fitted target. Otherwise the lever comes from `[fit] target` in a
+//! surveyed frame, where it is stated, and from the fitted target elsewhere.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -32,7 +33,7 @@ pub(super) fn error_frame<'a>(
     ErrorFrame::new(arm, frames, settings.flange_from_tool, oriented)
 }
 
-/// The measured target at the flange: its place as stated where it is, its orientation as fitted.
+/// The measured target at the flange: its stated place where there is one, its orientation as fitted.
 fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
     let fitted = fitted.flange_from_target.isometry();
     let is_tool = settings.target_is_tool == Some(true);
@@ -48,8 +49,8 @@ fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(place), fitted.rotation)
 }
 
-/// Expanded uncertainty (k = 2) that the survey of the base, and of the lever from target to tool, leave at a point so far from the
-/// base's origin, mm; 0 where the base is fitted.
+/// Expanded uncertainty (k = 2) that the survey of the base, and of the lever from target to tool, leave at a point at this
+/// distance from the base's origin, mm; 0 where the base is fitted.
 pub(super) fn expanded_uncertainty_mm(settings: &StageSettings, distance_mm: f64) -> f64 {
     let survey = |base: &SurveyedBase| base.expanded_uncertainty_mm(distance_mm);
     let Some(of_base) = settings.surveyed().map(survey) else {

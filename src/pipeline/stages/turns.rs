@@ -1,4 +1,4 @@
-//! How the flange stood at stations against how it was commanded to, where both are known; and why they are not.
+//! Attained and commanded orientations of the flange at stations, where both are known; and why they are not.
 
 use crate::fit::ErrorFrame;
 use crate::fit::commanded::{CommandedPose, Trust};
@@ -10,8 +10,8 @@ use crate::report::tip::Turn;
 
 use super::StageSettings;
 
-/// For each station of a session how the flange stood in the base of `error_frame`, and was commanded to stand. Commanded orientations
-/// that were not sent say nothing.
+/// For each station of a session the attained orientation of the flange in the base of `error_frame`, and the commanded
+/// one. Commanded orientations that were not sent are not used.
 pub(super) fn commanded_turns(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
@@ -29,7 +29,7 @@ pub(super) fn commanded_turns(
     stations.zip(&session.commanded.poses).map(turn).collect()
 }
 
-/// Why a model's residuals of a session have no turns.
+/// The reason why a model's residuals of a session have no turns.
 pub(super) fn why_no_turns(
     settings: &StageSettings,
     session: &JoinedSession,
@@ -38,7 +38,7 @@ pub(super) fn why_no_turns(
     let against_command = model.is_against_commands();
     Verdict::NotShown(match session.commanded.trust {
         _ if !settings.noise.takes_orientations() => {
-            "orientations were not taken into the fit; of a 6-DoF target they are with [fit] orientations = true and [tracker] \
+            "orientations were not taken into the fit; those of a 6-DoF target are with [fit] orientations = true and [tracker] \
              uncertainty.orientation_rad"
                 .to_owned()
         }
@@ -49,6 +49,6 @@ pub(super) fn why_no_turns(
         Trust::NoOrientations if against_command => {
             "the log has no commanded orientations, or [commanded] flange_from_tool is not given".to_owned()
         }
-        _ => "no orientation was measured: the target of the tracker's log is no 6-DoF one".to_owned(),
+        _ => "no orientation was measured: the target of the tracker's log is no 6-DoF target".to_owned(),
     })
 }

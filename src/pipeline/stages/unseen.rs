@@ -1,8 +1,9 @@
-//! Sessions that only judge: what each says of the full error model and of the published table, and whether it is of this arm.
+//! Sessions that only judge: the judgement of each on the full error model and on the published table, and whether it is of
+//! this arm.
 //!
-//! The table is stated in the frame of the session that it was made from. A test session is carried there by its first stations, as
-//! its base is found for every verdict: where the model has them, in that frame, they are aligned with where the tracker saw
-//! them. The stations after them judge; further visits of the poses they stood at do not.
+//! The table is stated in the frame of the session that it was made from. A test session is carried there by its first
+//! stations, in the way its base is found for every verdict: their predictions in that frame are aligned with the positions
+//! that the tracker measured. The stations after them judge; further visits of their poses do not.
 
 use std::collections::BTreeSet;
 
@@ -24,13 +25,13 @@ use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject,
 };
 
-/// What judges a run.
+/// The judges of a run.
 pub(super) struct Judges<'j> {
     pub(super) arm: &'j Arm,
     pub(super) models: &'j Models,
     /// Sessions that only judge.
     pub(super) test: &'j [JoinedSession],
-    /// The session that the table is for, in its place among those that trained, and its error reference frame.
+    /// The session that the table is for, its index among the training sessions, and its error reference frame.
     pub(super) own: (&'j JoinedSession, usize),
     pub(super) error_frame: &'j ErrorFrame<'j>,
     pub(super) settings: &'j StageSettings,
@@ -47,7 +48,7 @@ impl Judges<'_> {
         }
     }
 
-    /// The stations of a test session that judge, in the table's frame; none where its base cannot be found.
+    /// The stations of a test session that judge, in the table's frame; empty where its base cannot be found.
     fn stations(&self, session: &JoinedSession, errors: &ToolErrors<'_>) -> Vec<GridStation> {
         // Blocks are of training sessions: a test session is one whole.
         let folds = vec![0; session.joined.stations.len()];
@@ -62,7 +63,7 @@ impl Judges<'_> {
         stations
     }
 
-    /// The table's error reference frame as the first stations of a session see it from where their tracker stands.
+    /// The table's error reference frame, found from the first stations of a session and its tracker's place.
     fn carried(
         &self,
         session: &JoinedSession,
@@ -91,7 +92,7 @@ impl Judges<'_> {
             flange_from_target: Transform::claim(target),
             ..*self.error_frame.frames()
         };
-        // How a target of its own is turned is not known: its orientations say nothing of the tool's.
+        // The orientation of a target of its own is not known: measured orientations do not show the tool's.
         let oriented = self.settings.noise.takes_orientations() && !with_target;
         Some(ErrorFrame::new(
             self.arm,
@@ -101,7 +102,7 @@ impl Judges<'_> {
         ))
     }
 
-    /// The verdict of the run: of held-out blocks, and of every test session.
+    /// The verdict of the run: from held-out blocks, and from every test session.
     pub(super) fn verdict(
         &self,
         grids: &Grids,
@@ -136,9 +137,9 @@ impl Judges<'_> {
         RunVerdict::of(blocks.into_iter().chain(sessions).collect())
     }
 
-    /// What has to be known of a test session that the identified arm does not fit.
+    /// A remark on a test session that the identified arm does not fit; `None` where it fits.
     fn remark(&self, session: &JoinedSession, residuals: &[ResidualSet]) -> Option<String> {
-        // Without the full error model all that can be asked is whether it improves anything.
+        // Without the full error model the only question is whether the model improves anything.
         let full = self.models.full.is_some();
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
@@ -196,7 +197,7 @@ fn table_figure(row: &Judged, session: &str, guard_mm: f64) -> Accuracy {
     }
 }
 
-/// Median distances that the model and the nominal arm leave at the stations of a session.
+/// Median distances that the model and the nominal arm leave at the stations of a session, mm.
 fn left_by(
     residuals: &[ResidualSet],
     best: Model,

@@ -1,4 +1,4 @@
-//! Files against their digests: those that a run wrote, and those that it read.
+//! Files compared with their digests: those that a run wrote, and those that it read.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -7,41 +7,41 @@ use super::claim::Claim;
 use crate::io::lake::{Lake, LakeError};
 use crate::manifest::{Input, RunKey, Written, digest};
 
-/// A file that a run wrote, and what is there today.
+/// A file that a run wrote, and its present state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Output {
     /// TABLE/SESSION.
     pub name: String,
-    /// BLAKE3 by the row of `runs`.
+    /// BLAKE3 in the row of `runs`.
     pub claimed: String,
-    /// What is there.
+    /// Present state of the file.
     pub found: Found,
 }
 
-/// What is there today of a file that a run wrote.
+/// The present state of a file that a run wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Found {
     /// A file with this BLAKE3.
     Digest(String),
-    /// Nothing.
+    /// There is no file.
     Missing,
-    /// Something that cannot be read: why.
+    /// It cannot be read: the reason.
     Unreadable(String),
 }
 
-/// An input that is not what the row of `runs` says.
+/// An input that differs from the row of `runs`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChangedInput {
     /// Its name in the run.
     pub name: String,
-    /// Size and BLAKE3 by the row; `None` where the row does not have it.
+    /// Size and BLAKE3 in the row; `None` where the row does not have it.
     pub claimed: Option<(u64, String)>,
-    /// Size and BLAKE3 of what is there, or why there is nothing.
+    /// Size and BLAKE3 of the present file, or why there is none.
     pub found: Result<(u64, String), String>,
 }
 
 impl Output {
-    /// Whether it is what the row says.
+    /// Whether the file has the digest in the row.
     pub fn is_sound(&self) -> bool {
         self.digest() == Some(&self.claimed)
     }
@@ -51,7 +51,7 @@ impl Output {
         self.found == Found::Missing
     }
 
-    /// BLAKE3 of what is there.
+    /// BLAKE3 of the present file; `None` where it cannot be read.
     pub const fn digest(&self) -> Option<&String> {
         match &self.found {
             Found::Digest(digest) => Some(digest),
@@ -93,7 +93,7 @@ fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
     }
 }
 
-/// Whether a file of a run is not there; what cannot be asked for is not said to be gone.
+/// Whether a file of a run is certainly missing; a file that cannot be asked for does not count.
 pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
     matches!(
         lake.has(&file.table, &key.of_session(&file.session)),
@@ -126,7 +126,7 @@ pub(super) fn inputs(claimed: &[Input], found: &[Input]) -> Vec<ChangedInput> {
         .collect()
 }
 
-/// The inputs that are not there as a whole.
+/// The inputs of a whole session or run that is missing.
 pub(super) fn missing(claim: &Claim, lost: &Lost) -> Vec<ChangedInput> {
     let inputs = claim.inputs.iter().filter(|input| lost.has(&input.name));
     inputs
@@ -138,7 +138,7 @@ pub(super) fn missing(claim: &Claim, lost: &Lost) -> Vec<ChangedInput> {
         .collect()
 }
 
-/// Which inputs are not there as a whole.
+/// The inputs that are missing as a whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Lost {
     /// Those of a session.
@@ -149,7 +149,7 @@ pub(super) enum Lost {
     KnownArm,
 }
 
-/// What the input of a plan is called that says what is known of the arm.
+/// Name of the input with the known arm of a plan.
 pub(super) const KNOWN_ARM: &str = "calibrations";
 
 impl Lost {

@@ -1,9 +1,9 @@
-//! Other runs that a run rests on, and what is left of them.
+//! Other runs that a run depends on, and their tables that are left.
 //!
 //! Inputs: the row of `runs` ([`Claim`]), the run's own `stations`, the lake and its [`Register`]. Output: [`Citation`]s of
-//! 1. the run that it `replaces`: without that one's row, what *it* replaced counts as current again;
-//! 2. the run whose table drove the session (`table_id` in `stations`): what it promised is on the page;
-//! 3. the plan that the session was measured by (`[report] plan`, or the logs' metadata): so is its promise;
+//! 1. the run that it `replaces`: without its row, the run that *it* replaced counts as current again;
+//! 2. the run whose table drove the session (`table_id` in `stations`): its promise is on the page;
+//! 3. the plan that the session was measured by (`[report] plan`, or the logs' metadata): its promise is on the page too;
 //! 4. the past run that a plan starts from (`[plan.known]`), by the digest of its `calibrations`.
 
 use std::collections::BTreeSet;
@@ -16,44 +16,44 @@ use crate::io::table::Row as _;
 use crate::io::tables::stations::StationRow;
 use crate::manifest::RunKey;
 
-/// Another run that a run rests on.
+/// Another run that a run depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Citation {
-    /// What for.
+    /// The reason why it is cited.
     pub role: Role,
     /// Its name.
     pub run: String,
-    /// What is left of it.
+    /// The part of it that is left.
     pub left: Left,
 }
 
-/// What a run is cited for.
+/// The reason why a run is cited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// The citing run takes its place.
+    /// The citing run replaces it.
     Replaced,
     /// Its table drove the session.
     Drove,
     /// It is the plan that the session was measured by.
     Planned,
-    /// It says what is known of a plan's arm.
+    /// It identified the arm that a plan starts from.
     KnownArm,
 }
 
-/// What is left of a cited run.
+/// The part of a cited run that is left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Left {
-    /// All that is cited of it; and the run that took its place, if one did.
+    /// Everything that is cited; and the run that replaced it, if one did.
     Whole(Option<String>),
     /// Its row in `runs`, without these of its tables, as TABLE/SESSION.
     Without(Vec<String>),
-    /// Its row, which is not what it was when the citing run took its place.
+    /// Its row, which differs from the row at the time of the citing run.
     OtherRow,
     /// Not even its row.
     Nothing,
 }
 
-/// Tables by which commands were corrected, and what was promised of them.
+/// Tables that correct commands, and the table of their promise.
 pub(super) const DRIVING: [&str; 3] = ["accuracy", "calibrations", "compensation"];
 
 impl Role {
@@ -68,7 +68,7 @@ impl Role {
 }
 
 impl Citation {
-    /// Whether something of what is cited is missing.
+    /// Whether a cited part is missing.
     pub fn is_lost(&self) -> bool {
         !matches!(self.left, Left::Whole(_))
     }
@@ -97,7 +97,7 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
     }
 }
 
-/// What a run cites, as far as the lake alone says.
+/// The runs that a run cites, as far as the lake alone shows.
 pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<Citation> {
     let mut cited: Vec<(Role, String)> = Vec::new();
     cited.extend(
@@ -122,14 +122,14 @@ pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<
         .collect()
 }
 
-/// Whether the row of the run that it replaced is not the one whose digest it has.
+/// Whether the row of the replaced run differs from the one whose digest it has.
 fn is_other_row(claim: &Claim, run: &str, register: &Register) -> bool {
     let then = claim.row.replaced.as_ref();
     let now = register.run(run).map(|replaced| &replaced.row.found);
     then.zip(now).is_some_and(|(then, now)| then != now)
 }
 
-/// The runs whose tables drove the sessions. A table of stations that is not there or not readable is told as an output.
+/// The runs whose tables drove the sessions. A table of stations that is missing or unreadable is reported as an output.
 fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
     let files = claim.files.iter().filter(|file| file.table == "stations");
     let keys = files.map(|file| claim.key.of_session(&file.session));
@@ -139,7 +139,7 @@ fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
     ids.map(|id| id.to_string()).collect()
 }
 
-/// The plan that the settings name.
+/// The plan that the settings name; `None` without one.
 fn planned(claim: &Claim) -> Option<String> {
     let settings: serde_json::Value = serde_json::from_str(&claim.settings).ok()?;
     let plan = settings.pointer("/report/plan")?.as_str()?;

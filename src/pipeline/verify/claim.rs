@@ -1,4 +1,4 @@
-//! What a row of `runs` says.
+//! The contents of a row of `runs`.
 
 use crate::io::schema::KEY_COLUMNS;
 use crate::io::table::{Row as _, Table};
@@ -16,7 +16,7 @@ pub struct Claim {
     pub version: String,
     /// Processor architecture and operating system.
     pub platform: String,
-    /// Processor features that arithmetic was chosen by.
+    /// Processor features that determine the arithmetic.
     pub cpu_features: Vec<String>,
     /// Sessions learnt from.
     pub sessions: Vec<String>,
@@ -30,20 +30,20 @@ pub struct Claim {
     pub settings_digest: String,
     /// Files written.
     pub files: Vec<Written>,
-    /// The run of the same robot and session that it takes the place of.
+    /// The run of the same robot and session that it replaces.
     pub replaces: Option<String>,
-    /// What it says of its own content and of the row that it replaces.
+    /// The digests that it states of its own content and of the row that it replaces.
     pub row: RowDigests,
 }
 
-/// What a row of `runs` says of its own content.
+/// The digests that a row of `runs` states.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RowDigests {
-    /// The version of the table by which it was written: rows of version 1 state no digest.
+    /// The version of the table that wrote it: rows of version 1 state no digest.
     pub version: u32,
     /// The digest of its content, computed.
     pub found: String,
-    /// The same as it states it.
+    /// The digest of its content, as stated; `None` where it states none.
     pub stated: Option<String>,
     /// The digest of the row of the run that it replaces, as it states it.
     pub replaced: Option<String>,
@@ -53,14 +53,14 @@ impl RowDigests {
     /// The first version of the table whose rows state their digest.
     const FIRST: u32 = 2;
 
-    /// Whether rows carried a digest when it was written.
+    /// Whether rows of its version state a digest.
     pub const fn are_due(&self) -> bool {
         self.version >= Self::FIRST
     }
 }
 
 impl Claim {
-    /// What the only row of the table `runs` says; or, in words, what keeps it from saying anything.
+    /// The claim in the only row of the table `runs`; an error states, as text, why it cannot be read.
     pub fn of(row: &Table) -> Result<Self, String> {
         if row.rows() != 1 {
             return Err(format!("{} rows, and a run has one", row.rows()));
@@ -108,7 +108,7 @@ impl Claim {
         self.platform != platform() || self.cpu_features != cpu_features()
     }
 
-    /// Who computed it, where that is not this program on this processor.
+    /// The version or the machine that computed it, as text, where it is not this program on this processor.
     pub fn elsewhere(&self) -> Vec<String> {
         let mut told = Vec::new();
         if self.is_other_version() {
@@ -140,7 +140,7 @@ fn written((name, rows, digest): (String, u64, String)) -> Written {
     }
 }
 
-/// Three lists that belong together.
+/// Three lists of the same length.
 fn together(
     of: &str,
     names: Vec<String>,

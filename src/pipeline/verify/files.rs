@@ -1,9 +1,9 @@
-//! Every file under a lake: of a run, the lake's own, left over, or foreign.
+//! All files under a lake: of a run, the lake's own, left over, or foreign.
 //!
-//! A query over the folder of a table reads whatever stands there, so what does not belong is named. A file belongs if the
-//! row of its run, at its own place in `runs`, names it. Files that stand and say of themselves as a run's do, without a row
-//! of that run, are told by run: the row was deleted, or the run was never committed. A record of corrections belongs if it
-//! is the one that was written. Everything else is foreign.
+//! A query over the folder of a table reads every file there, so files that do not belong are named. A file belongs if the
+//! row of its run, at its own place in `runs`, names it. Files at a run's place that name that run, without a row of it,
+//! are reported by run: the row was deleted, or the run was never committed. A record of corrections belongs if it is
+//! unchanged. All other files are foreign.
 
 mod known;
 
@@ -16,20 +16,20 @@ use crate::io::store::Place;
 use crate::io::table::{self, Head};
 use known::{Judged, Known, Scope, rows_now};
 
-/// What stands under a lake.
+/// The files under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FilesOfLake {
-    /// Files that rows of `runs` name, and those rows.
+    /// Number of files that rows of `runs` name, and of those rows.
     pub of_runs: usize,
-    /// Files of runs whose rows cannot be read.
+    /// Number of files of runs whose rows cannot be read.
     pub of_unread: usize,
-    /// The lake's own files.
+    /// Number of the lake's own files.
     pub own: usize,
     /// Temporaries: of a process that writes, or left over by one that was stopped; the next run removes these.
     pub temporaries: Vec<Place>,
     /// Runs that have files and no row.
     pub without_row: Vec<WithoutRow>,
-    /// What does not belong.
+    /// Files that do not belong.
     pub foreign: Vec<Foreign>,
 }
 
@@ -47,21 +47,21 @@ pub struct WithoutRow {
 /// A file, or a folder of files, that is neither of a run nor the lake's own.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Foreign {
-    /// Where it is.
+    /// Place of the file or folder.
     pub place: Place,
-    /// How many files: more than one of a folder.
+    /// Number of files: more than one for a folder.
     pub files: usize,
-    /// What it says it is, or why it is not what its place says.
+    /// The contents that it states, or their difference from those of its place; `None` where neither is known.
     pub why: Option<String>,
 }
 
 impl FilesOfLake {
-    /// Whether something stands there that does not belong.
+    /// Whether there is a file that does not belong.
     pub const fn is_mismatch(&self) -> bool {
         !self.without_row.is_empty() || !self.foreign.is_empty()
     }
 
-    /// How many files were looked at.
+    /// The number of all files.
     pub fn files(&self) -> usize {
         let without_row = self.without_row.iter().map(|run| run.files.len());
         let foreign = self.foreign.iter().map(|own| own.files);
@@ -70,8 +70,8 @@ impl FilesOfLake {
     }
 }
 
-/// Accounts for every file of the lake; or, where `names` of runs or sessions are given, for those in the folders of their
-/// sessions and of their names.
+/// Counts all files of the lake; or, where `names` of runs or sessions are given, those in the folders of their sessions
+/// and of their names.
 pub fn account(
     lake: &Lake,
     selected: &Selected,
@@ -124,7 +124,7 @@ pub fn account(
             continue;
         };
         if rows.contains(&(robot.clone(), run.clone())) {
-            // Committed meanwhile.
+            // Committed in the meantime.
             account.of_runs += 1;
         } else if let Some(why) = says_otherwise(lake, &file, table, run) {
             add_foreign(&file, Some(why));
@@ -144,7 +144,7 @@ pub fn account(
     Ok(account)
 }
 
-/// What a foreign file is named by: itself, or the topmost folder that is no lake's.
+/// The name of a foreign file: itself, or the topmost folder that is not the lake's.
 fn topmost(key: &str) -> String {
     let parts: Vec<&str> = key.split('/').collect();
     let is_own = |folder: &str| Lake::folders().any(|own| own == folder);
@@ -157,7 +157,7 @@ fn topmost(key: &str) -> String {
     parts.join("/")
 }
 
-/// What a foreign file says that it is.
+/// The contents that a foreign file states; `None` where it states none.
 fn said(lake: &Lake, file: &LakeFile) -> Option<String> {
     if topmost(&file.key) != file.key || !file.key.ends_with(".parquet") {
         return None;
@@ -165,7 +165,7 @@ fn said(lake: &Lake, file: &LakeFile) -> Option<String> {
     let head = head(lake, &file.key).ok()?;
     let key = head.key?;
     Some(format!(
-        "it says that it is {} of run {} of robot {:?} and session {:?}",
+        "it states that it is {} of run {} of robot {:?} and session {:?}",
         head.table
             .map_or_else(|| "a table".to_owned(), |name| format!("table {name}")),
         key.run,
@@ -180,7 +180,7 @@ fn head(lake: &Lake, key: &str) -> Result<Head, String> {
     table::head_of(&file, &place).map_err(|error| error.to_string())
 }
 
-/// Why a file that stands where a run's would is none, if it is none.
+/// Why a file at a run's place is none of that run's; `None` where it is.
 fn says_otherwise(lake: &Lake, file: &LakeFile, table: &str, run: &str) -> Option<String> {
     if table == PAGES {
         let is_name = run.len() == 32 && run.bytes().all(|b| b.is_ascii_hexdigit());
@@ -195,7 +195,7 @@ fn says_otherwise(lake: &Lake, file: &LakeFile, table: &str, run: &str) -> Optio
     if place.as_ref() == Some(&file.key) {
         return None;
     }
-    Some(said(lake, file).unwrap_or_else(|| "it does not say of which run it is".to_owned()))
+    Some(said(lake, file).unwrap_or_else(|| "it does not state its run".to_owned()))
 }
 
 #[cfg(test)]

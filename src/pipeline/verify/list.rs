@@ -1,16 +1,16 @@
-//! The rows of a lake as a list that is kept elsewhere, and a lake held against such a list.
+//! The rows of a lake as a list that is kept elsewhere, and a lake compared with such a list.
 //!
-//! A row that a later one replaces is told when it is changed or removed, as the later one has its digest. Of the newest
-//! rows only somebody else can know what they were: whoever kept the list. It is a text of one line a run, in the order of
-//! the runs' names, parted by single spaces:
+//! A change or removal of a row that a later one replaces is found, since the later one has its digest. Earlier states of
+//! the newest rows are known only to someone who kept a list of them. The list is a text with one line per run, in the
+//! order of the runs' names, with single spaces between its parts:
 //!
 //! ```text
 //! RUN ROW_DIGEST ROBOT/SESSION
 //! ```
 //!
-//! RUN is the run's name, `ROW_DIGEST` the digest of its row ([`crate::io::tables::runs::row_digest`]), and ROBOT and SESSION are the
-//! names of its folders in the lake, percent-encoded as they stand there. Empty lines, and those that begin with `#`, are
-//! passed over when it is read. The same lake gives the same bytes.
+//! RUN is the run's name, `ROW_DIGEST` the digest of its row ([`crate::io::tables::runs::row_digest`]), and ROBOT and
+//! SESSION are the names of its folders in the lake, percent-encoded. Empty lines, and those that begin with `#`, are
+//! skipped when it is read. The same lake gives the same bytes.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -24,7 +24,7 @@ use super::VerifyError;
 use super::register::Register;
 use crate::io::lake::{Lake, LakeError};
 
-/// Bytes of a list that are read: some 400,000 runs.
+/// Most bytes of a list that are read: some 400,000 runs.
 const MOST_BYTES: u64 = 64 << 20;
 /// Characters of a digest.
 const DIGEST: usize = 64;
@@ -46,21 +46,21 @@ pub struct ListedRow {
     pub session: String,
 }
 
-/// Where a lake is not as a list says.
+/// A difference of a lake from a list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Unexpected {
     /// The lake has no row of the run.
     Removed(ListedRow),
-    /// The row of the run is another one.
+    /// The row of the run is a different one.
     Changed {
-        /// The row as it was.
+        /// The row in the list.
         expected: ListedRow,
-        /// The digest that it has.
+        /// The digest of the present row.
         found: String,
     },
 }
 
-/// Why a list cannot be used.
+/// The reason why a list cannot be used.
 #[derive(Debug, Error)]
 pub enum ListError {
     /// It cannot be read.
@@ -71,15 +71,15 @@ pub enum ListError {
         /// The system's error.
         source: io::Error,
     },
-    /// It is too large to be one.
+    /// It is too large to be a list.
     #[error(
-        "the list {path} is larger than {MOST_BYTES} bytes; it is one that `posegrid verify LAKE --list` printed?"
+        "the list {path} is larger than {MOST_BYTES} bytes; is it one that `posegrid verify LAKE --list` printed?"
     )]
     TooLarge {
         /// The file.
         path: PathBuf,
     },
-    /// A line that is none.
+    /// A line that is no row of a list.
     #[error(
         "{path}, line {line}: {problem}; a line is RUN ROW_DIGEST ROBOT/SESSION, as `posegrid verify LAKE --list` prints it"
     )]
@@ -88,13 +88,13 @@ pub enum ListError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The fault in it.
         problem: String,
     },
 }
 
 impl RowList {
-    /// The rows of the register, but for those that `names` leaves out: runs or sessions, all where it is empty.
+    /// The rows of the register, or, where `names` gives runs or sessions, only those.
     pub(super) fn of(
         register: &Register,
         lake: &Lake,
@@ -140,7 +140,7 @@ impl RowList {
         })
     }
 
-    /// A list from its text; or the number of the line that is none, and why.
+    /// A list from its text; or the number of the wrong line, and the fault in it.
     fn parse(text: &str) -> Result<Self, (usize, String)> {
         let mut rows: BTreeMap<String, ListedRow> = BTreeMap::new();
         for (place, line) in text.lines().enumerate() {
@@ -150,7 +150,7 @@ impl RowList {
             let row = ListedRow::parse(line).map_err(|problem| (place + 1, problem))?;
             let run = row.run.clone();
             if rows.insert(run.clone(), row).is_some() {
-                return Err((place + 1, format!("run {run} stands twice")));
+                return Err((place + 1, format!("run {run} is given twice")));
             }
         }
         Ok(Self {
@@ -163,8 +163,8 @@ impl RowList {
         self.rows.is_empty()
     }
 
-    /// Where the lake's rows are not as this list says, and how many rows of the lake it does not list. Of a part of the
-    /// lake, where `names` are given.
+    /// The differences of the lake's rows from this list, and the number of rows of the lake that it does not list. Where
+    /// `names` are given, only that part of the lake is compared.
     pub(super) fn held(&self, found: &Self, names: &[String]) -> (Vec<Unexpected>, usize) {
         let asked = |row: &&ListedRow| {
             let is = |name: &String| {
@@ -202,7 +202,7 @@ impl ListedRow {
         };
         let is_digest = digest.len() == DIGEST && digest.bytes().all(|b| b.is_ascii_hexdigit());
         if run.is_empty() || !is_digest || session.matches('/').count() != 1 {
-            return Err(format!("{line:?} is none"));
+            return Err(format!("{line:?} is no row of a list"));
         }
         Ok(Self {
             run: run.to_owned(),
@@ -227,7 +227,7 @@ impl super::Selected {
         Ok(RowList::of(&self.register, lake, names)?)
     }
 
-    /// Where the lake's rows are not as a list says, and how many rows the list does not have.
+    /// The differences of the lake's rows from a list, and the number of rows that the list lacks.
     pub fn held(
         &self,
         expected: &RowList,
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!(wrong("\nrun digest").0, 2);
         assert_eq!(wrong(&format!("0a {} kr210", "1".repeat(DIGEST))).0, 1);
         assert_eq!(wrong(&format!("0a {} r/s", "x".repeat(DIGEST))).0, 1);
-        assert!(wrong(&text.repeat(2)).1.contains("0a stands twice"));
+        assert!(wrong(&text.repeat(2)).1.contains("0a is given twice"));
     }
 
     #[test]
@@ -282,7 +282,7 @@ mod tests {
         assert_eq!(unexpected, [Unexpected::Removed(row("0a", "1")), changed]);
         assert_eq!(newer, 1);
         assert_eq!(kept.held(&kept, &[]), (Vec::new(), 0));
-        // Of a part: neither another run's row nor another session's.
+        // For a part of the lake: neither another run's row nor another session's counts.
         let of = |name: &str| kept.held(&found, &[name.to_owned()]).0.len();
         assert_eq!((of("0a"), of("mon"), of("tue")), (1, 2, 0));
     }

@@ -1,4 +1,4 @@
-//! A run computed again into a temporary lake, and every file of it held against the published one.
+//! A run recomputed into a temporary lake, and all its files compared with the published ones.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,8 +17,8 @@ use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
 use crate::progress::Progress;
 
-/// Columns of `runs` that are not compared as values: who computed it and which run it replaces may differ, inputs and
-/// settings were compared before, and the digests of files stand beside their names, and the row's own beside them.
+/// Columns of `runs` that are not compared as values: the machine and the replaced run may differ, inputs and settings were
+/// compared before, and the digests of files and of the row are compared by themselves.
 const ROW_ONLY: [&str; 12] = [
     "version",
     "platform",
@@ -34,21 +34,21 @@ const ROW_ONLY: [&str; 12] = [
     "row_digest",
 ];
 
-/// What temporary lakes are named by.
+/// Prefix of the names of temporary lakes.
 const TEMPORARY: &str = "posegrid-verify";
 
-/// A file of which the published one and the computed one are not the same byte for byte.
+/// A file whose published and computed bytes differ.
 #[derive(Debug, Clone)]
 pub struct ComparedFile {
     /// TABLE/SESSION.
     pub name: String,
-    /// BLAKE3 of the file computed again; `None` where computing gave none.
+    /// BLAKE3 of the computed file; `None` where computing gave none.
     pub computed: Option<String>,
-    /// How the two differ.
+    /// The difference.
     pub outcome: FileOutcome,
 }
 
-/// How a published file and a computed one differ.
+/// The difference of a published file and a computed one.
 #[derive(Debug, Clone)]
 pub enum FileOutcome {
     /// Tables, compared by value.
@@ -57,18 +57,18 @@ pub enum FileOutcome {
     OnlyPublished,
     /// The row does not name it, or its file is gone.
     OnlyComputed,
-    /// Pages that say the same, but for the digests of tables that differ.
+    /// Pages with the same text, except for the digests of tables that differ.
     PageOfOtherBytes,
     /// Pages that differ in more than digests.
     Page,
     /// A page of another version or machine, which is not compared.
     PageFromElsewhere,
-    /// The published table cannot be read as one: why.
+    /// The published table cannot be read: the reason.
     Unreadable(String),
 }
 
-/// A new lake under the system's temporary directory, with the plans of the robot, which the run may be held against. It
-/// is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
+/// A new lake under the system's temporary directory, with the plans of the robot, which the run may be compared with. It
+/// is removed when dropped; the lake of a process that was interrupted is removed by [`clean`].
 pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, String> {
     let told = |error: &dyn std::fmt::Display| {
         format!("no temporary lake: {error}; TMPDIR names the folder that it is made in")
@@ -82,7 +82,7 @@ pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, Strin
     Ok(made)
 }
 
-/// Adds what a session that a table drove is held against: the run that made the table.
+/// Adds the run that made the table that drove the session, for comparison.
 pub(super) fn add_table(lake: &Lake, made: &RunKey, temporary: &Path) -> Result<(), String> {
     let copied = lake.copy_run(&["runs"], made, temporary);
     let copied = copied.and_then(|()| lake.copy_run(&DRIVING, made, temporary));
@@ -94,7 +94,7 @@ pub fn clean() {
     temporary::clean_folders(TEMPORARY);
 }
 
-/// Computes the run again and compares.
+/// Recomputes the run and compares.
 pub(super) fn again(
     verified: &Verified,
     source: &Source,
@@ -117,7 +117,7 @@ pub(super) fn again(
     };
     sides.compared().unwrap_or_else(|error| {
         Recomputed::No(format!(
-            "what was computed again cannot be read: {error}; the logs may name another robot than {:?}",
+            "the recomputed run cannot be read: {error}; the logs may name another robot than {:?}",
             claim.key.robot
         ))
     })
@@ -158,7 +158,7 @@ impl Sides<'_> {
         Ok(Recomputed::Yes { same, others })
     }
 
-    /// How a file differs, if it does.
+    /// The difference of a file; `None` where there is none.
     fn file(
         &self,
         sides: (Option<&Written>, Option<&Written>),
@@ -180,7 +180,7 @@ impl Sides<'_> {
             return Ok(Some(self.page(&own_key, &other_key, computed)));
         }
         let other = self.computed.read(&again.table, &other_key)?;
-        // Values of a file that was changed are compared too: that tells which.
+        // Values of a changed file are compared too, to show which differ.
         let own = self.lake.read_as_it_is(&published.table, &own_key);
         Ok(Some(match own {
             Ok(own) => FileOutcome::Values(self.values(&own.table, &other, &[])),
@@ -188,7 +188,7 @@ impl Sides<'_> {
         }))
     }
 
-    /// The digest of what is published, if it is there.
+    /// The digest of the published file; `None` where it is missing.
     fn found(&self, file: &Written) -> Option<&String> {
         let name = file_name(file);
         let mut outputs = self.verified.outputs.iter();
@@ -204,7 +204,7 @@ impl Sides<'_> {
         compare(own, other, &ignored)
     }
 
-    /// A page names the digests of its tables: where these are other bytes, so is the page.
+    /// A page names the digests of its tables: where their bytes differ, the page's do too.
     fn page(&self, own: &RunKey, other: &RunKey, computed: &Claim) -> FileOutcome {
         let claim = &self.verified.claim;
         if claim.is_other_version() || claim.is_other_machine() {
@@ -228,7 +228,7 @@ impl Sides<'_> {
         }
     }
 
-    /// How the rows of `runs` differ, but for what may.
+    /// The difference of the rows of `runs`, in the columns that have to agree.
     fn row(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
         let key = &self.verified.claim.key;
         let published = self.lake.read_as_it_is("runs", key)?.table;

@@ -1,4 +1,4 @@
-//! The rows of `runs` → every run of a lake, by what others cite it by.
+//! The rows of `runs` → every run of a lake, by the names and digests that others cite.
 
 use super::claim::{Claim, RowDigests};
 use crate::manifest::{RunKey, Written};
@@ -9,7 +9,7 @@ pub struct Register {
     runs: Vec<Registered>,
 }
 
-/// A run of the lake, as far as others cite it.
+/// A run of the lake, with the parts that others cite.
 #[derive(Debug, Clone)]
 pub(super) struct Registered {
     /// Robot, session and name.
@@ -21,7 +21,7 @@ pub(super) struct Registered {
 }
 
 impl Register {
-    /// The runs that these rows are of.
+    /// The runs of these rows.
     pub(super) fn of<'a>(claims: impl Iterator<Item = &'a Claim>) -> Self {
         let registered = |claim: &Claim| Registered {
             key: claim.key.clone(),
@@ -52,13 +52,13 @@ impl Register {
             .find_map(|own| Some((own, own.files.iter().find(is_it)?)))
     }
 
-    /// The name of the run that took the place of another.
+    /// The name of the run that replaced another; `None` without one.
     pub(super) fn superseding(&self, key: &RunKey) -> Option<&str> {
         let later = self.runs.iter().find(|own| own.took_the_place_of(key))?;
         Some(&later.key.run)
     }
 
-    /// The runs that took the place of another: two where two machines wrote at once.
+    /// The runs that replaced another: two where two machines wrote at once.
     pub(super) fn later<'r>(&'r self, key: &'r RunKey) -> impl Iterator<Item = &'r Registered> {
         let runs = self.runs.iter();
         runs.filter(|own| own.took_the_place_of(key))

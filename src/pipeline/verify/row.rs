@@ -1,4 +1,4 @@
-//! A row of `runs` against itself, its file, its place, and what later rows say of it.
+//! A row of `runs` compared with itself, its file, its place, and later rows.
 
 use std::io::Read as _;
 
@@ -11,7 +11,7 @@ use crate::io::store::Place;
 use crate::io::table::{self, Seal};
 use crate::manifest::{RunKey, VERSION, Work};
 
-/// Where a row contradicts itself, its place, its file or a later row, in words.
+/// Contradictions of a row with itself, its place, its file or a later row, as text.
 pub(super) fn contradictions(
     run: &PastRun,
     claim: &Claim,
@@ -23,13 +23,13 @@ pub(super) fn contradictions(
     found.extend(of_names(claim));
     let own = lake.place("runs", &claim.key);
     if own.as_ref().ok() == Some(&run.place) {
-        // What differs already needs no other proof that its file was written anew.
+        // A row that already differs needs no other proof that its file was rewritten.
         if found.is_empty() {
             found.extend(of_bytes(claim, &run.place, lake));
         }
     } else {
         found.push(format!(
-            "it stands at {}, which is not the place of run {} of robot {:?} and session {:?}",
+            "it is at {}, which is not the place of run {} of robot {:?} and session {:?}",
             run.place.display(),
             claim.key.run,
             claim.key.robot,
@@ -39,13 +39,13 @@ pub(super) fn contradictions(
     found
 }
 
-/// The digests that the row and its file state, against its content.
+/// Compares the digests that the row and its file state with its content.
 fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
     let mut told = Vec::new();
     let row = &claim.row;
     match &row.stated {
         Some(stated) if *stated != row.found => told.push(format!(
-            "its content has the digest {}, and it says {stated}: it was changed",
+            "its content has the digest {}, and it states {stated}: it was changed",
             row.found
         )),
         None if row.are_due() => told.push("it has no digest of itself: it was changed".to_owned()),
@@ -53,7 +53,7 @@ fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
     }
     match &run.seal {
         Some(Seal::Broken { stated, found }) => told.push(format!(
-            "the content of its file has the digest {found}, and its metadata says {stated}: it was damaged or changed"
+            "the content of its file has the digest {found}, and its metadata states {stated}: it was damaged or changed"
         )),
         Some(Seal::Absent) if row.are_due() => {
             told.push("the metadata of its file has no digest of its content".to_owned());
@@ -68,14 +68,14 @@ fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
     told
 }
 
-/// What rows of runs that took its place say of it.
+/// Compares the row with the runs that replaced it.
 fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
     let later = register.later(&claim.key);
     let other = later.filter_map(|later| {
         let then = later.row.replaced.as_ref()?;
         (*then != claim.row.found).then(|| {
             format!(
-                "run {}, which took its place, says that it had the digest {then}, and it has {}: one of the two was changed",
+                "run {}, which took its place, states that it had the digest {then}, and it has {}: one of the two was changed",
                 later.key.run, claim.row.found
             )
         })
@@ -83,7 +83,7 @@ fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
     other.collect()
 }
 
-/// Its name against what it follows from, and its settings against their digest.
+/// Compares its name with the one that follows from its inputs, and its settings with their digest.
 fn of_names(claim: &Claim) -> Vec<String> {
     let mut told = Vec::new();
     let work = Work {
@@ -105,16 +105,16 @@ fn of_names(claim: &Claim) -> Vec<String> {
     let digest = blake3::hash(claim.settings.as_bytes()).to_hex().to_string();
     if digest != claim.settings_digest {
         told.push(format!(
-            "its settings have the digest {digest}, and it says {}",
+            "its settings have the digest {digest}, and it states {}",
             claim.settings_digest
         ));
     }
     told
 }
 
-/// Its file against the bytes that its content is written as. No digest is of those bytes, as the row cannot hold it; but the
-/// same version writes the same content as the same bytes, so a damage that spares the content, and may keep other programs
-/// from reading the file, is told too. Of the bytes of other versions only the name of who wrote them is known.
+/// Compares its file with the bytes in which its content is written. No digest covers those bytes, since the row cannot
+/// hold it; but the same version writes the same content as the same bytes, so damage that spares the content, and may keep
+/// other programs from reading the file, is also found. For bytes of other versions only the name of the writer is known.
 fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
     let read = || -> Result<Option<String>, LakeError> {
         let opened = lake.read_as_it_is("runs", &claim.key)?;
@@ -129,11 +129,11 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
             }));
         }
         let Ok(written) = table::write(&opened.table, Vec::new()) else {
-            return Ok(Some("its content cannot be written again".to_owned()));
+            return Ok(Some("its content cannot be rewritten".to_owned()));
         };
         let mut bytes = Vec::new();
         let file = lake.open("runs", &claim.key)?;
-        // A longer one differs in length alone, however long it is.
+        // A longer file differs in length alone, however long it is.
         let length = written.len() as u64 + 1;
         if let Err(error) = file.take(length).read_to_end(&mut bytes) {
             return Ok(Some(error.to_string()));
@@ -146,7 +146,7 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
             .or_else(|| (bytes.len() != written.len()).then(|| bytes.len().min(written.len())));
         Ok(differs.map(|byte| {
             format!(
-                "its file is not what posegrid writes for this content, from byte {byte} on: it was damaged, or written anew by \
+                "its file is not what posegrid writes for this content, from byte {byte} on: it was damaged, or rewritten by \
                  another program"
             )
         }))

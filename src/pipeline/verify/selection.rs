@@ -1,4 +1,4 @@
-//! Which runs of a lake are verified.
+//! The runs of a lake that are verified.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -11,53 +11,53 @@ use crate::io::store::Place;
 use crate::io::table::Seal;
 use crate::pipeline::configuration::files;
 
-/// Which runs are asked for.
+/// The runs that are asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
-    /// Pipeline files by which inputs are found; without any, every run is selected and none computed again.
+    /// Pipeline files that find inputs; without any, every run is selected and none recomputed.
     pub pipelines: Vec<PathBuf>,
-    /// Runs or sessions; empty for all by the pipeline files.
+    /// Runs or sessions; empty for all that the pipeline files made.
     pub names: Vec<String>,
-    /// How many of them, drawn by `seed`; all where absent.
+    /// Number of runs in the sample, drawn by `seed`; absent for all.
     pub sample: Option<usize>,
-    /// Which sample.
+    /// Seed of the sample.
     pub seed: u64,
-    /// Whether rows are expected, so that a lake without any is one whose rows are gone.
+    /// Whether rows are expected: then a lake without any has lost its rows.
     pub expects_rows: bool,
 }
 
 /// A run of the lake.
 #[derive(Debug, Clone)]
 pub struct PastRun {
-    /// Where its row in `runs` stands.
+    /// Place of its row in `runs`.
     pub place: Place,
-    /// What the row says, or why it cannot be read.
+    /// Contents of the row, or why it cannot be read.
     pub claim: Result<Claim, NoClaim>,
-    /// What the digest in its file says of its content; `None` where it cannot be read.
+    /// The digest in its file compared with its content; `None` where it cannot be read.
     pub seal: Option<Seal>,
-    /// The pipeline file that it is by, where one of that name was given.
+    /// The pipeline file that made it, where one of that name was given.
     pub pipeline: Option<PathBuf>,
 }
 
-/// Why a row of `runs` says nothing.
+/// The reason why a row of `runs` cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NoClaim {
-    /// In words.
+    /// The reason as text.
     pub reason: String,
-    /// Whether its file is damaged or changed, as far as that can be told.
+    /// Whether its file is damaged or changed, as far as is known.
     pub is_damage: bool,
 }
 
 /// The runs that are asked for, in the order of robot, session and run.
 #[derive(Debug, Clone)]
 pub struct Selected {
-    /// These.
+    /// The selected runs.
     pub runs: Vec<PastRun>,
-    /// Runs left out, as they are by other pipeline files, by the names of those.
+    /// Number of runs left out because other pipeline files made them, by the names of those.
     pub by_others: BTreeMap<String, usize>,
-    /// Runs that were not drawn.
+    /// Number of runs that were not drawn.
     pub not_drawn: usize,
-    /// Every run of the lake, for what these cite.
+    /// Every run of the lake, for citations.
     pub register: Register,
     /// Rows that cannot be read, by their paths below the lake.
     pub(super) unread: Vec<String>,
@@ -76,7 +76,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         unread: unread(&past, lake),
     };
     for run in past {
-        // A row that cannot be read is nobody's, and has to be told.
+        // A row that cannot be read belongs to no name, and has to be reported.
         let Ok(claim) = &run.claim else {
             selected.runs.push(run);
             continue;
@@ -109,7 +109,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
     Ok(selected)
 }
 
-/// What a row says, if it stands where the row of its run does; another is nobody's.
+/// The claim of a row, if it is at the place of its run's row; otherwise `None`.
 fn at_its_place<'r>(run: &'r PastRun, lake: &Lake) -> Option<&'r Claim> {
     let claim = run.claim.as_ref().ok()?;
     let own = lake.place("runs", &claim.key).ok()?;
@@ -190,7 +190,7 @@ impl From<LakeError> for NoClaim {
     }
 }
 
-/// Whether a file stands where only runs have files, so that there was a lake.
+/// Whether there is a file where only runs have files, so that there was a lake.
 fn has_files(lake: &Lake) -> Result<bool, LakeError> {
     let files = lake.files("")?;
     Ok(files
@@ -231,8 +231,8 @@ fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyEr
     }
 }
 
-/// The `count` runs whose names, digested after the seed, come first: neither who asks nor the program
-/// chooses, and anybody can draw the same again.
+/// The `count` runs whose names, digested after the seed, come first: neither the user nor the program chooses, and anybody
+/// can draw the same again.
 fn drawn(runs: Vec<PastRun>, count: usize, seed: u64) -> Vec<PastRun> {
     let lot = |run: &PastRun| {
         let name = run.place.stem();

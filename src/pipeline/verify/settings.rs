@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-/// A setting that is not what the row of `runs` says.
+/// A setting that differs from the row of `runs`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChangedSetting {
     /// Its key, as `grid.steps_mm`.
     pub key: String,
-    /// By the row; `None` where it has no such key.
+    /// Value in the row; `None` where it has no such key.
     pub claimed: Option<String>,
-    /// By the pipeline file today.
+    /// Value in the pipeline file today; `None` where it has no such key.
     pub found: Option<String>,
 }
 
@@ -43,11 +43,11 @@ pub(super) fn changed(claimed: &str, found: &str) -> Vec<ChangedSetting> {
         .collect()
 }
 
-/// Every value by its key; a list without sections in it is one value. A text that is no JSON is one value as a whole.
+/// Every value by its key; a list without sections is one value. A text that is no JSON is one value as a whole.
 fn leaves(settings: &str) -> BTreeMap<String, String> {
     let mut leaves = BTreeMap::new();
     match serde_json::from_str(settings) {
-        // A plan's are those of the file and, beside them, its section [plan].
+        // A plan's settings are those of the file and, in addition, its section [plan].
         Ok(Value::Array(sections)) if sections.len() == 2 => {
             collect("", &sections[0], &mut leaves);
             collect("plan", &sections[1], &mut leaves);

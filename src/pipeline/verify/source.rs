@@ -1,4 +1,4 @@
-//! What a run can be computed again from: the pipeline file, and the logs that it finds today.
+//! The source for recomputing a run: the pipeline file, and the logs that it finds today.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,24 +20,24 @@ use crate::progress::Progress;
 /// A run's work, found again.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// Sessions, their logs at hand, and what is made of them.
+    /// Sessions, with fetched logs, and their work.
     Sessions(Box<Configuration>, Fetched),
     /// A plan before measuring.
     Planning(Box<Planning>),
 }
 
-/// Why a run's work is not found.
+/// The reason why a run's work is not found.
 #[derive(Debug)]
 pub(super) enum NoSource {
-    /// Inputs are not there, or not whole: which, and why.
+    /// Inputs are missing or incomplete: which, and why.
     Missing(Lost, String),
-    /// Anything else, in words.
+    /// Any other reason, as text.
     Other(String),
 }
 
 impl Source {
-    /// The work of `claim` by the pipeline file at `pipeline`, for the lake in `lake`. Which sessions are learnt from and
-    /// which judge is what the row says, as the command line may have said so; and a plan starts from the table
+    /// The work of `claim` by the pipeline file at `pipeline`, for the lake in `lake`. The sessions to learn from and those
+    /// that judge are taken from the row, since the command line may have named them; and a plan starts from the table
     /// `known_arm`, where the lake has it.
     pub(super) fn find(
         claim: &Claim,
@@ -93,7 +93,7 @@ impl Source {
             test: named(&claim.test_sessions)?,
         };
         let fetched = Fetched::of(&configuration.tree, &piece).map_err(other)?;
-        // Whatever stood elsewhere stands here now.
+        // Tables that were elsewhere are in this lake now.
         let configuration = Configuration {
             tree: Tree::Folder,
             ..configuration
@@ -101,7 +101,7 @@ impl Source {
         Ok(Self::Sessions(Box::new(configuration), fetched))
     }
 
-    /// The plan that the last session's logs say it was measured by.
+    /// The plan that the last session's logs name.
     pub(super) fn sampling_plan(&self) -> Option<String> {
         let Self::Sessions(configuration, fetched) = self else {
             return None;
@@ -111,7 +111,8 @@ impl Source {
         metadata.remove("session.plan")
     }
 
-    /// The work as it is today, with its inputs digested. The robot's name is the row's, so that no log is read for it.
+    /// The work as it is today, with its inputs digested. The robot's name is taken from the row, so that no log is read
+    /// for it.
     pub(super) fn work(&self, claim: &Claim) -> Result<Work, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.work.clone()),
@@ -126,13 +127,13 @@ impl Source {
         }
     }
 
-    /// The run whose table drove the last session, which that session is held against.
+    /// The run whose table drove the last session, and with which that session is compared.
     pub(super) fn driven_by(&self) -> Option<RunKey> {
         let Self::Sessions(configuration, fetched) = self else {
             return None;
         };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
-        // A file that cannot be read is told by the run.
+        // The run itself reports a file that cannot be read.
         Some(
             driving::read(path, Bound::of(configuration.limits))
                 .ok()?
@@ -140,7 +141,7 @@ impl Source {
         )
     }
 
-    /// Does the work by the code of `posegrid run`; gives the run in the temporary lake.
+    /// Does the work by the code of `posegrid run`; returns the run in the temporary lake.
     pub(super) fn run(&self, claim: &Claim, progress: &dyn Progress) -> Result<RunKey, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),

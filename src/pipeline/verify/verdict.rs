@@ -1,52 +1,52 @@
-//! What verifying a run comes to, in one word and its reason.
+//! The verdict on a verified run, in one word and its reason.
 
 use super::{Citation, FileOutcome, Output, Recomputed, Role, Verified};
 
-/// What verifying a run comes to. Of several the first that holds, in this order: what is published before what it is
-/// from, and that before what computing it again gave.
+/// The verdict on a verified run. If several hold, the first in this order counts: published files before inputs, and
+/// inputs before the recomputed result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// Files that the run wrote are changed.
     OutputsAltered,
     /// Its row in `runs` contradicts itself, its file or a later row.
     RowAltered,
-    /// Its row in `runs` cannot be read, as its file is damaged: why.
+    /// Its row in `runs` cannot be read, since its file is damaged: the reason.
     RowUnreadable(String),
-    /// None of its files is there, and another run took its place.
+    /// None of its files is there, and another run replaced it.
     Removed {
         /// That run.
         superseded_by: String,
     },
     /// Files that the run wrote, and its row cites, are missing.
     OutputsMissing,
-    /// Inputs are missing: it cannot be computed again.
+    /// Inputs are missing: it cannot be recomputed.
     InputsMissing,
     /// Inputs are not those that it read.
     InputsAltered,
     /// The pipeline file's settings are not those that it was computed with.
     SettingsDiffer,
-    /// It could not be computed again: why.
+    /// It could not be recomputed: the reason.
     NotRecomputed(String),
-    /// Computed again it gives other values.
+    /// Recomputed, it gives other values.
     Differs,
-    /// It is as it was, but runs that it cites are missing.
+    /// It is unchanged, but runs that it cites are missing.
     CitedMissing,
-    /// Computed again it gives the same values in other bytes; the largest relative difference of two numbers.
+    /// Recomputed, it gives the same values in other bytes; the largest relative difference of two numbers.
     SameValues {
-        /// The larger of both numbers is 1.
+        /// Relative to the larger of both numbers.
         largest: f64,
     },
-    /// Computed again it gives the same bytes.
+    /// Recomputed, it gives the same bytes.
     Same,
 }
 
 impl Verdict {
-    /// Whether the run could not be computed again, through nothing that was altered.
+    /// Whether the run could not be recomputed, for a reason that is no alteration.
     pub const fn is_open(&self) -> bool {
         matches!(self, Self::InputsMissing | Self::NotRecomputed(_))
     }
 
-    /// Whether something is shown to be other than the run says.
+    /// Whether a part is shown to differ from the run's claim.
     pub const fn is_mismatch(&self) -> bool {
         matches!(
             self,
@@ -93,7 +93,8 @@ pub(super) fn verdict(verified: &Verified) -> Verdict {
     }
 }
 
-/// A page that was held against a promise cannot be made again without it; and a row that is missing misleads about others.
+/// A page that was compared with a promise cannot be made without it; and a missing row changes which run counts as
+/// current.
 fn of_citing(outcomes: &[&FileOutcome], cited: &[Citation]) -> Verdict {
     let mut lost = cited.iter().filter(|cited| cited.is_lost());
     let is_page = |outcome: &&FileOutcome| matches!(outcome, FileOutcome::Page);
@@ -161,7 +162,7 @@ mod tests {
         assert_eq!(of_citing(&[page], &lost()), Verdict::CitedMissing);
         assert_eq!(of_citing(&[page], &whole()), Verdict::Differs);
         assert_eq!(of_citing(&[page, table], &lost()), Verdict::Differs);
-        // Never there when the run was made: its page says so, and is the same.
+        // Missing already when the run was made: its page states so, and is the same.
         assert_eq!(of_citing(&[], &lost()), Verdict::Same);
     }
 

@@ -1,8 +1,8 @@
-//! Straight lines between two points: whether one meets a box, and how near two come.
+//! Straight lines between two points: intersection with a box, and the distance between two.
 
 use nalgebra::Point3;
 
-/// From one point to another, mm.
+/// The segment from one point to another, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
     pub from: Point3<f64>,
@@ -41,9 +41,10 @@ impl Segment {
         (self.from + way * share - point).norm()
     }
 
-    /// Least distance of two segments, mm.
+    /// Least distance between two segments, mm.
     ///
-    /// Where both lines' nearest points lie inside, that is it; otherwise one end of one of the two is nearest to the other.
+    /// Where both lines' nearest points lie inside, it is the distance of the lines; otherwise one end of one of the two is
+    /// nearest to the other.
     pub fn distance(&self, other: &Self) -> f64 {
         let ends = [
             other.distance_to(&self.from),
@@ -100,7 +101,7 @@ mod tests {
         assert!(meets([1.0; 3], [2.0; 3]) && meets([3.0; 3], [3.0; 3]));
         // Its line meets the box, the segment ends before.
         assert!(!meets([-5.0, 5.0, 5.0], [-1.0, 5.0, 5.0]));
-        // Past a corner: at x = 5 it stands at y = 11.
+        // Past a corner: at x = 5 it is at y = 11.
         assert!(!meets([0.0, 16.0, 5.0], [10.0, 6.0 + 1e-9, 20.0]));
         assert!(!meets([-3.0, 8.0, 5.0], [3.0, 14.0, 5.0]));
         // Along a side.
@@ -112,7 +113,7 @@ mod tests {
         let x = segment([0.0; 3], [10.0, 0.0, 0.0]);
         // Crossing 3 above.
         assert!((x.distance(&segment([5.0, -4.0, 3.0], [5.0, 4.0, 3.0])) - 3.0).abs() < 1e-12);
-        // Parallel, 2 beside, and only 5 of it alongside.
+        // Parallel, at a distance of 2, with only 5 of it alongside.
         assert!((x.distance(&segment([5.0, 2.0, 0.0], [20.0, 2.0, 0.0])) - 2.0).abs() < 1e-12);
         // In line, 4 apart.
         assert!((x.distance(&segment([14.0, 0.0, 0.0], [20.0, 0.0, 0.0])) - 4.0).abs() < 1e-12);
@@ -122,7 +123,8 @@ mod tests {
         assert!((x.distance(&segment([5.0, 6.0, 8.0], [5.0, 6.0, 8.0])) - 10.0).abs() < 1e-12);
     }
 
-    /// Against the least over a fine lattice of both segments: never above it, and below it by no more than its step.
+    /// Compared with the least distance over a fine lattice of both segments: never above it, and below it by at most its
+    /// step.
     #[test]
     fn distance_is_the_least_over_all_pairs_of_points() {
         let value = |k: usize| 100.0 * ((k * 37) as f64 * 0.618).sin();

@@ -12,7 +12,7 @@ fn kr210() -> Arm {
 }
 
 /// Arm 90° up, forearm level: axis 2 at (350, 0, 675), axis 3 at (350, 0, 1825), wrist at (1550, 0, 1866), flange and
-/// target before it.
+/// target in front of it.
 const LEVEL_DEG: [f64; 6] = [0.0, -90.0, 90.0, 0.0, 30.0, 0.0];
 
 fn level() -> [f64; 6] {
@@ -31,7 +31,7 @@ fn free() -> Constraints {
     }
 }
 
-/// A target that looks along its z axis at a tracker straight before it, `away` mm off.
+/// A target that faces along its z axis towards a tracker straight in front of it, at a distance of `away` mm.
 fn seen_from_before(arm: &Arm, away: f64) -> Constraints {
     let target = *arm.flange(&level()).isometry() * free().flange_from_target;
     let tracker = target * Point3::new(0.0, 0.0, away);
@@ -95,7 +95,7 @@ fn configuration_and_singularity_are_reported() {
         verdict(&arm, &flipped, &constraints),
         Err(Unsuitable::OtherConfiguration { wanted, .. }) if wanted == own
     ));
-    // The wrist's factor is sin 30°, elbow and shoulder are further off.
+    // The wrist's factor is sin 30°; those of elbow and shoulder are larger.
     constraints.least_singularity_factor = 0.49;
     assert_eq!(verdict(&arm, &level(), &constraints), Ok(()));
     constraints.least_singularity_factor = 0.51;
@@ -124,11 +124,11 @@ fn a_box_stops_the_part_that_enters_it() {
             margin_mm: 100.0,
         })
     };
-    // Beside the middle of the upper arm, which stands at x = 350: no joint origin is near. 99 mm are too near, 101 not.
+    // Next to the middle of the upper arm, which is at x = 350: no joint origin is near. 99 mm are too near, 101 not.
     let beside = |gap: f64| within([350.0 + gap, -10.0, 1200.0], [600.0, 10.0, 1300.0]);
     assert_eq!(beside(99.0), stopped(Part::Link(2)));
     assert_eq!(beside(101.0), Ok(()));
-    // Round the target, which is 315 mm before the wrist, 30° down; the flange is 100 mm behind it.
+    // Around the target, which is 315 mm in front of the wrist, 30° down; the flange is 100 mm behind it.
     let target = *arm.flange(&level()).isometry() * free().flange_from_target;
     let at = target.translation.vector;
     let before = [at.x + 90.0, at.y - 10.0, at.z - 50.0];
@@ -153,7 +153,7 @@ fn range_and_acceptance_are_held() {
             Err(Unsuitable::OutOfRange { range_mm: found, .. }) if (found - range_mm).abs() < 1e-6
         ));
     }
-    // 40° off the target's axis, 30° are accepted; turned about the target's x.
+    // 40° off the target's axis, where 30° are accepted; turned about the target's x.
     let mut constraints = seen_from_before(&arm, 5000.0);
     let tilt = 40.0_f64.to_radians();
     let facing = Vector3::new(0.0, tilt.sin(), tilt.cos());
@@ -169,7 +169,7 @@ fn range_and_acceptance_are_held() {
 #[test]
 fn the_upper_arm_stands_in_the_beam_of_a_tracker_behind_it() {
     let arm = kr210();
-    // The target looks back over the arm; the tracker stands behind the base, on the other side of the upper arm.
+    // The target faces back over the arm; the tracker is behind the base, on the other side of the upper arm.
     let mut constraints = seen_from_before(&arm, 5000.0);
     let line_of_sight = line_of_sight(&mut constraints);
     line_of_sight.tracker = Point3::new(-4000.0, 0.0, 700.0);
@@ -179,7 +179,7 @@ fn the_upper_arm_stands_in_the_beam_of_a_tracker_behind_it() {
         matches!(found, Err(Unsuitable::BeamBlocked { part: Part::Link(2), distance_mm, .. }) if distance_mm < 1e-9),
         "{found:?}"
     );
-    // From far enough to the side the same target is free.
+    // From far enough to the side the same target is visible.
     if let Some(line_of_sight) = constraints.tracker.as_mut() {
         line_of_sight.tracker = Point3::new(1700.0, 6000.0, 1000.0);
     }

@@ -2,9 +2,9 @@
 
 use std::cmp::Ordering;
 
-/// Other poses a pose may be joined to.
+/// Number of other poses that a pose may be joined to.
 const NEIGHBOURS: usize = 10;
-/// Poses moved elsewhere together, at most.
+/// Most poses moved elsewhere together.
 const LONGEST_RUN: usize = 3;
 /// A move has to save this share of the whole path, or rounding would keep the search going.
 const WORTH_IT: f64 = 1e-12;
@@ -12,7 +12,7 @@ const WORTH_IT: f64 = 1e-12;
 /// Poses to be visited from home, in units of time: angle over speed, joint by joint.
 #[derive(Debug)]
 pub struct Path {
-    /// The poses, and home behind them.
+    /// The poses, followed by home.
     points: Vec<Vec<f64>>,
 }
 
@@ -20,7 +20,7 @@ pub struct Path {
 struct Tour<'a> {
     path: &'a Path,
     order: Vec<usize>,
-    /// Where in `order` each point stands.
+    /// Index in `order` of each point.
     place: Vec<usize>,
     least_saving: f64,
 }
@@ -49,7 +49,7 @@ impl Path {
             .sum()
     }
 
-    /// Always on to the nearest pose not yet visited.
+    /// Always moves on to the nearest pose not yet visited.
     pub(super) fn nearest_neighbour(&self) -> Vec<usize> {
         let mut left: Vec<usize> = (0..self.home()).collect();
         let mut order = Vec::with_capacity(left.len());
@@ -78,7 +78,7 @@ impl Path {
         }
     }
 
-    /// Home's place among the points: behind the poses.
+    /// Index of home among the points: after the poses.
     fn home(&self) -> usize {
         self.points.len() - 1
     }
@@ -88,7 +88,7 @@ impl Path {
         pairs.fold(0.0, |most, (a, b)| (a - b).abs().max(most))
     }
 
-    /// Place in `left` of the pose nearest to `here`, the first of several.
+    /// Index in `left` of the pose nearest to `here`, the first of several.
     fn nearest(&self, here: usize, left: &[usize]) -> Option<usize> {
         let times = left.iter().map(|&pose| self.between(here, pose));
         let nearest = times.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
@@ -131,7 +131,7 @@ impl<'a> Tour<'a> {
         tour
     }
 
-    /// Makes the first move that joins `point` to one of its neighbours and saves time; whether there was one.
+    /// Makes the first move that joins `point` to one of its neighbours and saves time; returns whether there was one.
     fn improve(&mut self, point: usize, near: &[usize]) -> bool {
         near.iter().any(|&other| {
             let (at, to) = (self.place[point], self.place[other]);
@@ -139,8 +139,8 @@ impl<'a> Tour<'a> {
         })
     }
 
-    /// Joins the points at `a` and `b` (`a < b`) by turning round what lies between: the stretch behind `a` up to `b`,
-    /// or the one from `a` to before `b`.
+    /// Joins the points at `a` and `b` (`a < b`) by reversing the poses between: the stretch after `a` up to `b`, or the
+    /// one from `a` to before `b`.
     fn turn_round(&mut self, a: usize, b: usize) -> bool {
         let ahead =
             self.gap(a, a + 1) + self.gap(b, b + 1) - self.gap(a, b) - self.gap(a + 1, b + 1);
@@ -148,7 +148,7 @@ impl<'a> Tour<'a> {
             self.reverse(a + 1, b + 1);
             return true;
         }
-        // Home stays in front.
+        // Home stays first.
         if a == 0 {
             return false;
         }
@@ -161,7 +161,7 @@ impl<'a> Tour<'a> {
         false
     }
 
-    /// Moves a run of poses that begins or ends at `at` so that this pose stands beside the one at `to`.
+    /// Moves a run of poses that begins or ends at `at` so that this pose is next to the one at `to`.
     fn move_run(&mut self, at: usize, to: usize) -> bool {
         (1..=LONGEST_RUN).any(|length| {
             let ends_here = at.checked_sub(length - 1).map(|first| (first, at + 1));
@@ -171,16 +171,16 @@ impl<'a> Tour<'a> {
                 if first == 0 || end > self.order.len() || inside {
                     return false;
                 }
-                // Behind `to`, then before it; home has nothing before it.
+                // After `to`, then before it; nothing comes before home.
                 self.put(first, end, to, to + 1) || (to > 0 && self.put(first, end, to - 1, to))
             })
         })
     }
 
-    /// Puts the run `first..end` between the neighbouring places `left` and `right` outside it, turned the way that is
-    /// shorter, if that saves time.
+    /// Puts the run `first..end` between the neighbouring places `left` and `right` outside it, in the shorter direction,
+    /// if that saves time.
     fn put(&mut self, first: usize, end: usize, left: usize, right: usize) -> bool {
-        // Where the run already touches one of the two there is nothing between them to go into.
+        // Where the run already touches one of the two there is no gap between them to go into.
         if left + 1 == first || right == first || left + 1 == end {
             return false;
         }
@@ -205,7 +205,7 @@ impl<'a> Tour<'a> {
         true
     }
 
-    /// Seconds between the points at two places; none behind the last.
+    /// Seconds between the points at two places; zero after the last.
     fn gap(&self, a: usize, b: usize) -> f64 {
         match (self.order.get(a), self.order.get(b)) {
             (Some(&a), Some(&b)) => self.path.between(a, b),

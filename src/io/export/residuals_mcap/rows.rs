@@ -1,4 +1,4 @@
-//! Rows of table `residuals` by what they are of, and their numbers as a message.
+//! Rows of table `residuals` by subject, and their numbers as a message.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::words::Role;
 use crate::report::{Model, Subject};
 
-/// What residuals are of, and the part that the stations had in the fit.
+/// The subject of residuals, and the part of the stations in the fit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Of {
     pub(super) subject: Subject,
@@ -39,7 +39,7 @@ impl Of {
         }
     }
 
-    /// Whether the robot is as it is without compensation.
+    /// Whether the robot is not compensated.
     pub(super) const fn is_before(&self) -> bool {
         matches!(self.subject.model, Model::RawCommand | Model::BaseTarget)
     }

@@ -1,4 +1,4 @@
-//! Error vectors as arrows of a `foxglove.SceneUpdate`: an entity a station.
+//! Error vectors as arrows of a `foxglove.SceneUpdate`: one entity per station.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -8,10 +8,10 @@ use super::rows::{Of, Xyz, predicted_mm};
 use crate::io::tables::residuals::ResidualRow;
 use crate::units::MM_PER_M;
 
-/// The schema, as far as these messages go.
+/// The part of the schema that these messages use.
 pub(super) const SCHEMA: &str = include_str!("scene_update.json");
 
-/// The head's share of an arrow's length, and widths as shares of it, up to what a large arrow has, m.
+/// Length of the head as a share of an arrow's length, and widths as shares of it, up to the width of a large arrow, m.
 const HEAD: f64 = 0.3;
 const SHAFT_WIDTH: f64 = 0.08;
 const WIDEST_SHAFT_M: f64 = 0.006;
@@ -51,7 +51,7 @@ impl SceneUpdate {
     }
 }
 
-/// What has one id, with all kinds of shapes that the schema knows.
+/// An entity with an id, with all kinds of shapes of the schema.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Entity {
     timestamp: Time,
@@ -139,7 +139,7 @@ impl Arrow<'_> {
                 entry("arrow_scale", ARROW_SCALE.to_string()),
             ],
             id: station,
-            // Until it is replaced.
+            // Visible until it is replaced.
             lifetime: Time::of(0),
             frame_locked: true,
             arrows: [self.shape()],
@@ -170,9 +170,9 @@ impl Arrow<'_> {
     }
 }
 
-/// The rotation that turns x, where arrows point to, into a direction.
+/// The rotation that turns x, the direction of arrows, into a direction.
 fn along(direction: &Vector3<f64>) -> Orientation {
-    // Against x any half turn will do; of nothing there is no direction.
+    // For the direction opposite to x any half turn is right; a zero vector has no direction.
     let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
     let turn = if direction.norm() > 0.0 {
         UnitQuaternion::rotation_between(&Vector3::x(), direction).unwrap_or_else(half_turn)

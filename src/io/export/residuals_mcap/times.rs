@@ -1,4 +1,4 @@
-//! When each station was measured: tables `stations` of the run.
+//! The time of each station, from tables `stations` of the run.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::manifest::RunKey;
 pub(super) struct Times(BTreeMap<(String, usize), i64>);
 
 impl Times {
-    /// Reads the tables of all sessions: from `files`, or without any from the lake that `residuals` stands in.
+    /// Reads the tables of all sessions: from `files`, or without any from the lake that holds `residuals`.
     pub(super) fn read<'s>(
         residuals: &Path,
         files: &[PathBuf],
@@ -49,7 +49,7 @@ impl Times {
         self.0.extend(times);
     }
 
-    /// When a station was measured, ns.
+    /// The time of a station, ns.
     pub(super) fn of(&self, session: &str, station: usize) -> Result<u64, ExportError> {
         let unknown = || ExportError::NoTime {
             session: session.to_owned(),
@@ -67,7 +67,7 @@ impl Times {
     }
 }
 
-/// The lake that a file `TABLE/ROBOT/SESSION/RUN.parquet` stands in.
+/// The lake that holds a file `TABLE/ROBOT/SESSION/RUN.parquet`.
 fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     let root = residuals.ancestors().nth(4);
     let root = root.ok_or_else(|| ExportErrorKind::NoLake.at(residuals))?;

@@ -1,19 +1,19 @@
-//! Two cells → how they differ.
+//! Two cells → their difference.
 
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::{DataType, Float64Type};
 use arrow::util::display::array_value_to_string;
 use serde_json::Value;
 
-/// Letters of a cell's text that are told at most.
-const TOLD: usize = 120;
+/// Most letters of a cell's text that are shown.
+const SHOWN: usize = 120;
 
-/// How two cells differ.
+/// The difference of two cells.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum CellDifference {
-    /// By a number alone; of several in one cell, by the one that differs most.
+    /// Only numbers differ; of several in one cell, the pair that differs most.
     Number(Numbers),
-    /// Otherwise: what is published, and what was computed.
+    /// They differ otherwise: the published text and the computed one.
     Unlike(String, String),
 }
 
@@ -29,13 +29,13 @@ impl Numbers {
         (self.published - self.computed).abs()
     }
 
-    /// To the larger of both, which is not zero where they differ.
+    /// The difference relative to the larger of both, which is not zero where they differ.
     pub(super) fn relative(self) -> f64 {
         self.absolute() / self.published.abs().max(self.computed.abs())
     }
 }
 
-/// How the cell `own` of a column differs from the cell `other` of the computed one; `None` where they are the same.
+/// The difference of the cell `own` of a column from the cell `other` of the computed one; `None` where they are the same.
 pub(super) fn difference(
     published: &dyn Array,
     own: usize,
@@ -72,7 +72,7 @@ pub(super) fn difference(
 
 #[expect(
     clippy::float_cmp,
-    reason = "equal numbers are no difference, all others are told by their size"
+    reason = "equal numbers are no difference, all others are compared by their size"
 )]
 fn number(published: f64, computed: f64) -> Option<CellDifference> {
     (published != computed).then_some(CellDifference::Number(Numbers {
@@ -81,7 +81,7 @@ fn number(published: f64, computed: f64) -> Option<CellDifference> {
     }))
 }
 
-/// Of two differences the one that matters more: what is unlike, before the number that differs most.
+/// The more important of two differences: unlike texts before numbers, then the larger relative difference.
 fn larger(a: Option<CellDifference>, b: Option<CellDifference>) -> Option<CellDifference> {
     match (a, b) {
         (None, found) | (found, None) => found,
@@ -138,12 +138,12 @@ fn unlike(published: &dyn Array, own: usize, computed: &dyn Array, other: usize)
     CellDifference::Unlike(text(published, own), text(computed, other))
 }
 
-/// A cell in words that a person reads, cut where it is long.
+/// A cell as text for a person, cut where it is long.
 pub(super) fn text(array: &dyn Array, row: usize) -> String {
     short(&whole_text(array, row))
 }
 
-/// A cell in words.
+/// A cell as text.
 pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
     if array.is_null(row) {
         return "null".to_owned();
@@ -156,7 +156,7 @@ pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
 }
 
 fn short(text: &str) -> String {
-    match text.char_indices().nth(TOLD) {
+    match text.char_indices().nth(SHOWN) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text.to_owned(),
     }
@@ -188,7 +188,7 @@ mod tests {
                 "{from} → {to}: {found:?}"
             );
         }
-        // Numbers that stand alone are texts of a text column: "60" is no measure.
+        // Numbers that stand alone in a text column are texts: "60" is no measured value.
         assert!(matches!(
             texts("60", "61"),
             Some(CellDifference::Unlike(..))
@@ -210,6 +210,6 @@ mod tests {
     #[test]
     fn a_long_text_is_cut_between_letters() {
         let long = "ü".repeat(500);
-        assert_eq!(short(&long).chars().count(), TOLD + 1);
+        assert_eq!(short(&long).chars().count(), SHOWN + 1);
     }
 }

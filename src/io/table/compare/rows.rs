@@ -1,7 +1,7 @@
-//! Rows of two tables, paired by the columns that name them.
+//! Rows of two tables, paired by the columns that identify them.
 //!
-//! Names are exact, but for numbers among them, which may differ by rounding: within rows that share everything else they are
-//! merged in order.
+//! Names are compared exactly, except numbers among them, which may differ by rounding: rows that are equal in all other
+//! columns are merged in order.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -12,14 +12,14 @@ use arrow::datatypes::{DataType, Float64Type};
 use super::{CLOSE, cells};
 use crate::io::table::Table;
 
-/// Rows in pairs, and those that have none.
+/// Paired rows, and those without a partner.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Rows {
     /// Row of the published table, row of the computed one.
     pub both: Vec<(usize, usize)>,
     pub only_published: Vec<usize>,
     pub only_computed: Vec<usize>,
-    /// Whether each row is paired with the one of the same number, and none is left.
+    /// Whether each row is paired with the one of the same number, and none is unpaired.
     pub in_step: bool,
 }
 
@@ -46,7 +46,7 @@ pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Row
         Named::new(published, &numbers),
         Named::new(computed, &numbers),
     );
-    // Nearly always the same rows are there, and need no names.
+    // Nearly always both tables have the same rows, and names are not needed.
     let alike = |column: &&str| published.array(column) == computed.array(column);
     let in_step = published.rows() == computed.rows()
         && words.iter().all(alike)
@@ -83,7 +83,7 @@ fn groups(
     let name = |table: &Table, row| -> Vec<String> {
         let cell = |column: &&str| {
             let array = table.array(column);
-            // A letter before the text keeps null from the text "null".
+            // A letter before the text distinguishes null from the text "null".
             let sort = if array.is_null(row) { '-' } else { '+' };
             format!("{sort}{}", cells::whole_text(array, row))
         };
@@ -99,7 +99,7 @@ fn groups(
     groups
 }
 
-/// The numbers that name a table's rows.
+/// The numbers that identify a table's rows.
 struct Named<'a>(Vec<&'a arrow::array::Float64Array>);
 
 impl<'a> Named<'a> {
@@ -108,7 +108,7 @@ impl<'a> Named<'a> {
         Self(columns.iter().map(number).collect())
     }
 
-    /// Which comes first; equal where all numbers are close. A null comes before any number, as in the tables.
+    /// The order of two rows; equal where all numbers are close. A null comes before any number, as in the tables.
     fn order(&self, row: usize, other: &Self, other_row: usize) -> Ordering {
         let pairs = self.0.iter().zip(&other.0);
         let mut orders = pairs.map(|(left, right)| {
@@ -130,7 +130,7 @@ impl<'a> Named<'a> {
 }
 
 impl Rows {
-    /// Merges rows that share every exact name, each side in the order of its numbers.
+    /// Merges rows that have equal exact names, each side in the order of its numbers.
     fn merge(&mut self, left: &Named<'_>, own: &[usize], right: &Named<'_>, other: &[usize]) {
         let (mut i, mut j) = (0, 0);
         while let (Some(&a), Some(&b)) = (own.get(i), other.get(j)) {

@@ -1,4 +1,4 @@
-//! One column's part of a table's digest: its presence, lengths and values, each digested as its rows come.
+//! One column's part of a table's digest: its presence, lengths and values, digested as its rows are added.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::io::schema::{ColumnSchema, ColumnType};
 
 /// The digest of one column.
 pub(super) struct ColumnDigest {
-    /// Where it stands in a batch of rows.
+    /// Index of the column in a batch of rows.
     pub(super) place: usize,
     name: String,
     kind: ColumnType,
@@ -21,18 +21,18 @@ pub(super) struct ColumnDigest {
     presence: Runs,
     lengths: Runs,
     values: Values,
-    /// The array that came last, where it has one text in all rows: where it comes again it need not be looked at.
+    /// The last array, where it has one text in all rows: if it is added again it need not be examined.
     latest: Option<ArrayRef>,
 }
 
-/// The values of a column that are there.
+/// The values that are present in a column.
 enum Values {
     Numbers(Box<Hasher>),
     Counted(Box<Runs>),
 }
 
 impl ColumnDigest {
-    /// Of a column without rows yet.
+    /// The digest of a column without rows.
     pub(super) fn new(place: usize, column: &ColumnSchema) -> Self {
         Self {
             place,
@@ -50,7 +50,7 @@ impl ColumnDigest {
         }
     }
 
-    /// Adds rows behind those before.
+    /// Adds rows after those before.
     pub(super) fn add(&mut self, array: &ArrayRef) {
         self.add_presence(array);
         if array.null_count() == array.len() {
@@ -86,7 +86,7 @@ impl ColumnDigest {
         }
     }
 
-    /// Values that are all there, from one place up to another.
+    /// Adds values that are all present, from one index up to another.
     fn add_values(&mut self, array: &ArrayRef, start: usize, end: usize) {
         match (&mut self.values, self.kind) {
             (Values::Numbers(hasher), ColumnType::Float64 | ColumnType::ListFloat64) => {
@@ -146,7 +146,7 @@ impl ColumnDigest {
     }
 }
 
-/// Where values are there, from one row up to another, in order.
+/// The ranges of rows with values, in order.
 fn present(array: &ArrayRef) -> Vec<(usize, usize)> {
     match array.nulls().filter(|nulls| nulls.null_count() > 0) {
         None => vec![(0, array.len())],
@@ -154,7 +154,7 @@ fn present(array: &ArrayRef) -> Vec<(usize, usize)> {
     }
 }
 
-/// Numbers as 64 bits each, lowest byte first; in memory they stand so on nearly every processor.
+/// Hashes numbers as 64 bits each, lowest byte first; nearly every processor has them so in memory.
 fn add_numbers<N: Copy>(
     hasher: &mut Hasher,
     numbers: &[N],
@@ -180,7 +180,7 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// So many equal ones more.
+    /// Adds `count` equal values.
     pub(super) fn add(&mut self, value: &[u8], count: u64) {
         if self.value != value {
             self.end();

@@ -1,4 +1,4 @@
-//! What counts in the digest of a table, and what leaves no trace in it.
+//! The values that change the digest of a table, and those that do not.
 
 use super::column::Runs;
 use super::*;
@@ -83,7 +83,7 @@ fn every_value_length_null_and_entry_counts() {
         "standard_error",
     ] {
         let own = digest(changed);
-        // What row 4 has in of_session is there already.
+        // Row 4 has this value in of_session already.
         assert_eq!(
             seen.contains(&own),
             changed == "of_session" || changed == "standard_error",

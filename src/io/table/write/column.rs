@@ -17,7 +17,7 @@ use parquet::schema::types::ColumnDescPtr;
 use super::levels::Levels;
 use super::lists;
 
-/// A column of a row group as it stands in the file.
+/// A column of a row group, encoded for the file.
 pub(super) struct EncodedColumn {
     pub(super) bytes: Bytes,
     pub(super) close: ColumnCloseResult,
@@ -35,7 +35,7 @@ pub(super) fn encode(
     let levels = Levels::of(&column, array);
     let values = present(array)?;
     let plain = values.to_data().get_slice_memory_size()?;
-    // What stands before the values takes little.
+    // The bytes before the values take little.
     let mut pages = TrackedWrite::new(Vec::with_capacity(plain + plain / 32));
     let sink = Box::new(SerializedPageWriter::new(&mut pages));
     let close = write(
@@ -49,7 +49,7 @@ pub(super) fn encode(
     })
 }
 
-/// The values that are there, one behind the other: without nulls and without the bounds of lists.
+/// The values that are present, one after another: without nulls and without the bounds of lists.
 fn present(array: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     let array = match array.null_count() {
         0 => Arc::clone(array),

@@ -17,22 +17,22 @@ use crate::io::schema::TableSchema;
 use crate::io::table::digest::ContentDigest;
 use crate::io::table::{Table, same};
 
-/// Encodes a table and the further parts of it.
+/// Encodes a table and its further parts.
 pub struct Encoder {
     schema: SchemaDescriptor,
     properties: WriterPropertiesPtr,
     of: &'static TableSchema,
-    /// What a table is of stands in each of its rows, and much is absent in all of them: encoded once for so many rows,
-    /// such a column is the same bytes again in every row group of as many.
+    /// Columns with one value in all rows, such as the table's subject, and columns of nulls: encoded once for a number of
+    /// rows, such a column is the same bytes in every row group with as many rows.
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
-    /// The array of each such column that came last: where it comes again it need not be looked at.
+    /// The last array of each such column: if it comes again it need not be examined.
     latest: Mutex<Vec<Option<Known>>>,
 }
 
-/// An array and what it became.
+/// An array and its encoded column.
 type Known = (ArrayRef, Arc<EncodedColumn>);
 
-/// A column that says the same in all rows.
+/// A column with one value in all rows.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Uniform {
     column: usize,
@@ -50,7 +50,7 @@ enum Says {
 pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
 
 impl RowGroups {
-    /// How many rows they have.
+    /// The number of rows.
     pub fn rows(&self) -> u64 {
         let first_columns = self.columns().filter_map(<[_]>::first);
         first_columns.map(|column| column.close.rows_written).sum()
@@ -63,7 +63,7 @@ impl RowGroups {
 }
 
 impl Encoder {
-    /// An encoder of `table` and of whatever other parts it has.
+    /// An encoder of `table` and of all its other parts.
     pub fn of(table: &Table) -> Result<Self, ParquetError> {
         Ok(Self {
             schema: ArrowSchemaConverter::new().convert(&table.batch.schema())?,
@@ -87,7 +87,7 @@ impl Encoder {
         ContentDigest::new(self.of, self.of.version, &[])
     }
 
-    /// What the file's metadata says of the table.
+    /// The entries of the file's metadata about the table.
     pub(super) fn metadata(&self) -> Vec<(String, String)> {
         let entries = self.properties.key_value_metadata().into_iter().flatten();
         entries
@@ -128,14 +128,14 @@ impl Encoder {
         Ok(column)
     }
 
-    /// What the column became when it was the very same array.
+    /// The encoded column of the same array, if it was the last one.
     fn again(&self, place: usize, array: &ArrayRef) -> Option<Arc<EncodedColumn>> {
         let latest = locked(&self.latest);
         let (known, column) = latest[place].as_ref()?;
         std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(array)).then(|| Arc::clone(column))
     }
 
-    /// A column that says the same in all rows.
+    /// The encoded column of a column with one value in all rows.
     fn saying(
         &self,
         place: usize,
@@ -165,7 +165,7 @@ fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What all rows say, if they say the same.
+/// The value of all rows, if they have the same.
 fn says(array: &ArrayRef) -> Option<Says> {
     if array.null_count() == array.len() {
         return Some(Says::Nothing);

@@ -1,11 +1,11 @@
-//! What Parquet says of a column besides its values: which rows have one, and where the lists begin.
+//! Parquet's levels of a column: which rows have a value, and where the lists begin.
 
 use std::iter::{once, repeat_n};
 
 use arrow::array::{Array, ArrayRef, AsArray, ListArray};
 use parquet::schema::types::ColumnDescPtr;
 
-/// Levels of the values of a column and of the places where there is none.
+/// Levels of the values of a column and of the places without a value.
 pub(super) struct Levels {
     /// The column's largest level where there is a value, less where there is none; `None` where nothing can be absent.
     pub(super) definition: Option<Vec<i16>>,

@@ -1,11 +1,11 @@
-//! Lists of one length of numbers of which hardly two are alike, as the angles of an arm are → the pages of a column.
+//! Lists of one length of numbers of which hardly two are equal, such as the angles of an arm → the pages of a column.
 //!
-//! By far the most bytes of all tables are such a column. Its numbers stand in the file as they stand in memory, and what
-//! says where the lists begin repeats; the crate's writer, which looks at each number for itself, takes three times as
-//! long. What it is for, and better at, is left to it: lists of other kinds, and numbers that repeat.
+//! Such columns hold by far the most bytes of all tables. Their numbers are in the file as they are in memory, and the
+//! levels of the lists repeat; the crate's writer, which examines each number, takes three times as long. It is used for
+//! the cases that it handles better: lists of other kinds, and numbers that repeat.
 //!
-//! A page is, by the format's `DATA_PAGE`: repetition levels, definition levels, values. Both kinds of levels are runs of
-//! the format's hybrid of repeats and packed bits, behind their length in four bytes.
+//! A page consists, by the format's `DATA_PAGE`, of repetition levels, definition levels and values. Both kinds of levels
+//! are runs of the format's hybrid of repeats and packed bits, after their length in four bytes.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -27,23 +27,23 @@ use super::properties::REPEATED_FLOATS;
 
 /// Bytes of a number.
 const NUMBER: usize = size_of::<f64>();
-/// Bytes of the numbers of a page, about.
+/// Approximate number of bytes of the numbers of a page.
 const PAGE: usize = 768 << 10;
-/// Lists of a page are a multiple of it, so that levels fill whole bytes.
+/// The number of lists of a page is a multiple of this, so that levels fill whole bytes.
 const EIGHT: usize = 8;
-/// More than a page's header takes.
+/// More bytes than a page's header takes.
 const HEADER: usize = 64;
 
 /// Lists of one length.
 struct Lists<'a> {
-    /// Numbers of each.
+    /// Number of values in each list.
     length: usize,
     rows: usize,
-    /// All numbers, as they stand in the file.
+    /// All numbers, as stored in the file.
     bytes: &'a [u8],
 }
 
-/// Encodes lists of one length whose numbers do not repeat; `None` where the column is another one.
+/// Encodes lists of one length whose numbers do not repeat; `None` for any other column.
 pub(super) fn encode(
     column: &ColumnDescPtr,
     properties: &WriterPropertiesPtr,
@@ -164,21 +164,21 @@ impl<'a> Lists<'a> {
             (0..EIGHT).map(bit).sum::<u8>()
         };
         let mut run = varint((groups as u64) << 1 | 1);
-        // So many groups later the bits are the same again.
+        // The bits repeat after this number of groups.
         let period: Vec<u8> = (0..self.length.min(groups)).map(group).collect();
         run.extend(period.iter().cycle().take(groups));
         behind_its_length(run)
     }
 }
 
-/// The level of a number that is there, for each: a run of repeats.
+/// The level of a number that is present, for each: a run of repeats.
 fn definition_levels(values: usize, there: i16) -> Vec<u8> {
     let mut run = varint((values as u64) << 1);
     run.extend(u8::try_from(there));
     behind_its_length(run)
 }
 
-/// Whether a dictionary of the numbers would not do, by those of the first page.
+/// Whether a dictionary of the numbers would be of no use, judged by those of the first page.
 fn differ(values: &[f64]) -> bool {
     let mut seen = HashSet::new();
     let first = &values[..values.len().min(PAGE / NUMBER)];

@@ -1,4 +1,4 @@
-//! How the columns of a table are encoded, and what its file says of it.
+//! The encodings of a table's columns, and the metadata of its file.
 
 use std::collections::BTreeMap;
 
@@ -11,15 +11,15 @@ use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
 use crate::io::table::Table;
 
 /// Bytes of a dictionary of numbers: 4096 of them. Where more differ in a row group nearly all do, and a dictionary costs
-/// time and room: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each stand
-/// for 90 samples it saves as much as a larger one.
+/// time and space: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each
+/// represent 90 samples it saves as much as a larger one.
 pub(super) const REPEATED_FLOATS: usize = 32 << 10;
 
-/// Values between two looks at whether a page is full, which is so at a million bytes: the crate's own 1024 are looked at
+/// Number of values between two tests of whether a page is full, which is so at a million bytes: the crate's own 1024 test
 /// more often than needed.
 const VALUES_AT_ONCE: usize = 16_384;
 
-/// Snappy: every reader has it, and it is the cheaper of the two to write, which counts most for decoded logs.
+/// Snappy: every reader has it, and it is the faster of the two to write, which matters most for decoded logs.
 pub(super) fn properties(table: &Table) -> WriterProperties {
     let properties = WriterProperties::builder()
         .set_created_by(concat!("posegrid version ", env!("CARGO_PKG_VERSION")).to_owned())
@@ -33,17 +33,17 @@ pub(super) fn properties(table: &Table) -> WriterProperties {
 fn encoding(properties: WriterPropertiesBuilder, column: &ColumnSchema) -> WriterPropertiesBuilder {
     let path = || ColumnPath::from(column.name.as_str());
     match column.kind {
-        // Counts, places and stamps that rise from row to row: their differences take the least space, and no
-        // dictionary of them is ever looked up twice.
+        // Counts, places and stamps that rise from row to row: their differences take the least space, and a dictionary
+        // would have no repeated entry.
         ColumnType::Int64 => properties
             .set_column_dictionary_enabled(path(), false)
             .set_column_encoding(path(), Encoding::DELTA_BINARY_PACKED),
         ColumnType::Float64 => {
             properties.set_column_dictionary_page_size_limit(path(), REPEATED_FLOATS)
         }
-        // The joints of an arm in one list: their least and largest say nothing of any of them. What no dictionary holds
-        // has noise in its last digits: Snappy took a twentieth off the angles of recorded logs, and more time than all
-        // the rest of writing them.
+        // The joints of an arm in one list: their minimum and maximum describe none of them. Numbers that no dictionary
+        // holds have noise in their last digits: Snappy saved a twentieth of the angles of recorded logs, and took more
+        // time than all the other work of writing them.
         ColumnType::ListFloat64 => properties
             .set_column_compression(elements(column), Compression::UNCOMPRESSED)
             .set_column_dictionary_page_size_limit(elements(column), REPEATED_FLOATS)

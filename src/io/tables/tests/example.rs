@@ -1,4 +1,4 @@
-//! A small outcome made of a simulated session, as a run would make it.
+//! A small outcome made from a simulated session, as a run would make it.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -204,7 +204,7 @@ impl PoseModel for Identified {
     }
 }
 
-/// The stations of the session as fits take them.
+/// The stations of the session in the form of the fit.
 fn observations(session: &JoinedSession) -> Vec<Observation> {
     let noise = Noise::of_one(
         Source {
@@ -229,7 +229,7 @@ fn observations(session: &JoinedSession) -> Vec<Observation> {
     observations
 }
 
-/// The models that a training makes of the session, and the stations that it was made from.
+/// The models of a training on the session, and the observations that it was made from.
 pub(super) fn trained() -> (Models, Vec<Observation>) {
     let observations = observations(&session(stations()));
     let settings = TrainingSettings {
@@ -413,7 +413,7 @@ fn accuracy(there: bool) -> Accuracy {
     }
 }
 
-/// A length and an angle of a pose visited twice, and what its visits do not allow.
+/// A length and an angle of a pose visited twice, and a figure that its visits do not allow.
 fn iso_9283() -> Iso9283 {
     let figure = |characteristic, pose, value| Figure {
         characteristic,

@@ -1,4 +1,4 @@
-//! Models of the registry: their words are those of the schemas, and what is saved of them predicts as they did.
+//! Models of the registry: their words are those of the schemas, and saved models predict like the originals.
 
 use std::collections::BTreeSet;
 
@@ -30,7 +30,7 @@ fn the_words_of_models_are_those_that_the_schemas_allow() {
     assert_eq!(allowed("accuracy", "model"), words(|_| true));
     assert_eq!(allowed("residuals", "model"), words(|_| true));
     assert_eq!(allowed("calibrations", "model_kind"), words(is_trained));
-    // Of these, fewer models are asked for: every word is a model's, and those that are asked for are there.
+    // Fewer models than these are asked for: every word is a model's, and those that are asked for are there.
     let all = words(|_| true);
     let serving = words(|model| model.about().serves);
     let compared = words(|model| !model.about().angles.is_empty());

@@ -131,7 +131,7 @@ pub enum KrlProblem {
         "a value for a component of {name}; write the whole position in braces, {{X …,Y …,Z …}}"
     )]
     Component {
-        /// The variable.
+        /// Name of the variable.
         name: String,
     },
     /// An element whose index is no number.

@@ -1,4 +1,4 @@
-//! What stands in the sessions' folder: a sub-folder for each session, or files that name theirs.
+//! The contents of the sessions' folder: a sub-folder for each session, or files that name theirs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -12,7 +12,7 @@ use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
 use logs::Lack;
 
-/// A session as it was found: with its files, or why there is no work with it now.
+/// A session as found: with its files, or why there is no work with it at present.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
     /// Its name.
@@ -26,7 +26,7 @@ pub struct Session {
 /// Files of one side, or why there are none.
 type Side = Result<Vec<PathBuf>, Lack>;
 
-/// Everything that the sessions' folder holds.
+/// All sessions in the sessions' folder.
 #[derive(Debug)]
 pub struct Found<'a> {
     tree: &'a Tree,
@@ -40,7 +40,7 @@ pub struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// Looks into the folder.
+    /// Searches the folder.
     pub fn look(
         tree: &'a Tree,
         folder: &'a Path,
@@ -150,7 +150,7 @@ impl<'a> Found<'a> {
         Ok(())
     }
 
-    /// The corrected targets of a session whose files stand beside those of others: their name has to say whose they are.
+    /// The corrected targets of a session whose files are among those of others: their name has to contain the session's.
     fn corrected_of(&self, session: &str) -> Result<Option<PathBuf>, Lack> {
         let names = &self.input.corrected_targets;
         if names
@@ -175,7 +175,7 @@ impl<'a> Found<'a> {
         Err(grows.map_or_else(|| nothing.to_owned(), |grows| format!("{nothing}; {grows}")))
     }
 
-    /// Adds a session, or what looks like one and has neither side.
+    /// Adds a session, or leaves out a folder that has neither side.
     fn add(&mut self, name: String, sides: [Side; 2], corrected: Result<Option<PathBuf>, Lack>) {
         let [controller, tracker] = sides;
         let (corrected, tracker) = match corrected {
@@ -217,7 +217,7 @@ impl<'a> Found<'a> {
         self.left_out.push(LeftOut { name, reason });
     }
 
-    /// A name that is taken, or that two have, is no name.
+    /// Leaves out sessions with a reserved name, or with a name that two have.
     fn names_are_sound(&mut self) {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for session in &self.sessions {
@@ -248,7 +248,7 @@ fn both_lacks(one: &str, other: &str) -> String {
     }
 }
 
-/// Of metadata alone it cannot be told whether two files are one recording or two.
+/// Metadata alone does not show whether two files are one recording or two.
 fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
     match &files[..] {
         [] => Err(Lack::Absent(format!("no file of {names} names it"))),
@@ -256,7 +256,7 @@ fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
         several => {
             let names: Vec<_> = several.iter().map(|path| name_of(path)).collect();
             Err(Lack::Wrong(format!(
-                "{} all say that they are its {side} log; a session has one file a side here (with sessions_by = \
+                "{} all state that they are its {side} log; a session has one file a side here (with sessions_by = \
                  \"file_name\" a split recording has several)",
                 names.join(", ")
             )))

@@ -1,6 +1,6 @@
 //! Whether a log is still being written: it has no end, and changed lately.
 //!
-//! The clock is asked here only, and decides only whether there is work now: nothing that is published follows from it.
+//! Only this file reads the clock, and it decides only whether there is work now: nothing published depends on it.
 
 use std::fs;
 use std::path::Path;
@@ -9,8 +9,8 @@ use std::time::{Duration, SystemTime};
 use crate::io::log::{Limits, has_no_end};
 use crate::units::span;
 
-/// Why to wait for the log at `path`, in words; nothing where it is whole, has not changed for `settle`, or cannot be read:
-/// then its run has more to say.
+/// Why to wait for the log at `path`, as text; `None` where it is whole, has not changed for `settle`, or cannot be read:
+/// then its run reports the error.
 pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<String> {
     let changed = fs::metadata(path).and_then(|metadata| metadata.modified());
     let age = age(changed.ok()?, SystemTime::now(), settle)?;
@@ -25,7 +25,7 @@ pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<S
     ))
 }
 
-/// How long ago that was. Clocks of two machines differ by a little; a time far in the future tells nothing.
+/// The time since a change. Clocks of two machines differ a little; a time far in the future is not used.
 fn age(changed: SystemTime, now: SystemTime, settle: Duration) -> Option<Duration> {
     match now.duration_since(changed) {
         Ok(age) => Some(age),

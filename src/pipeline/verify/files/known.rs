@@ -1,20 +1,20 @@
-//! What the rows of `runs` name, and what a file under the lake is by them.
+//! The files that rows of `runs` name, and the judgement of a file under the lake by them.
 
 use std::collections::BTreeSet;
 
 use super::super::selection::Selected;
 use crate::io::lake::{Lake, LakeError, LakeFile, Stands};
 
-/// What the rows of the lake name.
+/// The files that the rows of the lake name.
 pub(super) struct Known {
     keys: BTreeSet<String>,
-    /// Robots, by the names of their folders, and runs that have rows; those whose rows cannot be read.
+    /// Robots, by the names of their folders, and runs that have rows; also those whose rows cannot be read.
     runs: BTreeSet<(String, String)>,
     unread: BTreeSet<(String, String)>,
     unread_rows: BTreeSet<String>,
 }
 
-/// What a file is by the rows.
+/// The judgement of a file by the rows.
 pub(super) enum Judged {
     OfRun,
     OfUnread,
@@ -26,7 +26,7 @@ pub(super) enum Judged {
 }
 
 impl Known {
-    /// By every row of the lake.
+    /// The files named by all rows of the lake.
     pub(super) fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
         let mut known = Self {
             keys: BTreeSet::new(),
@@ -42,7 +42,7 @@ impl Known {
             known.keys.insert(row);
             for file in &run.files {
                 let key = run.key.of_session(&file.session);
-                // A name that this version does not know is no place of a lake.
+                // A table that this version does not know has no place in a lake.
                 known.keys.extend(lake.file_key(&file.table, &key).ok());
             }
         }
@@ -53,7 +53,7 @@ impl Known {
         Ok(known)
     }
 
-    /// What a file is by them.
+    /// The judgement of a file.
     pub(super) fn judged(&self, file: &LakeFile) -> Judged {
         match &file.stands {
             _ if self.keys.contains(&file.key) => Judged::OfRun,
@@ -92,7 +92,7 @@ pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeEr
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 
-/// Which files are looked at.
+/// The files that are counted.
 pub(super) struct Scope {
     all: bool,
     /// ROBOT/SESSION by the names of their folders.
@@ -101,7 +101,7 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    /// Of all, or of what these names ask for.
+    /// All files, or those of these names.
     pub(super) fn of(
         lake: &Lake,
         selected: &Selected,
@@ -127,7 +127,7 @@ impl Scope {
         })
     }
 
-    /// Whether a file is looked at.
+    /// Whether a file is counted.
     pub(super) fn has(&self, file: &LakeFile) -> bool {
         let parts: Vec<&str> = file.key.split('/').collect();
         let in_session = match parts[..] {
