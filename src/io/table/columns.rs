@@ -377,8 +377,6 @@ mod tests {
             .absent(rest)
             .same("kind", "dwell")
             .same("reason", "moved");
-        assert!(
-            refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join")
-        );
+        assert!(refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join"));
     }
 }
