@@ -2,6 +2,7 @@
 //!
 //! Three answers for each term: it holds, it is outside, or it was not checked, as one of the two sides does not state it.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -32,7 +33,13 @@ pub struct Validity {
     pub conditions: Conditions,
     /// Lowest and highest temperature met while measuring, °C. `None`: the logs did not say.
     pub temperature_c: Option<[f64; 2]>,
+    /// The largest error of the stations before correction, in the error reference frame, mm. `None`: the table does not say.
+    pub largest_error_mm: Option<f64>,
 }
+
+/// No error is believed that is more than this many times the largest that the stations had: a target may lie where the arm is
+/// somewhat worse than at any station, but an error that is far beyond all of them is a mistake of the set-up.
+pub const MOST_OF_LARGEST: f64 = 1.5;
 
 /// What targets will be run with.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -85,6 +92,8 @@ pub struct Held {
     pub not_stated: Vec<Term>,
 }
 
+/// What a metre of steel and of aluminium grows by per °C, mm.
+const GROWTH_MM: [f64; 2] = [0.0115, 0.0235];
 /// Payloads are the same up to rounding, kg: a gram.
 const ROUNDING_KG: f64 = 1e-3;
 
@@ -110,6 +119,18 @@ impl Validity {
             Some(wanted) if target.tool != self.conditions.tool => Err(Reason::Tool {
                 wanted: wanted.clone(),
                 table: self.conditions.tool.clone(),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses an error that is too large to be one of the arm that was measured.
+    pub(super) fn admit_error(&self, error: &Vector3<f64>) -> Result<(), Reason> {
+        let error_mm = error.norm();
+        match self.largest_error_mm {
+            Some(largest_mm) if error_mm > MOST_OF_LARGEST * largest_mm => Err(Reason::TooLarge {
+                error_mm,
+                largest_mm,
             }),
             _ => Ok(()),
         }
@@ -209,7 +230,12 @@ fn other_temperature([low, high]: [f64; 2], said: f64) -> Option<String> {
     };
     let inside = (low..=high).contains(&said);
     (!inside).then(|| {
-        format!("{said} °C, {beyond:.2} °C {how} the {low:.2} to {high:.2} °C of the measurement")
+        format!(
+            "{said} °C, {beyond:.2} °C {how} the {low:.2} to {high:.2} °C of the measurement, where an arm of steel or aluminium \
+             is {:.3} to {:.3} mm longer or shorter per metre of reach",
+            beyond * GROWTH_MM[0],
+            beyond * GROWTH_MM[1]
+        )
     })
 }
 
@@ -228,6 +254,7 @@ mod tests {
                 absolute_accuracy_option: Some(false),
             },
             temperature_c: Some([19.25, 21.5]),
+            largest_error_mm: None,
         }
     }
 
@@ -272,7 +299,8 @@ mod tests {
             "mounting \"wall\", the table is for \"floor\"",
             "payload 10 kg, 2.500 kg less than the table's 12.5 kg",
             "absolute-accuracy option on, it was off while measuring",
-            "temperature 18 °C, 1.25 °C below the 19.25 to 21.50 °C of the measurement",
+            "temperature 18 °C, 1.25 °C below the 19.25 to 21.50 °C of the measurement, where an arm of steel or aluminium is 0.014 \
+             to 0.029 mm longer or shorter per metre of reach",
         ];
         assert_eq!(words, expected);
         let hot = UsedWith {

@@ -14,6 +14,7 @@ use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
+use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
@@ -24,6 +25,8 @@ use crate::manifest::RunKey;
 pub struct PublishedArm {
     /// The run that identified it.
     pub key: RunKey,
+    /// Whether it meets the pipeline's tolerance.
+    pub verdict: TableVerdict,
     /// The arm.
     pub arm: IdentifiedArm,
 }
@@ -97,6 +100,8 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let arm = base.arm.arm().map_err(wrong)?;
     let said = file.said();
     let key = common::key(path, &table)?;
+    said.one("verdict", |row| Some(row.verdict))?;
+    let verdict = file.rows[0].verdict;
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
@@ -114,7 +119,7 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         validity: said.validity()?,
         arm,
     };
-    Ok(PublishedArm { key, arm })
+    Ok(PublishedArm { key, verdict, arm })
 }
 
 /// A file that keeps the schema.

@@ -62,7 +62,7 @@ struct Curve {
 
 /// Writes the curves that a file of table `calibrations` holds.
 pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError> {
-    let PublishedArm { key, arm } = calibrations_table::read(path)?;
+    let PublishedArm { key, arm, .. } = calibrations_table::read(path)?;
     let Some(model) = arm.model.is::<FullModel>() else {
         return Err(ExportErrorKind::NoCurves.at(path));
     };

@@ -25,7 +25,7 @@ use crate::manifest::RunKey;
 
 /// Writes the geometry that a file of table `calibrations` holds.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
-    let PublishedArm { key, arm } = calibrations_table::read_geometry(path)?;
+    let PublishedArm { key, arm, .. } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
     Ok(sink.write_all(text(&key, &arm, &pieces).as_bytes())?)

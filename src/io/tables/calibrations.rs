@@ -2,8 +2,8 @@
 
 use super::PublishContext;
 use super::error_frame::{ErrorFrameName, ErrorFrameOf};
-use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
-use super::words::placement;
+use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
+use super::words::{TableVerdict, placement};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
@@ -162,6 +162,10 @@ row! {
         error_frame_sd_mm: Option<f64>,
         /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
         error_frame_sd_deg: Option<f64>,
+        /// Whether the tolerance is met.
+        verdict: TableVerdict,
+        /// Largest error of the stations before correction, mm; `None` without a station.
+        largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,
         /// Highest reported angle of each joint, rad.
@@ -346,6 +350,8 @@ impl<'a> Identified<'a> {
             error_frame_target: stated_in.target,
             error_frame_sd_mm: stated_in.sd_mm,
             error_frame_sd_deg: stated_in.sd_deg,
+            verdict: (&outcome.verdict.verdict()).into(),
+            largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,
             configurations: configurations(outcome),

@@ -27,7 +27,7 @@ pub(crate) enum Cell {
 }
 
 /// One column of a table, and how many it becomes: a list of joint angles `…joints_rad` the columns `…q1_rad` or `…q1_deg`
-/// and so on, as many as its longest row has; any other list one. Lists that no row has become none.
+/// and so on, as many as its longest row has; any other list one. Lists that may be absent and that no row has become none.
 pub(crate) struct Spread<'t> {
     schema: &'t ColumnSchema,
     array: &'t ArrayRef,
@@ -96,7 +96,7 @@ fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
     if schema.name.ends_with(ANGLES) {
         longest
     } else {
-        longest.min(1)
+        longest.max(usize::from(!schema.nullable)).min(1)
     }
 }
 

@@ -217,7 +217,7 @@ pub(super) fn read(
     section: &PlanSection,
     settings: &PlanSettings,
 ) -> Result<Arc<KnownArm>, KnownError> {
-    let PublishedArm { key, arm: past } = calibrations_table::read(path)?;
+    let PublishedArm { key, arm: past, .. } = calibrations_table::read(path)?;
     if key.robot != robot {
         let (found, wanted) = (key.robot, robot.to_owned());
         return Err(KnownMisfit::OtherRobot { found, wanted }.at(path));
