@@ -208,21 +208,21 @@ impl Correction<'_> {
             orientation: Some(turn * rotation),
             correction: command.coords() - target.coords(),
             covariance: matrix * covariance * matrix.transpose(),
-            joints: Some(self.on_turn(wanted, converged.found)?),
+            joints: Some(self.on_turn(wanted, &converged.found)?),
             iterations: converged.iterations,
             allowed,
         })
     }
 
     /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.
-    fn on_turn(&self, wanted: &Wanted, command: Vec<f64>) -> Result<JointCommand, Reason> {
+    fn on_turn(&self, wanted: &Wanted, command: &[f64]) -> Result<JointCommand, Reason> {
         let turned = |joints: &[f64]| -> Vec<f64> {
             let pairs = joints.iter().zip(&wanted.turns_rad);
             pairs.map(|(joint, turns)| joint + turns).collect()
         };
         let joints = JointCommand {
             target: turned(&wanted.joints),
-            command: turned(&command),
+            command: turned(command),
         };
         within_limits(&self.identified.arm, &joints.command)?;
         Ok(joints)

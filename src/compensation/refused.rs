@@ -132,7 +132,7 @@ pub enum Reason {
     /// An error that is too large to be one of the arm that was measured.
     #[error(
         "would be corrected by {error_mm:.3} mm, and the largest error of the run's stations before correction was \
-         {largest_mm:.3} mm, {MOST_OF_LARGEST} times of which is the most that is given; check the signs and units of [controller] \
+         {largest_mm:.3} mm, {MOST_OF_LARGEST} times of which is the most that is given; check the signs and units of [commanded] \
          flange_from_tool, [fit] target and the base frame in the pipeline file and run the session again, or measure where the \
          target is"
     )]

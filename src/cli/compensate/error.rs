@@ -132,7 +132,7 @@ pub enum CompensateCommandError {
     )]
     NoTable(PathBuf),
     /// A folder where a file is needed.
-    #[error("{}", folder(path, *wanted, files))]
+    #[error("{}", folder(path, wanted, files))]
     Folder {
         /// The folder.
         path: PathBuf,

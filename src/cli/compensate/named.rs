@@ -11,7 +11,7 @@ use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::io::table::Word as _;
 use crate::io::tables::words::CorrectingTable;
-use crate::io::targets::{self, Form, Targets};
+use crate::io::targets::{self, DataList, Form, Targets};
 use crate::manifest::RunKey;
 use crate::pipeline::history;
 
@@ -73,7 +73,7 @@ impl CompensateArgs {
         let robot = self.table.to_string_lossy();
         let key = match &self.session {
             None => history::newest(&lake, &robot)?,
-            Some(session) => self.current(&lake, &robot, session)?,
+            Some(session) => current(&lake, &robot, session)?,
         };
         let table = self.table_of(&lake, &key)?;
         let place = lake.place(table.word(), &key)?;
@@ -88,21 +88,6 @@ impl CompensateArgs {
             )),
             path: place.named(),
         })
-    }
-
-    fn current(
-        &self,
-        lake: &Lake,
-        robot: &str,
-        session: &str,
-    ) -> Result<RunKey, CompensateCommandError> {
-        let current = lake.current(&RunKey::new(robot, session, ""))?;
-        let run = current.ok_or_else(|| CompensateCommandError::NoRun {
-            lake: lake.root(),
-            robot: robot.to_owned(),
-            session: session.to_owned(),
-        })?;
-        Ok(RunKey::new(robot, session, &run.run))
     }
 
     /// The table asked for; without a wish the identified arm where every target states what it needs, and the nodes of the grid
@@ -133,9 +118,20 @@ impl CompensateArgs {
     }
 }
 
+/// The current run of a robot's session.
+fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey, CompensateCommandError> {
+    let current = lake.current(&RunKey::new(robot, session, ""))?;
+    let run = current.ok_or_else(|| CompensateCommandError::NoRun {
+        lake: lake.root(),
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+    })?;
+    Ok(RunKey::new(robot, session, &run.run))
+}
+
 /// Whether every target states joint angles, or an orientation and an arm configuration.
 fn is_for_the_arm(targets: &Targets) -> bool {
-    let statuses = targets.list.iter().flat_map(|list| list.statuses());
+    let statuses = targets.list.iter().flat_map(DataList::statuses);
     let mut statuses = statuses.map(|status| status.is_some());
     let mut is_for_it = |target: &Target| {
         let has_status = statuses.next().unwrap_or(false);

@@ -110,7 +110,7 @@ fn at_pose(identified: &IdentifiedArm, joints: &[f64]) -> Target {
 }
 
 fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> {
-    let mut all = identified.compensate(&[target], None);
+    let mut all = identified.compensate(&[target], &[]);
     all.remove(0).map_err(|refused| refused.reason)
 }
 
@@ -190,9 +190,9 @@ fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() 
     };
     assert_eq!(joint, "joint_a1");
     assert!((beyond_deg - 12.5).abs() < 1e-9);
-    let allowed = identified.compensate(&[at_joints(beyond)], Some(Exception::JointRange));
+    let allowed = identified.compensate(&[at_joints(beyond)], &[Exception::JointRange]);
     let allowed = allowed[0].as_ref().expect("allowed");
-    assert_eq!(allowed.allowed, Some(Exception::JointRange));
+    assert_eq!(allowed.allowed, [Exception::JointRange]);
     // Half a degree beyond the rim is as good as measured.
     beyond[0] = 60.4;
     assert!(one(&identified, at_joints(beyond)).is_ok());
@@ -212,15 +212,15 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
             && refused.to_string().contains(&identified.configurations[0]),
         "{refused}"
     );
-    let allowed = identified.compensate(&[at_joints(JOINTS)], Some(Exception::Configuration));
+    let allowed = identified.compensate(&[at_joints(JOINTS)], &[Exception::Configuration]);
     let allowed = allowed[0].as_ref().expect("allowed");
-    assert_eq!(allowed.allowed, Some(Exception::Configuration));
+    assert_eq!(allowed.allowed, [Exception::Configuration]);
     // Another exception does not allow it.
-    let ranges = identified.compensate(&[at_joints(JOINTS)], Some(Exception::JointRange));
+    let ranges = identified.compensate(&[at_joints(JOINTS)], &[Exception::JointRange]);
     assert!(ranges[0].is_err());
     identified.configurations = vec![own];
     let within = one(&identified, at_joints(JOINTS)).expect("measured");
-    assert_eq!(within.allowed, None);
+    assert_eq!(within.allowed, []);
 }
 
 #[test]
@@ -282,7 +282,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
             .iter()
             .map(|joints| at_pose(identified, joints))
             .collect();
-        let outcomes = identified.compensate(&targets, None);
+        let outcomes = identified.compensate(&targets, &[]);
         let mut found = 0;
         for (joints, done) in asked.iter().zip(&outcomes) {
             let Ok(done) = done else { continue };

@@ -51,6 +51,7 @@ fn refused(target: &Target) -> Refused {
             wanted: "drill\r\n6° − ü".to_owned(),
             table: None,
         },
+        slip: None,
     }
 }
 
