@@ -301,3 +301,87 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         assert!(100 * found >= 99 * asked.len(), "{refused:?}");
     }
 }
+
+#[test]
+fn an_error_far_beyond_those_of_the_stations_is_refused_with_both_numbers() {
+    let mut identified = cell();
+    let found = one(&identified, at_joints(JOINTS)).expect("nothing is said of the stations");
+    let correction_mm = found.correction.norm();
+    identified.validity.largest_error_mm = Some(correction_mm / 1.4);
+    assert!(one(&identified, at_joints(JOINTS)).is_ok());
+    identified.validity.largest_error_mm = Some(correction_mm / 1.6);
+    let refused = one(&identified, at_joints(JOINTS)).expect_err("1.6 times the largest");
+    let Reason::TooLarge {
+        error_mm,
+        largest_mm,
+    } = refused
+    else {
+        panic!("{refused}")
+    };
+    // The error at the target and at its command differ by micrometres.
+    assert!((error_mm - correction_mm).abs() < 0.05);
+    assert!((largest_mm - correction_mm / 1.6).abs() < 1e-12);
+}
+
+#[test]
+fn a_joint_a_whole_turn_away_is_commanded_there_where_its_errors_repeat() {
+    let identified = cell();
+    let here = one(&identified, at_joints(JOINTS)).expect("measured");
+    let mut turned = JOINTS;
+    turned[5] -= 360.0; // −253°, the limit is −350°
+    let there = one(&identified, at_joints(turned)).expect("the same but for a turn");
+    assert!((here.command.coords() - there.command.coords()).norm() < 1e-6);
+    let [here, there] = [here, there].map(|found| found.joints.expect("joint angles"));
+    for joint in 0..6 {
+        let turn = if joint == 5 { TAU } else { 0.0 };
+        assert!((here.command[joint] - there.command[joint] - turn).abs() < 1e-9);
+        assert!((here.target[joint] - there.target[joint] - turn).abs() < 1e-9);
+    }
+    // Another turn is beyond the limit, and half of one is another pose.
+    turned[5] = 107.0 + 360.0;
+    let beyond = one(&identified, at_joints(turned)).expect_err("467°");
+    assert!(matches!(
+        beyond,
+        Reason::Arm(InverseError::LimitReached { .. })
+    ));
+    turned[5] = 107.0 + 180.0;
+    let half = one(&identified, at_joints(turned)).expect_err("never measured");
+    assert!(matches!(half, Reason::JointRange { .. }));
+}
+
+#[test]
+fn a_joint_that_moves_another_axis_by_a_part_of_a_turn_does_not_repeat() {
+    let text = include_str!("../../../pipelines/robots/kr210-r2700-extra.toml");
+    let mut file: RobotFile = toml::from_str(text).expect("a robot file of this repository");
+    let mut map = vec![vec![0.0; 6]; 6];
+    for (axis, row) in map.iter_mut().enumerate() {
+        row[axis] = 1.0;
+    }
+    // Axis 5 turns by a sixth of joint 6, and axis 6 once more with joint 4.
+    map[4][5] = 1.0 / 6.0;
+    map[5][3] = 1.0;
+    file.joint_map = Some(map);
+    let coupled = identified(&file.arm().expect("a valid arm"), [-60.0; 6], [60.0; 6]);
+    let periods = coupled.periods();
+    assert_eq!(
+        periods,
+        [Some(TAU), Some(TAU), Some(TAU), Some(TAU), Some(TAU), None]
+    );
+    let turns = |joint: usize, degrees: f64| {
+        coupled.turns_beyond(joint, f64::to_radians(degrees), periods[joint])
+    };
+    assert_eq!(
+        [turns(3, 330.0), turns(3, 20.0), turns(3, 100.0)],
+        [TAU, 0.0, 0.0]
+    );
+    assert_eq!(turns(5, 330.0), 0.0);
+    // Curves that repeat after two turns: one turn is not enough.
+    assert_eq!(
+        coupled.turns_beyond(3, f64::to_radians(330.0), Some(2.0 * TAU)),
+        0.0
+    );
+    assert_eq!(
+        coupled.turns_beyond(3, f64::to_radians(690.0), Some(2.0 * TAU)),
+        2.0 * TAU
+    );
+}
