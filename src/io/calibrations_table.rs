@@ -25,7 +25,7 @@ use crate::manifest::RunKey;
 pub struct PublishedArm {
     /// The run that identified it.
     pub key: RunKey,
-    /// Whether it meets the pipeline's tolerance.
+    /// Whether targets that its model corrects meet the pipeline's tolerance.
     pub verdict: TableVerdict,
     /// The arm.
     pub arm: IdentifiedArm,
@@ -100,8 +100,8 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let arm = base.arm.arm().map_err(wrong)?;
     let said = file.said();
     let key = common::key(path, &table)?;
-    said.one("verdict", |row| Some(row.verdict))?;
-    let verdict = file.rows[0].verdict;
+    let model = file.first(wanted, &base)?;
+    let verdict = file.row(model.model).map(|row| row.verdict);
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
@@ -110,7 +110,7 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
             (row.flange_from_tool, row.flange_from_tool_turn)
         })?,
         command_from_base: said.command_from_base()?,
-        model: file.first(wanted, &base)?,
+        model,
         measured: said.joint_ranges(arm.joints().len())?,
         configurations: said
             .one("configurations", |row| Some(&row.configurations))?
@@ -119,7 +119,11 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         validity: said.validity()?,
         arm,
     };
-    Ok(PublishedArm { key, verdict, arm })
+    Ok(PublishedArm {
+        key,
+        verdict: verdict.unwrap_or(TableVerdict::NotShown),
+        arm,
+    })
 }
 
 /// A file that keeps the schema.

@@ -162,8 +162,6 @@ row! {
         error_frame_sd_mm: Option<f64>,
         /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
         error_frame_sd_deg: Option<f64>,
-        /// Whether the tolerance is met.
-        verdict: TableVerdict,
         /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint, rad.
@@ -188,6 +186,8 @@ row! {
         temperature_min_c: Option<f64>,
         /// Highest temperature met while measuring, °C.
         temperature_max_c: Option<f64>,
+        /// Whether the tolerance is met.
+        verdict: TableVerdict,
         /// The version of the saved model's format.
         model_version: u32,
         /// The model as JSON.
@@ -350,7 +350,6 @@ impl<'a> Identified<'a> {
             error_frame_target: stated_in.target,
             error_frame_sd_mm: stated_in.sd_mm,
             error_frame_sd_deg: stated_in.sd_deg,
-            verdict: (&outcome.verdict.verdict()).into(),
             largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,
@@ -363,6 +362,7 @@ impl<'a> Identified<'a> {
             absolute_accuracy_option: stated.absolute_accuracy_option,
             temperature_min_c,
             temperature_max_c,
+            verdict: (&outcome.verdict.verdict()).into(),
             model_version: VERSION,
             model: self.text(context, &sessions)?,
             sessions: owned(sessions),
