@@ -367,21 +367,16 @@ fn a_joint_that_moves_another_axis_by_a_part_of_a_turn_does_not_repeat() {
         periods,
         [Some(TAU), Some(TAU), Some(TAU), Some(TAU), Some(TAU), None]
     );
-    let turns = |joint: usize, degrees: f64| {
-        coupled.turns_beyond(joint, f64::to_radians(degrees), periods[joint])
+    // Whether so many whole turns are taken off an angle of a joint whose errors repeat after a period.
+    let takes = |joint: usize, degrees: f64, period: Option<f64>, expected: f64| {
+        let turns = coupled.turns_beyond(joint, degrees.to_radians(), period);
+        (turns / TAU - expected).abs() < 1e-9
     };
-    assert_eq!(
-        [turns(3, 330.0), turns(3, 20.0), turns(3, 100.0)],
-        [TAU, 0.0, 0.0]
-    );
-    assert_eq!(turns(5, 330.0), 0.0);
-    // Curves that repeat after two turns: one turn is not enough.
-    assert_eq!(
-        coupled.turns_beyond(3, f64::to_radians(330.0), Some(2.0 * TAU)),
-        0.0
-    );
-    assert_eq!(
-        coupled.turns_beyond(3, f64::to_radians(690.0), Some(2.0 * TAU)),
-        2.0 * TAU
-    );
+    assert!(takes(3, 330.0, periods[3], 1.0));
+    assert!(takes(3, 20.0, periods[3], 0.0));
+    assert!(takes(3, 100.0, periods[3], 0.0));
+    assert!(takes(5, 330.0, periods[5], 0.0));
+    // Of curves that repeat after two turns, one turn is not enough.
+    assert!(takes(3, 330.0, Some(2.0 * TAU), 0.0));
+    assert!(takes(3, 690.0, Some(2.0 * TAU), 2.0));
 }
