@@ -14,6 +14,9 @@
 //! value for it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
 //! of drilled holes may be off by ten. The effect of the turn on the tool point is in ê.
 //!
+//! No error larger than 1.5 times the largest that the stations of the run themselves had is believed
+//! ([`validity::MOST_OF_LARGEST`]): a wrong sign in a frame makes corrections of centimetres.
+//!
 //! Nothing is extrapolated: a target that the nodes do not surround or whose joint angles were not measured is refused. A
 //! target near the rim of a table may have a command a little beyond the rim: the error at the rim is used for it.
 
@@ -21,10 +24,11 @@ mod fixed_point;
 pub mod identified;
 mod pose;
 pub mod refused;
+pub mod slips;
 pub mod table;
 pub mod validity;
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Reason, Refused};
@@ -79,14 +83,18 @@ pub struct Corrected {
     pub covariance: Matrix3<f64>,
     /// Number of evaluations of the table or the model.
     pub iterations: usize,
-    /// The exception without which the target would have been refused.
-    pub allowed: Option<Exception>,
+    /// The exceptions without which the target would have been refused, in their order; none where none was needed.
+    pub allowed: Vec<Exception>,
 }
 
-/// A reason for refusal that the caller may override.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A reason for refusal that the caller may take upon himself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exception {
-    /// Joint angles beyond those measured: the model falls back to its prior there, and its covariance grows accordingly.
+    /// A table or an identified arm that does not meet its tolerance.
+    NotMet,
+    /// A table or an identified arm that was not shown to meet its tolerance.
+    NotShown,
+    /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
     JointRange,
     /// An arm configuration that no station was in: the joints' errors there were not measured.
     Configuration,
@@ -145,7 +153,7 @@ impl Corrected {
 ///     configuration: None,
 ///     interpolation: Interpolation::Trilinear,
 ///     idw_power: 2.0,
-///     validity: Validity { conditions: Default::default(), temperature_c: None },
+///     validity: Validity::default(),
 /// };
 /// let table = CompensationTable::new(terms, Transform::identity(), lattice, vec![Ok(node); 8])?;
 /// let wanted = Position::claim(Point3::new(950.0, 40.0, 720.0));
@@ -158,26 +166,29 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     let admitted = table.terms().admit(target);
     let corrected = admitted.and_then(|()| {
         let wanted = target.position.ok_or(Reason::NoPosition)?;
-        by_pose(table, target, &wanted, |command| table.at_rim(command))
+        by_pose(table, target, &wanted)
     });
     corrected.map_err(|reason| Refused {
         target: target.name.clone(),
         reason,
+        slip: None,
     })
 }
 
-/// The command from a model that predicts at tool poses. An iterated command is evaluated at the place that `near` returns for
-/// it.
+/// By the nodes of a table. A command on the way that is a little beyond the rim is asked for at the rim.
 fn by_pose(
-    model: &dyn PoseModel,
+    table: &CompensationTable,
     target: &Target,
     wanted: &Position<Command>,
-    near: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> Result<Corrected, Reason> {
     let mut first = true;
     let converged = fixed_point::converge(wanted.point(), |command| {
-        let place = if first { *command } else { near(command) };
-        let predicted = model.predict(&At::Tool {
+        let place = if first {
+            *command
+        } else {
+            table.at_rim(command)
+        };
+        let predicted = table.predict(&At::Tool {
             position: place,
             orientation: target.orientation,
         });
@@ -188,8 +199,10 @@ fn by_pose(
         };
         first = false;
         let predicted = predicted.map_err(gap)?;
-        let covariance = model.spread(0, SourceId::ONLY, &predicted).covariance();
-        Ok((predicted.error_from(&place), covariance))
+        let covariance = table.spread(0, SourceId::ONLY, &predicted).covariance();
+        let error = predicted.error_from(&place);
+        table.terms().validity.admit_error(&error)?;
+        Ok((error, covariance))
     })?;
     Ok(Corrected {
         target: *wanted,
@@ -199,7 +212,7 @@ fn by_pose(
         correction: converged.command - wanted.point(),
         covariance: converged.found,
         iterations: converged.iterations,
-        allowed: None,
+        allowed: Vec::new(),
     })
 }
 

@@ -164,7 +164,7 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
     let targets: Vec<Target> = fresh.iter().map(|(target, _)| target.clone()).collect();
     let (mut before, mut after, mut middle) = (Vec::new(), Vec::new(), Vec::new());
     let mut squares = Vec::new();
-    for ((_, visits), outcome) in fresh.iter().zip(identified.compensate(&targets, None)) {
+    for ((_, visits), outcome) in fresh.iter().zip(identified.compensate(&targets, &[])) {
         let done: Corrected = outcome.expect("inside the ranges measured");
         let joints = done.joints.expect("joint angles");
         let of = |command: &[f64], visits: &[f64]| {

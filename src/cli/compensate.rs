@@ -1,10 +1,12 @@
 //! `posegrid compensate TABLE TARGETS`: a table of a run and a file of targets → the commands that attain them.
 //!
-//! Exit codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table
-//! does not meet its tolerance or was not shown to; 1 no target has a command, or the result cannot be written; 2 the
-//! table or the targets cannot be read, or the table is not valid for what the targets will be run with.
+//! Exit codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table does not
+//! meet its tolerance or was not shown to, and that was allowed; 1 no target has a command, or the result cannot be written; 2
+//! the table or the targets cannot be read, the table does not meet its tolerance or was not shown to, or it is not valid for
+//! what the targets will be run with.
 
 mod error;
+mod named;
 mod record;
 mod source;
 mod summary;
@@ -12,7 +14,7 @@ mod used_with;
 mod write;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -22,8 +24,10 @@ use super::streams::Undelivered;
 use crate::compensation::validity::Held;
 use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
+use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Targets};
 pub use error::{CompensateCommandError, CorrectedAlready, WriteCause};
+use named::Named;
 use record::{Recorded, Recording};
 use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
@@ -32,14 +36,17 @@ use write::Written;
 /// Correct a file of targets with a table that a run published
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-TABLE is a file of either table of a run:
+TABLE is a file of either table of a run, or with --lake the name of a robot, whose newest session's current run is taken:
   compensation  knows the error at the nodes of a grid, in one tool orientation: for positions
   calibrations  knows the arm: for joint angles, and for poses in any orientation
+A table whose run does not meet its tolerance, or was not shown to, is refused: --allow not-met, --allow not-shown. No target is
+corrected by more than 1.5 times the largest error that the run's stations had before.
 
 TARGETS is one of
   .csv, .parquet  the column target, then x_mm, y_mm, z_mm and, where known, qx, qy, qz, qw, configuration, tool, in the
                   frame of the controller's commands; or joint angles, q1_rad, q2_rad, … or q1_deg, q2_deg, …; or both
-                  (`posegrid schema targets`)
+                  (`posegrid schema targets`); angles a whole turn away from the measured ones are corrected on their turn
+                  where the arm's errors repeat
   .json           an array of objects with the same keys, by itself or under the key targets
   .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool
 
@@ -53,22 +60,32 @@ Example: the drilling program of a left wing, as positions, as joint angles and 
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left-wing-joints.csv --out corrected.csv
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left_wing.dat --out corrected/left_wing.dat \\
     --tool \"drill 6\" --payload-kg 92.5 --temperature-c 21
+  posegrid compensate kr210 left-wing.csv --lake lake --out corrected.csv
 
 Exit codes: 0 every target corrected, by a table that meets its tolerance; 3 some target refused, or the table does not
-meet its tolerance; 1 no target corrected, or nothing could be written; 2 the table or the targets cannot be read, or the
-table is not valid for what the targets will be run with.")]
+meet its tolerance and that was allowed; 1 no target corrected, or nothing could be written; 2 the table or the targets cannot
+be read, the table does not meet its tolerance, or it is not valid for what the targets will be run with.")]
 pub struct CompensateArgs {
-    /// The table: a Parquet file of table `compensation` or `calibrations`.
+    /// The table: a Parquet file of table `compensation` or `calibrations`; with --lake, the name of a robot.
     pub table: PathBuf,
     /// The targets: a .csv, .parquet, .json or .dat (KUKA) file.
     pub targets: PathBuf,
     /// Where to write the result, a new file of one of these forms; without it, CSV on standard output, or JSON of JSON.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Correct what would be refused for this reason; the result says for which targets it was needed.
+    /// Correct what would be refused for this reason; may be given several times. The result says which each target needed.
     #[arg(long, value_enum, value_name = "REASON")]
-    pub allow: Option<Exception>,
-    /// Write the result even if the lake that holds TABLE cannot record it: without a record, a file is recognised as
+    pub allow: Vec<Exception>,
+    /// The lake in which TABLE is the name of a robot.
+    #[arg(long, value_name = "DIR")]
+    pub lake: Option<PathBuf>,
+    /// With --lake: another session of the robot than its newest.
+    #[arg(long, value_name = "NAME", requires = "lake")]
+    pub session: Option<String>,
+    /// With --lake: which table of the run; without it, calibrations where every target states what that needs.
+    #[arg(long, value_enum, value_name = "TABLE", requires = "lake")]
+    pub by: Option<CorrectingTable>,
+    /// Write the result though the lake that TABLE stands in takes no record of it: a file without a record is known as
     /// corrected by its marks alone.
     #[arg(long)]
     pub no_record: bool,
@@ -80,6 +97,7 @@ pub struct CompensateArgs {
 /// The outcome of each target, for a person to read.
 #[derive(Debug)]
 pub struct Compensated {
+    named: Named,
     source: Source,
     held: Held,
     targets: Targets,
@@ -117,14 +135,17 @@ pub fn run(
     stdout: impl Write,
 ) -> Result<Compensated, CompensateCommandError> {
     let form = args.out_form()?;
-    let source = Source::read(&args.table)?;
+    let named = args.named()?;
+    let source = Source::read(&named.path)?;
+    let mut needed = args.admit_verdict(&named.path, &source)?;
     let held = args.hold(&source)?;
-    let recorded = Recorded::around(&args.table, &source)?;
+    needed.extend(held.outside.iter().map(|own| Exception::Term(own.term)));
+    let recorded = Recorded::around(&named.path, &source)?;
     recorded.check_file(&args.targets)?;
     let mut targets = targets::read(&args.targets)?;
     recorded.check_targets(&args.targets, &targets.targets)?;
     source.name_configurations(&mut targets)?;
-    let outcomes = args.outcomes(&source, &held, &targets);
+    let outcomes = args.outcomes(&source, &needed, &targets);
     let joint_names = source.joint_names();
     let by = source.by(&joint_names);
     let result = targets::corrected(&targets.targets, &outcomes, by)?;
@@ -140,6 +161,7 @@ pub fn run(
     let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
     args.write(&written, &bytes, form, stdout)?;
     Ok(Compensated {
+        named,
         source,
         held,
         targets,
@@ -149,11 +171,33 @@ pub fn run(
 }
 
 impl CompensateArgs {
-    /// Compares the conditions that the targets will be run with and those that the table is valid for.
+    /// Refuses a table that does not meet its tolerance, or was not shown to; gives the exception where that is allowed.
+    fn admit_verdict(
+        &self,
+        path: &Path,
+        source: &Source,
+    ) -> Result<Vec<Exception>, CompensateCommandError> {
+        let needed = match source.verdict() {
+            TableVerdict::Met => return Ok(Vec::new()),
+            TableVerdict::NotMet => Exception::NotMet,
+            TableVerdict::NotShown => Exception::NotShown,
+        };
+        if self.allow.contains(&needed) {
+            return Ok(vec![needed]);
+        }
+        Err(CompensateCommandError::Verdict {
+            path: path.to_owned(),
+            what: source.what(),
+            run: source.by(&[]).key.run.clone(),
+            needed,
+        })
+    }
+
+    /// Holds what the targets will be run with against what the table is valid for.
     fn hold(&self, source: &Source) -> Result<Held, CompensateCommandError> {
         let held = source.validity().hold(&self.used_with.used_with());
         let refused = held.outside.iter();
-        let refused = refused.filter(|outside| Some(Exception::Term(outside.term)) != self.allow);
+        let refused = refused.filter(|own| !self.allow.contains(&Exception::Term(own.term)));
         let refused: Vec<_> = refused.cloned().collect();
         if refused.is_empty() {
             return Ok(held);
@@ -161,19 +205,20 @@ impl CompensateArgs {
         Err(CompensateCommandError::Outside(refused))
     }
 
-    /// The outcome of each target; an exception that all of them need is stated at each.
+    /// What becomes of each target; the exceptions that all of them need stand at each.
     fn outcomes(
         &self,
         source: &Source,
-        held: &Held,
+        needed: &[Exception],
         targets: &Targets,
     ) -> Vec<Result<Corrected, Refused>> {
-        let mut outcomes = source.compensate(&targets.targets, self.allow);
-        if let Some(outside) = held.outside.first() {
-            let exception = Some(Exception::Term(outside.term));
-            let done = outcomes.iter_mut().flatten();
-            done.for_each(|done| done.allowed = exception);
+        let mut outcomes = source.compensate(&targets.targets, &self.allow);
+        for done in outcomes.iter_mut().flatten() {
+            done.allowed.extend(needed);
+            done.allowed.sort_unstable();
+            done.allowed.dedup();
         }
+        source.name_slips(targets, &self.allow, &mut outcomes);
         outcomes
     }
 }

@@ -2,21 +2,25 @@
 //!
 //! Inputs are the published result of a run ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
 //! [`Corrected`] commands, joint angles included. Steps:
-//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that reach it (`pose`);
-//! 2. these are compared with the joint ranges and the arm configurations measured: beyond them the model falls back to its
+//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
+//!    Angles a whole turn away from the measured ones are taken back by it where the joint's errors repeat, and the command is given
+//!    on the turn that was asked for;
+//! 2. these are held against the joint ranges and the arm configurations measured: beyond them the model falls back to its
 //!    prior;
 //! 3. the command is moved by minus the error that the model predicts at its joint angles, in the error reference frame
 //!    ([`crate::method::compensation`]), as for the nodes of a grid: at a node both give the same command;
 //! 4. the covariance of the error at the joint command is that of the correction.
 
 use std::any::Any;
+use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::fixed_point::converge;
-use super::pose::{Poses, Wanted};
+use super::pose::{Poses, Wanted, within_limits};
 use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
+use crate::fit::full::FullModel;
 use crate::fit::{ErrorFrame, FramePair, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
@@ -81,7 +85,7 @@ impl IdentifiedArm {
     pub fn compensate(
         &self,
         targets: &[Target],
-        allow: Option<Exception>,
+        allow: &[Exception],
     ) -> Vec<Result<Corrected, Refused>> {
         let error_frame = self.error_frame();
         let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
@@ -100,16 +104,55 @@ impl IdentifiedArm {
             corrected.map_err(|reason| Refused {
                 target: target.name.clone(),
                 reason,
+                slip: None,
             })
         };
         targets.par_iter().map(one).collect()
     }
 
-    /// Refuses joint angles beyond those measured; the reason names the joint that is furthest out.
+    /// By how much an angle of a joint is beyond those measured, rad; negative inside.
+    fn beyond_measured(&self, joint: usize, angle: f64) -> f64 {
+        let [low, high] = self.measured[joint];
+        (low - angle).max(angle - high)
+    }
+
+    /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a joint that moves other axes
+    /// by another share than whole turns.
+    pub(super) fn periods(&self) -> Vec<Option<f64>> {
+        let full = self.model.is::<FullModel>();
+        let turns = full.map_or(1, FullModel::curve_period_turns);
+        let joints = self.arm.joints().len();
+        let moved = |joint: usize| {
+            let unit: Vec<f64> = (0..joints)
+                .map(|own| f64::from(u8::from(own == joint)))
+                .collect();
+            self.arm.axes(&unit)
+        };
+        let is_whole = |share: &f64| (share - share.round()).abs() < 1e-9;
+        let of = |joint| {
+            let repeats = moved(joint).iter().all(is_whole);
+            repeats.then(|| TAU * f64::from(turns))
+        };
+        (0..joints).map(of).collect()
+    }
+
+    /// The whole turns (rad, a multiple of the period) to take off a joint's angle so that it is in the measured range; 0 where it is in
+    /// it already, or none brings it there.
+    pub(super) fn turns_beyond(&self, joint: usize, angle: f64, period: Option<f64>) -> f64 {
+        let [low, high] = self.measured[joint];
+        let Some(period) = period.filter(|_| self.beyond_measured(joint, angle) > RIM_RAD) else {
+            return 0.0;
+        };
+        let turns = period * ((angle - low.midpoint(high)) / period).round();
+        let is_inside = self.beyond_measured(joint, angle - turns) <= RIM_RAD;
+        if is_inside { turns } else { 0.0 }
+    }
+
+    /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
     fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
-        let beyond = |&[low, high]: &[f64; 2], q: f64| (low - q).max(q - high);
-        let out = self.measured.iter().zip(joints).map(|(r, &q)| beyond(r, q));
-        let worst = out.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        let beyond = |(joint, &angle): (usize, &f64)| (joint, self.beyond_measured(joint, angle));
+        let out = joints.iter().enumerate().map(beyond);
+        let worst = out.max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((joint, beyond_rad)) if beyond_rad > RIM_RAD => {
                 let [low, high] = self.measured[joint].map(f64::to_degrees);
@@ -130,7 +173,7 @@ struct Correction<'a> {
     identified: &'a IdentifiedArm,
     errors: ToolErrors<'a>,
     reach: &'a Reach<'a>,
-    allow: Option<Exception>,
+    allow: &'a [Exception],
 }
 
 impl Correction<'_> {
@@ -139,16 +182,19 @@ impl Correction<'_> {
             translation,
             rotation,
         } = wanted.base_from_tool;
-        let at_target = self.exception(&wanted.joints)?;
+        let mut allowed = self.exceptions(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
         let target = Point3::from(translation.vector);
         let converged = converge(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
             joints = self.reach.solve(&pose, &joints)?;
             let error = self.errors.error(&joints).map_err(Reason::Target)?;
+            self.identified.validity.admit_error(&error)?;
             Ok((error, joints.clone()))
         })?;
-        let at_command = self.exception(&converged.found)?;
+        allowed.extend(self.exceptions(&converged.found)?);
+        allowed.sort_unstable();
+        allowed.dedup();
         let error = self.errors.error_with_covariance(&converged.found);
         let (_, covariance) = error.map_err(Reason::Target)?;
         let command_from_base = &self.identified.command_from_base;
@@ -162,29 +208,43 @@ impl Correction<'_> {
             orientation: Some(turn * rotation),
             correction: command.coords() - target.coords(),
             covariance: matrix * covariance * matrix.transpose(),
-            joints: Some(JointCommand {
-                target: wanted.joints.clone(),
-                command: converged.found,
-            }),
+            joints: Some(self.on_turn(wanted, &converged.found)?),
             iterations: converged.iterations,
-            allowed: at_target.or(at_command),
+            allowed,
         })
     }
 
-    /// Checks that joint angles and their arm configuration were measured; returns the exception that they need, if it is
-    /// allowed.
-    fn exception(&self, joints: &[f64]) -> Result<Option<Exception>, Reason> {
-        let unless = |exception, measured: Result<(), Reason>| match measured {
-            Err(_) if self.allow == Some(exception) => Ok(self.allow),
-            measured => measured.map(|()| None),
+    /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.
+    fn on_turn(&self, wanted: &Wanted, command: &[f64]) -> Result<JointCommand, Reason> {
+        let turned = |joints: &[f64]| -> Vec<f64> {
+            let pairs = joints.iter().zip(&wanted.turns_rad);
+            pairs.map(|(joint, turns)| joint + turns).collect()
         };
-        let ranges = self.identified.within_measured(joints);
-        let ranges = unless(Exception::JointRange, ranges)?;
-        let configuration = unless(
-            Exception::Configuration,
-            self.in_measured_configuration(joints),
-        )?;
-        Ok(ranges.or(configuration))
+        let joints = JointCommand {
+            target: turned(&wanted.joints),
+            command: turned(command),
+        };
+        within_limits(&self.identified.arm, &joints.command)?;
+        Ok(joints)
+    }
+
+    /// The exceptions that joint angles need, where they are allowed: for their ranges, and for the arm configuration they are in.
+    fn exceptions(&self, joints: &[f64]) -> Result<Vec<Exception>, Reason> {
+        let checks = [
+            (
+                Exception::JointRange,
+                self.identified.within_measured(joints),
+            ),
+            (Exception::Configuration, self.in_measured_configuration(joints)),
+        ];
+        let mut needed = Vec::new();
+        for (exception, measured) in checks {
+            match measured {
+                Err(_) if self.allow.contains(&exception) => needed.push(exception),
+                measured => measured?,
+            }
+        }
+        Ok(needed)
     }
 
     /// Refuses an arm configuration that no station was in.

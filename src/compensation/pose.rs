@@ -12,7 +12,7 @@ use super::identified::IdentifiedArm;
 use super::{Reason, Target, TargetJoints};
 use crate::fit::ErrorFrame;
 use crate::grid::Reach;
-use crate::kinematics::Configuration;
+use crate::kinematics::{Arm, Configuration, InverseError};
 
 /// Joint angles that a search may begin at.
 const SEEDS: u32 = 2048;
@@ -29,8 +29,10 @@ const APART_MM: f64 = 2.0;
 pub(super) struct Wanted {
     /// The pose of the tool in the base frame, mm.
     pub(super) base_from_tool: Isometry3<f64>,
-    /// Joint angles at which the nominal arm has this pose, rad.
+    /// Joint angles at which the nominal arm has it, within the measured ranges where whole turns bring them there, rad.
     pub(super) joints: Vec<f64>,
+    /// The whole turns of each joint that were taken off the angles asked for, rad.
+    pub(super) turns_rad: Vec<f64>,
 }
 
 /// Finds the poses and joint angles of targets for one arm.
@@ -39,6 +41,8 @@ pub(super) struct Poses<'a> {
     error_frame: &'a ErrorFrame<'a>,
     reach: &'a Reach<'a>,
     seeds: Vec<Seed>,
+    /// After what each joint's errors repeat, rad; `None` where they do not.
+    periods: Vec<Option<f64>>,
 }
 
 /// Joint angles that a search may begin at.
@@ -67,6 +71,7 @@ impl<'a> Poses<'a> {
             error_frame,
             reach,
             seeds: (0..SEEDS).map(seed).collect(),
+            periods: identified.periods(),
         }
     }
 
@@ -78,7 +83,11 @@ impl<'a> Poses<'a> {
     }
 
     fn at_joints(&self, target: &Target, given: &TargetJoints) -> Result<Wanted, Reason> {
-        let joints = self.in_order(given)?;
+        let asked = self.in_order(given)?;
+        within_limits(&self.identified.arm, &asked)?;
+        let turns_rad = self.turns_beyond(&asked);
+        let pairs = asked.iter().zip(&turns_rad);
+        let joints: Vec<f64> = pairs.map(|(joint, turns)| joint - turns).collect();
         self.in_configuration(target, &joints)?;
         let nominal = self.error_frame.nominal_tool(&joints);
         let base_from_tool = self.pose(target, Some(&nominal))?;
@@ -91,10 +100,20 @@ impl<'a> Poses<'a> {
         Ok(Wanted {
             base_from_tool,
             joints,
+            turns_rad,
         })
     }
 
-    /// The pose that a target states; a part that it does not state is taken from its joint angles.
+    /// The whole turns by which each joint's angle is away from the measured ones, rad; 0 where none brings it there.
+    fn turns_beyond(&self, asked: &[f64]) -> Vec<f64> {
+        let periods = self.periods.iter().enumerate().zip(asked);
+        let turns = |((joint, period), angle): ((usize, &Option<f64>), &f64)| {
+            self.identified.turns_beyond(joint, *angle, *period)
+        };
+        periods.map(turns).collect()
+    }
+
+    /// The pose that a target states; what it leaves out is that of its joint angles.
     fn pose(
         &self,
         target: &Target,
@@ -157,6 +176,7 @@ impl<'a> Poses<'a> {
             match self.reach.solve(&base_from_tool, &seed.joints) {
                 Ok(joints) => {
                     return Ok(Wanted {
+                        turns_rad: vec![0.0; joints.len()],
                         joints: self.on_measured_turn(joints),
                         base_from_tool,
                     });
@@ -222,7 +242,21 @@ impl<'a> Poses<'a> {
     }
 }
 
-/// Distance of two poses, mm; a turn counts with [`LEVER_MM`].
+/// Refuses joint angles that are not within the arm's limits, naming the first joint that is beyond.
+pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
+    let mut pairs = arm.joints().iter().zip(joints);
+    let beyond = pairs.find(|(joint, angle)| !(joint.lower..=joint.upper).contains(angle));
+    beyond.map_or(Ok(()), |(joint, angle)| {
+        Err(Reason::Arm(InverseError::LimitReached {
+            joint: joint.name.clone(),
+            angle_deg: angle.to_degrees(),
+            lower_deg: joint.lower.to_degrees(),
+            upper_deg: joint.upper.to_degrees(),
+        }))
+    })
+}
+
+/// How far apart two poses are, a turn counted by its lever, mm.
 fn apart_mm(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     let place = (a.translation.vector - b.translation.vector).norm();
     place + LEVER_MM * a.rotation.angle_to(&b.rotation)

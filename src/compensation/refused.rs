@@ -2,17 +2,21 @@
 
 use thiserror::Error;
 
+use super::slips::Slip;
+use super::validity::MOST_OF_LARGEST;
 use crate::fit::Gap;
 use crate::kinematics::InverseError;
 
 /// A target without a corrected command.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("target {target:?} {reason}")]
+#[error("target {target:?} {reason}{}", slip.map_or_else(String::new, |slip| format!("; {slip}")))]
 pub struct Refused {
     /// The target's name.
     pub target: String,
     /// The reason.
     pub reason: Reason,
+    /// The slip of a unit without which it would have a command; `None` where there is none.
+    pub slip: Option<Slip>,
 }
 
 /// The reason why a target has no corrected command.
@@ -125,6 +129,19 @@ pub enum Reason {
     /// The nominal arm cannot reach the target.
     #[error("is not for this arm: {0}")]
     Arm(#[from] InverseError),
+    /// An error that is too large to be one of the arm that was measured.
+    #[error(
+        "would be corrected by {error_mm:.3} mm, and the largest error of the run's stations before correction was \
+         {largest_mm:.3} mm, {MOST_OF_LARGEST} times of which is the most that is given; check the signs and units of [commanded] \
+         flange_from_tool, [fit] target and the base frame in the pipeline file and run the session again, or measure where the \
+         target is"
+    )]
+    TooLarge {
+        /// The error found, mm.
+        error_mm: f64,
+        /// The largest of the stations, mm.
+        largest_mm: f64,
+    },
     /// No command attains the target.
     #[error(
         "has no command: after {iterations} iterations the command still moves by {move_mm:.6} mm, as the error jumps there \

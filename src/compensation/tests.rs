@@ -51,7 +51,7 @@ fn table_in(command_from_base: Isometry3<f64>, table: &grid::Table) -> Compensat
     };
     let validity = Validity {
         conditions,
-        temperature_c: None,
+        ..Validity::default()
     };
     let command_from_base = Transform::<Command, Base>::claim(command_from_base);
     CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity)

@@ -2,6 +2,7 @@
 //!
 //! Each term has one of three results: within, outside, or not checked because one of the two sides does not state it.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -32,9 +33,15 @@ pub struct Validity {
     pub conditions: Conditions,
     /// Lowest and highest temperature during the measurement, °C. `None`: the logs do not state it.
     pub temperature_c: Option<[f64; 2]>,
+    /// The largest error of the stations before correction, in the error reference frame, mm. `None`: the table does not say.
+    pub largest_error_mm: Option<f64>,
 }
 
-/// The conditions that targets will be run with.
+/// No error is believed that is more than this many times the largest that the stations had: a target may lie where the arm is
+/// somewhat worse than at any station, but an error that is far beyond all of them is a mistake of the set-up.
+pub const MOST_OF_LARGEST: f64 = 1.5;
+
+/// What targets will be run with.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct UsedWith {
     /// The conditions stated by the caller.
@@ -85,7 +92,9 @@ pub struct Held {
     pub not_stated: Vec<Term>,
 }
 
-/// Payloads that differ by no more than a gram are equal, kg.
+/// What a metre of steel and of aluminium grows by per °C, mm.
+const GROWTH_MM: [f64; 2] = [0.0115, 0.0235];
+/// Payloads are the same up to rounding, kg: a gram.
 const ROUNDING_KG: f64 = 1e-3;
 
 impl Term {
@@ -115,7 +124,19 @@ impl Validity {
         }
     }
 
-    /// Compares each condition with what targets will be run with.
+    /// Refuses an error that is too large to be one of the arm that was measured.
+    pub(super) fn admit_error(&self, error: &Vector3<f64>) -> Result<(), Reason> {
+        let error_mm = error.norm();
+        match self.largest_error_mm {
+            Some(largest_mm) if error_mm > MOST_OF_LARGEST * largest_mm => Err(Reason::TooLarge {
+                error_mm,
+                largest_mm,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Holds each term against what targets will be run with.
     pub fn hold(&self, used: &UsedWith) -> Held {
         let mut held = Held::default();
         let (own, said) = (&self.conditions, &used.conditions);
@@ -210,7 +231,12 @@ fn other_temperature([low, high]: [f64; 2], said: f64) -> Option<String> {
     };
     let inside = (low..=high).contains(&said);
     (!inside).then(|| {
-        format!("{said} °C, {beyond:.2} °C {how} the {low:.2} to {high:.2} °C of the measurement")
+        format!(
+            "{said} °C, {beyond:.2} °C {how} the {low:.2} to {high:.2} °C of the measurement, where an arm of steel or aluminium \
+             is {:.3} to {:.3} mm longer or shorter per metre of reach",
+            beyond * GROWTH_MM[0],
+            beyond * GROWTH_MM[1]
+        )
     })
 }
 
@@ -229,6 +255,7 @@ mod tests {
                 absolute_accuracy_option: Some(false),
             },
             temperature_c: Some([19.25, 21.5]),
+            largest_error_mm: None,
         }
     }
 
@@ -273,7 +300,8 @@ mod tests {
             "mounting \"wall\", the table is for \"floor\"",
             "payload 10 kg, 2.500 kg less than the table's 12.5 kg",
             "absolute-accuracy option on, it was off while measuring",
-            "temperature 18 °C, 1.25 °C below the 19.25 to 21.50 °C of the measurement",
+            "temperature 18 °C, 1.25 °C below the 19.25 to 21.50 °C of the measurement, where an arm of steel or aluminium is 0.014 \
+             to 0.029 mm longer or shorter per metre of reach",
         ];
         assert_eq!(words, expected);
         let hot = UsedWith {

@@ -15,6 +15,7 @@ use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use super::tables::error_frame;
+use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
@@ -26,6 +27,8 @@ use crate::report::frame::StatedFrame;
 pub struct PublishedArm {
     /// The run that identified it.
     pub key: RunKey,
+    /// Whether targets that its model corrects meet the pipeline's tolerance.
+    pub verdict: TableVerdict,
     /// The arm.
     pub arm: IdentifiedArm,
     /// The base that its errors are stated in.
@@ -101,6 +104,8 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let arm = base.arm.arm().map_err(wrong)?;
     let said = file.said();
     let key = common::key(path, &table)?;
+    let model = file.first(wanted, &base)?;
+    let verdict = file.row(model.model).map(|row| row.verdict);
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
@@ -109,7 +114,7 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
             (row.flange_from_tool, row.flange_from_tool_turn)
         })?,
         command_from_base: said.command_from_base()?,
-        model: file.first(wanted, &base)?,
+        model,
         measured: said.joint_ranges(arm.joints().len())?,
         configurations: said
             .one("configurations", |row| Some(&row.configurations))?
@@ -129,6 +134,7 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     );
     Ok(PublishedArm {
         key,
+        verdict: verdict.unwrap_or(TableVerdict::NotShown),
         arm,
         error_frame,
     })

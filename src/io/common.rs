@@ -80,6 +80,8 @@ pub struct Stated<'r> {
     pub absolute_accuracy_option: Option<bool>,
     /// Lowest and highest temperature met while measuring, °C.
     pub temperature_c: [Option<f64>; 2],
+    /// Largest error of the stations before correction, mm.
+    pub largest_error_mm: Option<f64>,
 }
 
 /// A row of a table that commands are corrected by.
@@ -107,6 +109,7 @@ macro_rules! corrects {
                     controller_model: self.controller_model.as_deref(),
                     absolute_accuracy_option: self.absolute_accuracy_option,
                     temperature_c: [self.temperature_min_c, self.temperature_max_c],
+                    largest_error_mm: self.largest_error_mm,
                 }
             }
 
@@ -146,6 +149,7 @@ impl<R: Corrects> Common<'_, R> {
         Ok(Validity {
             conditions,
             temperature_c: low.zip(high).map(<[f64; 2]>::from),
+            largest_error_mm: number("largest_error_mm", |own| own.largest_error_mm)?,
         })
     }
 

@@ -138,6 +138,17 @@ pub enum HistoryError {
         /// The session asked for.
         session: String,
     },
+    /// No session by itself.
+    #[error(
+        "{lake} has no run of a single session of robot {robot:?} that can be read; name the session: pooled for an estimate over \
+         several"
+    )]
+    NoNewest {
+        /// The lake.
+        lake: Place,
+        /// The robot.
+        robot: String,
+    },
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -186,6 +197,37 @@ pub fn history(
         }),
         _ => Ok(robots),
     }
+}
+
+/// The current run of the robot's newest session: the one that was measured last and that no other replaces.
+pub fn newest(lake: &Lake, robot: &str) -> Result<RunKey, HistoryError> {
+    if lake.folder().is_none() {
+        return Err(HistoryError::OnStorage(lake.root()));
+    }
+    let mut robots = Vec::new();
+    for folder in rows::robots(lake)? {
+        let rows = rows::of_robot(lake, &folder, &Summary::default())?;
+        let own = rows::robot(&rows, &folder);
+        if own == robot {
+            let newest = current(rows).0.pop();
+            return newest
+                .map(|row| row.fact.key)
+                .ok_or_else(|| HistoryError::NoNewest {
+                    lake: lake.root(),
+                    robot: own,
+                });
+        }
+        robots.push(own);
+    }
+    Err(if robots.is_empty() {
+        HistoryError::NoLake(lake.root())
+    } else {
+        HistoryError::NoRobot {
+            lake: lake.root(),
+            robot: robot.to_owned(),
+            robots,
+        }
+    })
 }
 
 fn of_robot(

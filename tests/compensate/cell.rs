@@ -28,6 +28,8 @@ pub struct Sample {
     pub shift_mm: fn(usize) -> f64,
     pub variance_mm2: f64,
     pub verdict: &'static str,
+    /// Of the run's stations before correction.
+    pub largest_error_mm: Option<f64>,
     /// The error at a place of the lattice, mm.
     pub error: fn([f64; 3]) -> [f64; 3],
     /// Joint angles at every node.
@@ -42,6 +44,7 @@ pub const SAMPLE: Sample = Sample {
     shift_mm: |_| 0.0,
     variance_mm2: 0.0004,
     verdict: "met",
+    largest_error_mm: Some(2.0),
     error: stretch,
     joints: [0.1; 6],
 };
@@ -164,6 +167,7 @@ fn terms(columns: Columns, sample: &Sample) -> Columns {
         .same("angles", "reported")
         .same("orientation_tolerance_deg", 5.0)
         .same("verdict", sample.verdict)
+        .same("largest_error_mm", sample.largest_error_mm)
         .same("joint_lower_rad", vec![-0.5; 6])
         .same("joint_upper_rad", vec![0.25; 6])
         .same("flange_from_target_x_mm", 25.0)
@@ -238,22 +242,25 @@ impl Cell {
         targets: &str,
         out: Option<&str>,
     ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
-        self.compensate_with(targets, out, None, &UsedWithArgs::default())
+        self.compensate_with(targets, out, &[], &UsedWithArgs::default())
     }
 
     pub fn compensate_with(
         &self,
         targets: &str,
         out: Option<&str>,
-        allow: Option<Exception>,
+        allow: &[Exception],
         used_with: &UsedWithArgs,
     ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         Self::run(&CompensateArgs {
             table: self.table.clone(),
             targets: self.path(targets),
             out: out.map(|out| self.path(out)),
-            allow,
+            allow: allow.to_vec(),
             no_record: false,
+            lake: None,
+            session: None,
+            by: None,
             used_with: used_with.clone(),
         })
     }
@@ -269,8 +276,11 @@ impl Cell {
             table: self.table.clone(),
             targets: self.path(targets),
             out: Some(self.path(out)),
-            allow: None,
+            allow: Vec::new(),
             no_record: true,
+            lake: None,
+            session: None,
+            by: None,
             used_with: used_with.clone(),
         })
     }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Matrix3, Vector3};
 use posegrid::cli::compensate::{self, CompensateArgs, UsedWithArgs};
 use posegrid::cli::export::{self, ExportArgs, ExportFormat};
+use posegrid::compensation::Exception;
 use posegrid::compensation::{Corrected, Refused, Target};
 use posegrid::geometry::Position;
 use posegrid::ingest::AngleUnit;
@@ -70,7 +71,7 @@ fn moved(target: &Target) -> Corrected {
         correction: by,
         covariance: Matrix3::identity(),
         iterations: 1,
-        allowed: None,
+        allowed: Vec::new(),
     }
 }
 
@@ -336,8 +337,11 @@ fn tables_given_by_hand() {
             table: table.clone(),
             targets: targets.clone(),
             out: None,
-            allow: None,
+            allow: vec![Exception::NotMet, Exception::NotShown],
             no_record: false,
+            lake: None,
+            session: None,
+            by: None,
             used_with: UsedWithArgs::default(),
         };
         let mut outcome = match compensate::run(&args, Vec::new()) {

@@ -1,6 +1,7 @@
 //! `posegrid compensate` from files to files: a table as a run publishes it, targets as somebody else writes them.
 
 mod cell;
+mod commands;
 mod damaged;
 mod forms;
 mod fuzz;
@@ -14,6 +15,8 @@ use std::fs;
 
 use arrow::array::{Array as _, StringArray};
 use nalgebra::{Point3, Vector3};
+use posegrid::cli::compensate::UsedWithArgs;
+use posegrid::compensation::{Exception, Term};
 use posegrid::geometry::Position;
 use posegrid::io::compensation_table::{self, TableVerdict};
 use posegrid::io::schema;
@@ -199,18 +202,77 @@ fn a_result_that_cannot_be_written_leaves_nothing() {
 }
 
 #[test]
-fn a_table_that_does_not_meet_its_tolerance_corrects_and_says_so() {
-    let cell = Cell::new(&Sample {
-        verdict: "not_met",
+fn a_table_that_is_not_met_or_not_shown_corrects_only_where_that_is_allowed() {
+    let none = UsedWithArgs::default();
+    for (verdict, own, other, told) in [
+        (
+            "not_met",
+            Exception::NotMet,
+            Exception::NotShown,
+            "does not meet its pipeline's tolerance",
+        ),
+        (
+            "not_shown",
+            Exception::NotShown,
+            Exception::NotMet,
+            "was not shown to meet its pipeline's tolerance",
+        ),
+    ] {
+        let cell = Cell::new(&Sample { verdict, ..SAMPLE });
+        fs::write(
+            cell.path("targets.csv"),
+            "target,x_mm,y_mm,z_mm,tool\nA,751,20,450,\nB,751,20,450,rivet\n",
+        )
+        .unwrap();
+        for allow in [&[][..], &[other]] {
+            let error = cell
+                .compensate_with("targets.csv", Some("out.csv"), allow, &none)
+                .unwrap_err();
+            let option = format!("--allow {}", verdict.replace('_', "-"));
+            assert_eq!(error.exit_code(), 2);
+            let error = error.to_string();
+            assert!(error.contains(told) && error.contains(&option), "{error}");
+            assert!(!cell.path("out.csv").exists());
+        }
+        let (done, csv) = cell
+            .compensate_with("targets.csv", None, &[own], &none)
+            .unwrap();
+        assert_eq!(done.exit_code(), 3);
+        assert!(done.to_string().contains(told), "{done}");
+        assert_eq!(field(&csv, "A", "allowed"), verdict);
+        let tool = Exception::Term(Term::Tool);
+        let (_, csv) = cell
+            .compensate_with("targets.csv", None, &[tool, own], &none)
+            .unwrap();
+        assert_eq!(field(&csv, "B", "allowed"), format!("{verdict} tool"));
+        assert_eq!(field(&csv, "A", "allowed"), verdict);
+    }
+}
+
+#[test]
+fn no_correction_is_larger_than_one_and_a_half_times_what_the_run_saw() {
+    // The error is 1 to 1.6 mm in x and 0.5 mm in z: at x = 751 mm, (1.2994, 0, −0.5) mm, 1.392 mm.
+    let targets = "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,610,20,450\n";
+    let within = Cell::new(&Sample {
+        largest_error_mm: Some(1.392 / 1.5 + 0.01),
         ..SAMPLE
     });
-    let (done, _) = cell.csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap();
-    assert_eq!(done.exit_code(), 3);
-    assert!(
-        done.to_string()
-            .contains("does not meet its pipeline's tolerance"),
-        "{done}"
-    );
+    let (done, csv) = within.csv(targets).unwrap();
+    assert_eq!(done.exit_code(), 0, "{}", field(&csv, "A", "reason"));
+    let cell = Cell::new(&Sample {
+        largest_error_mm: Some(0.9),
+        ..SAMPLE
+    });
+    let (done, csv) = cell.csv(targets).unwrap();
+    assert_eq!(done.exit_code(), 3, "{done}");
+    assert_eq!(field(&csv, "A", "refused"), "too_large");
+    assert_eq!(field(&csv, "A", "x_mm"), "");
+    let reason = field(&csv, "A", "reason");
+    for part in ["by 1.39", "was 0.900 mm", "flange_from_tool"] {
+        assert!(reason.contains(part), "{part}: {reason}");
+    }
+    // (1.02, 0, −0.5) mm is 1.13 mm, within 1.35 mm.
+    assert_eq!(field(&csv, "B", "refused"), "");
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn what_is_within_outside_or_not_checked_is_reported() {
         ..with(12.5, 20.0)
     };
     let (done, csv) = cell()
-        .compensate_with("targets.csv", None, None, &used)
+        .compensate_with("targets.csv", None, &[], &used)
         .unwrap();
     let said = done.to_string();
     assert!(
@@ -59,7 +59,7 @@ fn what_is_within_outside_or_not_checked_is_reported() {
 
 #[test]
 fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
-    let refused = |used: &UsedWithArgs, allow| {
+    let refused = |used: &UsedWithArgs, allow: &[Exception]| {
         let cell = cell();
         let error = cell
             .compensate_with("targets.csv", Some("out.csv"), allow, used)
@@ -68,7 +68,7 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
         assert!(!cell.path("out.csv").exists());
         error.to_string()
     };
-    let error = refused(&with(30.0, 25.0), None);
+    let error = refused(&with(30.0, 25.0), &[]);
     assert!(
         error.contains(
             "payload 30 kg, 17.500 kg more than the table's 12.5 kg; temperature 25 °C, 3.50 °C above the 19.25 to 21.50 °C"
@@ -76,7 +76,7 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
         "{error}"
     );
     // One exception is one: the other still counts.
-    let error = refused(&with(30.0, 25.0), Some(Exception::Term(Term::Payload)));
+    let error = refused(&with(30.0, 25.0), &[Exception::Term(Term::Payload)]);
     assert!(
         !error.contains("payload 30 kg") && error.contains("temperature 25 °C"),
         "{error}"
@@ -85,7 +85,7 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
         tool: Some("rivet".to_owned()),
         ..UsedWithArgs::default()
     };
-    let error = refused(&tool, Some(Exception::JointRange));
+    let error = refused(&tool, &[Exception::JointRange]);
     assert!(
         error.contains("tool \"rivet\", the table is for \"drill\""),
         "{error}"
@@ -99,7 +99,7 @@ fn what_was_allowed_stands_at_each_target() {
         .compensate_with(
             "targets.csv",
             None,
-            Some(Exception::Term(Term::Temperature)),
+            &[Exception::Term(Term::Temperature)],
             &with(12.5, 25.0),
         )
         .unwrap();
@@ -119,7 +119,7 @@ fn what_was_allowed_stands_at_each_target() {
         .compensate_with(
             "targets.csv",
             None,
-            Some(Exception::Term(Term::Temperature)),
+            &[Exception::Term(Term::Temperature)],
             &with(12.5, 20.0),
         )
         .unwrap();
@@ -135,15 +135,13 @@ fn another_tool_of_a_single_target_can_be_allowed() {
     )
     .unwrap();
     let none = UsedWithArgs::default();
-    let (done, csv) = cell
-        .compensate_with("other.csv", None, None, &none)
-        .unwrap();
+    let (done, csv) = cell.compensate_with("other.csv", None, &[], &none).unwrap();
     assert_eq!(
         (done.exit_code(), field(&csv, "A", "refused")),
         (3, "tool".to_owned())
     );
     let (done, csv) = cell
-        .compensate_with("other.csv", None, Some(Exception::Term(Term::Tool)), &none)
+        .compensate_with("other.csv", None, &[Exception::Term(Term::Tool)], &none)
         .unwrap();
     assert_eq!(done.exit_code(), 0);
     assert_eq!(

@@ -189,7 +189,7 @@ impl Identified {
             })
             .collect();
         self.by
-            .compensate(&targets, None)
+            .compensate(&targets, &[])
             .into_iter()
             .filter_map(Result::ok)
             .collect()
@@ -321,7 +321,7 @@ fn a_table_does_what_it_promised_and_what_was_done_with_it_is_reported() {
     ));
     // Another arm's table, for the same targets.
     let other = Identified::new(4, 12);
-    let theirs = other.by.compensate(&targets_of(&corrected), None);
+    let theirs = other.by.compensate(&targets_of(&corrected), &[]);
     let theirs: Vec<Corrected> = theirs.into_iter().filter_map(Result::ok).collect();
     let of_another = driven::application(&own.driven(&theirs, as_meant));
     assert!(
@@ -388,7 +388,7 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
         let right = matches!(about, Application::Turned { .. });
         count("turned", &about, right);
         if let Some(other) = &last {
-            let theirs = other.by.compensate(&targets_of(&corrected), None);
+            let theirs = other.by.compensate(&targets_of(&corrected), &[]);
             let theirs: Vec<Corrected> = theirs.into_iter().filter_map(Result::ok).collect();
             let found = driven::application(&own.driven(&theirs, as_meant));
             let right = matches!(found, Application::Unrelated(_));

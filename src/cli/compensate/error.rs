@@ -6,12 +6,16 @@ use std::path::{Path, PathBuf};
 use parquet::errors::ParquetError;
 use thiserror::Error;
 
+use super::used_with::option;
+use crate::compensation::Exception;
 use crate::compensation::validity::Outside;
 use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
 use crate::io::lake::LakeError;
+use crate::io::store::Place;
 use crate::io::table::{FileError, TableError};
 use crate::io::targets::TargetsError;
+use crate::pipeline::history::HistoryError;
 
 /// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.
 #[derive(Debug, Error)]
@@ -102,11 +106,87 @@ pub enum CompensateCommandError {
         /// Why.
         source: io::Error,
     },
-    /// The table is not valid for what the targets will be run with.
+    /// A table that does not meet its tolerance, or was not shown to.
     #[error(
-        "the table is not valid for what the targets will be run with: {}; use a table measured under \
-         these conditions, or --allow one of them",
-        .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+        "{}: this {what} {}, so nothing is corrected with it; why stands in table runs (reason) and on the page of run {run}: \
+         measure more or repair the set-up and run the session again, or correct all the same with {}",
+        path.display(),
+        if *needed == Exception::NotMet { "does not meet its pipeline's tolerance" } else { "was not shown to meet its pipeline's tolerance" },
+        option(*needed)
+    )]
+    Verdict {
+        /// The table.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+        /// Its run.
+        run: String,
+        /// The exception that it needs.
+        needed: Exception,
+    },
+    /// No such file.
+    #[error(
+        "there is no file {}; give the file of table compensation or calibrations of a run, or a robot's name and its lake: \
+         --lake DIR",
+        .0.display()
+    )]
+    NoTable(PathBuf),
+    /// A folder where a file is needed.
+    #[error("{}", folder(path, wanted, files))]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What is needed.
+        wanted: &'static str,
+        /// Files in it that can be given.
+        files: Vec<PathBuf>,
+    },
+    /// A lake without the name of a robot.
+    #[error(
+        "{} is a lake; give a robot of it by name: posegrid compensate ROBOT TARGETS --lake {}; its robots: {}",
+        path.display(), path.display(), robots.join(", ")
+    )]
+    IsLake {
+        /// The lake.
+        path: PathBuf,
+        /// The folders of its robots.
+        robots: Vec<String>,
+    },
+    /// The current run of a robot cannot be found.
+    #[error(transparent)]
+    Current(#[from] HistoryError),
+    /// No run of a session.
+    #[error(
+        "the lake {lake} has no run of robot {robot:?}, session {session:?}; `posegrid history {lake}` tells its sessions"
+    )]
+    NoRun {
+        /// The lake.
+        lake: Place,
+        /// The robot.
+        robot: String,
+        /// The session.
+        session: String,
+    },
+    /// A run without a table that corrects.
+    #[error(
+        "run {run} of robot {robot:?}, session {session:?} has no table {table}: no step gave one, or it was removed; choose \
+         another by --by or --session"
+    )]
+    NoTableOfRun {
+        /// The run.
+        run: String,
+        /// The robot.
+        robot: String,
+        /// The session.
+        session: String,
+        /// The table.
+        table: &'static str,
+    },
+    /// They will be run with something that the table is not valid for.
+    #[error(
+        "the table is not valid for what the targets will be run with: {}; use a table measured so, or correct all the same with {}",
+        .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+        .0.iter().map(|own| option(Exception::Term(own.term))).collect::<Vec<_>>().join(" ")
     )]
     Outside(Vec<Outside>),
     /// A data list can only be corrected, not made.
@@ -160,6 +240,25 @@ pub enum WriteCause {
     Parquet(#[from] ParquetError),
 }
 
+/// Files named in a message up to this many.
+const FILES_NAMED: usize = 5;
+
+/// What a folder is told: the files in it that can be given.
+fn folder(path: &Path, wanted: &str, files: &[PathBuf]) -> String {
+    let named: Vec<String> = files
+        .iter()
+        .take(FILES_NAMED)
+        .map(|file| file.display().to_string())
+        .collect();
+    let more = files.len().saturating_sub(FILES_NAMED);
+    let which = match (named.is_empty(), more) {
+        (true, _) => "none is in it".to_owned(),
+        (false, 0) => format!("in it: {}", named.join(", ")),
+        (false, more) => format!("in it: {} and {more} more", named.join(", ")),
+    };
+    format!("{} is a folder; give {wanted}; {which}", path.display())
+}
+
 impl CompensateCommandError {
     /// The exit code of the command.
     pub const fn exit_code(&self) -> u8 {
@@ -170,6 +269,13 @@ impl CompensateCommandError {
             | Self::Arm(_)
             | Self::Targets(_)
             | Self::Outside(_)
+            | Self::Verdict { .. }
+            | Self::NoTable(_)
+            | Self::Folder { .. }
+            | Self::IsLake { .. }
+            | Self::Current(_)
+            | Self::NoRun { .. }
+            | Self::NoTableOfRun { .. }
             | Self::Again(_)
             | Self::Unreadable { .. }
             | Self::Records(_)

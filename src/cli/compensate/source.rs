@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use super::CompensateCommandError;
+use crate::compensation::slips::Slip;
 use crate::compensation::{Corrected, Exception, Refused, Target, Term, Validity, compensate};
+use crate::ingest::AngleUnit;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
@@ -40,9 +42,10 @@ impl Source {
     pub(super) fn compensate(
         &self,
         targets: &[Target],
-        allow: Option<Exception>,
+        allow: &[Exception],
     ) -> Vec<Result<Corrected, Refused>> {
-        if allow != Some(Exception::Term(Term::Tool)) {
+        let other_tool = Exception::Term(Term::Tool);
+        if !allow.contains(&other_tool) {
             return self.refusing_other_tools(targets, allow);
         }
         let own = self.validity().conditions.tool.as_ref();
@@ -51,12 +54,12 @@ impl Source {
         for target in &mut asked {
             target.tool = None;
         }
-        let mut outcomes = self.refusing_other_tools(&asked, None);
+        let mut outcomes = self.refusing_other_tools(&asked, allow);
         for (target, outcome) in targets.iter().zip(&mut outcomes) {
             if let Ok(done) = outcome
                 && is_other(target)
             {
-                done.allowed = allow;
+                done.allowed.push(other_tool);
             }
         }
         outcomes
@@ -65,7 +68,7 @@ impl Source {
     fn refusing_other_tools(
         &self,
         targets: &[Target],
-        allow: Option<Exception>,
+        allow: &[Exception],
     ) -> Vec<Result<Corrected, Refused>> {
         match self {
             Self::Table(published) => targets
@@ -76,7 +79,37 @@ impl Source {
         }
     }
 
-    /// Gives the targets of a data list the arm configurations that their S states.
+    /// Names the slip of a unit at each refused target that would have a command without it.
+    pub(super) fn name_slips(
+        &self,
+        targets: &Targets,
+        allow: &[Exception],
+        outcomes: &mut [Result<Corrected, Refused>],
+    ) {
+        let may = |slip: &Slip| match slip {
+            Slip::RadiansAsDegrees => targets.angle_unit == AngleUnit::Deg,
+            Slip::DegreesAsRadians => targets.angle_unit == AngleUnit::Rad,
+            Slip::MetresAsMillimetres => true,
+        };
+        for slip in Slip::ALL.into_iter().filter(may) {
+            let refused = outcomes.iter().zip(&targets.targets).enumerate();
+            let refused = refused.filter(|(_, (outcome, _))| outcome.is_err());
+            let (places, meant): (Vec<usize>, Vec<Target>) = refused
+                .filter_map(|(place, (_, target))| Some((place, slip.undone(target)?)))
+                .unzip();
+            if meant.is_empty() {
+                continue;
+            }
+            let without = self.compensate(&meant, allow);
+            for (place, _) in places.iter().zip(&without).filter(|(_, own)| own.is_ok()) {
+                if let Err(refused) = &mut outcomes[*place] {
+                    refused.slip = Some(slip);
+                }
+            }
+        }
+    }
+
+    /// Gives the targets of a data list the arm configurations that their S asks for.
     pub(super) fn name_configurations(
         &self,
         targets: &mut Targets,
@@ -178,31 +211,29 @@ impl Source {
         }
     }
 
-    /// Whether the tolerance is met; an identified arm has no grid step to judge, each of its corrections states its
-    /// uncertainty.
+    /// Whether the run meets its tolerance.
     pub(super) const fn verdict(&self) -> TableVerdict {
         match self {
             Self::Table(own) => own.verdict,
-            Self::Arm(_) => TableVerdict::Met,
+            Self::Arm(own) => own.verdict,
         }
     }
 
     /// Warnings about how these targets are corrected.
     pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
         let mut warnings = Vec::new();
-        let Self::Table(own) = self else {
-            return warnings;
-        };
-        match own.verdict {
+        let what = self.what();
+        match self.verdict() {
             TableVerdict::Met => {}
-            TableVerdict::NotMet => warnings.push(
-                "the step of this table does not meet its pipeline's tolerance: see grid_steps"
-                    .to_owned(),
-            ),
-            TableVerdict::NotShown => warnings.push(
-                "the step of this table was not shown to meet its pipeline's tolerance: see grid_steps"
-                    .to_owned(),
-            ),
+            TableVerdict::NotMet => warnings.push(format!(
+                "this {what} does not meet its pipeline's tolerance, and that is allowed: see runs.reason"
+            )),
+            TableVerdict::NotShown => warnings.push(format!(
+                "this {what} was not shown to meet its pipeline's tolerance, and that is allowed: see runs.reason"
+            )),
+        }
+        if matches!(self, Self::Arm(_)) {
+            return warnings;
         }
         let unturned = targets.iter().filter(|target| target.orientation.is_none());
         let unturned = unturned.count();

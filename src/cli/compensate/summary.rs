@@ -16,6 +16,9 @@ const REFUSALS_SHOWN: usize = 20;
 impl fmt::Display for Compensated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let by = self.source.by(&[]);
+        if let Some(words) = &self.named.words {
+            writeln!(f, "{words}")?;
+        }
         writeln!(
             f,
             "{} {:?} of robot {:?}, session {:?}; {}",
@@ -60,7 +63,7 @@ impl Compensated {
             writeln!(f, "{note}")?;
         }
         let mut allowed = BTreeMap::<&str, usize>::new();
-        let needed = self.corrected().filter_map(|done| done.allowed);
+        let needed = self.corrected().flat_map(|done| &done.allowed);
         needed.for_each(|exception| *allowed.entry(exception.word()).or_default() += 1);
         for (name, count) in allowed {
             writeln!(

@@ -4,6 +4,8 @@ use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
 use crate::compensation::{Conditions, Exception, Term, UsedWith};
+use crate::io::table::Word as _;
+use crate::io::tables::words::CorrectingTable;
 
 /// The conditions that targets will be run with; one that is not given is not checked.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
@@ -60,10 +62,28 @@ impl UsedWithArgs {
     }
 }
 
+impl ValueEnum for CorrectingTable {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Compensation, Self::Calibrations]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.word()))
+    }
+}
+
+/// The name that an exception is allowed by.
+pub(super) fn option(exception: Exception) -> String {
+    let value = exception.to_possible_value();
+    value.map_or_else(String::new, |value| format!("--allow {}", value.get_name()))
+}
+
 /// Reasons for refusal that can be allowed.
 impl ValueEnum for Exception {
     fn value_variants<'a>() -> &'a [Self] {
         &[
+            Self::NotMet,
+            Self::NotShown,
             Self::JointRange,
             Self::Configuration,
             Self::Term(Term::Tool),
@@ -78,6 +98,11 @@ impl ValueEnum for Exception {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         let (name, help) = match self {
+            Self::NotMet => ("not-met", "A table whose run does not meet its tolerance"),
+            Self::NotShown => (
+                "not-shown",
+                "A table whose run was not shown to meet its tolerance",
+            ),
             Self::JointRange => (
                 "joint-range",
                 "Joint angles beyond those measured, where the model falls back to its prior",

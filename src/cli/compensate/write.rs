@@ -29,6 +29,7 @@ pub(super) fn sidecar(out: &Path) -> PathBuf {
 impl CompensateArgs {
     /// The form of the result, known before anything is read.
     pub(super) fn out_form(&self) -> Result<Form, CompensateCommandError> {
+        self.check_folders()?;
         let form = Form::of(&self.targets)?;
         let Some(out) = &self.out else {
             return Ok(if form == Form::Json { form } else { Form::Csv });

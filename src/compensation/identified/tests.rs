@@ -110,7 +110,7 @@ fn at_pose(identified: &IdentifiedArm, joints: &[f64]) -> Target {
 }
 
 fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> {
-    let mut all = identified.compensate(&[target], None);
+    let mut all = identified.compensate(&[target], &[]);
     all.remove(0).map_err(|refused| refused.reason)
 }
 
@@ -190,10 +190,10 @@ fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() 
     };
     assert_eq!(joint, "joint_a1");
     assert!((beyond_deg - 12.5).abs() < 1e-9);
-    let allowed = identified.compensate(&[at_joints(beyond)], Some(Exception::JointRange));
+    let allowed = identified.compensate(&[at_joints(beyond)], &[Exception::JointRange]);
     let allowed = allowed[0].as_ref().expect("allowed");
-    assert_eq!(allowed.allowed, Some(Exception::JointRange));
-    // Half a degree beyond the rim counts as measured.
+    assert_eq!(allowed.allowed, [Exception::JointRange]);
+    // Half a degree beyond the rim is as good as measured.
     beyond[0] = 60.4;
     assert!(one(&identified, at_joints(beyond)).is_ok());
 }
@@ -212,15 +212,15 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
             && refused.to_string().contains(&identified.configurations[0]),
         "{refused}"
     );
-    let allowed = identified.compensate(&[at_joints(JOINTS)], Some(Exception::Configuration));
+    let allowed = identified.compensate(&[at_joints(JOINTS)], &[Exception::Configuration]);
     let allowed = allowed[0].as_ref().expect("allowed");
-    assert_eq!(allowed.allowed, Some(Exception::Configuration));
+    assert_eq!(allowed.allowed, [Exception::Configuration]);
     // Another exception does not allow it.
-    let ranges = identified.compensate(&[at_joints(JOINTS)], Some(Exception::JointRange));
+    let ranges = identified.compensate(&[at_joints(JOINTS)], &[Exception::JointRange]);
     assert!(ranges[0].is_err());
     identified.configurations = vec![own];
     let within = one(&identified, at_joints(JOINTS)).expect("measured");
-    assert_eq!(within.allowed, None);
+    assert_eq!(within.allowed, []);
 }
 
 #[test]
@@ -282,7 +282,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
             .iter()
             .map(|joints| at_pose(identified, joints))
             .collect();
-        let outcomes = identified.compensate(&targets, None);
+        let outcomes = identified.compensate(&targets, &[]);
         let mut found = 0;
         for (joints, done) in asked.iter().zip(&outcomes) {
             let Ok(done) = done else { continue };
@@ -300,4 +300,83 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         assert!(asked.len() > 250, "{}", asked.len());
         assert!(100 * found >= 99 * asked.len(), "{refused:?}");
     }
+}
+
+#[test]
+fn an_error_far_beyond_those_of_the_stations_is_refused_with_both_numbers() {
+    let mut identified = cell();
+    let found = one(&identified, at_joints(JOINTS)).expect("nothing is said of the stations");
+    let correction_mm = found.correction.norm();
+    identified.validity.largest_error_mm = Some(correction_mm / 1.4);
+    assert!(one(&identified, at_joints(JOINTS)).is_ok());
+    identified.validity.largest_error_mm = Some(correction_mm / 1.6);
+    let refused = one(&identified, at_joints(JOINTS)).expect_err("1.6 times the largest");
+    let Reason::TooLarge {
+        error_mm,
+        largest_mm,
+    } = refused
+    else {
+        panic!("{refused}")
+    };
+    // The error at the target and at its command differ by micrometres.
+    assert!((error_mm - correction_mm).abs() < 0.05);
+    assert!((largest_mm - correction_mm / 1.6).abs() < 1e-12);
+}
+
+#[test]
+fn a_joint_a_whole_turn_away_is_commanded_there_where_its_errors_repeat() {
+    let identified = cell();
+    let here = one(&identified, at_joints(JOINTS)).expect("measured");
+    let mut turned = JOINTS;
+    turned[5] -= 360.0; // −253°, the limit is −350°
+    let there = one(&identified, at_joints(turned)).expect("the same but for a turn");
+    assert!((here.command.coords() - there.command.coords()).norm() < 1e-6);
+    let [here, there] = [here, there].map(|found| found.joints.expect("joint angles"));
+    for joint in 0..6 {
+        let turn = if joint == 5 { TAU } else { 0.0 };
+        assert!((here.command[joint] - there.command[joint] - turn).abs() < 1e-9);
+        assert!((here.target[joint] - there.target[joint] - turn).abs() < 1e-9);
+    }
+    // Another turn is beyond the limit, and a part of one is another pose, beside what was measured on every turn.
+    turned[5] = 107.0 + 360.0;
+    let beyond = one(&identified, at_joints(turned)).expect_err("467°");
+    assert!(matches!(
+        beyond,
+        Reason::Arm(InverseError::LimitReached { .. })
+    ));
+    turned[5] = 107.0 + 100.0;
+    let part = one(&identified, at_joints(turned)).expect_err("never measured");
+    assert!(matches!(part, Reason::JointRange { .. }));
+}
+
+#[test]
+fn a_joint_that_moves_another_axis_by_a_part_of_a_turn_does_not_repeat() {
+    let text = include_str!("../../../pipelines/robots/kr210-r2700-extra.toml");
+    let mut file: RobotFile = toml::from_str(text).expect("a robot file of this repository");
+    let mut map = vec![vec![0.0; 6]; 6];
+    for (axis, row) in map.iter_mut().enumerate() {
+        row[axis] = 1.0;
+    }
+    // Axis 5 turns by a sixth of joint 6, and axis 6 once more with joint 4.
+    map[4][5] = 1.0 / 6.0;
+    map[5][3] = 1.0;
+    file.joint_map = Some(map);
+    let coupled = identified(&file.arm().expect("a valid arm"), [-60.0; 6], [60.0; 6]);
+    let periods = coupled.periods();
+    assert_eq!(
+        periods,
+        [Some(TAU), Some(TAU), Some(TAU), Some(TAU), Some(TAU), None]
+    );
+    // Whether so many whole turns are taken off an angle of a joint whose errors repeat after a period.
+    let takes = |joint: usize, degrees: f64, period: Option<f64>, expected: f64| {
+        let turns = coupled.turns_beyond(joint, degrees.to_radians(), period);
+        (turns / TAU - expected).abs() < 1e-9
+    };
+    assert!(takes(3, 330.0, periods[3], 1.0));
+    assert!(takes(3, 20.0, periods[3], 0.0));
+    assert!(takes(3, 100.0, periods[3], 0.0));
+    assert!(takes(5, 330.0, periods[5], 0.0));
+    // Of curves that repeat after two turns, one turn is not enough.
+    assert!(takes(3, 330.0, Some(2.0 * TAU), 0.0));
+    assert!(takes(3, 690.0, Some(2.0 * TAU), 2.0));
 }

@@ -26,6 +26,11 @@ impl JointError {
 }
 
 impl FullModel {
+    /// After how many turns of a joint its error curve repeats.
+    pub const fn curve_period_turns(&self) -> u32 {
+        self.layout.period_turns()
+    }
+
     /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad).
     ///
     /// It excludes the joint's constant offset, which is the geometry's θ.

@@ -30,6 +30,7 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
         key,
         arm,
         error_frame,
+        ..
     } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;

@@ -2,8 +2,8 @@
 
 use super::PublishContext;
 use super::error_frame::{ErrorFrameName, ErrorFrameOf};
-use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
-use super::words::placement;
+use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
+use super::words::{TableVerdict, placement};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
@@ -162,6 +162,8 @@ row! {
         error_frame_sd_mm: Option<f64>,
         /// Standard deviation of that base's rotation, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
+        /// Largest error of the stations before correction, mm; `None` without a station.
+        largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,
         /// Highest reported angle of each joint, rad.
@@ -184,6 +186,8 @@ row! {
         temperature_min_c: Option<f64>,
         /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
+        /// Whether the tolerance is met.
+        verdict: TableVerdict,
         /// The version of the saved model's format.
         model_version: u32,
         /// The model as JSON.
@@ -346,6 +350,7 @@ impl<'a> Identified<'a> {
             error_frame_target: stated_in.target,
             error_frame_sd_mm: stated_in.sd_mm,
             error_frame_sd_deg: stated_in.sd_deg,
+            largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,
             configurations: configurations(outcome),
@@ -357,6 +362,7 @@ impl<'a> Identified<'a> {
             absolute_accuracy_option: stated.absolute_accuracy_option,
             temperature_min_c,
             temperature_max_c,
+            verdict: (&outcome.verdict.verdict()).into(),
             model_version: VERSION,
             model: self.text(context, &sessions)?,
             sessions: owned(sessions),

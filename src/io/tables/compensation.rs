@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::error_frame::{ErrorFrameName, ErrorFrameOf};
-use super::validity::{joint_ranges, learnt_from, temperatures};
+use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
@@ -92,6 +92,8 @@ row! {
         orientation_tolerance_deg: f64,
         /// Whether the tolerance is met.
         verdict: TableVerdict,
+        /// Largest error of the stations before correction, mm; `None` without a station.
+        largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint over the stations, rad.
         joint_lower_rad: Arc<[f64]>,
         /// Highest reported angle of each joint over the stations, rad.
@@ -216,6 +218,7 @@ fn shared(
         },
         orientation_tolerance_deg: chosen.orientation_tolerance_rad.to_degrees(),
         verdict: (&outcome.verdict.verdict()).into(),
+        largest_error_mm: largest_error_mm(outcome),
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),
         flange_from_target: target.coords().into(),

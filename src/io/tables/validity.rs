@@ -2,11 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use nalgebra::Point3;
+
 use crate::figures::extremes;
+use crate::fit::WEIGHTED_DOWN;
+use crate::fit::commanded::CommandedPose;
 use crate::grid::Reach;
 use crate::io::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
+use crate::report::{ResidualSet, Split};
 
 /// The paired stations that a run learnt from.
 pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
@@ -31,6 +36,39 @@ pub(super) fn configurations(outcome: &Outcome<'_>) -> Vec<String> {
     let own = learnt_from(outcome).filter_map(|station| reach.configuration(&station.joints));
     let all: BTreeSet<Configuration> = own.collect();
     all.iter().map(Configuration::to_string).collect()
+}
+
+/// The largest error of the stations before correction, mm: of the tool point against its command, and against the nominal arm where
+/// there is none, in the error reference frame. Of the session that errors are stated for; stations that the best model hardly
+/// counts take no part, as a reading that went wrong is no error of the arm.
+pub(super) fn largest_error_mm(outcome: &Outcome<'_>) -> Option<f64> {
+    let session = outcome.training.last()?;
+    let hardly_counted = weighted_down(outcome, &session.name);
+    let error_frame = &outcome.error_frame;
+    let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+    let counted = stations.filter(|(station, _)| !hardly_counted.contains(&station.number));
+    let error_mm = |(station, pose): (&Station, &Option<CommandedPose>)| {
+        let nominal = || Point3::from(error_frame.nominal_tool(&station.joints).translation.vector);
+        let wanted = pose.map_or_else(nominal, |pose| pose.position);
+        station.one_reading()?;
+        Some(error_frame.tool_error(station, &wanted)?.norm())
+    };
+    counted.filter_map(error_mm).max_by(f64::total_cmp)
+}
+
+/// Numbers of the stations of a session that the best model hardly counts.
+fn weighted_down(outcome: &Outcome<'_>, session: &str) -> BTreeSet<usize> {
+    let is_own = |set: &&ResidualSet| {
+        let subject = &set.subject;
+        subject.model == outcome.best
+            && subject.split == Split::None
+            && subject.of_session == session
+    };
+    let own = outcome.residuals.iter().filter(is_own);
+    let down = own
+        .flat_map(|set| &set.residuals)
+        .filter(|residual| residual.weight.is_some_and(|weight| weight < WEIGHTED_DOWN));
+    down.map(|residual| residual.station).collect()
 }
 
 /// Lowest and highest reported angle of each joint over the stations learnt from, rad.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::compensation::{Corrected, Exception, JointCommand, Reason, Refused, Target, Term};
 use crate::fit::Gap;
-use crate::io::table::{Row as _, Table, TableError, row, words};
+use crate::io::table::{Row as _, Table, TableError, Word as _, row, words};
 use crate::io::tables::words::{CorrectingTable, upper, xyzw};
 use crate::kinematics::InverseError;
 use crate::manifest::RunKey;
@@ -55,8 +55,8 @@ row! {
         ]: Option<[f64; 6]>,
         /// Times that the table or the model was asked.
         iterations: Option<usize>,
-        /// Exception without which the target would have been refused.
-        allowed: Option<Exception>,
+        /// Exceptions without which the target would have been refused; none where none was needed.
+        allowed: Vec<String>,
         /// Reason of a refusal in a word.
         refused: Option<RefusedFor>,
         /// Reason of a refusal in a sentence.
@@ -97,6 +97,8 @@ pub enum RefusedFor {
     OutOfReach,
     /// Near a singularity.
     Singularity,
+    /// A correction larger than the arm's errors are.
+    TooLarge,
 }
 
 words! {
@@ -116,8 +118,11 @@ words! {
         JointLimits: "joint_limits",
         OutOfReach: "out_of_reach",
         Singularity: "singularity",
+        TooLarge: "too_large",
     }
     Exception {
+        NotMet: "not_met",
+        NotShown: "not_shown",
         JointRange: "joint_range",
         Configuration: "configuration",
         Term(Term::Tool): "tool",
@@ -149,6 +154,7 @@ impl From<&Reason> for RefusedFor {
             Reason::Arm(InverseError::NearSingularity { .. }) => Self::Singularity,
             Reason::Tool { .. } => Self::Tool,
             Reason::NoConvergence { .. } => Self::NoConvergence,
+            Reason::TooLarge { .. } => Self::TooLarge,
         }
     }
 }
@@ -229,7 +235,7 @@ fn of_target(target: &Target) -> CorrectedRow {
         correction_sd_mm: None,
         correction_cov_mm2: None,
         iterations: None,
-        allowed: None,
+        allowed: Vec::new(),
         refused: None,
         reason: None,
     }
@@ -250,7 +256,11 @@ fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
         correction_sd_mm: Some(done.standard_deviation_norm()),
         correction_cov_mm2: Some(upper(&done.covariance)),
         iterations: Some(done.iterations),
-        allowed: done.allowed,
+        allowed: done
+            .allowed
+            .iter()
+            .map(|own| own.word().to_owned())
+            .collect(),
         ..row
     }
 }

@@ -267,11 +267,12 @@ mod tests {
             correction,
             covariance: Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 5e-4, -2e-5, 0.0, -2e-5, 6e-4),
             iterations: 2,
-            allowed: None,
+            allowed: Vec::new(),
         };
         let refused = Refused {
             target: "B".to_owned(),
             reason: Reason::NoOrientation,
+            slip: None,
         };
         let key = RunKey::new("kr", "mon", "00ff");
         let by = CorrectedBy {

@@ -26,9 +26,8 @@ pub(crate) enum Cell {
     List(Vec<Cell>),
 }
 
-/// One column of a table and the number of columns that it becomes: a list of joint angles `…joints_rad` becomes `…q1_rad`
-/// or `…q1_deg` and so on, as many as its longest row has; any other list becomes one. A list without values in any row
-/// becomes none.
+/// One column of a table, and how many it becomes: a list of joint angles `…joints_rad` the columns `…q1_rad` or `…q1_deg`
+/// and so on, as many as its longest row has; any other list one. Lists that may be absent and that no row has become none.
 pub(crate) struct Spread<'t> {
     schema: &'t ColumnSchema,
     array: &'t ArrayRef,
@@ -97,7 +96,7 @@ fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
     if schema.name.ends_with(ANGLES) {
         longest
     } else {
-        longest.min(1)
+        longest.max(usize::from(!schema.nullable)).min(1)
     }
 }
 

@@ -11,7 +11,7 @@ use crate::io::table::Table;
 /// value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
 ///
 /// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` and so on, as many as its longest row
-/// has; other lists are one column, their elements separated by blanks. Lists without values in any row are left out.
+/// has; other lists are one column, their elements apart by blanks. Lists that may be absent and that no row has are left out.
 pub fn write_csv(table: &Table, unit: AngleUnit, sink: impl Write) -> Result<(), csv::Error> {
     write_columns(table, &Spread::all(table), unit, sink)
 }

@@ -9,8 +9,7 @@ use crate::io::table::Table;
 /// Writes a table as JSON: lengths to the nanometre, joint angles in `unit`, other numbers exactly, null where a value is
 /// absent.
 ///
-/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists without values in any row
-/// are left out.
+/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists that may be absent and that no row has are left out.
 pub fn write_json(table: &Table, unit: AngleUnit, mut sink: impl Write) -> io::Result<()> {
     let columns = Spread::all(table);
     let names: Vec<String> = columns.iter().flat_map(|c| c.names(unit)).collect();

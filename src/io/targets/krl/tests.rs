@@ -40,7 +40,7 @@ fn moved(target: &Target, by: [f64; 3]) -> Corrected {
         correction: Vector3::from(by),
         covariance: Matrix3::identity(),
         iterations: 2,
-        allowed: None,
+        allowed: Vec::new(),
     }
 }
 
@@ -51,6 +51,7 @@ fn refused(target: &Target) -> Refused {
             wanted: "drill\r\n6° − ü".to_owned(),
             table: None,
         },
+        slip: None,
     }
 }
 
@@ -161,7 +162,7 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
     let mut outcomes: Vec<_> = targets.iter().map(|t| Ok(moved(t, [0.0; 3]))).collect();
     outcomes[0] = Err(refused(&targets[0]));
     if let Ok(done) = &mut outcomes[1] {
-        done.allowed = Some(Exception::JointRange);
+        done.allowed = vec![Exception::JointRange];
     }
     let written = own.write(&outcomes, "t\r\nHALT");
     let text = String::from_utf8_lossy(&written);

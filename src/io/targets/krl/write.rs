@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::super::spread::length;
 use super::lines::{CORRECTED, REFUSED};
 use super::{DataList, MARK, Point};
-use crate::compensation::{Corrected, Exception, Refused};
+use crate::compensation::{Corrected, Refused};
 use crate::io::table::Word as _;
 
 impl DataList {
@@ -109,7 +109,7 @@ fn head(outcomes: &[Result<Corrected, Refused>], table_id: &str) -> String {
     let mut allowed = BTreeMap::<&str, usize>::new();
     for name in done
         .clone()
-        .filter_map(|done| done.allowed.map(Exception::word))
+        .flat_map(|done| done.allowed.iter().map(|own| own.word()))
     {
         *allowed.entry(name).or_default() += 1;
     }

@@ -1,0 +1,198 @@
+//! TABLE → the file of a table: the file itself, or of a robot in a lake the table of its current run.
+//!
+//! A folder in the place of a file is an error that names the files to give.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::{CompensateArgs, CompensateCommandError};
+use crate::compensation::Target;
+use crate::io::lake::Lake;
+use crate::io::store::Place;
+use crate::io::table::Word as _;
+use crate::io::tables::words::CorrectingTable;
+use crate::io::targets::{self, DataList, Form, Targets};
+use crate::manifest::RunKey;
+use crate::pipeline::history;
+
+/// Folders below a folder that are looked into for files to give: robot, session and their files.
+const DEPTH: usize = 3;
+
+/// The file of a table.
+#[derive(Debug)]
+pub(super) struct Named {
+    /// The file.
+    pub(super) path: PathBuf,
+    /// Which run and table of a robot it is, in words; `None` where the file itself was given.
+    pub(super) words: Option<String>,
+}
+
+impl CompensateArgs {
+    /// Refuses folders where files are needed.
+    pub(super) fn check_folders(&self) -> Result<(), CompensateCommandError> {
+        if self.lake.is_none() && self.table.is_dir() {
+            return Err(table_folder(&self.table));
+        }
+        let is_targets = |path: &Path| Form::of(path).is_ok();
+        let out = self.out.as_deref().filter(|out| out.is_dir());
+        let wrong = if self.targets.is_dir() {
+            Some((
+                &*self.targets,
+                "a file of targets: .csv, .parquet, .json or .dat",
+            ))
+        } else {
+            out.map(|out| (out, "a new file in it as --out, such as corrected.csv"))
+        };
+        wrong.map_or(Ok(()), |(path, wanted)| {
+            let files = if Some(path) == out {
+                Vec::new()
+            } else {
+                files_in(path, 0, &is_targets)
+            };
+            Err(CompensateCommandError::Folder {
+                path: path.to_owned(),
+                wanted,
+                files,
+            })
+        })
+    }
+
+    /// The file that TABLE names.
+    pub(super) fn named(&self) -> Result<Named, CompensateCommandError> {
+        let path = self.table.clone();
+        match &self.lake {
+            Some(lake) => self.of_robot(lake),
+            None if path.exists() => Ok(Named { path, words: None }),
+            None => Err(CompensateCommandError::NoTable(path)),
+        }
+    }
+
+    /// The table of the robot's current run.
+    fn of_robot(&self, lake: &Path) -> Result<Named, CompensateCommandError> {
+        let lake = Lake::at(&Place::of(lake))?;
+        let robot = self.table.to_string_lossy();
+        let key = match &self.session {
+            None => history::newest(&lake, &robot)?,
+            Some(session) => current(&lake, &robot, session)?,
+        };
+        let table = self.table_of(&lake, &key)?;
+        let place = lake.place(table.word(), &key)?;
+        Ok(Named {
+            words: Some(format!(
+                "current run of robot {:?}: {}, of session {:?}; corrected by its table {}, {}",
+                key.robot,
+                key.run,
+                key.session,
+                table.word(),
+                place.display()
+            )),
+            path: place.named(),
+        })
+    }
+
+    /// The table asked for; without a wish the identified arm where every target states what it needs, and the nodes of the grid
+    /// otherwise, as far as the run has them.
+    fn table_of(
+        &self,
+        lake: &Lake,
+        key: &RunKey,
+    ) -> Result<CorrectingTable, CompensateCommandError> {
+        let wanted = match self.by {
+            Some(by) => vec![by],
+            None if is_for_the_arm(&targets::read(&self.targets)?) => {
+                vec![CorrectingTable::Calibrations, CorrectingTable::Compensation]
+            }
+            None => vec![CorrectingTable::Compensation, CorrectingTable::Calibrations],
+        };
+        for table in &wanted {
+            if lake.has(table.word(), key)? {
+                return Ok(*table);
+            }
+        }
+        Err(CompensateCommandError::NoTableOfRun {
+            run: key.run.clone(),
+            robot: key.robot.clone(),
+            session: key.session.clone(),
+            table: wanted[0].word(),
+        })
+    }
+}
+
+/// The current run of a robot's session.
+fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey, CompensateCommandError> {
+    let current = lake.current(&RunKey::new(robot, session, ""))?;
+    let run = current.ok_or_else(|| CompensateCommandError::NoRun {
+        lake: lake.root(),
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+    })?;
+    Ok(RunKey::new(robot, session, &run.run))
+}
+
+/// Whether every target states joint angles, or an orientation and an arm configuration.
+fn is_for_the_arm(targets: &Targets) -> bool {
+    let statuses = targets.list.iter().flat_map(DataList::statuses);
+    let mut statuses = statuses.map(|status| status.is_some());
+    let mut is_for_it = |target: &Target| {
+        let has_status = statuses.next().unwrap_or(false);
+        let has_configuration = target.configuration.is_some() || has_status;
+        target.joints.is_some() || (target.orientation.is_some() && has_configuration)
+    };
+    // Every target takes its own status, so all are asked.
+    targets
+        .targets
+        .iter()
+        .filter(|target| !is_for_it(target))
+        .count()
+        == 0
+}
+
+/// What a folder in the place of a table is told.
+fn table_folder(path: &Path) -> CompensateCommandError {
+    let robots = folders_in(&path.join("runs"));
+    if !robots.is_empty() {
+        return CompensateCommandError::IsLake {
+            path: path.to_owned(),
+            robots,
+        };
+    }
+    let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
+    CompensateCommandError::Folder {
+        path: path.to_owned(),
+        wanted: "a file of table compensation or calibrations",
+        files: files_in(path, DEPTH, &is_table),
+    }
+}
+
+/// The names of the folders in a folder, in order; none where it cannot be read.
+fn folders_in(folder: &Path) -> Vec<String> {
+    let folders = entries(folder).into_iter().filter(|path| path.is_dir());
+    folders
+        .filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
+        .collect()
+}
+
+/// The files in a folder and so many levels of folders below it that are as wanted, in order.
+fn files_in(folder: &Path, levels: usize, is_wanted: &dyn Fn(&Path) -> bool) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for path in entries(folder) {
+        if path.is_dir() {
+            if levels > 0 {
+                found.extend(files_in(&path, levels - 1, is_wanted));
+            }
+        } else if is_wanted(&path) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// What stands in a folder, in order; nothing where it cannot be read, as this is for a message alone.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+}
