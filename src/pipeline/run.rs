@@ -23,7 +23,7 @@ use crate::io::store::Place;
 use crate::io::table::Row as _;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
-use crate::io::tables::words::TableVerdict;
+use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
@@ -48,6 +48,8 @@ pub struct Done {
     pub verdict: Verdict,
     /// Why it is not, or not shown to be, and who says so.
     pub reason: Option<String>,
+    /// What the verdict is of; `None` of a run of a version that did not say.
+    pub verdict_of: Option<VerdictOf>,
     /// Topics of which more was rejected than the pipeline file allows, in words.
     pub rejected: Vec<String>,
     /// What came out, line by line.
@@ -142,6 +144,7 @@ fn run_local(
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
+        verdict_of: Some(outcome.verdict.applied().into()),
         rejected: said.warnings,
         words: words(&outcome, configuration.stages.tolerance.mm)
             .into_iter()
@@ -200,6 +203,7 @@ fn already_there(
         already_there: true,
         verdict,
         reason,
+        verdict_of: row.as_ref().and_then(|row| row.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"

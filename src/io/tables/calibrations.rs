@@ -3,7 +3,7 @@
 use super::PublishContext;
 use super::error_frame::{ErrorFrameName, ErrorFrameOf};
 use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
-use super::words::placement;
+use super::words::{TableVerdict, placement};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
@@ -184,6 +184,10 @@ row! {
         temperature_min_c: Option<f64>,
         /// Highest temperature met while measuring, °C.
         temperature_max_c: Option<f64>,
+        /// Whether the tolerance is met by commands that this model corrects.
+        verdict: TableVerdict,
+        /// Why it is not met or not shown to be; `None` where it is met.
+        reason: Option<String>,
         /// The version of the saved model's format.
         model_version: u32,
         /// The model as JSON.
@@ -297,6 +301,7 @@ impl<'a> Identified<'a> {
         let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
         let stated_in = ErrorFrameOf::new(outcome);
         let some = |value: f64| (value > 0.0).then_some(value);
+        let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
             convention: Convention::StandardDh,
@@ -357,10 +362,20 @@ impl<'a> Identified<'a> {
             absolute_accuracy_option: stated.absolute_accuracy_option,
             temperature_min_c,
             temperature_max_c,
+            verdict,
+            reason,
             model_version: VERSION,
             model: self.text(context, &sessions)?,
             sessions: owned(sessions),
         })
+    }
+
+    /// What held-out blocks and test sessions say of commands that this model corrects, and why.
+    fn verdict(&self, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
+        outcome.verdict.of_model(self.model).map_or_else(
+            || (TableVerdict::NotShown, Some("nothing judges".to_owned())),
+            |own| ((&own.verdict()).into(), own.reason()),
+        )
     }
 
     const fn calibration(&self) -> Option<&'a Calibration> {
