@@ -16,7 +16,7 @@ use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
-use posegrid::report::verdict::Judging;
+use posegrid::report::verdict::{Applied, Judging};
 use posegrid::report::{Angles, BaseRefit, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 
@@ -212,7 +212,10 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     // What can be applied is the identified arm, which is met on held-out blocks and on the other session.
     let verdict = &outcome.verdict;
     assert_eq!(verdict.applied(), Applied::IdentifiedArm);
-    assert_eq!((verdict.verdict(), verdict.reason()), (Verdict::Meets, None));
+    assert_eq!(
+        (verdict.verdict(), verdict.reason()),
+        (Verdict::Meets, None)
+    );
     let [blocks, session] = verdict.judges() else {
         panic!("{verdict:?}")
     };
@@ -224,7 +227,9 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     assert!(figure.bound.is_some_and(|bound| bound < 0.13), "{figure:?}");
     assert!(figure.counted.poses > 600, "{figure:?}");
     assert!(
-        verdict.statement().starts_with("met by the identified arm: held-out blocks of ur10-random-a: "),
+        verdict
+            .statement()
+            .starts_with("met by the identified arm: held-out blocks of ur10-random-a: "),
         "{}",
         verdict.statement()
     );
