@@ -17,7 +17,8 @@ use crate::grid::{Covered, Verdict};
 use judge::badness;
 pub use judge::{Judge, Judging, word};
 
-/// A table that is met is told before an identified arm that is too, unless it answers for a smaller share of the measured stations.
+/// Where table and identified arm have one verdict, that of the table is the run's, unless it answers for a smaller share of the
+/// measured stations.
 const ANSWERS: f64 = 0.95;
 
 /// What targets may be corrected by, and what a verdict is of.
@@ -114,8 +115,8 @@ pub struct RunVerdict {
 
 impl RunVerdict {
     /// Of the table, and of each identified model, of which `best` serves. The verdict of the run is of what a user can apply best:
-    /// what is met; of two that are, the table where it answers for at least 95 % of the measured stations; else what something
-    /// is shown of, the table first.
+    /// what is met, else what something is shown of; where both are alike, of the table if it answers for at least 95 % of the
+    /// measured stations, and of the identified arm otherwise.
     pub fn of(table: ProductVerdict, models: Vec<(Model, ProductVerdict)>, best: Model) -> Self {
         let own = models.iter().find(|(model, _)| *model == best);
         let arm = own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone());
@@ -199,7 +200,7 @@ fn applied(table: &ProductVerdict, arm: &ProductVerdict) -> Applied {
     };
     let answers = |covered: &Covered| covered.of_stations() >= ANSWERS;
     let (of_table, of_arm) = (says(table), says(arm));
-    let is_short = of_table == 0 && !table.covered().is_none_or(answers);
+    let is_short = !table.covered().is_some_and(answers);
     if of_arm < of_table || (of_arm == of_table && is_short) {
         Applied::IdentifiedArm
     } else {
@@ -280,8 +281,20 @@ mod tests {
         blocks(Model::Table, bound, 100)
     }
 
+    /// Held-out blocks of Monday, of which a table answers for all stations.
     fn blocks(model: Model, bound: f64, poses: usize) -> Judge {
-        Judge::blocks("mon", &of(model, bound, poses), None, &TOLERANCE)
+        let all = (model == Model::Table).then(|| covered(100));
+        Judge::blocks("mon", &of(model, bound, poses), all.as_ref(), &TOLERANCE)
+    }
+
+    /// So many of 100 measured stations.
+    const fn covered(stations: usize) -> Covered {
+        Covered {
+            stations,
+            like: stations,
+            measured: 100,
+            of_box: 1.0,
+        }
     }
 
     /// A run with these judges of its table, and one of the identified arm.
@@ -355,7 +368,7 @@ mod tests {
         assert_eq!(
             random.other_statement(),
             "not shown to be met by the compensation table: held-out blocks of mon: 9 poses held out; 59 poses are needed for 95 % with \
-             95 % confidence"
+             95 % confidence; it answers for 100 of 100 measured stations and 100.0 % of the box"
         );
         assert!(matches!(random.table().verdict(), Verdict::NotShown(_)));
         let applied = |table: f64, arm: f64| run(vec![mon(table)], of_arm(arm, 100)).applied();
@@ -373,12 +386,6 @@ mod tests {
 
     #[test]
     fn a_table_that_answers_for_few_of_the_measured_stations_is_told_after_the_arm() {
-        let covered = |stations| Covered {
-            stations,
-            like: stations,
-            measured: 100,
-            of_box: 1.0,
-        };
         let table = |stations| {
             let figure = of(Model::Table, 0.2, 60);
             Judge::blocks("mon", &figure, Some(&covered(stations)), &TOLERANCE)
@@ -388,5 +395,9 @@ mod tests {
         let few = run(vec![table(60)], of_arm());
         assert_eq!(few.applied(), Applied::IdentifiedArm);
         assert_eq!(few.table().verdict(), Verdict::Meets);
+        // Where no step gives a table, the arm is all there is.
+        let no_table = Judge::blocks("mon", &of(Model::Table, 0.2, 0), None, &TOLERANCE);
+        let none = run(vec![no_table], blocks(Model::Full, 0.1, 9));
+        assert_eq!(none.applied(), Applied::IdentifiedArm);
     }
 }
