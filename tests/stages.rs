@@ -16,7 +16,7 @@ use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
-use posegrid::report::verdict::Judging;
+use posegrid::report::verdict::{Applied, Judging};
 use posegrid::report::{Angles, BaseRefit, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 
@@ -209,16 +209,36 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     }
     // Nine stations are within 5° of the table's orientation: too few for any bound, and said so.
     assert!(matches!(outcome.grids.choice.verdict, Verdict::NotShown(_)));
-    // The other session shows that the model holds; the blocks that judge the table show nothing, and the worst decides.
-    let [blocks, session] = outcome.verdict.judges() else {
-        panic!("{:?}", outcome.verdict)
+    // What can be applied is the identified arm, which is met on held-out blocks and on the other session.
+    let verdict = &outcome.verdict;
+    assert_eq!(verdict.applied(), Applied::IdentifiedArm);
+    assert_eq!(
+        (verdict.verdict(), verdict.reason()),
+        (Verdict::Meets, None)
+    );
+    let [blocks, session] = verdict.judges() else {
+        panic!("{verdict:?}")
     };
     assert_eq!(session.verdict, Verdict::Meets, "{}", session.line());
     assert_eq!(session.remark, None);
     assert_eq!(blocks.stations, Judging::Blocks("ur10-random-a".to_owned()));
-    let verdict = outcome.verdict.verdict();
+    println!("{}", verdict.statement());
+    let figure = session.figure.as_ref().expect("a figure");
+    assert!(figure.bound.is_some_and(|bound| bound < 0.13), "{figure:?}");
+    assert!(figure.counted.poses > 600, "{figure:?}");
     assert!(
-        matches!(&verdict, Verdict::NotShown(reason) if reason.contains("blocks of ur10-random-a: 9 poses held out")),
-        "{verdict:?}"
+        verdict
+            .statement()
+            .starts_with("met by the identified arm: held-out blocks of ur10-random-a: "),
+        "{}",
+        verdict.statement()
     );
+    // The table is beside it, with its own.
+    let table = verdict.table().verdict();
+    assert!(
+        matches!(&table, Verdict::NotShown(reason) if reason.contains("blocks of ur10-random-a: 9 poses held out")),
+        "{table:?}"
+    );
+    let geometric = verdict.of_model(Model::Geometric).expect("identified");
+    assert_eq!(geometric.verdict(), Verdict::DoesNotMeet);
 }

@@ -16,7 +16,7 @@ use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
-use posegrid::io::tables::words::{CorrectingTable, TableVerdict};
+use posegrid::io::tables::words::{CorrectingTable, TableVerdict, VerdictOf};
 use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
@@ -40,6 +40,11 @@ fn outcome() -> Ending {
     Ending {
         verdict: TableVerdict::NotShown,
         reason: Some("a sample".to_owned()),
+        verdict_of: VerdictOf::Compensation,
+        statement: "not shown to be met by the compensation table: a sample".to_owned(),
+        bound_mm: None,
+        counted: None,
+        stations_covered_share: None,
         replaces: None,
     }
 }

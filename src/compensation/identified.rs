@@ -235,7 +235,10 @@ impl Correction<'_> {
                 Exception::JointRange,
                 self.identified.within_measured(joints),
             ),
-            (Exception::Configuration, self.in_measured_configuration(joints)),
+            (
+                Exception::Configuration,
+                self.in_measured_configuration(joints),
+            ),
         ];
         let mut needed = Vec::new();
         for (exception, measured) in checks {

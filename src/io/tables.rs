@@ -45,7 +45,7 @@ use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
-use crate::grid::Tolerance;
+use crate::grid::{Covered, Tolerance};
 use crate::ingest::PosesError;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
@@ -229,9 +229,16 @@ impl RunRows {
 
 /// The ending of a run, for its row in `runs`.
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
+    let verdict = &outcome.verdict;
+    let (figure, covered) = (verdict.headline().figure(), verdict.headline().covered());
     Ending {
-        verdict: (&outcome.verdict.verdict()).into(),
-        reason: outcome.verdict.reason(),
+        verdict: (&verdict.verdict()).into(),
+        reason: verdict.reason(),
+        verdict_of: verdict.applied().into(),
+        statement: verdict.statement(),
+        bound_mm: figure.and_then(|figure| figure.bound),
+        counted: figure.map(|figure| figure.counted),
+        stations_covered_share: covered.map(Covered::of_stations),
         replaces: context.replaces.clone(),
     }
 }

@@ -2,7 +2,7 @@
 
 mod origin;
 
-use crate::grid::{Tolerance, Verdict};
+use crate::grid::Tolerance;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::grid_steps::StepRow;
@@ -11,7 +11,7 @@ use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
 use crate::report::Subject;
-use crate::report::verdict::Judge;
+use crate::report::verdict::RunVerdict;
 
 pub use origin::{Count, Provenance, Session};
 
@@ -26,11 +26,9 @@ pub struct Content {
     pub run: String,
     /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// Whether the tolerance is met.
-    pub verdict: Verdict,
-    /// The judges of the verdict: held-out blocks, and every test session.
-    pub judges: Vec<Judge>,
-    /// The choice of the step as text.
+    /// Whether it is, by what, and who says so: held-out blocks, and every test session.
+    pub verdict: RunVerdict,
+    /// The choice of the step in words.
     pub choice: String,
     /// Warnings for the operator in addition to the verdict: topics of which too much was rejected.
     pub warnings: Vec<String>,

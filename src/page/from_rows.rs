@@ -25,7 +25,7 @@ pub struct About<'a> {
     pub tolerance: Tolerance,
     /// The choice of the step as text.
     pub choice: &'a str,
-    /// Whether the tolerance is met, and by which judges.
+    /// Whether the tolerance is met, by what, and who says so.
     pub verdict: &'a RunVerdict,
     /// The number of items that each stage read, kept and rejected.
     pub counts: &'a [StageCount],
@@ -63,8 +63,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         session,
         run,
         tolerance: about.tolerance,
-        verdict: about.verdict.verdict(),
-        judges: about.verdict.judges().to_vec(),
+        verdict: about.verdict.clone(),
         choice: about.choice.to_owned(),
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),

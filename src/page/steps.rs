@@ -35,7 +35,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "Each step's table is judged on stations that took no part in it. Nodes of the model cost nothing and cover the whole box: of them "
             "the largest step is taken whose bound is hardly above that of the model itself. Measured nodes cost a measurement each: of them the "
             "largest step that holds, which is that bound and measurement uncertainty together are within the tolerance, for it and all smaller "
-            "ones. The chosen one has the verdict of the run, which a test session can make worse. Visits of one pose count once, with the worst."
+            "ones. The chosen one has the verdict of the table, which a test session can make worse. Visits of one pose count once, with the worst."
         }
         (choices(content))
         div.pair {

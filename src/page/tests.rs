@@ -23,7 +23,7 @@ use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::report::iso_9283::Characteristic;
-use crate::report::verdict::{Judge, Judging};
+use crate::report::verdict::{Judge, Judging, ProductVerdict, RunVerdict};
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
@@ -336,9 +336,24 @@ fn calibration(name: &str) -> CalibrationRow {
         absolute_accuracy_option: None,
         temperature_min_c: None,
         temperature_max_c: None,
+        verdict: TableVerdict::Met,
+        reason: None,
         model_version: 3,
         model: String::new(),
     }
+}
+
+/// A table with one judge, whose texts are `name`.
+fn verdict(name: &str, verdict: Verdict) -> RunVerdict {
+    let judge = Judge {
+        stations: Judging::Session(name.to_owned()),
+        verdict,
+        words: name.to_owned(),
+        remark: Some(name.to_owned()),
+        figure: None,
+        covered: None,
+    };
+    RunVerdict::of(ProductVerdict::of(vec![judge]), Vec::new(), Model::Full)
 }
 
 /// A run in which every text that comes from logs or settings is `name`.
@@ -353,13 +368,7 @@ fn content(name: &str) -> Content {
             share: 0.95,
             confidence: 0.95,
         },
-        verdict: Verdict::Meets,
-        judges: vec![Judge {
-            stations: Judging::Session(text()),
-            verdict: Verdict::Meets,
-            words: text(),
-            remark: Some(text()),
-        }],
+        verdict: verdict(name, Verdict::Meets),
         choice: text(),
         warnings: vec![text()],
         notes: vec![text()],
@@ -513,7 +522,10 @@ fn figures_carry_the_values_of_the_tables() {
 fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
     let whole = content("mon");
     let bare = Content {
-        verdict: Verdict::NotShown("9 held-out stations; 59 are needed".to_owned()),
+        verdict: verdict(
+            "9 held-out stations; 59 are needed",
+            Verdict::NotShown(String::new()),
+        ),
         steps: Vec::new(),
         figures: Vec::new(),
         residuals: Vec::new(),

@@ -11,23 +11,26 @@ use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::error_frame::{self, ErrorFrameName};
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::verdict::{self, Judge};
-use crate::report::{Model, Moment, Split};
+use crate::report::{Accuracy, Model};
 
 pub(super) fn header(content: &Content) -> Markup {
-    let (class, headline) = headline(&content.verdict);
+    let verdict = content.verdict.verdict();
+    let (class, headline) = headline(&verdict);
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
             p.which { (content.robot) " · " (content.session) }
-            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&content.verdict)) } " " (headline) }
-            p.lead { (sentence(content, chosen)) }
+            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&verdict)) } " " (headline) " by the " (content.verdict.applied().words()) }
+            p.lead { (sentence(content, &verdict)) }
+            p { "Tolerance " (content.tolerance.mm) " mm: " strong { (content.verdict.statement()) } "." }
             (frame(content))
-            (judges(&content.judges))
+            (judges(content.verdict.judges()))
             @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
-            @if let Some(step) = chosen { (facts(content, step)) }
+            (facts(content, chosen))
+            p.note { "Beside it: " (content.verdict.other_statement()) "." }
             p.note {
-                "Chosen: " (content.choice) ". The error left after the table is predicted, from stations that took no part; "
-                "it is measured only in a session that this table drives."
+                "Chosen: " (content.choice) ". What is left after a correction is predicted, from stations that took no part; "
+                "it is measured only once a session driven by it is."
             }
         }
     }
@@ -96,59 +99,61 @@ const fn sign(verdict: &Verdict) -> &'static str {
     }
 }
 
-fn sentence(content: &Content, chosen: Option<&StepRow>) -> Markup {
+/// The verdict in a sentence, by the figure that decides.
+fn sentence(content: &Content, verdict: &Verdict) -> Markup {
     let tolerance = &content.tolerance;
-    let bound = chosen.and_then(|step| step.bound_mm.zip(step.expanded_uncertainty_mm));
-    let step = chosen.map(|step| step.step_mm);
-    match (&content.verdict, bound, step) {
-        (Verdict::DoesNotMeet, _, _) if decided_by_a_session(content) => html! {
-            "Held-out blocks meet it, but another session does not show that " (words::percent(tolerance.share))
-            " % of positions come within " (tolerance.mm) " mm: the correction does not hold there."
-        },
-        (Verdict::NotShown(reason), _, _) => html! {
+    let headline = content.verdict.headline();
+    let bound = headline
+        .figure()
+        .and_then(|figure| Some((figure.bound?, figure.expanded_uncertainty_mm)));
+    let stations = headline.decides().map(|judge| judge.stations.words());
+    match (verdict, bound) {
+        (Verdict::NotShown(reason), _) => html! {
             "Whether " (words::percent(tolerance.share)) " % of positions come within " (tolerance.mm)
             " mm is not known: " (reason) "."
         },
-        (verdict, Some((bound, uncertainty)), Some(step)) => html! {
-            "Corrected by the table of " (step) " mm steps, at least " (words::percent(tolerance.share))
+        (verdict, Some((bound, uncertainty))) => html! {
+            "Corrected by the " (content.verdict.applied().words()) ", at least " (words::percent(tolerance.share))
             " % of positions come within " strong { (words::fixed(bound, 3)) " mm" } " (with "
-            (words::percent(tolerance.confidence)) " % confidence). With the measurement's own uncertainty of "
-            (words::fixed(uncertainty, 3)) " mm that is " (words::fixed(bound + uncertainty, 3)) " mm, "
+            (words::percent(tolerance.confidence)) " % confidence" @if let Some(stations) = &stations { ", by " (stations) } "). "
+            "With the measurement's own uncertainty of " (words::fixed(uncertainty, 3)) " mm that is "
+            (words::fixed(bound + uncertainty, 3)) " mm, "
             @if *verdict == Verdict::Meets { "within" } @else { "more than" }
             " the tolerance of " (tolerance.mm) " mm."
         },
-        _ => html! { (content.choice) "." },
+        (Verdict::Meets | Verdict::DoesNotMeet, None) => html! { (content.choice) "." },
     }
 }
 
-/// Whether a test session makes the verdict worse than that of held-out blocks, which come first.
-fn decided_by_a_session(content: &Content) -> bool {
-    let blocks = content.judges.first();
-    blocks.is_some_and(|blocks| blocks.verdict == Verdict::Meets)
-}
-
-/// The figures that the verdict rests on.
-fn facts(content: &Content, step: &StepRow) -> Markup {
+/// The figures that the verdict rests on, and the chosen step.
+fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
     let tolerance = &content.tolerance;
-    let (nodes, judged) = (step.nodes.unwrap_or(0) as u64, step.held_out as u64);
     let bound = format!("Bound on {} % of errors", words::percent(tolerance.share));
     html! {
         dl.facts {
-            (fact("Step of the table", &html! { (step.step_mm) " mm" }, &html! { (words::whole(nodes)) " nodes, " (step.source.word()) ", " (step.interpolation.word()) }))
-            (fact(&bound, &mm(step.bound_mm), &html! { (words::percent(tolerance.confidence)) " % confidence" }))
-            (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
-                @if let Some(u) = step.expanded_uncertainty_mm { "guarded by U = " (words::fixed(u, 3)) " mm" }
-            }))
-            (fact("Mean error", &mm(step.mean_mm), &html! {
-                @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
-            }))
-            (fact("Answers for", &html! { (percent(step.like_covered_share)) }, &html! {
-                "of the measured stations of its orientation and configuration, " (percent(step.stations_covered_share)) " of all, "
-                (percent(step.box_covered_share)) " of the box"
-            }))
-            (fact("Judged on", &html! { (words::whole(judged)) }, &html! {
-                "held-out poses" @if step.visits > step.held_out { " in " (words::whole(step.visits as u64)) " visits" } @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
-            }))
+            @if let Some(figure) = content.verdict.headline().figure() {
+                (fact(&bound, &mm(figure.bound), &html! { (words::percent(tolerance.confidence)) " % confidence" }))
+                (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
+                    "guarded by U = " (words::fixed(figure.expanded_uncertainty_mm, 3)) " mm"
+                }))
+                (fact("Mean error", &mm(figure.figures.map(|own| own.mean)), &html! {
+                    @if let Some((mean, n)) = before(content, figure) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
+                }))
+                (fact("Judged on", &html! { (words::whole(figure.counted.poses as u64)) }, &html! {
+                    "held-out poses"
+                    @if figure.counted.visits > figure.counted.poses { " in " (words::whole(figure.counted.visits as u64)) " visits" }
+                    @if let Some(blocks) = figure.blocks { " in " (blocks) " blocks" }
+                }))
+            }
+            @if let Some(step) = chosen {
+                (fact("Step of the table", &html! { (step.step_mm) " mm" }, &html! {
+                    (words::whole(step.nodes.unwrap_or(0) as u64)) " nodes, " (step.source.word()) ", " (step.interpolation.word())
+                }))
+                (fact("The table answers for", &html! { (percent(step.like_covered_share)) }, &html! {
+                    "of the measured stations of its orientation and configuration, " (percent(step.stations_covered_share)) " of all, "
+                    (percent(step.box_covered_share)) " of the box"
+                }))
+            }
         }
     }
 }
@@ -166,20 +171,22 @@ pub(super) fn mm(value: Option<f64>) -> Markup {
     html! { @match value { Some(value) => { (words::number(value, 3)) " mm" }, None => "not shown" } }
 }
 
-/// The mean error before, on all held-out stations of the table's session, and how many they are: of the raw command in a surveyed
-/// base, of base + target in a fitted one, so that before and after are of one frame.
-fn before(content: &Content) -> Option<(f64, usize)> {
-    let figures = || content.figures.iter();
-    let of_table = (Model::Table, Split::Blocks, Moment::After);
-    let table = figures().find(|f| (f.model, f.split, f.evidence) == of_table)?;
+/// The mean error before, on all stations of the session and split that `figure` is of, and how many they are: of the raw command where
+/// held-out blocks judge in a surveyed base, so that before and after are of one frame; of base and target fitted otherwise.
+fn before(content: &Content, figure: &Accuracy) -> Option<(f64, usize)> {
+    let subject = &figure.subject;
     let is_surveyed = |row: &CalibrationRow| row.error_frame == ErrorFrameName::Surveyed;
-    let (model, split) = if content.calibrations.first().is_some_and(is_surveyed) {
+    let is_surveyed = content.calibrations.first().is_some_and(is_surveyed);
+    let (model, split) = if is_surveyed && subject.split == Split::Blocks {
         (Model::RawCommand, Split::None)
     } else {
-        (Model::BaseTarget, table.split)
+        (Model::BaseTarget, subject.split)
     };
-    let alike = |own: &AccuracyRow| own.split == split && own.of_session == table.of_session;
-    let is_mean = |own: &AccuracyRow| (own.model, own.name) == (model, FigureName::Mean);
-    let before = figures().find(|f| is_mean(f) && alike(f))?;
+    let is_it = |own: &&AccuracyRow| {
+        (own.model, own.name, own.split) == (model, FigureName::Mean, split)
+            && own.base_refit == subject.base_refit
+            && own.of_session == subject.of_session
+    };
+    let before = content.figures.iter().find(is_it)?;
     Some((before.value?, before.n))
 }

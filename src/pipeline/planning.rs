@@ -24,7 +24,7 @@ use crate::io::tables::PublishError;
 use crate::io::tables::plan_figures::{self, FigureRow};
 use crate::io::tables::runs::{Ending, RunRow};
 use crate::io::tables::sampling_plan::{self, VisitRow};
-use crate::io::tables::words::TableVerdict;
+use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
 use crate::page::plan::{self as page, About, Content};
@@ -246,14 +246,23 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         Some(_) => TableVerdict::NotMet,
         None => TableVerdict::NotShown,
     };
+    let why = format!(
+        "{} of {} simulated robots meet the tolerance: at least {:.3} of all, {:.3} are asked for",
+        promise.meet, promise.robots, promise.share_at_least, promise.share_asked
+    );
+    let word = match verdict {
+        TableVerdict::Met => "met",
+        TableVerdict::NotMet => "not met",
+        TableVerdict::NotShown => "not shown to be met",
+    };
     Ending {
         verdict,
-        reason: (!plan.is_met()).then(|| {
-            format!(
-                "{} of {} simulated robots meet the tolerance: at least {:.3} of all, {:.3} are asked for",
-                promise.meet, promise.robots, promise.share_at_least, promise.share_asked
-            )
-        }),
+        verdict_of: VerdictOf::SamplingPlan,
+        statement: format!("{word} by the plan: {why}"),
+        bound_mm: promise.bound_mm,
+        counted: None,
+        stations_covered_share: None,
+        reason: (!plan.is_met()).then_some(why),
         replaces,
     }
 }

@@ -23,7 +23,7 @@ use crate::io::store::Place;
 use crate::io::table::Row as _;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
-use crate::io::tables::words::TableVerdict;
+use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
@@ -48,7 +48,9 @@ pub struct Done {
     pub verdict: Verdict,
     /// The reason why it is not met or not shown to be, with the judges that decide; `None` where it is met.
     pub reason: Option<String>,
-    /// Topics of which more was rejected than the pipeline file allows, as text.
+    /// What the verdict is of; `None` of a run of a version that did not say.
+    pub verdict_of: Option<VerdictOf>,
+    /// Topics of which more was rejected than the pipeline file allows, in words.
     pub rejected: Vec<String>,
     /// The results as lines of text.
     pub words: Vec<String>,
@@ -142,6 +144,7 @@ fn run_local(
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
+        verdict_of: Some(outcome.verdict.applied().into()),
         rejected: said.warnings,
         words: words(&outcome, configuration.stages.tolerance.mm)
             .into_iter()
@@ -200,6 +203,7 @@ fn already_there(
         already_there: true,
         verdict,
         reason,
+        verdict_of: row.as_ref().and_then(|row| row.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"

@@ -35,10 +35,11 @@ pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.extend(judged_by(outcome));
     let verdict = &outcome.verdict;
-    let by = verdict.decided_by();
-    let by = by.map_or_else(String::new, |by| format!(" ({by})"));
-    let word = verdict::word(&verdict.verdict());
-    words.push(format!("tolerance {tolerance_mm} mm: {word}{by}"));
+    words.push(format!("beside it: {}", verdict.other_statement()));
+    words.push(format!(
+        "tolerance {tolerance_mm} mm: {}",
+        verdict.statement()
+    ));
     words
 }
 

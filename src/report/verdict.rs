@@ -1,168 +1,102 @@
-//! The verdict of a run: the worst of all its judges, computed once and shown everywhere.
+//! The verdict of a run: made once and shown everywhere.
 //!
-//! Inputs: the judgement of held-out blocks on the chosen table, and that of each test session on the full error model and
-//! on that table. Output: a [`RunVerdict`]. Tables, page, summary and exit code take verdict and reason from it.
-//! - Held-out blocks belong to the training sessions: errors peculiar to a session are in the model too.
-//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model
-//!   from commands alone at all of them, and the table at those that it covers. One that is shown is enough, as a table
-//!   covers one orientation; where neither is, the session shows nothing.
+//! Inputs: what held-out blocks say of the chosen table and of each identified model, and what each test session says of them.
+//! Output: a [`RunVerdict`]: a verdict of the table, one of each identified arm, and which of the two a user is told to apply.
+//! Tables, page, summary and exit code take verdict, reason and statement from it.
+//! - Held-out blocks are of the sessions that were learnt from: whatever is peculiar to that day is in the model too.
+//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model by commands alone at
+//!   all of them, and the table at those it answers for. One that is shown is enough, as a table answers for one orientation;
+//!   where neither is, the session shows nothing.
+//! - A session at random poses has too few stations of any one orientation for a table, and many for the identified arm: what is
+//!   shown of one is not withheld because nothing is shown of the other.
+
+mod judge;
 
 use super::{Accuracy, BaseRefit, Model, Point, Split};
-use crate::grid::{Covered, Tolerance, Verdict};
+use crate::grid::{Covered, Verdict};
+use judge::badness;
+pub use judge::{Judge, Judging, word};
 
-/// The judges of a run.
+/// Where table and identified arm have one verdict, that of the table is the run's, unless it answers for a smaller share of the
+/// measured stations.
+const ANSWERS: f64 = 0.95;
+
+/// What targets may be corrected by, and what a verdict is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Applied {
+    /// The chosen table: `compensation`.
+    Table,
+    /// The best model that was identified: `calibrations`.
+    IdentifiedArm,
+}
+
+impl Applied {
+    /// Its name.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Table => "compensation table",
+            Self::IdentifiedArm => "identified arm",
+        }
+    }
+}
+
+/// What judges a table or an identified arm, and the worst of what they say.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RunVerdict {
+pub struct ProductVerdict {
     judges: Vec<Judge>,
 }
 
-/// One judge of a run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Judge {
-    /// The stations that judge.
-    pub stations: Judging,
-    /// Their verdict; the reason of one that is not shown is in `words` too.
-    pub verdict: Verdict,
-    /// Figures or reason, as text.
-    pub words: String,
-    /// A further remark, as text: a session that the model does not fit. `None` without any.
-    pub remark: Option<String>,
-}
-
-/// Stations that judge a run.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Judging {
-    /// Held-out blocks of the session that the table is for, by name.
-    Blocks(String),
-    /// A test session, by name.
-    Session(String),
-}
-
-impl Judging {
-    /// The stations as text.
-    pub fn words(&self) -> String {
-        match self {
-            Self::Blocks(session) => format!("held-out blocks of {session}"),
-            Self::Session(session) => format!("test session {session}"),
-        }
-    }
-}
-
-impl Judge {
-    /// Held-out blocks of `session`: the figures of its table, the choice of its step in words, and what the table answers for.
-    pub fn blocks(
-        session: &str,
-        table: &Accuracy,
-        choice: &str,
-        covered: Option<&Covered>,
-        tolerance: &Tolerance,
-    ) -> Self {
-        Self {
-            stations: Judging::Blocks(session.to_owned()),
-            words: match &table.verdict {
-                Verdict::Meets => figure_and_covered(table, covered, tolerance),
-                Verdict::DoesNotMeet => choice.to_owned(),
-                Verdict::NotShown(reason) => with_covered(reason.clone(), covered),
-            },
-            verdict: table.verdict.clone(),
-            remark: None,
-        }
-    }
-
-    /// A test session: the figures of the model and of the table at its stations, where there are any, and what the table answers
-    /// for.
-    pub fn session(
-        session: &str,
-        model: Option<&Accuracy>,
-        table: Option<(&Accuracy, Option<&Covered>)>,
-        tolerance: &Tolerance,
-        remark: Option<String>,
-    ) -> Self {
-        let of_both = || model.map(|model| (model, None)).into_iter().chain(table);
-        let verdicts = of_both().map(|(own, _)| &own.verdict);
-        let shown = verdicts.filter(|verdict| !matches!(verdict, Verdict::NotShown(_)));
-        let words: Vec<String> = of_both()
-            .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
-            .collect();
-        let words = if words.is_empty() {
-            "its first stations do not span space, so its base cannot be found ([report] refit_first_stations)"
-                .to_owned()
-        } else {
-            words.join("; ")
-        };
-        Self {
-            stations: Judging::Session(session.to_owned()),
-            verdict: shown
-                .max_by_key(|verdict| badness(verdict))
-                .cloned()
-                .unwrap_or_else(|| Verdict::NotShown(words.clone())),
-            words,
-            remark,
-        }
-    }
-
-    /// The judge and its verdict, in one line for a person.
-    pub fn line(&self) -> String {
-        format!(
-            "{}: {}: {}",
-            self.stations.words(),
-            word(&self.verdict),
-            self.reason()
-        )
-    }
-
-    fn reason(&self) -> String {
-        match &self.remark {
-            None => self.words.clone(),
-            Some(remark) => format!("{}; {remark}", self.words),
-        }
-    }
-}
-
-impl RunVerdict {
-    /// The verdict of `judges`, in the order in which they are shown: held-out blocks first.
+impl ProductVerdict {
+    /// The worst of `judges`, in the order in which they are told: held-out blocks first.
     pub const fn of(judges: Vec<Judge>) -> Self {
         Self { judges }
     }
 
-    /// All judges.
+    /// Everything that judges.
     pub fn judges(&self) -> &[Judge] {
         &self.judges
     }
 
     /// The worst verdict: not met before not shown before met.
     pub fn verdict(&self) -> Verdict {
-        let worst = self.worst().map(|judge| &judge.verdict).next();
-        match (worst, self.reason()) {
-            (Some(Verdict::NotShown(_)), Some(reason)) => Verdict::NotShown(reason),
-            (Some(worst), _) => worst.clone(),
-            (None, _) => Verdict::NotShown("nothing judges".to_owned()),
+        match self.worst().map(|judge| &judge.verdict).next() {
+            Some(Verdict::NotShown(_)) | None => Verdict::NotShown(self.why()),
+            Some(worst) => worst.clone(),
         }
     }
 
-    /// Why the tolerance is not met or not shown to be, with the judges that decide; `None` where it is met.
+    /// Why the tolerance is not met or not shown to be, with who says so; `None` where it is met.
     pub fn reason(&self) -> Option<String> {
-        let named = |judge: &Judge| match &self.judges[..] {
-            [_] => judge.reason(),
-            _ => format!("{}: {}", judge.stations.words(), judge.reason()),
-        };
-        let bad = self.worst().filter(|judge| judge.verdict != Verdict::Meets);
-        let reasons: Vec<String> = bad.map(named).collect();
-        (!reasons.is_empty()).then(|| reasons.join("; "))
+        (self.verdict() != Verdict::Meets).then(|| self.why())
     }
 
-    /// The judges that decide that the tolerance is not met or not shown to be, where there are several, otherwise the
-    /// reason; `None` where it is met.
-    pub fn decided_by(&self) -> Option<String> {
-        let reason = self.reason()?;
-        let names: Vec<String> = self.worst().map(|judge| judge.stations.words()).collect();
-        Some(match self.judges.len() {
-            1 => reason,
-            _ => names.join(", "),
-        })
+    /// The figure that decides: that of the first judge whose verdict none is worse than; `None` where it has none.
+    pub fn figure(&self) -> Option<&Accuracy> {
+        self.decides()?.figure.as_ref()
     }
 
-    /// The judges with the worst verdict.
+    /// The judge that decides: the first whose verdict none is worse than.
+    pub fn decides(&self) -> Option<&Judge> {
+        self.worst().next()
+    }
+
+    /// The part of the measured stations and of the box that is answered for; `None` of an identified arm and of no table.
+    pub fn covered(&self) -> Option<&Covered> {
+        self.judges.iter().find_map(|judge| judge.covered.as_ref())
+    }
+
+    /// What the worst judges say, with who says it where several judge.
+    fn why(&self) -> String {
+        let named = |judge: &Judge| format!("{}: {}", judge.stations.words(), judge.reason());
+        let said: Vec<String> = self.worst().map(named).collect();
+        if said.is_empty() {
+            "nothing judges".to_owned()
+        } else {
+            said.join("; ")
+        }
+    }
+
+    /// The judges whose verdict none is worse than.
     fn worst(&self) -> impl Iterator<Item = &Judge> {
         let all = || self.judges.iter();
         let worst = all().map(|judge| badness(&judge.verdict)).max();
@@ -170,77 +104,142 @@ impl RunVerdict {
     }
 }
 
-/// The figures of the model on a session that took no part, its base from its first stations: from commands alone, which is
-/// all that a program has, where they are known. `None` where its base cannot be found.
-pub fn figure_of_model<'a>(accuracy: &'a [Accuracy], session: &str) -> Option<&'a Accuracy> {
-    Model::judging().find_map(|(model, angles)| {
+/// The verdicts of everything that a run publishes to correct targets by, and which of them is the verdict of the run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunVerdict {
+    applied: Applied,
+    table: ProductVerdict,
+    arm: ProductVerdict,
+    models: Vec<(Model, ProductVerdict)>,
+}
+
+impl RunVerdict {
+    /// Of the table, and of each identified model, of which `best` serves. The verdict of the run is of what a user can apply best:
+    /// what is met, else what something is shown of; where both are alike, of the table if it answers for at least 95 % of the
+    /// measured stations, and of the identified arm otherwise.
+    pub fn of(table: ProductVerdict, models: Vec<(Model, ProductVerdict)>, best: Model) -> Self {
+        let own = models.iter().find(|(model, _)| *model == best);
+        let arm = own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone());
+        Self {
+            applied: applied(&table, &arm),
+            table,
+            arm,
+            models,
+        }
+    }
+
+    /// What the verdict of the run is of.
+    pub const fn applied(&self) -> Applied {
+        self.applied
+    }
+
+    /// The verdict of the run, with its judges.
+    pub const fn headline(&self) -> &ProductVerdict {
+        match self.applied {
+            Applied::Table => &self.table,
+            Applied::IdentifiedArm => &self.arm,
+        }
+    }
+
+    /// The verdict of the published table; not shown where no step gives one.
+    pub const fn table(&self) -> &ProductVerdict {
+        &self.table
+    }
+
+    /// The verdict of an identified model; `None` where it was not identified.
+    pub fn of_model(&self, model: Model) -> Option<&ProductVerdict> {
+        let found = self.models.iter().find(|(own, _)| *own == model)?;
+        Some(&found.1)
+    }
+
+    /// Everything that judges what the verdict is of.
+    pub fn judges(&self) -> &[Judge] {
+        self.headline().judges()
+    }
+
+    /// Whether the tolerance is met.
+    pub fn verdict(&self) -> Verdict {
+        self.headline().verdict()
+    }
+
+    /// Why the tolerance is not met or not shown to be, with who says so; `None` where it is met.
+    pub fn reason(&self) -> Option<String> {
+        self.headline().reason()
+    }
+
+    /// The verdict, what it is of and why, in a line: what every place shows.
+    pub fn statement(&self) -> String {
+        statement(self.applied, self.headline())
+    }
+
+    /// The same line of what the verdict of the run is not of.
+    pub fn other_statement(&self) -> String {
+        match self.applied {
+            Applied::Table => statement(Applied::IdentifiedArm, &self.arm),
+            Applied::IdentifiedArm => statement(Applied::Table, &self.table),
+        }
+    }
+}
+
+/// A verdict with what it is of and why.
+fn statement(applied: Applied, of: &ProductVerdict) -> String {
+    let word = match of.verdict() {
+        Verdict::Meets => "met",
+        Verdict::DoesNotMeet => "not met",
+        Verdict::NotShown(_) => "not shown to be met",
+    };
+    format!("{word} by the {}: {}", applied.words(), of.why())
+}
+
+/// What a user can apply best.
+fn applied(table: &ProductVerdict, arm: &ProductVerdict) -> Applied {
+    let says = |of: &ProductVerdict| match of.verdict() {
+        Verdict::Meets => 0,
+        Verdict::DoesNotMeet => 1,
+        Verdict::NotShown(_) => 2,
+    };
+    let answers = |covered: &Covered| covered.of_stations() >= ANSWERS;
+    let (of_table, of_arm) = (says(table), says(arm));
+    let is_short = !table.covered().is_some_and(answers);
+    if of_arm < of_table || (of_arm == of_table && is_short) {
+        Applied::IdentifiedArm
+    } else {
+        Applied::Table
+    }
+}
+
+/// The figure by which a session judges a model: at the angles that say most of a program, which are commanded ones where there are
+/// any. Of a session that took no part the base is from its first stations; `None` where it cannot be found.
+pub fn figure_of<'a>(
+    accuracy: &'a [Accuracy],
+    model: Model,
+    split: Split,
+    session: &str,
+) -> Option<&'a Accuracy> {
+    let base_refit = match split {
+        Split::Session => BaseRefit::First,
+        Split::None | Split::Blocks => BaseRefit::None,
+    };
+    model.about().angles.iter().rev().find_map(|angles| {
         accuracy.iter().find(|own| {
             let subject = &own.subject;
-            (subject.model, subject.angles, subject.split) == (model, angles, Split::Session)
-                && (subject.base_refit, own.point) == (BaseRefit::First, Point::Measured)
+            (subject.model, subject.angles, subject.split) == (model, *angles, split)
+                && (subject.base_refit, own.point) == (base_refit, Point::Measured)
                 && subject.of_session == session
         })
     })
 }
 
-/// The rank of a verdict: one that is shown not to hold is worse than one that is not shown.
-const fn badness(verdict: &Verdict) -> u8 {
-    match verdict {
-        Verdict::Meets => 0,
-        Verdict::NotShown(_) => 1,
-        Verdict::DoesNotMeet => 2,
-    }
-}
-
-/// A verdict in two words.
-pub const fn word(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Meets => "met",
-        Verdict::DoesNotMeet => "not met",
-        Verdict::NotShown(_) => "not shown",
-    }
-}
-
-/// [`figure`] with what a table answers for.
-fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tolerance) -> String {
-    with_covered(figure(of, tolerance), covered)
-}
-
-/// A text with the coverage of a table.
-fn with_covered(words: String, covered: Option<&Covered>) -> String {
-    match covered {
-        Some(covered) => format!("{words}; {}", covered.words()),
-        None => words,
-    }
-}
-
-/// What a figure is of, its bound against the tolerance, and what the bound counts.
-fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
-    let mut what = of.subject.model.name_at(of.subject.angles);
-    if of.subject.model == Model::Table {
-        what.push_str(" where it answers");
-    }
-    let guard_mm = of.expanded_uncertainty_mm;
-    match (&of.verdict, of.bound) {
-        (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
-        (verdict, Some(bound)) => format!(
-            "{what}: bound {bound:.3} mm with U {guard_mm:.3} mm is {} {} mm ({})",
-            if *verdict == Verdict::Meets {
-                "within"
-            } else {
-                "more than"
-            },
-            tolerance.mm,
-            of.counted
-        ),
-        (verdict, None) => format!("{what} {}", word(verdict)),
-    }
+/// [`figure_of`] the best model that there is, by a session that took no part.
+pub fn figure_of_model<'a>(accuracy: &'a [Accuracy], session: &str) -> Option<&'a Accuracy> {
+    Model::serving().find_map(|model| figure_of(accuracy, model, Split::Session, session))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::figures::Counted;
+    use crate::grid::Tolerance;
     use crate::report::{Angles, Moment, Subject};
 
     const TOLERANCE: Tolerance = Tolerance {
@@ -249,7 +248,7 @@ mod tests {
         confidence: 0.95,
     };
 
-    /// A figure whose bound counts `poses` poses; too few have none.
+    /// A figure whose bound is that of as many poses; too few have none.
     fn of(model: Model, bound: f64, poses: usize) -> Accuracy {
         let bound = (poses >= 59).then_some(bound);
         Accuracy {
@@ -277,23 +276,43 @@ mod tests {
         Judge::session("wed", Some(model), Some((table, None)), &TOLERANCE, None)
     }
 
+    /// Held-out blocks of Monday that judge a table.
     fn mon(bound: f64) -> Judge {
-        Judge::blocks(
-            "mon",
-            &of(Model::Table, bound, 100),
-            "no step holds",
-            None,
-            &TOLERANCE,
-        )
+        blocks(Model::Table, bound, 100)
+    }
+
+    /// Held-out blocks of Monday, of which a table answers for all stations.
+    fn blocks(model: Model, bound: f64, poses: usize) -> Judge {
+        let all = (model == Model::Table).then(|| covered(100));
+        Judge::blocks("mon", &of(model, bound, poses), all.as_ref(), &TOLERANCE)
+    }
+
+    /// So many of 100 measured stations.
+    const fn covered(stations: usize) -> Covered {
+        Covered {
+            stations,
+            like: stations,
+            measured: 100,
+            of_box: 1.0,
+        }
+    }
+
+    /// A run with these judges of its table, and one of the identified arm.
+    fn run(table: Vec<Judge>, arm: Judge) -> RunVerdict {
+        let models = vec![
+            (Model::Geometric, ProductVerdict::of(Vec::new())),
+            (Model::Full, ProductVerdict::of(vec![arm])),
+        ];
+        RunVerdict::of(ProductVerdict::of(table), models, Model::Full)
     }
 
     #[test]
     fn the_worst_judge_decides_and_is_named_with_its_figures() {
         let good = wed(&of(Model::Full, 0.3, 100), &of(Model::Table, 0.4, 60));
-        let met = RunVerdict::of(vec![mon(0.2), good]);
+        let met = ProductVerdict::of(vec![mon(0.2), good]);
         assert_eq!((met.verdict(), met.reason()), (Verdict::Meets, None));
         let bad = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.4, 60));
-        let not_met = RunVerdict::of(vec![mon(0.2), bad]);
+        let not_met = ProductVerdict::of(vec![mon(0.2), bad]);
         assert_eq!(not_met.verdict(), Verdict::DoesNotMeet);
         assert_eq!(
             not_met.reason().as_deref(),
@@ -302,26 +321,30 @@ mod tests {
                  (100 poses); compensation table where it answers: bound 0.400 mm with U 0.030 mm is within 0.5 mm (60 poses)"
             )
         );
+        // The figure is that of the model, which decides.
+        assert_eq!(not_met.figure().and_then(|figure| figure.bound), Some(0.9));
         let table = wed(&of(Model::Full, 0.3, 100), &of(Model::Table, 0.6, 60));
         assert_eq!(table.verdict, Verdict::DoesNotMeet);
+        assert_eq!(table.figure.and_then(|figure| figure.bound), Some(0.6));
     }
 
     #[test]
     fn a_session_with_too_few_stations_shows_nothing_and_neither_does_the_run() {
         let few = wed(&of(Model::Full, 0.1, 40), &of(Model::Table, 0.1, 12));
-        let verdict = RunVerdict::of(vec![mon(0.2), few.clone()]).verdict();
+        let verdict = ProductVerdict::of(vec![mon(0.2), few.clone()]).verdict();
         assert!(
             matches!(&verdict, Verdict::NotShown(reason) if reason.contains("wed: full error model") && reason.contains("40 poses")),
             "{verdict:?}"
         );
-        // A verdict that is shown not to hold is worse.
-        let both = RunVerdict::of(vec![mon(0.6), few]);
+        // What is shown not to hold is worse.
+        let both = ProductVerdict::of(vec![mon(0.6), few]);
         assert_eq!(both.verdict(), Verdict::DoesNotMeet);
-        assert_eq!(
-            both.reason().as_deref(),
-            Some("held-out blocks of mon: no step holds")
+        let reason = both.reason().expect("a reason");
+        assert!(
+            reason.starts_with("held-out blocks of mon: ") && reason.contains("0.600 mm"),
+            "{reason}"
         );
-        // A table covers few stations of a session on which the model is shown: the session is shown.
+        // A table answers for few stations of a session that the model is shown on: the session is shown.
         let shown = wed(&of(Model::Full, 0.3, 100), &of(Model::Table, 0.9, 12));
         assert_eq!(shown.verdict, Verdict::Meets);
         let no_base = Judge::session("wed", None, None, &TOLERANCE, None);
@@ -331,9 +354,50 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_a_test_session_is_judged_by_its_blocks() {
-        let alone = RunVerdict::of(vec![mon(0.6)]);
-        assert_eq!(alone.reason().as_deref(), Some("no step holds"));
-        assert_eq!(RunVerdict::of(vec![mon(0.2)]).verdict(), Verdict::Meets);
+    fn the_verdict_is_of_what_can_be_applied_best() {
+        let of_arm = |bound, poses| blocks(Model::Full, bound, poses);
+        // Nine stations near the table's orientation, and 645 that judge the arm.
+        let random = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.116, 645));
+        assert_eq!(random.applied(), Applied::IdentifiedArm);
+        assert_eq!((random.verdict(), random.reason()), (Verdict::Meets, None));
+        assert_eq!(
+            random.statement(),
+            "met by the identified arm: held-out blocks of mon: full error model from commands alone: bound 0.116 mm with U 0.030 mm \
+             is within 0.5 mm (645 poses)"
+        );
+        assert_eq!(
+            random.other_statement(),
+            "not shown to be met by the compensation table: held-out blocks of mon: 9 poses held out; 59 poses are needed for 95 % with \
+             95 % confidence; it answers for 100 of 100 measured stations and 100.0 % of the box"
+        );
+        assert!(matches!(random.table().verdict(), Verdict::NotShown(_)));
+        let applied = |table: f64, arm: f64| run(vec![mon(table)], of_arm(arm, 100)).applied();
+        assert_eq!(applied(0.2, 0.1), Applied::Table);
+        assert_eq!(applied(0.6, 0.1), Applied::IdentifiedArm);
+        assert_eq!(applied(0.2, 0.6), Applied::Table);
+        assert_eq!(applied(0.6, 0.7), Applied::Table);
+        // Of two that do not help, the one of which something is shown.
+        let shown = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.9, 100));
+        assert_eq!(shown.applied(), Applied::IdentifiedArm);
+        assert_eq!(shown.verdict(), Verdict::DoesNotMeet);
+        let neither = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.1, 9));
+        assert_eq!(neither.applied(), Applied::Table);
+    }
+
+    #[test]
+    fn a_table_that_answers_for_few_of_the_measured_stations_is_told_after_the_arm() {
+        let table = |stations| {
+            let figure = of(Model::Table, 0.2, 60);
+            Judge::blocks("mon", &figure, Some(&covered(stations)), &TOLERANCE)
+        };
+        let of_arm = || blocks(Model::Full, 0.1, 100);
+        assert_eq!(run(vec![table(95)], of_arm()).applied(), Applied::Table);
+        let few = run(vec![table(60)], of_arm());
+        assert_eq!(few.applied(), Applied::IdentifiedArm);
+        assert_eq!(few.table().verdict(), Verdict::Meets);
+        // Where no step gives a table, the arm is all there is.
+        let no_table = Judge::blocks("mon", &of(Model::Table, 0.2, 0), None, &TOLERANCE);
+        let none = run(vec![no_table], blocks(Model::Full, 0.1, 9));
+        assert_eq!(none.applied(), Applied::IdentifiedArm);
     }
 }

@@ -12,7 +12,7 @@ use posegrid::io::lake::Lake;
 use posegrid::io::schema::{self, ColumnType};
 use posegrid::io::table::{Columns, Table, write};
 use posegrid::io::tables::runs::Ending;
-use posegrid::io::tables::words::TableVerdict;
+use posegrid::io::tables::words::{TableVerdict, VerdictOf};
 use posegrid::join::ReadingKind;
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::manifest::{Input, RunKey, Work, Written, digest};
@@ -176,6 +176,11 @@ fn put(lake: &Lake, number: usize, model: &str) {
     let outcome = Ending {
         verdict: TableVerdict::Met,
         reason: None,
+        verdict_of: VerdictOf::Compensation,
+        statement: "met by the compensation table".to_owned(),
+        bound_mm: None,
+        counted: None,
+        stations_covered_share: None,
         replaces: None,
     };
     let row = work.runs_table(&[], &written, &outcome).expect("a row");

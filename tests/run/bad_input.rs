@@ -124,9 +124,10 @@ fn steps_larger_than_the_measured_box_make_one_cell_and_are_judged_once() {
 fn a_session_in_a_plane_has_an_identified_arm_and_no_table() {
     let cell = Cell::new().with_simulated("mon", &["--random", "80", "--size", "600,600,0.2"]);
     cell.run(&[]).expect(
-        3,
+        0,
         &[
-            "not shown to be within tolerance",
+            "within tolerance by the identified arm",
+            "not shown to be met by the compensation table: held-out blocks of mon: no step gives a table",
             "the box is flat along z",
         ],
     );

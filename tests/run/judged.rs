@@ -92,16 +92,16 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
     }
     let (line, tolerance) = match verdict {
         "met" => (
-            "done         mon: within tolerance, run",
-            "tolerance 0.5 mm: met\n",
+            "done         mon: within tolerance by the compensation table, run",
+            "tolerance 0.5 mm: met by the compensation table: ",
         ),
         "not_met" => (
-            "done         mon: not within tolerance: ",
-            "tolerance 0.5 mm: not met (",
+            "done         mon: not within tolerance by the compensation table: ",
+            "tolerance 0.5 mm: not met by the compensation table: ",
         ),
         _ => (
-            "done         mon: not shown to be within tolerance: ",
-            "tolerance 0.5 mm: not shown (",
+            "done         mon: not shown to be within tolerance by the compensation table: ",
+            "tolerance 0.5 mm: not shown to be met by the compensation table: ",
         ),
     };
     assert!(ended.results.starts_with(line), "{}", ended.results);
@@ -150,7 +150,10 @@ fn a_test_session_of_this_arm_agrees() {
     let of_table = steps.f64("mean_mm").value(tue);
     assert!(of_table < 2.0 * of_model, "{of_table} {of_model}");
     let again = cell.run(&["mon", "--test", "tue"]);
-    again.expect(0, &["done-before  mon: within tolerance, run"]);
+    again.expect(
+        0,
+        &["done-before  mon: within tolerance by the compensation table, run"],
+    );
 }
 
 #[test]
@@ -176,7 +179,7 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
     let again = cell.run(&["mon", "--test", "wed"]);
     again.expect(
         3,
-        &["done-before  mon: not within tolerance: test session wed: full error model"],
+        &["done-before  mon: not within tolerance by the compensation table: test session wed: full error model"],
     );
 }
 

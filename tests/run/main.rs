@@ -15,6 +15,7 @@ mod joints;
 mod judged;
 mod kept;
 mod nightly;
+mod one_verdict;
 mod page;
 mod planned;
 mod same_work;

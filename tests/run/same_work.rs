@@ -25,8 +25,8 @@ fn the_same_work_is_not_done_again_and_that_is_stated() {
     cell.run(&[]).expect(
         0,
         &[
-            "done-before  mon: within tolerance, run ",
-            "done-before  tue: within tolerance, run ",
+            "done-before  mon: within tolerance by the compensation table, run ",
+            "done-before  tue: within tolerance by the compensation table, run ",
             "2 of 2 within 0.5 mm, 0 without a result: 0 done, 2 done before, 0 not met, 0 failed, 0 waiting",
         ],
     );

@@ -106,6 +106,9 @@ fn state_line(state: &str, session: &str, words: &str) -> String {
 /// A result in one line.
 fn outcome(done: &Done) -> String {
     let mut text = verdict(&done.verdict).to_owned();
+    if let Some(of) = done.verdict_of {
+        write!(text, " by the {}", of.words()).expect("a string");
+    }
     if let Some(reason) = &done.reason {
         write!(text, ": {reason}").expect("a string");
     }

@@ -140,13 +140,16 @@ impl<'j> Pool<'j> {
         let bounds = self.rows.iter().filter_map(|&row| bound(row));
         if let Some((row, bound)) = bounds.min_by(|a, b| a.1.total_cmp(&b.1)) {
             let nearest = named(&self.judged[row]);
-            return Some(Picked {
-                row,
-                verdict: Verdict::DoesNotMeet,
-                words: format!(
+            let words = if self.judged[row].verdict == Verdict::Meets {
+                format!(
+                    "no step holds with all smaller ones; {nearest} has the least bound, {bound:.3} mm"
+                )
+            } else {
+                format!(
                     "no step meets the tolerance; {nearest} comes nearest with a bound of {bound:.3} mm"
-                ),
-            });
+                )
+            };
+            return Some(self.picked(row, words));
         }
         self.by_local_error()
     }

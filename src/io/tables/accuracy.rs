@@ -219,7 +219,7 @@ impl AccuracyRow {
     }
 }
 
-/// The rows of all figures. The bound of the run's own table has the verdict of the run.
+/// The rows of all figures. The bound of the run's own table has the verdict of that table.
 pub fn rows<'a>(
     all: impl Iterator<Item = &'a Accuracy>,
     verdict: &RunVerdict,
@@ -229,7 +229,7 @@ pub fn rows<'a>(
 ) -> Vec<AccuracyRow> {
     let of_sets = all.flat_map(|of| {
         let (verdict, reason) = if carries_verdict(of) {
-            (verdict.verdict(), verdict.reason())
+            (verdict.table().verdict(), verdict.table().reason())
         } else {
             let own = words::reason(&of.verdict).map(str::to_owned);
             (of.verdict.clone(), own)
@@ -239,7 +239,7 @@ pub fn rows<'a>(
     of_sets.chain(iso_9283::rows(iso_9283)).collect()
 }
 
-/// Whether the verdict of the run is read from this figure: the run's own table on held-out blocks.
+/// Whether a figure is the one that the verdict of the table stands with: the run's own table on held-out blocks.
 fn carries_verdict(of: &Accuracy) -> bool {
     (of.subject.model, of.subject.split, of.point) == (Model::Table, Split::Blocks, Point::Tool)
 }

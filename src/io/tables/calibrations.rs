@@ -186,8 +186,10 @@ row! {
         temperature_min_c: Option<f64>,
         /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
-        /// Whether the tolerance is met.
+        /// Whether the tolerance is met by commands that this model corrects.
         verdict: TableVerdict,
+        /// Why it is not met or not shown to be; `None` where it is met.
+        reason: Option<String>,
         /// The version of the saved model's format.
         model_version: u32,
         /// The model as JSON.
@@ -301,6 +303,7 @@ impl<'a> Identified<'a> {
         let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
         let stated_in = ErrorFrameOf::new(outcome);
         let some = |value: f64| (value > 0.0).then_some(value);
+        let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
             convention: Convention::StandardDh,
@@ -362,11 +365,20 @@ impl<'a> Identified<'a> {
             absolute_accuracy_option: stated.absolute_accuracy_option,
             temperature_min_c,
             temperature_max_c,
-            verdict: (&outcome.verdict.verdict()).into(),
+            verdict,
+            reason,
             model_version: VERSION,
             model: self.text(context, &sessions)?,
             sessions: owned(sessions),
         })
+    }
+
+    /// What held-out blocks and test sessions say of commands that this model corrects, and why.
+    fn verdict(&self, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
+        outcome.verdict.of_model(self.model).map_or_else(
+            || (TableVerdict::NotShown, Some("nothing judges".to_owned())),
+            |own| ((&own.verdict()).into(), own.reason()),
+        )
     }
 
     const fn calibration(&self) -> Option<&'a Calibration> {

@@ -90,8 +90,10 @@ row! {
         angles: Angles,
         /// The largest turn of a target's orientation from the table's, degrees.
         orientation_tolerance_deg: f64,
-        /// Whether the tolerance is met.
+        /// Whether the tolerance is met by this table.
         verdict: TableVerdict,
+        /// Why it is not met or not shown to be; `None` where it is met.
+        reason: Option<Arc<str>>,
         /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint over the stations, rad.
@@ -217,7 +219,8 @@ fn shared(
             Source::Model => context.grid.angles,
         },
         orientation_tolerance_deg: chosen.orientation_tolerance_rad.to_degrees(),
-        verdict: (&outcome.verdict.verdict()).into(),
+        verdict: (&outcome.verdict.table().verdict()).into(),
+        reason: text(&outcome.verdict.table().reason()),
         largest_error_mm: largest_error_mm(outcome),
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),

@@ -231,11 +231,11 @@ fn refused_cells(judged: &Judged, of: &[Refusal]) -> usize {
         .sum()
 }
 
-/// The verdict; the published table has the verdict of the run.
+/// The table that is published has the verdict of the table, which test sessions can make worse.
 fn verdict(judged: &Judged, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
     if judged.chosen {
-        let run = &outcome.verdict;
-        return ((&run.verdict()).into(), run.reason());
+        let table = outcome.verdict.table();
+        return ((&table.verdict()).into(), table.reason());
     }
     let reason = words::reason(&judged.verdict).map(str::to_owned);
     ((&judged.verdict).into(), reason)

@@ -1,7 +1,8 @@
 //! `runs`: the inputs of a run, the counts of each stage, the files it wrote. Its row makes the run exist.
 
 use super::PublishError;
-use super::words::TableVerdict;
+use super::words::{TableVerdict, VerdictOf};
+use crate::figures::Counted;
 use crate::io::table::{Row as _, Table, row};
 use crate::manifest::{Replaced, StageCount, VERSION, Work, Written, cpu_features, platform};
 
@@ -42,7 +43,19 @@ row! {
         verdict: TableVerdict,
         /// Why not met or not shown.
         reason: Option<String>,
-        /// The run that this one replaces; `None` where it replaces none.
+        /// The table that the verdict is of; `None` in rows of versions 1 and 2, as are the next five.
+        verdict_of: Option<VerdictOf>,
+        /// The verdict in words, with what it is of and why.
+        statement: Option<String>,
+        /// The bound that it rests on, mm; `None` where there is none.
+        bound_mm: Option<f64>,
+        /// Held-out poses that the bound counts; `None` of a plan.
+        held_out: Option<usize>,
+        /// Visits of these poses; `None` of a plan.
+        visits: Option<usize>,
+        /// Share of all measured stations that the table answers for; `None` where the verdict is of something else.
+        stations_covered_share: Option<f64>,
+        /// The run that this one takes the place of.
         replaces: Option<String>,
         /// The digest of that run's row.
         replaced_row_digest: Option<String>,
@@ -51,14 +64,24 @@ row! {
     }
 }
 
-/// The ending of a finished run.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// How a finished run ended.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
     /// Whether the tolerance is met.
     pub verdict: TableVerdict,
     /// Why not met or not shown.
     pub reason: Option<String>,
-    /// The run that this one replaces; `None` where it replaces none.
+    /// The table that the verdict is of.
+    pub verdict_of: VerdictOf,
+    /// The verdict in words, with what it is of and why.
+    pub statement: String,
+    /// The bound that it rests on, mm; `None` where there is none.
+    pub bound_mm: Option<f64>,
+    /// Held-out poses and visits that the bound counts; `None` of a plan.
+    pub counted: Option<Counted>,
+    /// Share of all measured stations that the table answers for; `None` where the verdict is of something else.
+    pub stations_covered_share: Option<f64>,
+    /// The run that this one takes the place of.
     pub replaces: Option<Replaced>,
 }
 
@@ -111,6 +134,12 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
         table_digests: written.iter().map(|file| file.digest.clone()).collect(),
         verdict: ending.verdict,
         reason: ending.reason.clone(),
+        verdict_of: Some(ending.verdict_of),
+        statement: Some(ending.statement.clone()),
+        bound_mm: ending.bound_mm,
+        held_out: ending.counted.map(|counted| counted.poses),
+        visits: ending.counted.map(|counted| counted.visits),
+        stations_covered_share: ending.stations_covered_share,
         replaces: replaced.map(|replaced| replaced.run.clone()),
         replaced_row_digest: replaced.map(|replaced| replaced.row_digest.clone()),
         row_digest: None,
@@ -136,6 +165,11 @@ mod tests {
         let outcome = Ending {
             verdict: TableVerdict::Met,
             reason: None,
+            verdict_of: VerdictOf::Compensation,
+            statement: "met by the compensation table: held-out blocks of mon".to_owned(),
+            bound_mm: Some(0.2),
+            counted: Some(Counted::once(100)),
+            stations_covered_share: Some(1.0),
             replaces: None,
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();

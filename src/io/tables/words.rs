@@ -7,6 +7,7 @@ use crate::fit::scale::ScaleVerdict;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
 use crate::io::table::{Word, words};
+use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
@@ -21,7 +22,38 @@ pub enum TableVerdict {
     NotShown,
 }
 
-/// The part of the stations of a split in the fit.
+/// Tables that a verdict is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VerdictOf {
+    /// The nodes of the chosen table.
+    Compensation,
+    /// The arm as the best model identified it.
+    Calibrations,
+    /// A plan of poses.
+    SamplingPlan,
+}
+
+impl VerdictOf {
+    /// What it is, in words.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Compensation => Applied::Table.words(),
+            Self::Calibrations => Applied::IdentifiedArm.words(),
+            Self::SamplingPlan => "plan",
+        }
+    }
+}
+
+impl From<Applied> for VerdictOf {
+    fn from(applied: Applied) -> Self {
+        match applied {
+            Applied::Table => Self::Compensation,
+            Applied::IdentifiedArm => Self::Calibrations,
+        }
+    }
+}
+
+/// What part the stations of a split had in the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// They were fitted to.
@@ -83,6 +115,11 @@ words! {
     Form { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
+    VerdictOf {
+        Compensation: "compensation",
+        Calibrations: "calibrations",
+        SamplingPlan: "sampling_plan",
+    }
     TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {

@@ -20,7 +20,7 @@ use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
 use crate::report::refit::{self, Placed};
-use crate::report::verdict::{Judge, RunVerdict, figure_of_model};
+use crate::report::verdict::{Judge, ProductVerdict, RunVerdict, figure_of, figure_of_model};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject,
 };
@@ -102,39 +102,71 @@ impl Judges<'_> {
         ))
     }
 
-    /// The verdict of the run: from held-out blocks, and from every test session.
+    /// The verdict of the run: of the table and of every identified model, each by held-out blocks and by every test session.
     pub(super) fn verdict(
         &self,
         grids: &Grids,
         accuracy: &[Accuracy],
         residuals: &[ResidualSet],
     ) -> RunVerdict {
+        let remarks: Vec<Option<String>> = self
+            .test
+            .iter()
+            .map(|session| self.remark(session, residuals))
+            .collect();
+        let identified = Model::ALL.iter().copied();
+        let identified = identified.filter(|model| self.models.get(*model).is_some());
+        let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
+        RunVerdict::of(
+            self.of_table(grids, accuracy, &remarks),
+            models.collect(),
+            self.models.best().0,
+        )
+    }
+
+    /// The verdict of the table, by held-out blocks and by what each test session says of it and of the model.
+    fn of_table(
+        &self,
+        grids: &Grids,
+        accuracy: &[Accuracy],
+        remarks: &[Option<String>],
+    ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
-        let of_table = |split: Split, session: &str| {
-            let is_it = move |own: &&Accuracy| {
-                let subject = &own.subject;
-                (subject.model, subject.split, own.moment) == (Model::Table, split, Moment::After)
-                    && subject.of_session == session
-            };
-            accuracy.iter().find(is_it)
-        };
         let own = &self.own.0.name;
-        let blocks = of_table(Split::Blocks, own).map(|table| {
+        let blocks = of_table(accuracy, Split::Blocks, own).map(|table| {
             let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
-            Judge::blocks(own, table, &grids.choice.words, covered, tolerance)
+            Judge::blocks(own, table, covered, tolerance)
         });
-        let sessions = self.test.iter().map(|session| {
+        let sessions = self.test.iter().zip(remarks).map(|(session, remark)| {
             let name = &session.name;
             let model = figure_of_model(accuracy, name);
-            let table = model.and_then(|_| of_table(Split::Session, name));
-            let remark = self.remark(session, residuals);
+            let table = model.and_then(|_| of_table(accuracy, Split::Session, name));
             let is_own = |row: &&Judged| row.of_test.as_ref() == Some(name);
             let row = grids.judged.iter().find(is_own);
             let covered = row.and_then(|row| row.covered.as_ref());
             let table = table.map(|table| (table, covered));
-            Judge::session(name, model, table, tolerance, remark)
+            Judge::session(name, model, table, tolerance, remark.clone())
         });
-        RunVerdict::of(blocks.into_iter().chain(sessions).collect())
+        ProductVerdict::of(blocks.into_iter().chain(sessions).collect())
+    }
+
+    /// The verdict of an identified model, by held-out blocks and by each test session.
+    fn of_model(
+        &self,
+        model: Model,
+        accuracy: &[Accuracy],
+        remarks: &[Option<String>],
+    ) -> ProductVerdict {
+        let tolerance = &self.settings.tolerance;
+        let own = &self.own.0.name;
+        let blocks = figure_of(accuracy, model, Split::Blocks, own);
+        let blocks = blocks.map(|figure| Judge::blocks(own, figure, None, tolerance));
+        let sessions = self.test.iter().zip(remarks).map(|(session, remark)| {
+            let name = &session.name;
+            let figure = figure_of(accuracy, model, Split::Session, name);
+            Judge::session(name, figure, None, tolerance, remark.clone())
+        });
+        ProductVerdict::of(blocks.into_iter().chain(sessions).collect())
     }
 
     /// A remark on a test session that the identified arm does not fit; `None` where it fits.
@@ -165,6 +197,15 @@ impl Judges<'_> {
             fit.shared_mm, fit.nominal_mm, fit.allowed_mm
         ))
     }
+}
+
+/// The figure of the chosen table by held-out blocks or by a test session.
+fn of_table<'a>(accuracy: &'a [Accuracy], split: Split, session: &str) -> Option<&'a Accuracy> {
+    accuracy.iter().find(|own| {
+        let subject = &own.subject;
+        (subject.model, subject.split, own.moment) == (Model::Table, split, Moment::After)
+            && subject.of_session == session
+    })
 }
 
 /// The figures of the chosen table at the stations of each test session.

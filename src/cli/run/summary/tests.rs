@@ -1,5 +1,6 @@
 use super::*;
 use crate::io::store::Place;
+use crate::io::tables::words::VerdictOf;
 
 fn done(verdict: Verdict) -> Done {
     Done {
@@ -8,6 +9,7 @@ fn done(verdict: Verdict) -> Done {
         already_there: false,
         reason: (verdict == Verdict::DoesNotMeet).then(|| "test session wed: bound".to_owned()),
         verdict,
+        verdict_of: Some(VerdictOf::Compensation),
         rejected: Vec::new(),
         words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
         tables: Place::of("lake"),
@@ -77,9 +79,9 @@ fn each_session_has_one_line_in_the_order_of_the_plan() {
     let named = ["a", "b", "c", "d"].into_iter().zip(&endings);
     let lines = lines(named, &[waits(1), bad()]);
     let expected = [
-        "done         a: within tolerance, run 00ff",
+        "done         a: within tolerance by the compensation table, run 00ff",
         "waits        wed\\nfailed: tracker.mcap is not there yet",
-        "done-before  b: not within tolerance: test session wed: bound, run 00ff, page lake/report/r/a/00ff.html",
+        "done-before  b: not within tolerance by the compensation table: test session wed: bound, run 00ff, page lake/report/r/a/00ff.html",
         "failed       c: no result: no log",
         "not-started  d: run it again",
         "failed       pooled: no result: that is no name",

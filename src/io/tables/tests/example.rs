@@ -25,7 +25,7 @@ use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Readi
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
-use crate::report::verdict::{Judge, RunVerdict};
+use crate::report::verdict::{Judge, ProductVerdict, RunVerdict};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Point, Residual, ResidualSet, Split,
     Subject,
@@ -262,13 +262,16 @@ fn outcome() -> Outcome<'static> {
     Outcome {
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
-        verdict: RunVerdict::of(vec![Judge::blocks(
-            SESSION,
-            &accuracy(false),
-            &grids.choice.words,
-            None,
-            &TOLERANCE,
-        )]),
+        verdict: RunVerdict::of(
+            ProductVerdict::of(vec![Judge::blocks(
+                SESSION,
+                &accuracy(false),
+                None,
+                &TOLERANCE,
+            )]),
+            Vec::new(),
+            Model::Full,
+        ),
         scales: vec![scale()],
         accuracy: vec![accuracy(true), accuracy(false)],
         iso_9283: vec![iso_9283()],

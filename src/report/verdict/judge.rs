@@ -1,0 +1,172 @@
+//! One judge of a run: stations that took no part, and what they say of what is applied.
+
+use crate::grid::{Covered, Tolerance, Verdict};
+use crate::report::{Accuracy, Model};
+
+/// One judge of a table or of an identified arm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judge {
+    /// The stations that judge.
+    pub stations: Judging,
+    /// What they say; a reason that is not shown is in `words` too.
+    pub verdict: Verdict,
+    /// Figures or reason, in words.
+    pub words: String,
+    /// What else has to be known of it, in words: a session that the model does not fit.
+    pub remark: Option<String>,
+    /// The figure that its verdict is read from; `None` where there is none.
+    pub figure: Option<Accuracy>,
+    /// The part of the measured stations and of the box that what is judged answers for; `None` of an identified arm and of no
+    /// table.
+    pub covered: Option<Covered>,
+}
+
+/// Stations that judge a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Judging {
+    /// Held-out blocks of the session that the table is for, by name.
+    Blocks(String),
+    /// A test session, by name.
+    Session(String),
+}
+
+impl Judging {
+    /// The stations in words.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Blocks(session) => format!("held-out blocks of {session}"),
+            Self::Session(session) => format!("test session {session}"),
+        }
+    }
+}
+
+impl Judge {
+    /// Held-out blocks of `session`: the figure of a table with what it answers for, or that of an identified arm.
+    pub fn blocks(
+        session: &str,
+        figure: &Accuracy,
+        covered: Option<&Covered>,
+        tolerance: &Tolerance,
+    ) -> Self {
+        let words = match &figure.verdict {
+            Verdict::NotShown(reason) => with_covered(reason.clone(), covered),
+            Verdict::Meets | Verdict::DoesNotMeet => figure_and_covered(figure, covered, tolerance),
+        };
+        Self {
+            stations: Judging::Blocks(session.to_owned()),
+            verdict: figure.verdict.clone(),
+            words,
+            remark: None,
+            figure: Some(figure.clone()),
+            covered: covered.copied(),
+        }
+    }
+
+    /// A test session: the figures of the model and of the table at its stations, where there are any, and what the table answers
+    /// for.
+    pub fn session(
+        session: &str,
+        model: Option<&Accuracy>,
+        table: Option<(&Accuracy, Option<&Covered>)>,
+        tolerance: &Tolerance,
+        remark: Option<String>,
+    ) -> Self {
+        let of_both = || model.map(|model| (model, None)).into_iter().chain(table);
+        let is_shown = |(own, _): &(&Accuracy, _)| !matches!(own.verdict, Verdict::NotShown(_));
+        let shown = of_both().filter(is_shown);
+        let worst = shown.max_by_key(|(own, _)| badness(&own.verdict));
+        let words: Vec<String> = of_both()
+            .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
+            .collect();
+        let words = if words.is_empty() {
+            "its first stations do not span space, so its base cannot be found ([report] refit_first_stations)"
+                .to_owned()
+        } else {
+            words.join("; ")
+        };
+        let decides = worst.or_else(|| of_both().next()).map(|(own, _)| own);
+        Self {
+            stations: Judging::Session(session.to_owned()),
+            verdict: worst.map_or_else(
+                || Verdict::NotShown(words.clone()),
+                |(own, _)| own.verdict.clone(),
+            ),
+            words,
+            remark,
+            figure: decides.cloned(),
+            covered: table.and_then(|(_, covered)| covered.copied()),
+        }
+    }
+
+    /// Who judges, and what they say, in a line that a person reads.
+    pub fn line(&self) -> String {
+        format!(
+            "{}: {}: {}",
+            self.stations.words(),
+            word(&self.verdict),
+            self.reason()
+        )
+    }
+
+    /// What the stations say, with what else has to be known of them.
+    pub(super) fn reason(&self) -> String {
+        match &self.remark {
+            None => self.words.clone(),
+            Some(remark) => format!("{}; {remark}", self.words),
+        }
+    }
+}
+
+/// How bad a verdict is: what is shown not to hold is worse than what is not shown.
+pub(super) const fn badness(verdict: &Verdict) -> u8 {
+    match verdict {
+        Verdict::Meets => 0,
+        Verdict::NotShown(_) => 1,
+        Verdict::DoesNotMeet => 2,
+    }
+}
+
+/// A verdict in two words.
+pub const fn word(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::Meets => "met",
+        Verdict::DoesNotMeet => "not met",
+        Verdict::NotShown(_) => "not shown",
+    }
+}
+
+/// [`figure`] with what a table answers for.
+fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tolerance) -> String {
+    with_covered(figure(of, tolerance), covered)
+}
+
+/// Words with what a table answers for.
+fn with_covered(words: String, covered: Option<&Covered>) -> String {
+    match covered {
+        Some(covered) => format!("{words}; {}", covered.words()),
+        None => words,
+    }
+}
+
+/// What a figure is of, its bound against the tolerance, and what the bound counts.
+fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
+    let mut what = of.subject.model.name_at(of.subject.angles);
+    if of.subject.model == Model::Table {
+        what.push_str(" where it answers");
+    }
+    let guard_mm = of.expanded_uncertainty_mm;
+    match (&of.verdict, of.bound) {
+        (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
+        (verdict, Some(bound)) => format!(
+            "{what}: bound {bound:.3} mm with U {guard_mm:.3} mm is {} {} mm ({})",
+            if *verdict == Verdict::Meets {
+                "within"
+            } else {
+                "more than"
+            },
+            tolerance.mm,
+            of.counted
+        ),
+        (verdict, None) => format!("{what} {}", word(verdict)),
+    }
+}
