@@ -11,7 +11,7 @@ use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::error_frame::{self, ErrorFrameName};
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::verdict::{self, Judge};
-use crate::report::{Accuracy, Model};
+use crate::report::{Accuracy, Model, Split};
 
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();

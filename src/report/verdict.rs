@@ -70,14 +70,20 @@ impl ProductVerdict {
         (self.verdict() != Verdict::Meets).then(|| self.why())
     }
 
-    /// The figure that decides: that of the first judge whose verdict none is worse than; `None` where it has none.
+    /// The figure of the judge that decides; `None` where it has none.
     pub fn figure(&self) -> Option<&Accuracy> {
         self.decides()?.figure.as_ref()
     }
 
-    /// The judge that decides: the first whose verdict none is worse than.
+    /// The judge that decides, of those whose verdict none is worse than: a test session before held-out blocks, as it is of another
+    /// day, and of several the one with the largest bound.
     pub fn decides(&self) -> Option<&Judge> {
-        self.worst().next()
+        let is_session = |judge: &Judge| matches!(judge.stations, Judging::Session(_));
+        let bound = |judge: &Judge| judge.figure.as_ref().and_then(|figure| figure.bound);
+        self.worst().max_by(|a, b| {
+            let sessions = is_session(a).cmp(&is_session(b));
+            sessions.then(bound(a).unwrap_or(0.0).total_cmp(&bound(b).unwrap_or(0.0)))
+        })
     }
 
     /// The part of the measured stations and of the box that is answered for; `None` of an identified arm and of no table.
@@ -311,6 +317,8 @@ mod tests {
         let good = wed(&of(Model::Full, 0.3, 100), &of(Model::Table, 0.4, 60));
         let met = ProductVerdict::of(vec![mon(0.2), good]);
         assert_eq!((met.verdict(), met.reason()), (Verdict::Meets, None));
+        // The test session decides, and of its two figures the table's.
+        assert_eq!(met.figure().and_then(|figure| figure.bound), Some(0.4));
         let bad = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.4, 60));
         let not_met = ProductVerdict::of(vec![mon(0.2), bad]);
         assert_eq!(not_met.verdict(), Verdict::DoesNotMeet);
