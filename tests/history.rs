@@ -48,7 +48,7 @@ fn a_history_is_reported_kept_and_written() {
         0,
         &[
             "kr210-demo: 3 sessions, mon to wed",
-            "newest: nothing moved, against 2 sessions before",
+            "newest: nothing moved, compared with 2 sessions before",
         ],
     );
     assert!(cell.path("lake/.history/kr210-demo.jsonl").exists());

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const MAY_USE: &[(&str, &str)] = &[
     // Core.
     ("units", ""),
-    ("geometry", ""),
+    ("geometry", "units"),
     ("kinematics", "geometry"),
     ("linalg", ""),
     ("figures", ""),

@@ -8,7 +8,6 @@ use clap::Args;
 
 use super::messages::Printable;
 use super::run::{near, work};
-use crate::fit::ErrorBase;
 use crate::kinematics::Arm;
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
 
@@ -176,12 +175,7 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     }
     named.push((
         "error frame",
-        match configuration.stages.base {
-            None => "base as base + target fit it; no errors against the raw command ([tracker] tracker_from_base is not given)",
-            Some(ErrorBase::Fitted) => "base as base + target fit it: set the robot's base to it",
-            Some(ErrorBase::Surveyed(_)) => "surveyed base",
-        }
-        .to_owned(),
+        configuration.stages.base_in_words().to_owned(),
     ));
     named.push((
         "up",

@@ -323,7 +323,6 @@ fn calibration(name: &str) -> CalibrationRow {
         error_frame_target: [0.0; 3],
         error_frame_sd_mm: None,
         error_frame_sd_deg: None,
-        verdict: TableVerdict::Met,
         largest_error_mm: Some(2.0),
         joint_lower_rad: vec![-1.0],
         joint_upper_rad: vec![1.0],

@@ -71,6 +71,17 @@ pub struct StageSettings {
 }
 
 impl StageSettings {
+    /// The base frame that errors are stated in, in words.
+    pub const fn base_in_words(&self) -> &'static str {
+        match self.base {
+            None => {
+                "base as base + target fit it; no errors against the raw command ([tracker] tracker_from_base is not given)"
+            }
+            Some(ErrorBase::Fitted) => "base as base + target fit it: set the robot's base to it",
+            Some(ErrorBase::Surveyed(_)) => "surveyed base",
+        }
+    }
+
     /// The surveyed base, where errors are stated in one.
     pub const fn surveyed(&self) -> Option<&SurveyedBase> {
         match &self.base {

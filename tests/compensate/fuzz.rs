@@ -305,7 +305,13 @@ fn tables() -> Vec<Vec<u8>> {
     let sample = |sample: &Sample| fs::read(Cell::new(sample).table).expect("there");
     let mut seeds = vec![sample(&SAMPLE)];
     let done = quickstart();
-    for table in ["calibrations", "joint_errors", "residuals", "compensation"] {
+    for table in [
+        "calibrations",
+        "joint_errors",
+        "residuals",
+        "compensation",
+        "grid_steps",
+    ] {
         let bytes = fs::read(done.folder.join(done.table(table))).expect("there");
         // Longer inputs only take longer; what is cut off a Parquet file is its description.
         if bytes.len() <= harness::LONGEST {
