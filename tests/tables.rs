@@ -562,9 +562,9 @@ fn two_columns_of_one_name_or_in_letters_of_another_size_are_reported() {
     let x: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
     let texts: ArrayRef = Arc::new(StringArray::from(vec![None, Some("t-1")]));
     for (name, told) in [
-        ("x_mm", "column \"x_mm\" beside \"x_mm\""),
-        ("X_mm", "column \"X_mm\" beside \"x_mm\""),
-        ("Qx", "column \"Qx\" beside \"qx\""),
+        ("x_mm", "columns \"x_mm\" and \"x_mm\""),
+        ("X_mm", "columns \"X_mm\" and \"x_mm\""),
+        ("Qx", "columns \"Qx\" and \"qx\""),
     ] {
         let more = vec![(name, x.clone())];
         let error = foreign_targets(x.clone(), more).unwrap_err();

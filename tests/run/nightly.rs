@@ -221,7 +221,7 @@ fn sessions_are_found_by_what_their_logs_say() {
     ended.expect(
         1,
         &[
-            "a2.mcap, a4.mcap all say",
+            "a2.mcap, a4.mcap all state",
             "l2.mcap is no session: it has no metadata record",
         ],
     );
