@@ -7,6 +7,7 @@ use roxmltree::{Document, ParsingOptions};
 use super::content::{Content, Count, Provenance, Residuals, Session};
 use super::html;
 use super::shell::STYLE;
+use crate::figures::Counted;
 use crate::fit::Identifiability;
 use crate::grid::{Interpolation, Judgement, Source, Tolerance, Verdict};
 use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
@@ -24,7 +25,7 @@ use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::report::iso_9283::Characteristic;
 use crate::report::verdict::{Judge, Judging, ProductVerdict, RunVerdict};
-use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
 /// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that changes the
@@ -344,12 +345,31 @@ fn calibration(name: &str) -> CalibrationRow {
 
 /// A table with one judge, whose texts are `name`.
 fn verdict(name: &str, verdict: Verdict) -> RunVerdict {
+    let figure = Accuracy {
+        subject: Subject {
+            split: Split::Session,
+            of_session: name.to_owned(),
+            model: Model::Table,
+            angles: Angles::Commanded,
+            base_refit: BaseRefit::First,
+        },
+        point: Point::Tool,
+        moment: Moment::After,
+        driven_by: None,
+        figures: None,
+        bound: Some(0.25),
+        counted: Counted::once(100),
+        blocks: None,
+        coverage: None,
+        expanded_uncertainty_mm: 0.05,
+        verdict: verdict.clone(),
+    };
     let judge = Judge {
         stations: Judging::Session(name.to_owned()),
         verdict,
         words: name.to_owned(),
         remark: Some(name.to_owned()),
-        figure: None,
+        figure: Some(figure),
         covered: None,
     };
     RunVerdict::of(ProductVerdict::of(vec![judge]), Vec::new(), Model::Full)

@@ -202,7 +202,10 @@ mod tests {
             "{kept:?}"
         );
         assert!(
-            !kept.is_broken() && promise().words(&kept).contains("18 of 20 poses"),
+            !kept.is_broken()
+                && promise()
+                    .words(&kept)
+                    .contains("18 of 20 verification poses"),
             "{}",
             promise().words(&kept)
         );

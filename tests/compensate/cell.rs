@@ -192,6 +192,7 @@ fn terms(columns: Columns, sample: &Sample) -> Columns {
             "base",
             "controller_model",
             "absolute_accuracy_option",
+            "reason",
         ])
 }
 
