@@ -143,7 +143,16 @@ pub fn unsealed(path: &Path) {
 /// A row of `runs` as the first version of that table had it.
 pub fn of_first_version(path: &Path) {
     Anew::of(path)
-        .without(&["row_digest", "replaced_row_digest"])
+        .without(&[
+            "row_digest",
+            "replaced_row_digest",
+            "verdict_of",
+            "statement",
+            "bound_mm",
+            "held_out",
+            "visits",
+            "stations_covered_share",
+        ])
         .without_entry(DIGEST)
         .entry("posegrid.schema_version", "1")
         .write(|_, _| None);

@@ -159,7 +159,7 @@ impl Places {
         let says = [
             ("met", "mm, within the tolerance of"),
             ("not_met", "mm, more than the tolerance of"),
-            ("not_shown", "cannot be said: "),
+            ("not_shown", "mm is not known: "),
         ];
         for (verdict, says) in says {
             assert_eq!(page.contains(says), verdict == word, "{says:?} for {word}");
