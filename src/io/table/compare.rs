@@ -92,7 +92,7 @@ impl Comparison {
     }
 }
 
-/// Compares two tables of the same schema, except the columns `ignored`.
+/// Compares two tables of the same schema, except the columns `ignored` and those that the published table's version lacks.
 ///
 /// # Panics
 /// When the tables are of two schemas.
@@ -104,7 +104,9 @@ pub fn compare(published: &Table, computed: &Table, ignored: &[&str]) -> Compari
     );
     let rows = pair(published, computed, ignored);
     let columns = published.schema().columns.iter();
-    let columns = columns.filter(|column| !ignored.contains(&column.name.as_str()));
+    let columns = columns.filter(|column| {
+        column.is_in(published.version) && !ignored.contains(&column.name.as_str())
+    });
     Comparison {
         columns: columns
             .filter_map(|column| difference(&column.name, published, computed, &rows))
