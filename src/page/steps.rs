@@ -40,7 +40,11 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         (choices(content))
         div.pair {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
-            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
+            div {
+                (own_rows(&own))
+                p.note { "Covers: share of the stations of its orientation and configuration / share of the box." }
+                @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } }
+            }
         }
         @if !sessions.is_empty() {
             p { "The chosen table compared with test sessions, at those of their poses that it covers:" }
@@ -132,7 +136,7 @@ fn judged_on(step: &StepRow) -> Markup {
 
 /// The steps of the chosen source and interpolation.
 fn own_rows(steps: &[&StepRow]) -> Markup {
-    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, % of stations / box" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th { "Model's own" } th.word { "Verdict" } };
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Mean" } th { "Bound" } th.word { "Verdict" } };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
@@ -141,9 +145,7 @@ fn own_rows(steps: &[&StepRow]) -> Markup {
                 td { (covers(step)) }
                 td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
-                td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
-                td { (words::optional(step.model_bound_mm, 3)) }
                 td.word { (words::verdict(step.verdict)) }
             }
         }
