@@ -572,7 +572,7 @@ fn two_columns_of_one_name_or_in_letters_of_another_size_are_reported() {
     }
     let error = foreign_targets(x.clone(), vec![("Table_ID", texts.clone())]).unwrap_err();
     assert!(
-        error.contains("column \"Table_ID\" beside \"table_id\""),
+        error.contains("columns \"Table_ID\" and \"table_id\""),
         "{error}"
     );
     let found = foreign_targets(x, vec![("note", texts)]).unwrap();
