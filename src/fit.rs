@@ -60,7 +60,7 @@ pub use solve::{Convergence, Solution};
 pub use tool_errors::ToolErrors;
 
 use crate::join::Several;
-use crate::kinematics::{Arm, Chain};
+use crate::kinematics::{Arm, Chain, Motion, Parameter};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
@@ -202,6 +202,22 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Standard deviations of the base of a session as this fit found it: of its origin, mm, and of its rotation, rad; roots of the sums
+    /// of the variances along three axes, over all sources of the session.
+    pub fn base_standard_errors(&self, session: usize) -> (f64, f64) {
+        let mut variances = [0.0; 2];
+        for (place, unknown) in self.unknowns.iter().enumerate() {
+            let variance = self.standard_error(place).powi(2);
+            match unknown.parameter {
+                _ if unknown.session() != Some(session) => {}
+                Parameter::Base(Motion::Translation(_)) => variances[0] += variance,
+                Parameter::Base(Motion::Rotation(_)) => variances[1] += variance,
+                Parameter::Link { .. } | Parameter::Target(_) => {}
+            }
+        }
+        variances.map(f64::sqrt).into()
+    }
+
     /// The standard error of the unknown at `place`, mm or rad.
     pub fn standard_error(&self, place: usize) -> f64 {
         self.covariance[(place, place)].max(0.0).sqrt()

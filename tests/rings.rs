@@ -22,7 +22,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("fit", "figures geometry join kinematics linalg units"),
     ("similarity", ""),
     ("grid", "figures fit join kinematics progress"),
-    ("compensation", "fit geometry grid kinematics"),
+    ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join units"),
     ("simulate", "geometry ingest join kinematics units"),
     (

@@ -62,7 +62,7 @@ pub struct SimulateArgs {
 /// The reason why no session was made.
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
-    /// What is wrong with a file that is read or written.
+    /// A file that cannot be read or written, with the problem.
     #[error("{}: {kind}", path.display())]
     File {
         /// Path of the file or the folder.

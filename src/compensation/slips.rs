@@ -9,6 +9,7 @@ use std::fmt;
 
 use super::{Target, TargetJoints};
 use crate::geometry::Position;
+use crate::units::MM_PER_M;
 
 /// A unit that a target's numbers are probably in, though their columns say another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,8 +25,6 @@ pub enum Slip {
 /// Positions within this of the origin along every axis may be metres: no arm reaches further, and a target in millimetres that
 /// near to the origin would be inside the robot.
 const MOST_METRES: f64 = 20.0;
-/// Millimetres in a metre.
-const MM: f64 = 1000.0;
 
 impl Slip {
     /// All slips.
@@ -54,7 +53,7 @@ impl Slip {
                 let at = target.position?.coords();
                 let is_near = at.amax() <= MOST_METRES && at.amax() > 0.0;
                 is_near.then(|| Target {
-                    position: Some(Position::claim((at * MM).into())),
+                    position: Some(Position::claim((at * MM_PER_M).into())),
                     ..target.clone()
                 })
             }

@@ -3,7 +3,7 @@
 //!
 //! An error is attained minus commanded position in the controller's base frame. The measured target is a separate point;
 //! the controller's tool point is calculated from it with the lever between the two. The lever has the flange's measured
-//! orientation where one was measured, otherwise the nominal arm's. A error reference frame is for one tool point, so it goes
+//! orientation where one was measured, otherwise the nominal arm's. An error reference frame is for one tool point, so it goes
 //! by one source and one target.
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -51,7 +51,7 @@ pub struct ErrorFrame<'a> {
 }
 
 impl<'a> ErrorFrame<'a> {
-    /// The error reference frame of the nominal `arm` with the frames of a base + target fit.
+    /// The error reference frame of the nominal `arm` with the `frames` that errors are stated in.
     ///
     /// `flange_from_tool` is the controller's own tool point; without one it is the measured target. `oriented` states whether
     /// the target's orientation on the flange was fitted, so that measured orientations can be used.
@@ -76,7 +76,7 @@ impl<'a> ErrorFrame<'a> {
         self.arm
     }
 
-    /// The frames of the base + target fit, of the source and the target that errors are stated by.
+    /// The base, surveyed or fitted, and the measured target on the flange that errors are stated by.
     pub const fn frames(&self) -> &FramePair {
         &self.frames
     }

@@ -33,8 +33,6 @@ pub mod train;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
-use rayon::prelude::*;
-
 use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
 use super::observation::Observation;
@@ -241,13 +239,6 @@ impl FullModel {
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
         let (shift, approach) = self.stands(query, pose.joints);
         (pose.end + moved + shift, approach)
-    }
-
-    /// [`Self::position`] of every query, on all cores.
-    pub fn positions(&self, queries: &[Query<'_>]) -> Vec<Point3<f64>> {
-        const AT_ONCE: usize = 256;
-        let at = |query| self.position(query);
-        queries.par_iter().with_min_len(AT_ONCE).map(at).collect()
     }
 
     /// The point at the offsets where rows are evaluated, and its motion.

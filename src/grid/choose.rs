@@ -70,8 +70,6 @@ impl Tolerance {
 pub struct Picked {
     /// Index among the judged rows.
     pub row: usize,
-    /// Whether the tolerance is met by it, and shown to be.
-    pub verdict: Verdict,
     /// The reason for this row, as text.
     pub words: String,
 }
@@ -100,7 +98,11 @@ pub(super) fn choose(judged: &[Judged], settings: &GridSettings) -> Choice {
         Rule::FewestNodes => fewest_nodes.clone(),
     };
     let (row, verdict, words) = if let Some(picked) = published {
-        (Some(picked.row), picked.verdict, picked.words)
+        (
+            Some(picked.row),
+            judged[picked.row].verdict.clone(),
+            picked.words,
+        )
     } else {
         let words = format!("no step gives a table: {}", reasons(judged));
         (None, Verdict::NotShown(words.clone()), words)

@@ -9,12 +9,11 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::common::{self, Common, CommonError};
+use super::common::{self, Common, CommonError, Corrects as _};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
-use super::tables::error_frame;
 use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
@@ -127,16 +126,11 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         .rows
         .first()
         .expect("a table that was read has the row base_target");
-    let error_frame = error_frame::stated(
-        first.error_frame,
-        (first.error_frame_base, first.error_frame_base_turn),
-        [first.error_frame_sd_mm, first.error_frame_sd_deg],
-    );
     Ok(PublishedArm {
         key,
         verdict: verdict.unwrap_or(TableVerdict::NotShown),
         arm,
-        error_frame,
+        error_frame: first.stated_frame(),
     })
 }
 

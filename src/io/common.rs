@@ -11,6 +11,7 @@ use super::table::Table;
 use crate::compensation::{Conditions, Validity};
 use crate::geometry::{Base, Command, Transform};
 use crate::manifest::RunKey;
+use crate::report::frame::StatedFrame;
 
 /// A quaternion further from unit norm than this is none.
 const UNIT_NORM: f64 = 1e-6;
@@ -86,11 +87,14 @@ pub struct Stated<'r> {
 
 /// A row of a table that commands are corrected by.
 pub trait Corrects {
-    /// What it states of the table's validity.
+    /// The terms of validity that the row states.
     fn stated(&self) -> Stated<'_>;
 
     /// Frame of the base in the frame of commands: origin, mm, and orientation, x y z w.
     fn command_from_base(&self) -> ([f64; 3], [f64; 4]);
+
+    /// The base frame that its errors hold in.
+    fn stated_frame(&self) -> StatedFrame;
 
     /// Lowest and highest reported angle of each joint over the stations used, rad.
     fn joint_ranges(&self) -> [&[f64]; 2];
@@ -115,6 +119,14 @@ macro_rules! corrects {
 
             fn command_from_base(&self) -> ([f64; 3], [f64; 4]) {
                 (self.command_from_base, self.command_from_base_turn)
+            }
+
+            fn stated_frame(&self) -> $crate::report::frame::StatedFrame {
+                $crate::io::tables::error_frame::stated(
+                    self.error_frame,
+                    (self.error_frame_base, self.error_frame_base_turn),
+                    [self.error_frame_sd_mm, self.error_frame_sd_deg],
+                )
             }
 
             fn joint_ranges(&self) -> [&[f64]; 2] {

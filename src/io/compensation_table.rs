@@ -13,12 +13,11 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::common::{self, Common, CommonError};
+use super::common::{self, Common, CommonError, Corrects as _};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _};
 use super::tables::compensation::NodeRow;
-use super::tables::error_frame;
 pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
@@ -99,11 +98,7 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     Ok(PublishedTable {
         key: common::key(path, &published)?,
         verdict: file.verdict()?,
-        error_frame: error_frame::stated(
-            first.error_frame,
-            (first.error_frame_base, first.error_frame_base_turn),
-            [first.error_frame_sd_mm, first.error_frame_sd_deg],
-        ),
+        error_frame: first.stated_frame(),
         measured: said.joint_ranges(first.joint_names.len())?,
         flange_from_target: Position::claim(
             said.position("flange_from_target", |row| row.flange_from_target)?,

@@ -2,7 +2,7 @@
 
 use super::scene::{Scene, check_conservation, join_recorded, paired, ur10};
 use super::*;
-use crate::ingest::{JointSamples, Recording};
+use crate::ingest::{JointSamples, Recording, TargetReadings};
 
 #[test]
 fn equal_dwells_pair_at_any_offset_and_drift() {
@@ -411,6 +411,18 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
     assert_eq!((joined.stations.len(), paired(&joined)), (50, 50));
 }
 
+/// The readings of a recording of the scene: when each was taken on the controller's clock, s, and its position, mm.
+fn readings<'r>(
+    scene: &'r Scene,
+    recording: &'r mut Recording,
+) -> impl Iterator<Item = (f64, &'r mut [f64; 3])> {
+    let TargetReadings {
+        stamps, positions, ..
+    } = &mut recording.readings;
+    let at_s = stamps.iter().map(|stamp| scene.controller_s(stamp.ns()));
+    at_s.zip(positions)
+}
+
 #[test]
 fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
     let scene = Scene {
@@ -420,13 +432,7 @@ fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
     };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
-    for (stamp, position) in recording
-        .readings
-        .stamps
-        .iter()
-        .zip(&mut recording.readings.positions)
-    {
-        let at_s = scene.controller_s(stamp.ns());
+    for (at_s, position) in readings(&scene, &mut recording) {
         let here = starts_s
             .partition_point(|&start| start <= at_s)
             .saturating_sub(1);
@@ -453,17 +459,12 @@ fn a_target_that_moves_while_the_arm_is_stationary_is_reported() {
     };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
-    for (stamp, position) in recording
-        .readings
-        .stamps
-        .iter()
-        .zip(&mut recording.readings.positions)
-    {
-        let age_s = scene.controller_s(stamp.ns()) - starts_s[15];
+    for (at_s, position) in readings(&scene, &mut recording) {
+        let age_s = at_s - starts_s[15];
         if (0.0..2.0).contains(&age_s) {
             position[0] += 40.0 * age_s; // sliding all the time
         }
-        let age_s = scene.controller_s(stamp.ns()) - starts_s[25];
+        let age_s = at_s - starts_s[25];
         if (0.0..1.0).contains(&age_s) {
             position[0] += 9.0; // knocked once
         }
@@ -527,13 +528,8 @@ fn a_bad_arm_a_far_target_lost_beams_and_wrong_reflectors_at_once() {
                 .partition_point(|&start| start - 0.4 <= at_s)
                 .saturating_sub(1)
         };
-        for (stamp, position) in recording
-            .readings
-            .stamps
-            .iter()
-            .zip(&mut recording.readings.positions)
-        {
-            if (station(scene.controller_s(stamp.ns())) + seed) % 7 == 3 {
+        for (at_s, position) in readings(&scene, &mut recording) {
+            if (station(at_s) + seed) % 7 == 3 {
                 position[0] -= 340.0;
             }
         }

@@ -5,10 +5,11 @@ use maud::{Markup, html};
 use super::content::Content;
 use super::words;
 use crate::grid::Verdict;
+use crate::io::common::Corrects as _;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
-use crate::io::tables::error_frame::{self, ErrorFrameName};
+use crate::io::tables::error_frame::ErrorFrameName;
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::verdict::{self, Judge};
 use crate::report::{Accuracy, Model, Split};
@@ -41,9 +42,7 @@ fn frame(content: &Content) -> Markup {
     let Some(row) = content.calibrations.first() else {
         return html! {};
     };
-    let base = (row.error_frame_base, row.error_frame_base_turn);
-    let sd = [row.error_frame_sd_mm, row.error_frame_sd_deg];
-    let stated = error_frame::stated(row.error_frame, base, sd);
+    let stated = row.stated_frame();
     html! {
         p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." }
         @if !stated.is_surveyed {

@@ -162,6 +162,7 @@ pub fn run<'a>(
     let judges = Judges {
         arm,
         models: &models,
+        frames: &frames,
         test: &test,
         own: (&training[last], last),
         error_frame: &error_frame,
@@ -199,7 +200,7 @@ pub fn run<'a>(
     }
     Ok(Outcome {
         best: models.best().0,
-        base: settings.base.unwrap_or(ErrorBase::Fitted),
+        frame: stated::frame(&error_frame, &models.base_target, last, settings),
         training,
         test,
         calibrations: vec![

@@ -4,7 +4,6 @@ use super::damage;
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
-use crate::io::tables::error_frame;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Pairing, Station};
 use crate::report::verdict::{self, Judge, figure_of_model};
@@ -26,7 +25,7 @@ pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let pooled = outcome.training.len() > 1;
     let sessions = outcome.training.iter().chain(&outcome.test);
     let headlines = outcome.accuracy.iter().filter(|a| is_headline(a));
-    let mut words = error_frame::of(outcome).lines();
+    let mut words = outcome.frame.lines();
     words.extend(sessions.flat_map(session_words));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));

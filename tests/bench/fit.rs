@@ -14,11 +14,9 @@ use std::time::Instant;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Query};
-use posegrid::fit::{
-    self, Calibration, FitSettings, Freedom, Noise, Observation, Source, TrackerUncertainty,
-};
+use posegrid::fit::{self, At, Calibration, FitSettings, Freedom, Observation, PoseModel as _};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::join::{JoinSettings, ReadingKind, join};
+use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 
@@ -75,8 +73,9 @@ fn main() {
     let queries: Vec<Query<'_>> = (0..if full_size { 200 } else { 1 })
         .flat_map(|_| stations.iter().map(Query::of))
         .collect();
-    let (_, mean) = timed_ms(|| model.positions(&queries).len());
-    per_second("predictions, mean, all cores", queries.len(), mean);
+    let at: Vec<At<'_>> = queries.into_iter().map(At::Joints).collect();
+    let (_, mean) = timed_ms(|| model.positions(&at).len());
+    per_second("predictions, mean, all cores", at.len(), mean);
     let (rows, mean) = timed_ms(|| predicted(&model, stations));
     let (_, covariance) = timed_ms(|| {
         rows.iter()
@@ -119,21 +118,7 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
             cell.flange_from_target_rpy,
         )),
     };
-    let noise = Noise::of_one(
-        Source {
-            reads: ReadingKind::Point,
-            uncertainty: TrackerUncertainty {
-                range_um: 10.0,
-                range_um_per_m: 0.3,
-                transverse_um: 15.0,
-                transverse_um_per_m: 6.0,
-                divisor: 2.0,
-                orientation_rad: None,
-            },
-        },
-        0.03,
-    );
-    let mut observations = fit::observations(0, &joined.stations, arm, &noise);
+    let mut observations = fit::observations(0, &joined.stations, arm, &common::NOISE);
     let commanded = commanded(&joined.stations, arm, &frames);
     fit::add_commands(&mut observations, &joined.stations, &commanded);
     assert_eq!(observations.len(), count, "no station is lost");

@@ -117,7 +117,7 @@ pub enum CompensateCommandError {
     Verdict {
         /// The table.
         path: PathBuf,
-        /// What it is.
+        /// The kind of table: of nodes, or the identified arm.
         what: &'static str,
         /// Its run.
         run: String,
@@ -136,7 +136,7 @@ pub enum CompensateCommandError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What is needed.
+        /// The file that is needed, in words.
         wanted: &'static str,
         /// Files in it that can be given.
         files: Vec<PathBuf>,

@@ -57,7 +57,7 @@ pub enum Placed {
 pub enum Mounted {
     /// The target was not removed.
     Same,
-    /// The same target was mounted again in the same place.
+    /// The target of the session before, removed and mounted again in its place.
     Again {
         /// Standard deviation of its position per axis, mm.
         sd_mm: f64,

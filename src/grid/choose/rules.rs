@@ -79,13 +79,13 @@ impl<'j> Pool<'j> {
         let of_table = |row: usize| Some(&self.judged[row]);
         let of_cells = |row: usize| self.local(row);
         if let Some((row, words)) = self.near(share, of_table) {
-            return Some(self.picked(row, words));
+            return Some(Picked { row, words });
         }
         if let Some((row, words)) = self.near(share, of_cells) {
             let words = format!(
                 "no table has enough held-out stations for a bound; by cells around each station: {words}"
             );
-            return Some(self.picked(row, words));
+            return Some(Picked { row, words });
         }
         self.by_local_error()
     }
@@ -134,7 +134,8 @@ impl<'j> Pool<'j> {
     fn largest(&self) -> Option<Picked> {
         if let Some(row) = self.largest_that_holds() {
             let words = "the largest step that holds, with all smaller ones";
-            return Some(self.picked(row, format!("{}: {words}", named(&self.judged[row]))));
+            let words = format!("{}: {words}", named(&self.judged[row]));
+            return Some(Picked { row, words });
         }
         let bound = |row: usize| self.judged[row].bound.map(|bound| (row, bound));
         let bounds = self.rows.iter().filter_map(|&row| bound(row));
@@ -149,7 +150,7 @@ impl<'j> Pool<'j> {
                     "no step meets the tolerance; {nearest} comes nearest with a bound of {bound:.3} mm"
                 )
             };
-            return Some(self.picked(row, words));
+            return Some(Picked { row, words });
         }
         self.by_local_error()
     }
@@ -177,7 +178,7 @@ impl<'j> Pool<'j> {
             let words = format!(
                 "no step could be shown to meet the tolerance; {least} has the least error in local cells"
             );
-            return Some(self.picked(row, words));
+            return Some(Picked { row, words });
         }
         let step = |row: &usize| self.judged[*row].step_mm;
         let smallest = self.rows.iter().min_by(|a, b| step(a).total_cmp(&step(b)));
@@ -186,7 +187,7 @@ impl<'j> Pool<'j> {
             "no step could be shown to meet the tolerance; {} is the smallest",
             named(&self.judged[row])
         );
-        Some(self.picked(row, words))
+        Some(Picked { row, words })
     }
 
     /// The local cells of a table's step and interpolation.
@@ -212,14 +213,6 @@ impl<'j> Pool<'j> {
             .total_cmp(&other.step_mm)
             .then_with(|| bound(other).total_cmp(&bound(one)))
             .then_with(|| local(b).total_cmp(&local(a)))
-    }
-
-    fn picked(&self, row: usize, words: String) -> Picked {
-        Picked {
-            row,
-            verdict: self.judged[row].verdict.clone(),
-            words,
-        }
     }
 
     /// Adds the cost of the choice and its coverage.

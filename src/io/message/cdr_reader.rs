@@ -34,7 +34,7 @@ pub struct CdrReader {
 /// One step over the bytes of a message. `slot` is the place of the path among the wanted ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
-    /// As many elements as the definition states.
+    /// Passes over `count` elements, which every message has.
     Skip { of: Primitive, count: u32 },
     /// A count and that many elements.
     SkipSequence(Primitive),

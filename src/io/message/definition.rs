@@ -63,9 +63,9 @@ pub enum FieldType {
 pub enum Shape {
     /// One element.
     One,
-    /// As many elements as the definition states.
+    /// An array of fixed length: that many elements in every message.
     Fixed(u32),
-    /// As many elements as the message states, bounded or not.
+    /// A sequence: each message states its number of elements, bounded or not.
     Sequence,
 }
 

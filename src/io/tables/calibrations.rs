@@ -1,7 +1,7 @@
 //! `calibrations`: each identified model, complete, with its determinacy and the conditions that it is valid for.
 
 use super::PublishContext;
-use super::error_frame::{ErrorFrameName, ErrorFrameOf};
+use super::error_frame::ErrorFrameName;
 use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, placement};
 use crate::fit::full::{FullModel, PartEvidence};
@@ -301,7 +301,7 @@ impl<'a> Identified<'a> {
         let is_turned = frames.is_some_and(|(_, turned)| turned);
         let command_from_base = placement(context.command_from_base.isometry());
         let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
-        let stated_in = ErrorFrameOf::new(outcome);
+        let error_frame_base = placement(&outcome.frame.tracker_from_base);
         let some = |value: f64| (value > 0.0).then_some(value);
         let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
@@ -347,12 +347,18 @@ impl<'a> Identified<'a> {
             command_from_base_turn: command_from_base.1,
             flange_from_tool: flange_from_tool.0,
             flange_from_tool_turn: flange_from_tool.1,
-            error_frame: stated_in.name,
-            error_frame_base: stated_in.base.0,
-            error_frame_base_turn: stated_in.base.1,
-            error_frame_target: stated_in.target,
-            error_frame_sd_mm: stated_in.sd_mm,
-            error_frame_sd_deg: stated_in.sd_deg,
+            error_frame: (&outcome.frame).into(),
+            error_frame_base: error_frame_base.0,
+            error_frame_base_turn: error_frame_base.1,
+            error_frame_target: outcome
+                .error_frame
+                .frames()
+                .flange_from_target
+                .origin()
+                .coords()
+                .into(),
+            error_frame_sd_mm: outcome.frame.sd_mm,
+            error_frame_sd_deg: outcome.frame.sd_deg,
             largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,
@@ -495,7 +501,6 @@ fn is_turned(unknowns: &[Unknown]) -> bool {
 
 fn part_name(name: &'static str) -> &'static str {
     match name {
-        "command_weight" => "command_weight",
         "drift" => "base_drift",
         "session_changes" => "session_change",
         other => other,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::error_frame::{ErrorFrameName, ErrorFrameOf};
+use super::error_frame::ErrorFrameName;
 use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
@@ -183,7 +183,7 @@ fn shared(
     let command_from_base = context.command_from_base.isometry();
     let (origin, turn) = placement(command_from_base);
     let target = outcome.error_frame.frames().flange_from_target.origin();
-    let stated_in = ErrorFrameOf::new(outcome);
+    let error_frame_base = placement(&outcome.frame.tracker_from_base);
     let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
     let text = |text: &Option<String>| text.as_deref().map(Arc::from);
     let configuration = chosen.configuration.as_ref().map(Configuration::to_string);
@@ -225,11 +225,11 @@ fn shared(
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),
         flange_from_target: target.coords().into(),
-        error_frame: stated_in.name,
-        error_frame_base: stated_in.base.0,
-        error_frame_base_turn: stated_in.base.1,
-        error_frame_sd_mm: stated_in.sd_mm,
-        error_frame_sd_deg: stated_in.sd_deg,
+        error_frame: (&outcome.frame).into(),
+        error_frame_base: error_frame_base.0,
+        error_frame_base_turn: error_frame_base.1,
+        error_frame_sd_mm: outcome.frame.sd_mm,
+        error_frame_sd_deg: outcome.frame.sd_deg,
         tool: text(&stated.tool),
         payload_kg: stated.payload_kg,
         mounting: text(&stated.mounting),

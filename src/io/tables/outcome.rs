@@ -3,12 +3,13 @@
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, ErrorBase, ErrorFrame, PoseModel};
+use crate::fit::{Calibration, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::Joined;
 use crate::manifest::RunKey;
 use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
+use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Iso9283;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, ResidualSet};
@@ -83,7 +84,7 @@ pub struct Outcome<'a> {
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
     /// The base that errors are stated in.
-    pub base: ErrorBase,
+    pub frame: StatedFrame,
     /// The error reference frame of the last training session, which table and grids are for.
     pub error_frame: ErrorFrame<'a>,
     /// Residuals by model, split, angles and base.

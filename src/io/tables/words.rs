@@ -34,7 +34,7 @@ pub enum VerdictOf {
 }
 
 impl VerdictOf {
-    /// What it is, in words.
+    /// The table's name for people.
     pub const fn words(self) -> &'static str {
         match self {
             Self::Compensation => Applied::Table.words(),

@@ -11,9 +11,10 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::StageSettings;
-use crate::fit::{ErrorFrame, FramePair, SurveyedBase};
+use crate::fit::{Calibration, ErrorFrame, FramePair, SurveyedBase};
 use crate::geometry::Transform;
 use crate::kinematics::Arm;
+use crate::report::frame::StatedFrame;
 
 /// The error reference frame of a session with the `fitted` frames of base + target.
 pub(super) fn error_frame<'a>(
@@ -47,6 +48,29 @@ fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
         .or_else(|| known.map(|known| Vector3::from(known.xyz_mm)))
         .unwrap_or(fitted.translation.vector);
     Isometry3::from_parts(Translation3::from(place), fitted.rotation)
+}
+
+/// The base frame that the results of a session hold in: `session` is its index in `base_target`, which found a fitted base.
+pub(super) fn frame(
+    error_frame: &ErrorFrame<'_>,
+    base_target: &Calibration,
+    session: usize,
+    settings: &StageSettings,
+) -> StatedFrame {
+    let base = settings.surveyed();
+    let (sd_mm, sd_rad) = base.map_or_else(
+        || {
+            let (sd_mm, sd_rad) = base_target.base_standard_errors(session);
+            (Some(sd_mm), Some(sd_rad))
+        },
+        |base| (base.sd_mm, base.sd_rad),
+    );
+    StatedFrame {
+        is_surveyed: base.is_some(),
+        tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
+        sd_mm,
+        sd_deg: sd_rad.map(f64::to_degrees),
+    }
 }
 
 /// Expanded uncertainty (k = 2) that the survey of the base, and of the lever from target to tool, leave at a point at this

@@ -29,6 +29,8 @@ use crate::report::{
 pub(super) struct Judges<'j> {
     pub(super) arm: &'j Arm,
     pub(super) models: &'j Models,
+    /// The frames of each training session by base + target.
+    pub(super) frames: &'j [FramePair],
     /// Sessions that only judge.
     pub(super) test: &'j [JoinedSession],
     /// The session that the table is for, its index among the training sessions, and its error reference frame.
@@ -176,8 +178,11 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
-        let fitted = self.models.base_target.frames[self.own.1].one().ok()?;
-        let target = fitted.flange_from_target.isometry().translation.vector;
+        let target = self.frames[self.own.1]
+            .flange_from_target
+            .isometry()
+            .translation
+            .vector;
         let own = observations(self.arm, 0, session, self.settings);
         let change_rad = self.settings.full.session_curve_sd_rad;
         let fit = same_arm::unseen(self.arm, &own, &target, &left, change_rad)?;

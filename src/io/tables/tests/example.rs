@@ -13,9 +13,9 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, At, Blocks, Calibration, ErrorBase, ErrorFrame, FitSettings, Frames, Freedom, Gap,
-    Models, Noise, Observation, PoseModel, Prediction, Source, SourceId, ToolErrors,
-    TrackerUncertainty, TrainingSettings,
+    self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
+    Observation, PoseModel, Prediction, Source, SourceId, ToolErrors, TrackerUncertainty,
+    TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
@@ -24,6 +24,7 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
+use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
 use crate::report::verdict::{Judge, ProductVerdict, RunVerdict};
 use crate::report::{
@@ -289,7 +290,12 @@ fn outcome() -> Outcome<'static> {
         best: Model::Full,
         training: vec![session],
         test: Vec::new(),
-        base: ErrorBase::Fitted,
+        frame: StatedFrame {
+            is_surveyed: false,
+            tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
+            sd_mm: Some(0.01),
+            sd_deg: Some(0.001),
+        },
         error_frame,
         grids,
     }
