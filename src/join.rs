@@ -32,6 +32,7 @@ mod scene;
 mod settings;
 pub mod settle;
 pub mod stationary;
+pub mod supposed;
 
 use nalgebra::{Point3, UnitQuaternion};
 

@@ -16,6 +16,7 @@
 //! |---|---|---|
 //! | [`ingest`] | decoded messages of both logs, block by block | samples in mm, rad and ns, in order of time |
 //! | [`join`] | dwells of the arm, commands and readings | stations, the relation of the clocks, rejects |
+//! | [`setup`] | stations, the stated set-up | the mistake of the set-up that explains a disagreement, or nothing |
 //! | [`fit`] | stations | identified parameters and the full error model, with covariances |
 //! | [`similarity`] | errors and residuals | semivariograms |
 //! | [`grid`] | stations and error models | judged steps and the chosen table |
@@ -89,6 +90,8 @@ pub mod method;
 pub mod ingest;
 
 pub mod join;
+
+pub mod setup;
 
 pub mod fit;
 

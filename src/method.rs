@@ -9,6 +9,7 @@
 //! | [`frames`] | In which frame, unit and clock is a number? | [`crate::geometry`], [`crate::units`] |
 //! | [`kinematics`] | Where is the reflector for given joint angles, and how does it move with each parameter? | [`crate::kinematics`] |
 //! | [`join`] | Which readings of the tracker belong to which dwell of the arm? | [`crate::join`] |
+//! | [`set_up`] | Do logs and files describe one cell? | [`crate::setup`] |
 //! | [`identification`] | Which parameters does the session determine, and how well? | [`crate::fit`] |
 //! | [`error_model`] | What is left after the geometry, and how is it predicted? | [`crate::fit::full`] |
 //! | [`similarity`] | Are near errors alike? | [`crate::similarity`] |
@@ -36,6 +37,9 @@ pub mod kinematics {}
 
 #[doc = include_str!("method/join.md")]
 pub mod join {}
+
+#[doc = include_str!("method/set_up.md")]
+pub mod set_up {}
 
 #[doc = include_str!("method/identification.md")]
 pub mod identification {}

@@ -19,6 +19,7 @@ const MAY_USE: &[(&str, &str)] = &[
     // The stages, in the order of the data.
     ("ingest", "units"),
     ("join", "figures geometry ingest kinematics units"),
+    ("setup", "figures geometry join kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),
     ("similarity", ""),
     ("grid", "figures fit join kinematics progress"),
@@ -34,14 +35,14 @@ const MAY_USE: &[(&str, &str)] = &[
     ("manifest", ""),
     (
         "io",
-        "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report similarity units",
+        "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
     ),
     ("page", "fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
         "compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
-         similarity simulate units",
+         setup similarity simulate units",
     ),
     (
         "cli",

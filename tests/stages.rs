@@ -30,6 +30,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     let commanded = commanded(&joined.stations, arm, &frames);
     Some(JoinedSession {
         sampling_plan: None,
+        set_up: None,
         driven_by: None,
         name: name.to_owned(),
         log_rejects: read.rejects,

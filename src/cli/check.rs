@@ -28,7 +28,7 @@ pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
 }
 
 fn described(configuration: &Configuration) -> String {
-    let mut text = arm(&configuration.arm);
+    let mut text = arm(&configuration.arm) + &checkable(&configuration.arm);
     let mut line = |name: &str, value: &str| {
         writeln!(text, "{name:<12} {value}").expect("a string");
     };
@@ -153,6 +153,55 @@ fn arm(arm: &Arm) -> String {
         .expect("a string");
     }
     text
+}
+
+/// The nominal flange at poses that can be gone to at the cell: an arm whose file is right shows the same on its pendant, for a
+/// tool of zero.
+fn checkable(arm: &Arm) -> String {
+    let zero = vec![0.0; arm.joints().len()];
+    let poses = [("at zero", Some(zero.as_slice())), ("at home", arm.home())];
+    let line = |(name, joints): (&str, Option<&[f64]>)| Some(flange(arm, name, joints?));
+    poses.into_iter().filter_map(line).collect()
+}
+
+/// The nominal flange at reported angles, and the joints whose limits they exceed.
+fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
+    let flange = *arm.flange(reported).isometry();
+    let (roll, pitch, yaw) = flange.rotation.euler_angles();
+    let degrees = [roll, pitch, yaw].map(|angle| tidy(angle.to_degrees(), 1e-3));
+    let mm = flange.translation.vector.map(|x| tidy(x, 1e-3));
+    let angles: Vec<String> = reported
+        .iter()
+        .map(|q| format!("{:.0}", tidy(q.to_degrees(), 1.0)))
+        .collect();
+    let beyond = arm.joints().iter().zip(reported);
+    let beyond = beyond.filter(|(joint, q)| !(joint.lower..=joint.upper).contains(q));
+    let beyond: Vec<String> = beyond
+        .map(|(joint, _)| Printable(&joint.name).to_string())
+        .collect();
+    let limits = if beyond.is_empty() {
+        String::new()
+    } else {
+        format!(
+            " (outside the limits of {}: it cannot be gone to)",
+            beyond.join(", ")
+        )
+    };
+    format!(
+        "  flange {name} ({}°): [{:.3}, {:.3}, {:.3}] mm, [{:.3}, {:.3}, {:.3}]° fixed-xyz{limits}\n",
+        angles.join(", "),
+        mm.x,
+        mm.y,
+        mm.z,
+        degrees[0],
+        degrees[1],
+        degrees[2]
+    )
+}
+
+/// `value` to whole steps, zero without a sign.
+fn tidy(value: f64, step: f64) -> f64 {
+    (value / step).round() * step + 0.0
 }
 
 /// What no log states.

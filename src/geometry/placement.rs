@@ -64,6 +64,48 @@ impl Placement {
         ))
     }
 
+    /// The same numbers under the other conventions that they may have been written in, each with its words: another order of
+    /// the angles, angles in radians, a quaternion with its scalar first. Those that make no rotation are left out.
+    pub fn other_conventions(&self) -> Vec<(String, Isometry3<f64>)> {
+        let mut all = Vec::new();
+        let mut add = |words: String, placement: Self| {
+            if let Ok(isometry) = placement.isometry() {
+                all.push((words, isometry));
+            }
+        };
+        if let Some([x, y, z, w]) = self.quaternion_xyzw {
+            let scalar_first = Some([y, z, w, x]);
+            add(
+                "the quaternion as w x y z".to_owned(),
+                Self {
+                    quaternion_xyzw: scalar_first,
+                    ..*self
+                },
+            );
+        }
+        if let (Some(angles), Some(order)) = (self.euler_deg, self.euler_order) {
+            for other in EulerOrder::ALL.into_iter().filter(|&other| other != order) {
+                let words = format!("euler_order = \"{}\"", other.name());
+                add(
+                    words,
+                    Self {
+                        euler_order: Some(other),
+                        ..*self
+                    },
+                );
+            }
+            let degrees = Some(angles.map(f64::to_degrees));
+            add(
+                "the angles in radians".to_owned(),
+                Self {
+                    euler_deg: degrees,
+                    ..*self
+                },
+            );
+        }
+        all
+    }
+
     fn rotation(&self) -> Result<UnitQuaternion<f64>, PlacementError> {
         match (self.quaternion_xyzw, self.euler_deg, self.euler_order) {
             (Some([x, y, z, w]), None, None) => {
@@ -82,6 +124,18 @@ impl Placement {
 }
 
 impl EulerOrder {
+    /// Every order.
+    pub const ALL: [Self; 3] = [Self::FixedXyz, Self::MovingZyx, Self::MovingZyz];
+
+    /// The order as a pipeline file names it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::FixedXyz => "fixed-xyz",
+            Self::MovingZyx => "moving-zyx",
+            Self::MovingZyz => "moving-zyz",
+        }
+    }
+
     fn rotation(self, [a, b, c]: [f64; 3]) -> UnitQuaternion<f64> {
         let about = |axis: nalgebra::Unit<Vector3<f64>>, angle| {
             UnitQuaternion::from_axis_angle(&axis, angle)

@@ -5,6 +5,7 @@
 //! 3. Sum up each channel block by block, in the order of the file; no message is kept.
 
 mod clock;
+mod sizes;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,12 +14,13 @@ use std::sync::Arc;
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
     Channel, Extent, FileError, Glance, Limits, MessageRecord, ReadSummary, Schema, Suggestible,
-    Suggestion, Visitor, ns, scan,
+    Suggestion, Visitor, json_fields, ns, scan,
 };
 use crate::io::message::{FieldReader, Row, Value};
 use crate::progress::Progress;
 
 pub use clock::{ClockSummary, Differences};
+pub use sizes::Sizes;
 
 /// Most joint names of a message that are kept, and most letters of each: as many as an arm can have.
 const MOST_JOINTS: usize = 64;
@@ -49,6 +51,8 @@ pub struct ChannelSummary {
     pub schema: Option<Arc<Schema>>,
     /// A suggestion of how to read it; `None` where nothing fits.
     pub suggestion: Option<Suggestion>,
+    /// The fields of its first message with their values, where it is JSON without a schema and nothing is suggested.
+    pub fields: Vec<String>,
     /// Summary of its messages.
     pub traffic: Box<Traffic>,
 }
@@ -76,6 +80,8 @@ pub struct Traffic {
     pub sequence_jumps: u64,
     /// Number of messages that do not fit their schema.
     pub unreadable: u64,
+    /// The size of its angles or positions.
+    pub sizes: Sizes,
     /// Joint names of the first message; empty unless they are joint states.
     pub joints: Vec<String>,
     /// The first and the last sequence number, in the order of the file.
@@ -93,6 +99,11 @@ impl ChannelSummary {
     /// The language of the schema, empty without one.
     pub fn schema_encoding(&self) -> &str {
         self.schema.as_ref().map_or("", |schema| &schema.encoding)
+    }
+
+    /// The unit of its angles or positions, guessed from their size; `None` where they were not read.
+    pub fn unit(&self) -> Option<&'static str> {
+        self.traffic.sizes.unit(self.suggestion.as_ref()?.layout)
     }
 
     /// The time source that suits the channel best.
@@ -131,6 +142,9 @@ impl Traffic {
             Header::Unreadable => self.unreadable += 1,
             Header::None => {}
         }
+        if let Some(reader) = &kind.glance.values {
+            self.sizes.add(self.messages, reader, message.payload, row);
+        }
         if self.messages == 0 {
             let names = kind.glance.joint_names.as_ref();
             self.joints =
@@ -159,6 +173,7 @@ impl Traffic {
         self.last_sequence = self.last_sequence.max(later.last_sequence);
         self.sequence_jumps += later.sequence_jumps;
         self.unreadable += later.unreadable;
+        self.sizes.append(later.sizes);
     }
 
     fn count_sequence(&mut self, first: u32, last: u32) {
@@ -245,6 +260,7 @@ struct Surveyed {
     encoding: String,
     kind: Arc<Kind>,
     suggestion: Option<Suggestion>,
+    fields: Vec<String>,
     /// `None` as long as it has no messages.
     traffic: Option<Box<Traffic>>,
 }
@@ -256,6 +272,7 @@ impl From<Surveyed> for ChannelSummary {
             encoding: channel.encoding,
             schema: channel.kind.schema.clone(),
             suggestion: channel.suggestion,
+            fields: channel.fields,
             traffic: channel.traffic.unwrap_or_default(),
         }
     }
@@ -316,6 +333,7 @@ impl Visitor for Survey {
             encoding: channel.encoding.clone(),
             kind: Arc::clone(&kind),
             suggestion,
+            fields: Vec::new(),
             traffic: None,
         });
         Ok(Take { place, kind })
@@ -343,7 +361,17 @@ impl Visitor for Survey {
             if let Some(sample) = later.sample.take().filter(|_| before.is_none()) {
                 let kind = Arc::clone(&self.channels[place].kind);
                 let suggestion = kind.suggestible.suggestion(Some(&sample));
-                self.channels[place].suggestion = self.suggested(suggestion);
+                let suggestion = self.suggested(suggestion);
+                if suggestion.is_none() && kind.schema.is_none() {
+                    let fields = json_fields(&sample);
+                    let bytes = fields.iter().map(String::len).sum();
+                    self.channels[place].fields = if self.has_room(bytes) {
+                        fields
+                    } else {
+                        Vec::new()
+                    };
+                }
+                self.channels[place].suggestion = suggestion;
             }
             let known = before
                 .as_ref()

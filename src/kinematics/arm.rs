@@ -29,6 +29,9 @@ pub struct RobotFile {
     pub convention: Convention,
     /// The joints from base to flange.
     pub joint: Vec<JointFile>,
+    /// A pose that can be checked at the cell, reported angles in degrees: `posegrid check` prints the nominal flange there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home_deg: Option<Vec<f64>>,
     /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_map: Option<Vec<Vec<f64>>>,
@@ -78,6 +81,7 @@ pub struct Joint {
 pub struct Arm {
     model: String,
     joints: Vec<Joint>,
+    home: Option<Box<[f64]>>,
     map: Option<DMatrix<f64>>,
     chain: Chain,
     parallel: Vec<usize>,
@@ -128,6 +132,14 @@ pub enum ArmError {
         /// The joint's name.
         joint: String,
     },
+    /// A home pose that is not one of this arm.
+    #[error("home_deg = {found:?}; give one finite angle for each of the {joints} joints")]
+    Home {
+        /// The angles found, degrees.
+        found: Vec<f64>,
+        /// Number of joints in the file.
+        joints: usize,
+    },
     /// A joint map of the wrong shape, or one that cannot be inverted.
     #[error("joint_map has to be an invertible matrix of {joints} rows of {joints} numbers")]
     JointMap {
@@ -166,6 +178,7 @@ impl RobotFile {
         Ok(Arm {
             model: self.model.clone(),
             joints: self.joint.iter().map(JointFile::joint).collect(),
+            home: self.home()?,
             map: self.map()?,
             chain: Chain::new(elements),
             parallel,
@@ -180,6 +193,20 @@ impl RobotFile {
         (1..=last)
             .filter(|&number| is_parallel(&self.joint[number - 1]))
             .collect()
+    }
+
+    /// The home pose, rad; an error unless it has a finite angle for each joint.
+    fn home(&self) -> Result<Option<Box<[f64]>>, ArmError> {
+        let Some(home) = &self.home_deg else {
+            return Ok(None);
+        };
+        if home.len() != self.joint.len() || home.iter().any(|angle| !angle.is_finite()) {
+            return Err(ArmError::Home {
+                found: home.clone(),
+                joints: self.joint.len(),
+            });
+        }
+        Ok(Some(home.iter().map(|angle| angle.to_radians()).collect()))
     }
 
     fn map(&self) -> Result<Option<DMatrix<f64>>, ArmError> {
@@ -309,11 +336,25 @@ impl Arm {
         let parallel = chain.parameters().into_iter().filter_map(with_beta);
         Ok(Self {
             model,
+            home: None,
             map: joint_map(map, joints.len())?,
             joints,
             parallel: parallel.collect(),
             chain,
         })
+    }
+
+    /// This arm with another chain on the same joints.
+    ///
+    /// The chain must read as many joint variables as there are joints.
+    #[must_use]
+    pub fn with_chain(&self, chain: Chain) -> Self {
+        let parallel = chain.parameters().into_iter().filter_map(with_beta);
+        Self {
+            parallel: parallel.collect(),
+            chain,
+            ..self.clone()
+        }
     }
 
     /// The model's name.
@@ -324,6 +365,11 @@ impl Arm {
     /// The joints from base to flange.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+
+    /// Reported angles of the pose that the robot file names as home, rad; `None` where it names none.
+    pub fn home(&self) -> Option<&[f64]> {
+        self.home.as_deref()
     }
 
     /// The chain from base to flange, on axis variables (see [`Self::axes`]).

@@ -12,6 +12,7 @@ mod error;
 pub mod files;
 mod logs;
 mod sessions;
+mod stated;
 mod tree;
 
 use std::path::{Component, Path, PathBuf};
@@ -36,6 +37,7 @@ use crate::report::evaluate::RefitSettings;
 pub use error::ConfigurationError;
 pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
+pub use stated::StatedSetUp;
 pub use tree::Tree;
 
 /// A checked pipeline: the work, its files and its settings.
@@ -63,6 +65,8 @@ pub struct Configuration {
     pub join: JoinSettings,
     /// The frames of commands, where the logs have them.
     pub command_frames: Option<CommandFrames>,
+    /// The set-up as stated, to be held against the logs.
+    pub set_up: StatedSetUp,
     /// The stages after the join.
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
@@ -76,7 +80,7 @@ pub struct Configuration {
     /// Folders and files among the sessions that are no session.
     pub left_out: Vec<LeftOut>,
     /// Remarks on allowed settings that a person should know.
-    pub remarks: Vec<&'static str>,
+    pub remarks: Vec<String>,
     /// Place of the published tables.
     pub lake: Place,
     /// Whether decoded samples are published.
@@ -127,6 +131,7 @@ impl Configuration {
             remarks: remarks(&file),
             command_frames: placed.command_frames,
             stages: stages(&file, &placed),
+            set_up: StatedSetUp::new(&file, &placed, &arm),
             arm,
             valid_for: file.robot.valid_for,
             limits: file.limits,
@@ -264,7 +269,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
     }
 }
 
-fn remarks(file: &PipelineFile) -> Vec<&'static str> {
+fn remarks(file: &PipelineFile) -> Vec<String> {
     let one_point = file
         .commanded
         .as_ref()
@@ -303,7 +308,30 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
         ),
     ];
     let held = remarks.into_iter().filter(|(holds, _)| *holds);
-    held.map(|(_, remark)| remark).collect()
+    held.map(|(_, remark)| remark.to_owned())
+        .chain(two_places(file))
+        .collect()
+}
+
+/// Places further apart than this are not one point, mm.
+const ONE_POINT_MM: f64 = 1.0;
+
+/// A remark where the file gives one point two places; `None` where it does not.
+fn two_places(file: &PipelineFile) -> Option<String> {
+    let commanded = file
+        .commanded
+        .as_ref()
+        .filter(|section| section.target_is_tool)?;
+    let tool = Vector3::from(commanded.flange_from_tool?.xyz_mm);
+    let target = file.fit.geometric.target?;
+    let apart_mm = (tool - Vector3::from(target.xyz_mm)).norm();
+    let reach_mm = ONE_POINT_MM.max(3.0 * target.sd_mm);
+    (apart_mm > reach_mm).then(|| {
+        format!(
+            "[commanded] flange_from_tool and [fit] target are {apart_mm:.1} mm apart, but target_is_tool states that they are one point: \
+             mend one of the three"
+        )
+    })
 }
 
 /// Directions and placements of a pipeline file as transforms.

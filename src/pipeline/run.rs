@@ -21,7 +21,7 @@ use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
-use crate::io::tables::outcome::Outcome;
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
@@ -136,7 +136,16 @@ fn run_local(
         &lake,
     )?;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
-    let said = said(configuration, &outcome, &remarks, driven.state)?;
+    let rejected = rejected(configuration, &outcome)?;
+    let set_up = set_up_warnings(&outcome);
+    let said = Statements {
+        warnings: rejected.iter().chain(&set_up).cloned().collect(),
+        notes: notes(&outcome)
+            .into_iter()
+            .chain(remarks.iter().cloned())
+            .collect(),
+        table_state: driven.state,
+    };
     let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -145,9 +154,10 @@ fn run_local(
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
         verdict_of: Some(outcome.verdict.applied().into()),
-        rejected: said.warnings,
-        words: words(&outcome, configuration.stages.tolerance.mm)
+        rejected,
+        words: set_up
             .into_iter()
+            .chain(words(&outcome, configuration.stages.tolerance.mm))
             .chain(remarks)
             .collect(),
         tables: configuration.lake.clone(),
@@ -155,22 +165,26 @@ fn run_local(
     })
 }
 
-/// The statements of the page that no table has.
-fn said(
+/// Topics of which more was rejected than the pipeline file allows, in words.
+fn rejected(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
-    remarks: &[String],
-    table_state: Option<String>,
-) -> Result<Statements, PublishError> {
+) -> Result<Vec<String>, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
-    Ok(Statements {
-        warnings: damage::rejected_beyond(&counts, configuration.max_rejected_share),
-        notes: notes(outcome)
-            .into_iter()
-            .chain(remarks.iter().cloned())
-            .collect(),
-        table_state,
-    })
+    Ok(damage::rejected_beyond(
+        &counts,
+        configuration.max_rejected_share,
+    ))
+}
+
+/// Small disagreements of the sessions with the stated set-up, in words.
+fn set_up_warnings(outcome: &Outcome<'_>) -> Vec<String> {
+    let sessions = outcome.training.iter().chain(&outcome.test);
+    let warning = |session: &JoinedSession| {
+        let finding = session.set_up.as_ref()?;
+        Some(format!("{}: check the set-up: {finding}", session.name))
+    };
+    sessions.filter_map(warning).collect()
 }
 
 /// Place of the page of a run; `None` where it has none.

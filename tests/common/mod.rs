@@ -92,6 +92,7 @@ pub fn joined(
         counts: read.counts,
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
+        set_up: None,
         driven_by: None,
         joined,
     }

@@ -138,6 +138,13 @@ fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
         return text.trim_end().to_owned();
     }
     of_traffic(traffic, &mut line);
+    if let Some(unit) = channel.unit() {
+        let largest = traffic.sizes.largest;
+        line(format!("values up to {largest:.4}: {unit}, by their size"));
+    }
+    for field in &channel.fields {
+        line(format!("field {}", escaped(field)));
+    }
     text.trim_end().to_owned()
 }
 

@@ -86,7 +86,7 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
         return None;
     }
     let mut text = String::from(
-        "# A pipeline file would read this with (units are guessed from ROS convention: check them; fill in what follows #):\n\n",
+        "# A pipeline file would read this with (units are guessed: check them; fill in what follows #):\n\n",
     );
     text += &input(found);
     let mut missing = Vec::new();
@@ -123,9 +123,16 @@ fn most<'f>(
 }
 
 fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) -> String {
-    let (unit, choices) = section.unit();
+    let (usual, choices) = section.unit();
+    let (unit, guessed) = match channel.unit() {
+        Some(unit) => (
+            unit,
+            format!("by values up to {:.4}", channel.traffic.sizes.largest),
+        ),
+        None => (usual, "by ROS convention".to_owned()),
+    };
     let mut text = format!(
-        "[{}]\ntopic = {}\ntime = \"{}\"\nunit = \"{unit}\"  # {choices}\n",
+        "[{}]\ntopic = {}\ntime = \"{}\"\nunit = \"{unit}\"  # {choices}: guessed {guessed}\n",
         section.name(),
         toml_text(&channel.topic),
         channel.best_time()

@@ -23,7 +23,7 @@ pub use layout::{Glance, Layout};
 use layout::{Recipe, suitable_types};
 pub use reader::Part;
 use reader::{Decoder, Reader, RowFault};
-pub use suggest::{Suggestible, Suggestion, suggest};
+pub use suggest::{Suggestible, Suggestion, json_fields, suggest};
 
 /// A stream of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

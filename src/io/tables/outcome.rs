@@ -13,6 +13,7 @@ use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Iso9283;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, ResidualSet};
+use crate::setup::Finding;
 use crate::similarity::Semivariogram;
 
 /// One session of a piece of work, read and joined.
@@ -32,6 +33,8 @@ pub struct JoinedSession {
     pub driven_by: Option<DrivenBy>,
     /// The id of the sampling plan it was measured by; `None` where its logs name none.
     pub sampling_plan: Option<String>,
+    /// A small disagreement of its logs with the stated set-up; `None` where they agree.
+    pub set_up: Option<Finding>,
 }
 
 /// The corrected targets that drove a session, and the target of each station.

@@ -13,6 +13,7 @@ use crate::pipeline::configuration::SessionFiles;
 use crate::pipeline::damage::DamageError;
 use crate::pipeline::fetch::FetchError;
 use crate::pipeline::stages::StageError;
+use crate::setup::Finding;
 
 /// The reason why a piece of work has no result.
 #[derive(Debug, Error)]
@@ -67,6 +68,25 @@ pub enum RunError {
         session: String,
         /// Why.
         source: Box<JoinError>,
+    },
+    /// The logs cannot be joined under any usual mistake of the set-up.
+    #[error(
+        "session {session}: join: {source} No usual mistake of the set-up makes them agree (units, order, signs and zeros of joints, signs \
+         of links, the ready robot files): they are probably logs of two sessions, or of another arm"
+    )]
+    Unexplained {
+        /// The session.
+        session: String,
+        /// Why they cannot be joined as stated.
+        source: Box<JoinError>,
+    },
+    /// What the logs state and what the pipeline file states are two cells.
+    #[error("session {session}: the logs contradict the stated set-up: {finding}")]
+    SetUp {
+        /// The session.
+        session: String,
+        /// The disagreement and what explains it.
+        finding: Box<Finding>,
     },
     /// A stage after the join has no result.
     #[error(transparent)]

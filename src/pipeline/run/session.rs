@@ -8,10 +8,12 @@ use crate::io::lake::OpenRun;
 use crate::io::log::{JointSink, SessionRead, read_session};
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::join;
+use crate::join::supposed::Supposed;
+use crate::join::{JoinError, Joined, join};
 use crate::pipeline::configuration::{Configuration, SessionFiles};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
+use crate::setup::{self, Evidence, Finding};
 
 /// Reads a session, and writes its decoded samples at the same time, where they are to be published.
 pub(super) fn read_for(
@@ -60,11 +62,9 @@ pub(in crate::pipeline) fn joined(
     files: &SessionFiles,
     read: SessionRead,
 ) -> Result<JoinedSession, RunError> {
-    let wrong = |source| RunError::Join {
-        session: files.name.clone(),
-        source: Box::new(source),
-    };
-    let joined = join(&read.input, &configuration.arm, &configuration.join).map_err(wrong)?;
+    let joined = join(&read.input, &configuration.arm, &configuration.join)
+        .map_err(|source| unjoined(configuration, files, &read, source))?;
+    let set_up = set_up(configuration, files, &read, &joined)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,
@@ -82,5 +82,71 @@ pub(in crate::pipeline) fn joined(
         counts: read.counts,
         joined,
         commanded,
+        set_up,
     })
+}
+
+/// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small.
+fn set_up(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    read: &SessionRead,
+    joined: &Joined,
+) -> Result<Option<Finding>, RunError> {
+    let stated = &configuration.set_up;
+    let gate_mm = configuration.join.geometry_gate_mm;
+    let evidence = Evidence::of_stations(&joined.stations);
+    let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
+    match found {
+        Some(finding) if finding.is_grave => {
+            // Where nothing explains all of it, the logs may be joined at a wrong offset.
+            let anew = if finding.explains_all {
+                None
+            } else {
+                explained_anew(configuration, read)
+            };
+            Err(RunError::SetUp {
+                session: files.name.clone(),
+                finding: Box::new(anew.unwrap_or(finding)),
+            })
+        }
+        found => Ok(found),
+    }
+}
+
+/// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
+fn unjoined(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    read: &SessionRead,
+    source: JoinError,
+) -> RunError {
+    let session = files.name.clone();
+    let is_searched = matches!(
+        source,
+        JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. }
+    );
+    let source = Box::new(source);
+    if !is_searched {
+        return RunError::Join { session, source };
+    }
+    match explained_anew(configuration, read) {
+        Some(finding) => RunError::SetUp {
+            session,
+            finding: Box::new(finding),
+        },
+        None => RunError::Unexplained { session, source },
+    }
+}
+
+/// The mistake under whose correction the logs can be joined; `None` where there is none.
+fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
+    let supposed = Supposed::of(&read.input, &configuration.arm, &configuration.join).ok()?;
+    let stated = &configuration.set_up;
+    setup::explain(
+        &stated.set_up,
+        &supposed,
+        &stated.alternatives,
+        configuration.join.geometry_gate_mm,
+    )
 }

@@ -216,6 +216,8 @@ pub struct Glance {
     pub stamp: Option<FieldReader>,
     /// The array of joint names, of the common types.
     pub joint_names: Option<FieldReader>,
+    /// The array of joint angles or the three coordinates, of the common types.
+    pub values: Option<FieldReader>,
 }
 
 impl Glance {
@@ -236,7 +238,22 @@ impl Glance {
                 .reader(&[FieldPath::parse(joints.fields[0]).ok()?])
                 .ok()
         };
+        let values = |schema: &MessageSchema| {
+            let common = common?;
+            let fields = match common.layout {
+                Layout::Joints => common.fields.get(1..2)?,
+                Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
+                    common.fields.get(..3)?
+                }
+                Layout::Temperature => return None,
+            };
+            let paths = fields.iter().map(|field| FieldPath::parse(field));
+            schema
+                .reader(&paths.collect::<Result<Vec<_>, _>>().ok()?)
+                .ok()
+        };
         Self {
+            values: schema.as_ref().and_then(values),
             stamp: schema.as_ref().and_then(stamp),
             joint_names: schema.as_ref().and_then(names),
         }

@@ -83,6 +83,40 @@ impl Suggestible {
     }
 }
 
+/// The most fields of a message that are shown.
+const MOST_FIELDS: usize = 40;
+/// The most letters of a value that are shown.
+const LONGEST_VALUE: usize = 40;
+
+/// The fields of a JSON message, each as `path = value`.
+pub fn json_fields(message: &[u8]) -> Vec<String> {
+    let leaves = offered(JsonSchema::of_message(message).leaves);
+    let leaves = Leaves(&leaves);
+    let schema = MessageSchema::Json(JsonSchema::default());
+    let field = |path: &str| {
+        let reader = schema.reader(&[FieldPath::parse(path).ok()?]).ok()?;
+        let mut row = Row::default();
+        reader.read(message, &mut row).ok()?;
+        Some(format!("{path} = {}", brief(row.value(message, 0))))
+    };
+    leaves.sound().take(MOST_FIELDS).filter_map(field).collect()
+}
+
+/// A value as text, shortened.
+fn brief(value: Value<'_>) -> String {
+    let text = match (value, value.number(), value.numbers()) {
+        (Value::Text(text), ..) => format!("{:?}", text.to_text()),
+        (_, Some(number), _) => number.to_string(),
+        (_, _, Some(numbers)) => {
+            let first = (0..numbers.len().min(3)).filter_map(|index| numbers.get(index));
+            let numbers = first.map(|number| number.to_string());
+            format!("[{}, …]", numbers.collect::<Vec<_>>().join(", "))
+        }
+        _ => "…".to_owned(),
+    };
+    text.chars().take(LONGEST_VALUE).collect()
+}
+
 /// Paths short enough to be offered.
 fn offered(mut leaves: Vec<String>) -> Vec<String> {
     leaves.retain(|leaf| leaf.len() <= LONGEST_PATH);

@@ -115,6 +115,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
     JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
+        set_up: None,
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(

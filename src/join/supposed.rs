@@ -1,0 +1,101 @@
+//! The dwells of two logs under another arm than the stated one: which of them belong together, if that arm were right.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::decide::decide;
+use super::dwell::{ArmDwell, TargetDwell, median};
+use super::observe::{self, Observation};
+use super::pattern::Dwells;
+use super::readings::Readings;
+use super::{JoinError, JoinInput, JoinSettings};
+use crate::kinematics::Arm;
+
+/// The most dwells of the arm that are matched, from the middle of its log: enough for a pattern, few enough to try many arms.
+const MOST: usize = 300;
+
+/// Pairs agree when the arm explains their positions but for this share of their spread.
+const AGREEING: f64 = 0.2;
+
+/// Median distance of positions from their barycentre, mm.
+fn usual_distance_mm(positions: &[Vector3<f64>]) -> f64 {
+    let middle = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
+    let mut distances: Vec<f64> = positions.iter().map(|p| (p - middle).norm()).collect();
+    median(&mut distances)
+}
+
+/// The dwells of both logs.
+#[derive(Debug, Clone)]
+pub struct Supposed {
+    seen: Observation,
+}
+
+/// A dwell of the arm and the reading that would belong to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matched {
+    /// Reported joint angles as read, rad.
+    pub joints: Vec<f64>,
+    /// Measured position as read, mm.
+    pub measured: Vector3<f64>,
+}
+
+impl Supposed {
+    /// The dwells of `input`; an error where the logs have too few.
+    pub fn of(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Self, JoinError> {
+        let readings = Readings::find(&*input.readings, settings)?;
+        let mut seen = observe::observe(&readings, &input.joints, arm, settings)?;
+        let beyond = seen.arm.len().saturating_sub(MOST);
+        seen.arm.drain(..beyond / 2);
+        seen.arm.truncate(MOST);
+        Ok(Self { seen })
+    }
+
+    /// The pairs that agree if the flange (base frame, mm) at reported angles is `flange` and positions are to be multiplied by
+    /// `scale`; `None` where no clock offset makes the logs agree within `gate_mm`.
+    pub fn under(
+        &self,
+        flange: impl Fn(&[f64]) -> Isometry3<f64>,
+        scale: f64,
+        gate_mm: f64,
+    ) -> Option<Vec<Matched>> {
+        let arm: Vec<ArmDwell> = self
+            .seen
+            .arm
+            .iter()
+            .map(|dwell| ArmDwell {
+                flange: flange(&dwell.joints),
+                ..dwell.clone()
+            })
+            .collect();
+        let target: Vec<TargetDwell> = self
+            .seen
+            .target
+            .iter()
+            .map(|dwell| TargetDwell {
+                position: dwell.position * scale,
+                ..dwell.clone()
+            })
+            .collect();
+        let decision = decide(
+            Dwells {
+                arm: &arm,
+                target: &target,
+            },
+            gate_mm,
+        )
+        .ok()?;
+        // Points that hardly move agree with anything.
+        let positions: Vec<Vector3<f64>> = decision
+            .support
+            .iter()
+            .map(|pair| target[pair.target].position)
+            .collect();
+        if decision.median_mm > AGREEING * usual_distance_mm(&positions) {
+            return None;
+        }
+        let matched = decision.support.iter().map(|pair| Matched {
+            joints: self.seen.arm[pair.arm].joints.clone(),
+            measured: self.seen.target[pair.target].position,
+        });
+        Some(matched.collect())
+    }
+}

@@ -1,0 +1,129 @@
+//! The set-up as pipeline file and robot file state it, for the check against the logs.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::Placed;
+use crate::fit::ErrorBase;
+use crate::geometry::Placement;
+use crate::kinematics::{Arm, RobotFile};
+use crate::pipeline::file::{PipelineFile, TrackerFromBase};
+use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp};
+
+/// The ready robot files, by their names in `pipelines/robots`.
+const READY: [(&str, &str); 6] = [
+    (
+        "irb120.toml",
+        include_str!("../../../pipelines/robots/irb120.toml"),
+    ),
+    (
+        "kr210-r2700-extra.toml",
+        include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
+    ),
+    (
+        "ur10.toml",
+        include_str!("../../../pipelines/robots/ur10.toml"),
+    ),
+    (
+        "ur10e.toml",
+        include_str!("../../../pipelines/robots/ur10e.toml"),
+    ),
+    (
+        "ur5.toml",
+        include_str!("../../../pipelines/robots/ur5.toml"),
+    ),
+    (
+        "ur5e.toml",
+        include_str!("../../../pipelines/robots/ur5e.toml"),
+    ),
+];
+
+/// The stated set-up, and what it may have been taken for.
+#[derive(Debug, Clone)]
+pub struct StatedSetUp {
+    /// The set-up.
+    pub set_up: SetUp,
+    /// Other robot files, and the frames' numbers under other conventions.
+    pub alternatives: Alternatives,
+}
+
+impl StatedSetUp {
+    pub(super) fn new(file: &PipelineFile, placed: &Placed, arm: &Arm) -> Self {
+        let frames = placed.command_frames.as_ref();
+        let surveyed = match placed.base {
+            Some(ErrorBase::Surveyed(base)) => Some(base.tracker_from_base),
+            Some(ErrorBase::Fitted) | None => None,
+        };
+        Self {
+            set_up: SetUp {
+                base_from_command: frames
+                    .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
+                flange_from_tool: placed.flange_from_tool,
+                target: file
+                    .fit
+                    .geometric
+                    .target
+                    .map(|target| Vector3::from(target.xyz_mm)),
+                target_is_tool: placed.target_is_tool == Some(true),
+                tracker_from_base: surveyed,
+                ..SetUp::of_arm(arm.clone())
+            },
+            alternatives: Alternatives {
+                arms: ready_arms(),
+                readings: other_conventions(file),
+            },
+        }
+    }
+}
+
+/// The ready arms; a test reads every file.
+fn ready_arms() -> Vec<KnownArm> {
+    let arm = |(file, text): (&str, &str)| {
+        let arm = toml::from_str::<RobotFile>(text).ok()?.arm().ok()?;
+        Some(KnownArm {
+            file: file.to_owned(),
+            arm,
+        })
+    };
+    READY.into_iter().filter_map(arm).collect()
+}
+
+/// The stated placements under other conventions.
+fn other_conventions(file: &PipelineFile) -> Vec<OtherReading> {
+    let commanded = file.commanded.as_ref();
+    let survey = match &file.tracker.tracker_from_base {
+        Some(TrackerFromBase::Surveyed(survey)) => Some(survey.placement()),
+        Some(TrackerFromBase::Fitted) | None => None,
+    };
+    let stated: [(FrameKey, Option<Placement>); 3] = [
+        (
+            FrameKey::Commands,
+            commanded.map(|section| section.base_from_command),
+        ),
+        (
+            FrameKey::Tool,
+            commanded.and_then(|section| section.flange_from_tool),
+        ),
+        (FrameKey::Survey, survey),
+    ];
+    let mut all = Vec::new();
+    for (frame, placement) in stated {
+        let others = placement.map_or_else(Vec::new, |placement| placement.other_conventions());
+        let others = others.into_iter();
+        all.extend(others.map(|(convention, placed)| OtherReading {
+            frame,
+            convention,
+            placed,
+        }));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_ready_robot_file_is_an_arm() {
+        assert_eq!(ready_arms().len(), READY.len());
+    }
+}

@@ -1,0 +1,83 @@
+//! The set-up of a cell as a pipeline file and its robot file state it.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
+
+use super::evidence::Evidence;
+use crate::kinematics::Arm;
+
+/// The set-up: the arm, how its angles are reported, the units and the frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetUp {
+    /// The nominal arm.
+    pub arm: Arm,
+    /// Joint angles from reported ones, a square matrix; the identity as stated.
+    pub joints_from_reported: DMatrix<f64>,
+    /// Factor on measured positions; 1 as stated.
+    pub reading_scale: f64,
+    /// Factor on commanded positions; 1 as stated.
+    pub command_scale: f64,
+    /// The frame of commands in the base frame, mm.
+    pub base_from_command: Isometry3<f64>,
+    /// The controller's tool at the flange, mm; `None` where it is not stated.
+    pub flange_from_tool: Option<Isometry3<f64>>,
+    /// The measured target at the flange, mm; `None` where it is not stated.
+    pub target: Option<Vector3<f64>>,
+    /// Whether the commanded point is the measured target.
+    pub target_is_tool: bool,
+    /// The surveyed base in the tracker's frame, mm; `None` where it is fitted.
+    pub tracker_from_base: Option<Isometry3<f64>>,
+}
+
+impl SetUp {
+    /// A set-up of `arm` alone: units as stated, commands in the base frame, nothing else known.
+    pub fn of_arm(arm: Arm) -> Self {
+        let joints = arm.joints().len();
+        Self {
+            arm,
+            joints_from_reported: DMatrix::identity(joints, joints),
+            reading_scale: 1.0,
+            command_scale: 1.0,
+            base_from_command: Isometry3::identity(),
+            flange_from_tool: None,
+            target: None,
+            target_is_tool: false,
+            tracker_from_base: None,
+        }
+    }
+
+    /// The nominal flange at reported angles, in the base frame, mm.
+    pub(super) fn flange(&self, reported: &[f64]) -> Isometry3<f64> {
+        let joints = &self.joints_from_reported * DVector::from_column_slice(reported);
+        *self.arm.flange(joints.as_slice()).isometry()
+    }
+
+    /// The nominal flange at each station, in the base frame, mm.
+    pub(super) fn flanges(&self, evidence: &Evidence) -> Vec<Isometry3<f64>> {
+        let stations = evidence.stations.iter();
+        stations
+            .map(|station| self.flange(&station.reported))
+            .collect()
+    }
+
+    /// This set-up with `offsets` (in the order of the chain's parameters, mm and rad) on the nominal arm.
+    pub(super) fn with_offsets(&self, offsets: &[f64]) -> Self {
+        let arm = self.arm.with_chain(self.arm.chain().with_offsets(offsets));
+        Self {
+            arm,
+            ..self.clone()
+        }
+    }
+
+    /// The target as the file states it: by its own key, otherwise as the tool's origin where the two are one point.
+    pub(super) fn stated_target(&self) -> Option<Vector3<f64>> {
+        let tool = self.flange_from_tool.filter(|_| self.target_is_tool);
+        self.target
+            .or_else(|| tool.map(|tool| tool.translation.vector))
+    }
+
+    /// The stated tool's origin and the stated target, where both are stated and meant to be one point.
+    pub(super) fn one_point(&self) -> Option<[Vector3<f64>; 2]> {
+        let tool = self.flange_from_tool.filter(|_| self.target_is_tool)?;
+        Some([tool.translation.vector, self.target?])
+    }
+}

@@ -1,0 +1,100 @@
+//! Disagreements of some size: a frame or one link off by an amount that the logs tell.
+
+mod link;
+
+use nalgebra::{Isometry3, Point3, Translation3};
+
+use super::agreement::{Seen, in_flange, robust_align};
+use super::evidence::{Evidence, point};
+use super::hypotheses::{FrameKey, Hypothesis, Sort, tidy};
+use super::set_up::SetUp;
+
+/// Every frame and every link quantity in turn, moved to where the logs agree best.
+pub(super) fn shifts(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
+    let seen = Seen::of(stated, evidence);
+    let mut frames = vec![
+        (FrameKey::Tool, tool(stated, evidence, &seen)),
+        (FrameKey::Target, target(stated, &seen)),
+        (FrameKey::Survey, survey(stated, &seen)),
+        (FrameKey::Commands, commands(stated, evidence, &seen)),
+    ];
+    // Where the two are one point, either may be meant to be where the other is.
+    if let (Some([_, target]), Some(tool)) = (stated.one_point(), stated.flange_from_tool) {
+        let meant = Isometry3::from_parts(Translation3::from(target), tool.rotation);
+        frames.push((FrameKey::Tool, Some(meant)));
+        frames.push((FrameKey::Target, Some(tool)));
+    }
+    let mut all: Vec<Hypothesis> = Vec::new();
+    for (frame, moved) in frames {
+        let shifted = moved.and_then(|moved| shifted(stated, frame, &moved));
+        all.extend(shifted.filter(|shifted| all.iter().all(|known| known.edit != shifted.edit)));
+    }
+    all.extend(link::links(stated, evidence));
+    all
+}
+
+fn shifted(stated: &SetUp, frame: FrameKey, moved: &Isometry3<f64>) -> Option<Hypothesis> {
+    let was = frame.of(stated)?;
+    let step = (moved.translation.vector - was.translation.vector).map(|x| tidy(x, 0.1));
+    let turn_deg = turn_deg(frame, &was, moved);
+    let turn = if turn_deg > 0.05 {
+        format!(" and turned by {turn_deg:.2}°")
+    } else {
+        String::new()
+    };
+    let mistake = format!(
+        "{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}",
+        frame.key(),
+        step.x,
+        step.y,
+        step.z
+    );
+    Some(Hypothesis {
+        mistake,
+        edit: frame.edit(moved),
+        set_up: frame.put(stated, *moved),
+        sort: Sort::Size,
+    })
+}
+
+/// The tool where the commands have it.
+fn tool(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Option<Isometry3<f64>> {
+    let tool = stated.flange_from_tool?;
+    let at = in_flange(&seen.commanded(stated, evidence))?;
+    Some(Isometry3::from_parts(Translation3::from(at), tool.rotation))
+}
+
+/// The target where the readings have it.
+fn target(stated: &SetUp, seen: &Seen) -> Option<Isometry3<f64>> {
+    stated.target?;
+    Some(Translation3::from(seen.placement?.target_mm).into())
+}
+
+/// The base where the readings have it.
+fn survey(stated: &SetUp, seen: &Seen) -> Option<Isometry3<f64>> {
+    stated.tracker_from_base?;
+    let Some(target) = stated.stated_target() else {
+        return Some(seen.placement?.tracker_from_base);
+    };
+    let measured: Vec<Point3<f64>> = seen.measured.iter().map(point).collect();
+    robust_align(&measured, &seen.at_flange(&target))
+}
+
+/// The frame of commands where the arm has it.
+fn commands(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Option<Isometry3<f64>> {
+    let tool = point(&stated.flange_from_tool?.translation.vector);
+    let commanded = seen.commanded(stated, evidence);
+    let (to, from): (Vec<Point3<f64>>, Vec<Point3<f64>>) = commanded
+        .iter()
+        .map(|(flange, at)| (flange * tool, *at))
+        .unzip();
+    Some(robust_align(&to, &from)? * stated.base_from_command)
+}
+
+/// The angle between two frames, degrees; a target has no orientation.
+fn turn_deg(frame: FrameKey, was: &Isometry3<f64>, moved: &Isometry3<f64>) -> f64 {
+    if frame == FrameKey::Target {
+        return 0.0;
+    }
+    was.rotation.angle_to(&moved.rotation).to_degrees()
+}

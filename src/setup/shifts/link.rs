@@ -1,0 +1,219 @@
+//! One link quantity with another value, by Gauss–Newton: base, target and that quantity on the readings, and the quantity
+//! alone on the commands, whose frames are stated.
+
+use nalgebra::{Isometry3, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+
+use crate::figures::median;
+use crate::join::placement::Placement;
+use crate::kinematics::{LinkQuantity, Parameter};
+use crate::setup::agreement::Seen;
+use crate::setup::evidence::{Evidence, point};
+use crate::setup::hypotheses::{Hypothesis, Sort};
+use crate::setup::set_up::SetUp;
+
+/// Smaller changes are errors of the arm, which the fit finds, and no mistake in its file: mm and rad.
+const LEAST_MM: f64 = 3.0;
+const LEAST_RAD: f64 = 0.005;
+const ROUNDS: usize = 10;
+/// Steps of the numerical derivative, mm and rad.
+const STEP_MM: f64 = 0.5;
+const STEP_RAD: f64 = 1e-4;
+/// Standard deviations of the unknowns before a reading is seen: base, mm and rad; target, mm; target that is stated, mm.
+const BASE_MM: f64 = 1e5;
+const BASE_RAD: f64 = 10.0;
+const TARGET_MM: f64 = 300.0;
+const STATED_MM: f64 = 1.0;
+
+/// Base (3 lengths, 3 angles), target (3) and the quantity.
+const UNKNOWNS: usize = 10;
+type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, SVector<f64, UNKNOWNS>);
+
+/// Each link quantity in turn.
+pub(super) fn links(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
+    let parameters = stated.arm.chain().parameters();
+    let moved = |(place, parameter): (usize, &Parameter)| {
+        let Parameter::Link { joint, quantity } = *parameter else {
+            return None;
+        };
+        let mut offsets = vec![0.0; parameters.len()];
+        offsets[place] = value(stated, evidence, parameters.len(), place, *parameter)?;
+        let least = if parameter.is_angle() {
+            LEAST_RAD
+        } else {
+            LEAST_MM
+        };
+        (offsets[place].abs() >= least)
+            .then(|| hypothesis(stated, joint, quantity, &offsets, offsets[place]))
+    };
+    parameters.iter().enumerate().filter_map(moved).collect()
+}
+
+fn hypothesis(
+    stated: &SetUp,
+    joint: usize,
+    quantity: LinkQuantity,
+    offsets: &[f64],
+    value: f64,
+) -> Hypothesis {
+    let joint = stated
+        .arm
+        .joints()
+        .get(joint - 1)
+        .map_or("", |joint| joint.name.as_str());
+    let (key, change) = match quantity {
+        LinkQuantity::D => ("d_mm", format!("{value:+.1} mm")),
+        LinkQuantity::A => ("a_mm", format!("{value:+.1} mm")),
+        LinkQuantity::Theta => ("offset_deg", format!("{:+.2}°", value.to_degrees())),
+        LinkQuantity::Alpha => ("alpha_deg", format!("{:+.2}°", value.to_degrees())),
+        LinkQuantity::Beta => ("(parallel axes)", format!("{:+.2}°", value.to_degrees())),
+    };
+    Hypothesis {
+        mistake: format!("{key} of {joint:?} in the robot file is off by {change}"),
+        edit: format!("robot file, [[joint]] {joint:?}: {key} {change}"),
+        set_up: stated.with_offsets(offsets),
+        sort: Sort::Size,
+    }
+}
+
+/// The state of one search.
+struct Search<'a> {
+    stated: &'a SetUp,
+    evidence: &'a Evidence,
+    parameters: usize,
+    place: usize,
+    step: f64,
+    target: Option<Vector3<f64>>,
+}
+
+/// The value of the quantity's offset that the logs agree with best; `None` where they do not determine it.
+fn value(
+    stated: &SetUp,
+    evidence: &Evidence,
+    parameters: usize,
+    place: usize,
+    parameter: Parameter,
+) -> Option<f64> {
+    let step = if parameter.is_angle() {
+        STEP_RAD
+    } else {
+        STEP_MM
+    };
+    let target = stated.stated_target();
+    let search = Search {
+        stated,
+        evidence,
+        parameters,
+        place,
+        step,
+        target,
+    };
+    let (mut placement, mut value) = (Seen::of(stated, evidence).placement?, 0.0);
+    for _ in 0..ROUNDS {
+        let (normal, right) = search.normal(&placement, value);
+        let change = normal.cholesky()?.solve(&right);
+        placement = moved(&placement, &change);
+        value += change[UNKNOWNS - 1];
+    }
+    value.is_finite().then_some(value)
+}
+
+impl Search<'_> {
+    fn set_up(&self, value: f64) -> SetUp {
+        let mut offsets = vec![0.0; self.parameters];
+        offsets[self.place] = value;
+        self.stated.with_offsets(&offsets)
+    }
+
+    /// The normal equations at a placement and a value of the quantity.
+    fn normal(&self, placement: &Placement, value: f64) -> Normal {
+        let set_up = self.set_up(value);
+        let here = Seen::unplaced(&set_up, self.evidence);
+        let ahead = self.set_up(value + self.step).flanges(self.evidence);
+        let slope = |place: usize, at: &Point3<f64>| {
+            (ahead[place] * at - here.flanges[place] * at) / self.step
+        };
+        let mut rows: Vec<(SMatrix<f64, 3, UNKNOWNS>, Vector3<f64>)> = Vec::new();
+        let target = point(&placement.target_mm);
+        for (place, (flange, measured)) in here.flanges.iter().zip(&here.measured).enumerate() {
+            let change = placement.tracker_from_base.rotation * slope(place, &target);
+            rows.push(reading_row(placement, flange, measured, &change));
+        }
+        if let Some(tool) = set_up.flange_from_tool {
+            let tool = point(&tool.translation.vector);
+            let commanded = here.commanded(&set_up, self.evidence);
+            for ((flange, at), (place, _)) in commanded.iter().zip(self.evidence.commands()) {
+                let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
+                jacobian
+                    .fixed_view_mut::<3, 1>(0, UNKNOWNS - 1)
+                    .copy_from(&slope(place, &tool));
+                rows.push((jacobian, at - flange * tool));
+            }
+        }
+        self.summed(placement, &rows)
+    }
+
+    /// The weighted sum of the rows and of the unknowns' priors.
+    fn summed(
+        &self,
+        placement: &Placement,
+        rows: &[(SMatrix<f64, 3, UNKNOWNS>, Vector3<f64>)],
+    ) -> Normal {
+        let norms: Vec<f64> = rows.iter().map(|(_, residual)| residual.norm()).collect();
+        let scale = median(&norms).unwrap_or(1.0).max(0.01);
+        let (mut normal, mut right): Normal = (SMatrix::zeros(), SVector::zeros());
+        for (jacobian, residual) in rows {
+            let weight = 1.0 / (1.0 + residual.norm_squared() / (4.0 * scale * scale));
+            normal += jacobian.transpose() * jacobian * weight;
+            right += jacobian.transpose() * residual * weight;
+        }
+        let (mean, sd_mm) = self
+            .target
+            .map_or((Vector3::zeros(), TARGET_MM), |target| (target, STATED_MM));
+        for axis in 0..3 {
+            normal[(axis, axis)] += (scale / BASE_MM).powi(2);
+            normal[(3 + axis, 3 + axis)] += (scale / BASE_RAD).powi(2);
+            let pull = (scale / sd_mm).powi(2);
+            normal[(6 + axis, 6 + axis)] += pull;
+            right[6 + axis] += pull * (mean[axis] - placement.target_mm[axis]);
+        }
+        normal[(UNKNOWNS - 1, UNKNOWNS - 1)] +=
+            f64::MIN_POSITIVE.max(1e-9 * normal.diagonal().max());
+        (normal, right)
+    }
+}
+
+/// One reading's row: how its prediction moves with base, target and quantity, and what is left of it.
+fn reading_row(
+    placement: &Placement,
+    flange: &Isometry3<f64>,
+    measured: &Vector3<f64>,
+    change: &Vector3<f64>,
+) -> (SMatrix<f64, 3, UNKNOWNS>, Vector3<f64>) {
+    let predicted = placement.predict(flange);
+    let arm = predicted - placement.tracker_from_base.translation.vector;
+    let rotation = placement.tracker_from_base.rotation * flange.rotation;
+    let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
+    jacobian.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+    jacobian
+        .fixed_view_mut::<3, 3>(0, 3)
+        .copy_from(&-arm.cross_matrix());
+    jacobian
+        .fixed_view_mut::<3, 3>(0, 6)
+        .copy_from(rotation.to_rotation_matrix().matrix());
+    jacobian
+        .fixed_view_mut::<3, 1>(0, UNKNOWNS - 1)
+        .copy_from(change);
+    (jacobian, measured - predicted)
+}
+
+fn moved(placement: &Placement, change: &SVector<f64, UNKNOWNS>) -> Placement {
+    let part = |first: usize| Vector3::new(change[first], change[first + 1], change[first + 2]);
+    let base = &placement.tracker_from_base;
+    Placement {
+        tracker_from_base: Isometry3::from_parts(
+            Translation3::from(base.translation.vector + part(0)),
+            UnitQuaternion::from_scaled_axis(part(3)) * base.rotation,
+        ),
+        target_mm: placement.target_mm + part(6),
+    }
+}
