@@ -19,6 +19,7 @@ mod one_verdict;
 mod page;
 mod planned;
 mod same_work;
+mod set_up;
 mod split;
 mod targets;
 mod unattended;
