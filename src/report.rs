@@ -10,9 +10,11 @@ pub mod driven;
 pub mod evaluate;
 pub mod frame;
 pub mod iso_9283;
+pub mod locate;
 pub mod promise;
 pub mod refit;
 pub mod tip;
+pub mod unseen;
 pub mod verdict;
 
 use std::collections::BTreeSet;
@@ -42,8 +44,17 @@ pub enum BaseRefit {
     None,
     /// From the session's first stations, judged on the rest.
     First,
+    /// From stations of the session that were chosen by their poses, judged on the rest.
+    Chosen,
     /// From all its stations: for comparing models only.
     All,
+}
+
+impl BaseRefit {
+    /// Whether some stations of the session find its base, and the others judge.
+    pub const fn judges(self) -> bool {
+        matches!(self, Self::First | Self::Chosen)
+    }
 }
 
 /// The subject of a set of residuals: model, angles, stations and base.

@@ -12,6 +12,7 @@
 pub mod approach;
 mod before;
 mod columns;
+pub mod elsewhere;
 pub mod components;
 pub mod curves;
 pub mod design;

@@ -80,6 +80,15 @@ enum Column {
     Fresh,
 }
 
+/// The warm-up of a session that is still to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum WarmUp {
+    /// It may begin at any temperature: the warm-up is a drift of its own.
+    Unknown,
+    /// It repeats what the sessions that were measured have in common.
+    Repeats,
+}
+
 /// Standard deviation of the target's turn when it is mounted again, rad.
 const REMOUNTED_RAD: f64 = 0.01;
 
@@ -94,11 +103,24 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
+        self.coming(arm, mounting, stations, settings, up, WarmUp::Unknown)
+    }
+
+    /// [`Self::next`], with the warm-up that sessions repeat or without.
+    pub(super) fn coming(
+        &self,
+        arm: &Arm,
+        mounting: &Mounting,
+        stations: usize,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+        warm_up: WarmUp,
+    ) -> Option<Self> {
         let starts = [self.next_frames(mounting)];
         let prior = mounting.prior();
         let problem = empty(arm, &starts, &prior, self.is_turned());
         let span = stations.max(1) as f64;
-        let (layout, columns) = self.next_columns(&problem, mounting, settings);
+        let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
         let components = Components::new(&layout, &variances, settings, span);
         let (posterior, mean) =
@@ -109,6 +131,10 @@ impl FullModel {
         };
         let unknowns = columns.iter().take(problem.unknowns().len());
         let offsets = DVector::from_iterator(problem.unknowns().len(), unknowns.map(offset));
+        let unknown_warm_up = match warm_up {
+            WarmUp::Unknown => self.warm_up_variance,
+            WarmUp::Repeats => 0.0,
+        };
         Some(Self {
             ready: Ready::of(&problem, &offsets, &layout, &mean),
             frames: problem.frames(&offsets),
@@ -116,8 +142,8 @@ impl FullModel {
             up: up.map(UnitVector3::into_inner),
             layout,
             offsets,
-            drift_variance: self.drift_variance + self.warm_up_variance,
-            warm_up_variance: 0.0,
+            drift_variance: self.drift_variance + unknown_warm_up,
+            warm_up_variance: self.warm_up_variance - unknown_warm_up,
             middles: vec![self.middles[mounting.session]],
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
@@ -161,6 +187,7 @@ impl FullModel {
         problem: &Problem<'_>,
         mounting: &Mounting,
         settings: &FullSettings,
+        warm_up: WarmUp,
     ) -> (Layout, Columns) {
         let mut layout = Layout::new(self.layout.period_turns());
         let unknowns = problem.unknowns().iter();
@@ -170,7 +197,8 @@ impl FullModel {
         layout.push(Block::Unknowns, columns.len());
         let few = 2 * super::columns::few_harmonics(settings);
         for (block, range) in self.layout.blocks() {
-            if !block.is_of_arm() {
+            let repeats = block == Block::WarmUp && warm_up == WarmUp::Repeats;
+            if !block.is_of_arm() && !repeats {
                 continue;
             }
             layout.push(block, range.len());

@@ -79,7 +79,7 @@ impl Judge {
             .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
             .collect();
         let words = if words.is_empty() {
-            "its first stations do not span space, so its base cannot be found ([report] refit_first_stations)"
+            "the stations that find its base do not span space, so there is none ([report] locate)"
                 .to_owned()
         } else {
             words.join("; ")
