@@ -23,6 +23,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::{Counted, Figures, PoseErrors};
 pub use crate::fit::{Angles, Model};
+pub use locate::Finders;
 use crate::grid::Verdict;
 use tip::Turn;
 
@@ -154,6 +155,9 @@ pub struct Accuracy {
     pub bound: Option<f64>,
     /// Number of poses and visits that the bound counts.
     pub counted: Counted,
+    /// The stations that base and target of a session that took no part were found from; `None` where they were not found from
+    /// stations that do not judge.
+    pub finders: Option<Finders>,
     /// Number of distinct blocks of the stations: those of one block are not independent. `None` where there are no blocks.
     pub blocks: Option<usize>,
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without

@@ -9,6 +9,8 @@ mod common;
 mod enough;
 #[path = "plan/known.rs"]
 mod known;
+#[path = "plan/locate.rs"]
+mod locate;
 
 use std::path::{Path, PathBuf};
 

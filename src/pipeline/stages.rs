@@ -195,7 +195,7 @@ pub fn run<'a>(
         grids: &grids,
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
-    accuracy.extend(unseen::table_figures(&grids, settings.locate.base_refit()));
+    accuracy.extend(unseen::table_figures(&grids, &tested, &settings.locate));
     let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
     let scales = scales::scales(&observed, &models, &training, settings);
     scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));

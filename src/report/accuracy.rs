@@ -47,6 +47,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         figures: Figures::of(&norms),
         bound,
         counted,
+        finders: None,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,

@@ -50,6 +50,35 @@ pub enum LocateTarget {
     Own,
 }
 
+/// The stations that base and target of a session were found from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Finders {
+    /// The way in which they were picked.
+    pub by: LocateBy,
+    /// Their number.
+    pub stations: usize,
+    /// Whether the target was found with the base.
+    pub with_target: bool,
+}
+
+impl Finders {
+    /// What was found from which stations.
+    pub fn words(&self) -> String {
+        let what = if self.with_target {
+            "base and target"
+        } else {
+            "base"
+        };
+        let stations = self.stations;
+        match self.by {
+            LocateBy::First => format!("{what} from its first {stations} stations"),
+            LocateBy::Chosen => {
+                format!("{what} from {stations} stations chosen by their poses")
+            }
+        }
+    }
+}
+
 /// The keys as a pipeline file has them.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -100,6 +129,15 @@ impl Locate {
         }
     }
 
+    /// So many stations that were picked in this way.
+    pub fn finders(&self, stations: usize) -> Finders {
+        Finders {
+            by: self.by,
+            stations,
+            with_target: self.with_target(),
+        }
+    }
+
     /// First stations that find the base of a session which a table drove: its targets are not chosen for that.
     pub const fn first(&self) -> usize {
         match self.by {
@@ -147,7 +185,7 @@ impl Locator {
         let full = models.full.as_ref();
         let own_target = locate.with_target();
         let elsewhere =
-            full.and_then(|full| full.elsewhere(arm, own_target, settings.full, settings.up));
+            full.and_then(|full| full.elsewhere(arm, (0, own_target), settings.full, settings.up));
         // Both mountings may be off.
         let apart = |sd_mm: f64| sd_mm * 2.0_f64.sqrt();
         Self {
@@ -242,7 +280,8 @@ impl Locator {
         placed: &[Placed],
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
-        let (columns, precision) = self.columns(placed);
+        let own_target = self.locate.with_target().then_some(self.target_sd_mm);
+        let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
         let axes = observations
             .iter()
             .map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
@@ -253,68 +292,82 @@ impl Locator {
             .collect();
         let none = || DMatrix::zeros(0, 3 * queries.len());
         let half = self.elsewhere.as_ref().map(|own| own.half(&queries));
-        Poses {
+        let poses = Poses {
             half: half.unwrap_or_else(none),
             columns,
             precision,
             alone,
-        }
+        };
+        poses.relative()
     }
 
-    /// The motions of points by base, target and scale of the session, and what is known of them before.
-    fn columns(&self, placed: &[Placed]) -> (DMatrix<f64>, DVector<f64>) {
-        let with_target = self.locate.with_target();
-        let positions: Vec<Point3<f64>> = placed.iter().map(|p| p.position).collect();
-        let flanges: Vec<_> = placed.iter().map(|p| p.flange).collect();
-        let mut columns = refit::columns(&positions, &flanges, with_target);
-        let mut sizes = vec![ANYWHERE_MM; 6];
-        if with_target {
-            sizes.extend([self.target_sd_mm; 3]);
-        }
-        if self.scale_sd > 0.0 {
-            let last = columns.ncols();
-            columns = columns.insert_column(last, 0.0);
-            columns.set_column(last, &refit::levers(&positions, &refit::middle(placed)));
-            sizes.push(self.scale_sd * MM_PER_M);
-        }
-        let precision = sizes.into_iter().map(|sd: f64| sd.powi(-2));
-        let precision = DVector::from_iterator(columns.ncols(), precision);
-        (columns, precision)
-    }
-
-    /// The frames of a session from its stations `observations` alone, predicted at their commands; `None` where they do not span
-    /// space.
+    /// The frames of a session from those of its stations at `finders`, which are predicted at `placed` at their commands; `None`
+    /// where they do not span space.
     pub fn refit(
         &self,
         models: &Models,
         observations: &[Observation],
+        finders: &[usize],
         placed: &[Placed],
     ) -> Option<Refit> {
-        let measured = observations.iter().map(|o| Some(o.point()?.position));
+        let measured = finders.iter();
+        let measured = measured.map(|&finder| Some(observations[finder].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let with_target = self.locate.with_target();
-        let unweighted = || refit::refit(&measured, placed, with_target);
-        let Some(full) = models.full.as_ref() else {
-            return unweighted();
-        };
-        let Some((_, predictions)) =
-            predictions(models, Model::Full, Angles::Commanded, observations, false)
-        else {
-            return unweighted();
-        };
-        let to_tracker = *full.frames()[0]
-            .tracker_from_base(observations.first()?.source)
-            .isometry();
+        let by = self
+            .at_commands(models, observations)
+            .and_then(|(poses, middle)| Some((poses.estimator(finders)?, middle)));
+        match by {
+            Some((by, middle)) => {
+                let about = (middle, self.scale_sd);
+                refit::generalised(&measured, placed, with_target, about, &by)
+            }
+            None => refit::refit(&measured, placed, with_target),
+        }
+    }
+
+    /// All poses of a session at their commands by the full error model, and their middle; `None` without such a model or commands.
+    fn at_commands(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+    ) -> Option<(Poses, Point3<f64>)> {
+        let full = models.full.as_ref()?;
+        let angles = Angles::Commanded;
+        let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
+        let source = observations.first()?.source;
+        let to_tracker = *full.frames()[0].tracker_from_base(source).isometry();
         let alone = predictions.iter().zip(observations);
         let alone = alone.map(|(p, o)| turned(&(full.noise(o) + p.alone()), &to_tracker));
-        let poses = self.poses(observations, Angles::Commanded, placed, alone.collect());
-        let all: Vec<usize> = (0..observations.len()).collect();
-        let by = poses.and_then(|poses| poses.estimator(&all));
-        by.map_or_else(unweighted, |by| {
-            let about = (refit::middle(placed), self.scale_sd);
-            refit::generalised(&measured, placed, with_target, about, &by)
-        })
+        let to_base = to_tracker.inverse();
+        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
+        let placed: Vec<Placed> = placed.collect();
+        let poses = self.poses(observations, angles, &placed, alone.collect())?;
+        Some((poses, refit::middle(&placed)))
     }
+}
+
+/// The motions of points by base, target and scale of their session: three rows each. And what is known of these before, as the
+/// inverse of a variance around those of the training. `target_sd_mm` is of a target of the session's own; `None` for the known one.
+pub fn frame_columns(
+    placed: &[Placed],
+    target_sd_mm: Option<f64>,
+    scale_sd: f64,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let positions: Vec<Point3<f64>> = placed.iter().map(|p| p.position).collect();
+    let flanges: Vec<_> = placed.iter().map(|p| p.flange).collect();
+    let mut columns = refit::columns(&positions, &flanges, target_sd_mm.is_some());
+    let mut sizes = vec![ANYWHERE_MM; 6];
+    sizes.extend(target_sd_mm.map_or(Vec::new(), |sd_mm| vec![sd_mm.max(LEAST_MM); 3]));
+    if scale_sd > 0.0 {
+        let last = columns.ncols();
+        columns = columns.insert_column(last, 0.0);
+        columns.set_column(last, &refit::levers(&positions, &refit::middle(placed)));
+        sizes.push(scale_sd * MM_PER_M);
+    }
+    let precision = sizes.into_iter().map(|sd: f64| sd.powi(-2));
+    let precision = DVector::from_iterator(columns.ncols(), precision);
+    (columns, precision)
 }
 
 /// Standard deviation of an instrument's reading while stations are chosen, mm, per axis: that of laser trackers at a few metres.

@@ -182,8 +182,10 @@ pub fn generalised(
             [away.x, away.y, away.z]
         });
         let left = DVector::from_iterator(3 * measured.len(), left);
+        // Target and scale are found from where they are expected.
         let held = found.held(by.from.nrows(), with_target);
-        found = found.moved(&(&by.from * left - &by.pull * held), with_target);
+        let step = &by.from * (left + &by.columns * &held) - held;
+        found = found.moved(&step, with_target);
     }
     let is_ordinary = found.scale.abs() <= ORDINARY * scale_sd;
     Some(if is_ordinary { found } else { plain })

@@ -129,6 +129,11 @@ impl Unseen<'_> {
             (Some(poses), BaseRefit::All) => poses.unweighted(&used, refit::RIDGE),
             (Some(poses), BaseRefit::First | BaseRefit::Chosen) => poses.estimator(&used),
         };
+        if let (Some(poses), BaseRefit::All, Some(folder)) =
+            (&self.poses, base_refit, std::env::var_os("DUMP_LOCATE"))
+        {
+            self.dump(poses, observations, &folder.to_string_lossy());
+        }
         let refit = self.refit(observations, base_refit, &used, by.as_ref())?;
         Some(Found {
             refit,
@@ -161,6 +166,38 @@ impl Unseen<'_> {
             _ => {
                 refit::refit_with_scale(&measured, &placed, self.with_target, self.model.scale_sd())
             }
+        }
+    }
+
+    fn dump(&self, poses: &Poses, observations: &[Observation], folder: &str) {
+        let measured: Vec<Point3<f64>> = observations
+            .iter()
+            .filter_map(|o| Some(o.point()?.position))
+            .collect();
+        let Some(found) = refit::refit(&measured, self.placed, self.with_target) else {
+            return;
+        };
+        let kind = if self.predictions.iter().any(|p| p.alone().trace() > 0.0) { "c" } else { "w" };
+        let mut y = Vec::new();
+        for (o, p) in measured.iter().zip(self.placed) {
+            let away = found.base_from_tracker * o - (p.position + p.flange * found.target_shift);
+            y.extend([away.x, away.y, away.z]);
+        }
+        let write = |name: &str, values: &[f64]| {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            drop(std::fs::create_dir_all(folder));
+            drop(std::fs::write(format!("{folder}/{kind}_{name}.bin"), bytes));
+        };
+        write("y", &y);
+        write("columns", poses.columns.as_slice());
+        write("precision", poses.precision.as_slice());
+        write("gram", poses.half.tr_mul(&poses.half).as_slice());
+        let alone: Vec<f64> = poses.alone.iter().flat_map(|m| m.as_slice().to_vec()).collect();
+        write("alone", &alone);
+        let stations: Vec<f64> = observations.iter().map(|o| o.station as f64).collect();
+        write("stations", &stations);
+        for (part, half) in crate::fit::full::elsewhere::LAST.lock().expect("lock").iter() {
+            write(&format!("part_{part}"), half.as_slice());
         }
     }
 

@@ -272,6 +272,7 @@ mod tests {
             figures: None,
             bound,
             counted: Counted::once(poses),
+            finders: None,
             blocks: None,
             coverage: None,
             expanded_uncertainty_mm: 0.03,

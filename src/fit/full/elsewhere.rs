@@ -27,16 +27,26 @@ pub struct Elsewhere {
 }
 
 impl FullModel {
-    /// The arm in another session, with a target of its own or that of the first session; `None` where a factorisation fails,
-    /// which only rounding can cause.
+    /// Number of stations of the longest session that it learned from: its drift is told over as many.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a number of stations"
+    )]
+    pub const fn span_stations(&self) -> usize {
+        self.span as usize
+    }
+
+    /// The arm in another session, with the target of the one given or, if so, with one of its own; `None` where a factorisation
+    /// fails, which only rounding can cause.
     pub fn elsewhere(
         &self,
         arm: &Arm,
-        own_target: bool,
+        (session, own_target): (usize, bool),
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Elsewhere> {
-        let frames = &self.frames()[0];
+        let frames = &self.frames()[session];
         let target = |flange_from_target: &_| match own_target {
             true => Mounted::Other {
                 flange_from_target: *flange_from_target,
@@ -45,7 +55,7 @@ impl FullModel {
             false => Mounted::Same,
         };
         let mounting = Mounting {
-            session: 0,
+            session,
             sources: frames
                 .sources()
                 .iter()
@@ -53,12 +63,7 @@ impl FullModel {
                 .collect(),
             targets: frames.targets().iter().map(target).collect(),
         };
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a number of stations"
-        )]
-        let stations = self.span as usize;
+        let stations = self.span_stations();
         let model = self.coming(arm, &mounting, stations, settings, up, WarmUp::Repeats)?;
         let is_found = |unknown: &Unknown| match unknown.owner {
             Owner::Arm => false,
@@ -78,9 +83,34 @@ impl FullModel {
     }
 }
 
+/// DEBUG
+pub static LAST: std::sync::Mutex<Vec<(String, DMatrix<f64>)>> = std::sync::Mutex::new(Vec::new());
+
 impl Elsewhere {
     /// Square root of the covariance of the errors at these queries, in the axes of the base: `HᵀH`, three columns each, mm.
     pub fn half(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
+        if std::env::var_os("DUMP_LOCATE").is_some() {
+            let rows = self.rows(queries);
+            let mut last = LAST.lock().expect("lock");
+            last.clear();
+            for name in ["arm", "warm", "drift", "curves", "weights"] {
+                let mut own = rows.clone();
+                for (block, columns) in self.model.layout().blocks() {
+                    let is = match block {
+                        Block::WarmUp => "warm",
+                        Block::Drift(_) => "drift",
+                        Block::SessionCurve { .. } => "curves",
+                        Block::SessionCommandWeight(_) => "weights",
+                        _ => "arm",
+                    };
+                    if is != name {
+                        own.columns_mut(columns.start, columns.len()).fill(0.0);
+                    }
+                }
+                let half = self.model.posterior.half(&own);
+                last.push((name.to_owned(), half.tr_mul(&half)));
+            }
+        }
         let part = |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries));
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
         let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());

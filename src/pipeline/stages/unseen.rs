@@ -12,12 +12,12 @@ use super::gridded::grid_stations;
 use super::judged::TestSession;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{ErrorFrame, FramePair, Models, Observation, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
-use crate::report::locate::Locator;
+use crate::report::locate::{Locate, Locator};
 use crate::report::refit::Placed;
 use crate::report::verdict::{Judge, ProductVerdict, RunVerdict, figure_of, figure_of_model};
 use crate::report::{
@@ -75,24 +75,27 @@ impl Judges<'_> {
         finding: &[GridStation],
         errors: &ToolErrors<'_>,
     ) -> Option<ErrorFrame<'_>> {
-        let of = |station: &GridStation| {
-            let observations = test.observations.iter();
-            let mut own = observations.filter(|own| own.station == station.number);
-            own.next().cloned()
-        };
-        let observations: Vec<Observation> = finding.iter().map(of).collect::<Option<_>>()?;
         let flange_from_tool = *self.error_frame.flange_from_tool();
-        let placed = finding.iter().map(|station| {
+        let placed = |station: &GridStation| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
             let tool = station.position + errors.error(&station.joints).ok()?;
             Some(Placed {
                 position: tool - flange * self.error_frame.lever(),
                 flange,
             })
-        });
-        let placed: Vec<Placed> = placed.collect::<Option<_>>()?;
+        };
+        // A station whose command is not known finds no frame of commands.
+        let of = |&finder: &usize| {
+            let number = test.observations[finder].station;
+            let station = finding.iter().find(|own| own.number == number)?;
+            Some((finder, placed(station)?))
+        };
+        let (finders, placed): (Vec<usize>, Vec<Placed>) =
+            test.finders.iter().filter_map(of).unzip();
         let with_target = self.locator.locate.with_target();
-        let found = self.locator.refit(self.models, &observations, &placed)?;
+        let found = self
+            .locator
+            .refit(self.models, &test.observations, &finders, &placed)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -219,10 +222,19 @@ fn of_table<'a>(accuracy: &'a [Accuracy], split: Split, session: &str) -> Option
 }
 
 /// The figures of the chosen table at the stations of each test session.
-pub(super) fn table_figures(grids: &Grids, base_refit: BaseRefit) -> Vec<Accuracy> {
+pub(super) fn table_figures(
+    grids: &Grids,
+    tested: &[TestSession<'_>],
+    locate: &Locate,
+) -> Vec<Accuracy> {
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
-        Some(table_figure(row, session, base_refit, grids.guard_mm))
+        let test = tested.iter().find(|test| test.session.name == *session)?;
+        let finders = locate.finders(test.finders.len());
+        Some(Accuracy {
+            finders: Some(finders),
+            ..table_figure(row, session, locate.base_refit(), grids.guard_mm)
+        })
     };
     grids.judged.iter().filter_map(figure).collect()
 }
@@ -242,6 +254,7 @@ fn table_figure(row: &Judged, session: &str, base_refit: BaseRefit, guard_mm: f6
         figures: row.figures,
         bound: row.bound,
         counted: row.held_out.counted(),
+        finders: None,
         blocks: None,
         coverage: None,
         expanded_uncertainty_mm: guard_mm,
