@@ -23,8 +23,8 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::{Counted, Figures, PoseErrors};
 pub use crate::fit::{Angles, Model};
-pub use locate::Finders;
 use crate::grid::Verdict;
+pub use locate::Finders;
 use tip::Turn;
 
 /// The way in which the stations that judge were kept from training.

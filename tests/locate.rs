@@ -55,20 +55,25 @@ fn learned(arm: &Arm, sessions: &[&[Observation]], name: &str) -> Models {
     let all: Vec<Observation> = sessions.iter().enumerate().flat_map(own).collect();
     let cached = std::path::PathBuf::from(format!("/tmp/locate_cache/{name}.json"));
     let has = cached.exists();
-    let full = FullSettings { enabled: !has, ..full };
+    let full = FullSettings {
+        enabled: !has,
+        ..full
+    };
     let settings = TrainingSettings {
         fit: &fit,
         full: &full,
         up: Some(Vector3::z_axis()),
     };
-    let mut models = posegrid::fit::models::train(arm, &all, sessions.len(), &settings).expect("a fit");
+    let mut models =
+        posegrid::fit::models::train(arm, &all, sessions.len(), &settings).expect("a fit");
     if has {
         let text = std::fs::read_to_string(&cached).expect("cache");
         let saved = posegrid::fit::full::saved::SavedFull::read(&text).expect("saved");
         models.full = Some(FullModel::from_saved(&saved).expect("model"));
     } else {
         let names: Vec<&str> = (0..sessions.len()).map(|_| "s").collect();
-        let text = serde_json::to_string(&models.full.as_ref().expect("full").saved(arm, &names)).expect("json");
+        let text = serde_json::to_string(&models.full.as_ref().expect("full").saved(arm, &names))
+            .expect("json");
         std::fs::create_dir_all("/tmp/locate_cache").expect("folder");
         std::fs::write(&cached, text).expect("cache");
     }
@@ -85,7 +90,11 @@ fn figures(set: &ResidualSet) -> String {
         .collect();
     let inside = squares.iter().filter(|&&d| d <= 7.814_727_903).count() as f64;
     let m2 = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    let sd: f64 = judged.iter().filter_map(|r| Some(r.covariance?.trace())).sum::<f64>() / judged.len() as f64;
+    let sd: f64 = judged
+        .iter()
+        .filter_map(|r| Some(r.covariance?.trace()))
+        .sum::<f64>()
+        / judged.len() as f64;
     let bias = judged.iter().map(|r| r.residual).sum::<Vector3<f64>>() / judged.len() as f64;
     format!(
         "n {:4} mean {mean:.4} inside {:.3} m2/3 {:.2} stated rms {:.3} rms {:.3} bias {:.3} {:.3} {:.3}",
@@ -94,7 +103,9 @@ fn figures(set: &ResidualSet) -> String {
         m2 / 3.0,
         sd.sqrt(),
         (norms.iter().map(|n| n * n).sum::<f64>() / norms.len() as f64).sqrt(),
-        bias.x, bias.y, bias.z
+        bias.x,
+        bias.y,
+        bias.z
     )
 }
 
@@ -132,7 +143,13 @@ fn the_recordings_from_few_stations() {
         if let Some(full) = models.full.as_ref() {
             let (s0, joints) = full.visit_deviations();
             let size = |v: f64| v.sqrt();
-            writeln!(text, "{name}: drift {:.4} any-time {:.4} repeat {s0:.4} {joints:?}", size(full.drift_variance()), size(full.any_time_variance())).expect("text");
+            writeln!(
+                text,
+                "{name}: drift {:.4} any-time {:.4} repeat {s0:.4} {joints:?}",
+                size(full.drift_variance()),
+                size(full.any_time_variance())
+            )
+            .expect("text");
         }
         for (by, stations) in [
             (LocateBy::First, 50),
@@ -160,7 +177,13 @@ fn the_recordings_from_few_stations() {
                 observations: test,
             };
             let sets = unseen_session(&models, stations, &locator, &finders).expect("one each");
-            writeln!(text, "{name} {by:?} {} ({chose:.1?}) {:?}", finders.len(), &finders[..finders.len().min(12)]).expect("text");
+            writeln!(
+                text,
+                "{name} {by:?} {} ({chose:.1?}) {:?}",
+                finders.len(),
+                &finders[..finders.len().min(12)]
+            )
+            .expect("text");
             for set in sets.iter().filter(|set| set.subject.model == Model::Full) {
                 if set.subject.base_refit == BaseRefit::All && stations_first(by, locate.stations) {
                     continue;

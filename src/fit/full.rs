@@ -12,10 +12,10 @@
 pub mod approach;
 mod before;
 mod columns;
-pub mod elsewhere;
 pub mod components;
 pub mod curves;
 pub mod design;
+pub mod elsewhere;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;

@@ -140,15 +140,11 @@ impl Poses {
         (0..self.len()).into_par_iter().map(at).collect()
     }
 
-    /// Covariance of the arm's errors and of the unknowns before any station found them, with a measurement's own, mm².
-    pub fn before(&self, counted: &[bool]) -> Vec<Matrix3<f64>> {
+    /// Covariance of the arm's own errors at each pose, with a measurement's own, mm²: what remains with frames without error.
+    pub fn of_arm(&self) -> Vec<Matrix3<f64>> {
         let at = |place: usize| {
             let own = self.half.columns(3 * place, 3);
-            let mut shared = own.tr_mul(&own);
-            for (unknown, _) in counted.iter().enumerate().filter(|(_, counted)| **counted) {
-                let column = self.columns.view((3 * place, unknown), (3, 1));
-                shared += column * column.transpose() / self.precision[unknown];
-            }
+            let shared = own.tr_mul(&own);
             Matrix3::from_fn(|row, column| shared[(row, column)]) + self.alone[place]
         };
         (0..self.len()).into_par_iter().map(at).collect()
@@ -206,7 +202,9 @@ impl Region {
         let normal = columns.tr_mul(&columns) / count;
         // Where one orientation leaves base and target alike, what is known before tells them apart.
         let ridged = &normal + DMatrix::from_diagonal(&poses.precision) * RIDGE_MM2;
-        let solved = ridged.cholesky()?.solve(&(half.clone() * &columns / count).transpose());
+        let solved = ridged
+            .cholesky()?
+            .solve(&(half.clone() * &columns / count).transpose());
         Some(Self {
             along: solved.transpose(),
             own_mm2: half.norm_squared() / count,
@@ -259,7 +257,9 @@ impl<'p> Search<'p> {
     /// The sums of some candidates; `None` where a factorisation fails.
     fn sums<'s>(&self, stations: &'s [usize]) -> Option<Taken<'s>> {
         let factor = block(&self.between, stations, stations).cholesky()?;
-        let sides = factor.l().solve_lower_triangular(&rows_of(&self.sides, stations))?;
+        let sides = factor
+            .l()
+            .solve_lower_triangular(&rows_of(&self.sides, stations))?;
         Some(Taken {
             sums: sides.tr_mul(&sides),
             factor,
@@ -286,7 +286,8 @@ impl<'p> Search<'p> {
     /// What remains, from `(X B)ᵀ K⁻¹ (X B)`.
     fn left_by(&self, sums: &DMatrix<f64>) -> Option<f64> {
         let size = self.poses.columns.ncols();
-        let information = sums.view((0, 0), (size, size)) + DMatrix::from_diagonal(&self.poses.precision);
+        let information =
+            sums.view((0, 0), (size, size)) + DMatrix::from_diagonal(&self.poses.precision);
         let kept = DMatrix::identity(size, size) - sums.view((size, 0), (size, size));
         let passed_on = &kept * information.cholesky()?.solve(&kept.transpose());
         let known = sums.view((size, size), (size, size));
@@ -445,7 +446,9 @@ mod tests {
     /// Mean trace over all poses of what remains without that of a measurement there.
     fn mean(poses: &Poses, by: &Estimator) -> f64 {
         let left = poses.left(by).into_iter().zip(&poses.alone);
-        left.map(|(left, alone)| (left - alone).trace()).sum::<f64>() / poses.len() as f64
+        left.map(|(left, alone)| (left - alone).trace())
+            .sum::<f64>()
+            / poses.len() as f64
     }
 
     #[test]
@@ -502,7 +505,10 @@ mod tests {
         let chosen = poses.choose(&candidates, &all, 5);
         let by = poses.estimator(&chosen.stations).expect("positive");
         let mean = mean(&poses, &by);
-        assert!((mean - chosen.left_mm2).abs() < 1e-6 * mean, "{mean} {chosen:?}");
+        assert!(
+            (mean - chosen.left_mm2).abs() < 1e-6 * mean,
+            "{mean} {chosen:?}"
+        );
     }
 
     #[test]

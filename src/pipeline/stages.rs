@@ -142,9 +142,7 @@ pub fn run<'a>(
         training: &training,
     };
     let locator = Locator::new(&models, arm, settings.locate, &train);
-    let tested = test.iter();
-    let tested = tested.map(|own| TestSession::new(arm, own, &models, &locator, settings));
-    let tested: Vec<TestSession<'_>> = tested.collect();
+    let tested = TestSession::all(arm, &test, &models, &locator, settings);
     let mut residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::one);

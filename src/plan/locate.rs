@@ -10,11 +10,11 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::PlanError;
 use super::compare::{Expected, candidates};
 use super::order::visiting_order;
 use super::place::{Drawn, Placer};
 use super::settings::{PlanSettings, Region};
-use super::PlanError;
 use crate::fit::full::elsewhere::Elsewhere;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::locate::Poses;
@@ -113,12 +113,7 @@ struct Site<'s> {
 }
 
 impl Site<'_> {
-    fn planned(
-        &self,
-        candidates: &[Commanded],
-        drawn: Drawn,
-        count: usize,
-    ) -> Option<LocatePlan> {
+    fn planned(&self, candidates: &[Commanded], drawn: Drawn, count: usize) -> Option<LocatePlan> {
         let at_once = |poses: &[Commanded]| poses.iter().map(|pose| (pose.clone(), 0)).collect();
         let mut all: Vec<(Commanded, usize)> = at_once(candidates);
         all.extend::<Vec<_>>(at_once(&self.region));
@@ -164,9 +159,7 @@ impl Site<'_> {
 
     /// Expected errors over the box where nothing but the arm's own are left.
     fn arm_alone(&self) -> Expected {
-        let poses = self.session(&[]);
-        let none = vec![false; poses.columns.ncols()];
-        self.drawn(&poses.before(&none))
+        self.drawn(&self.session(&[]).of_arm())
     }
 
     fn drawn(&self, left: &[Matrix3<f64>]) -> Expected {
@@ -235,7 +228,9 @@ impl Site<'_> {
             cell.tracker_from_base_rpy,
         );
         let source = self.settings.noise.source(SourceId::ONLY);
-        let covariance = source.uncertainty.covariance(&(tracker_from_base * position));
+        let covariance = source
+            .uncertainty
+            .covariance(&(tracker_from_base * position));
         let turn = tracker_from_base.rotation.to_rotation_matrix();
         turn.transpose() * covariance * turn
     }

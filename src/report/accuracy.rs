@@ -173,7 +173,8 @@ mod tests {
         let Verdict::NotShown(reason) = of.verdict else {
             panic!("{:?}", of.verdict)
         };
-        let expected = "50 stations find the base ([report] locate), and 50 more are visits of their poses";
+        let expected =
+            "50 stations find the base ([report] locate), and 50 more are visits of their poses";
         assert!(reason.ends_with(expected), "{reason}");
     }
 }

@@ -4,14 +4,14 @@
 //! Stations are picked by their place in time or by their poses, never by their readings: those that find the base do not judge,
 //! and a pick by readings would flatter the others.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::BaseRefit;
 use super::evaluate::{axes_at, known_at, placed, predictions, turned};
 use super::refit::{self, Placed, Refit};
 use crate::fit::full::elsewhere::Elsewhere;
-use crate::fit::full::{Known, Query};
+use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::locate::Poses;
 use crate::fit::{Angles, Model, Models, Observation, TrainingSettings};
 use crate::kinematics::Arm;
@@ -195,7 +195,7 @@ impl Locator {
                 .fit
                 .target
                 .map_or(ANYWHERE_MM, |target| apart(target.sd_mm)),
-            scale_sd: full.map_or(0.0, |full| full.scale_sd()),
+            scale_sd: full.map_or(0.0, FullModel::scale_sd),
         }
     }
 
@@ -234,30 +234,11 @@ impl Locator {
             .iter()
             .map(|p| placed(&p.target, &to_base))
             .collect();
-        let alone = self.alone(models, &poses, &to_base);
+        let alone = alone(models, &poses, &to_base);
         let poses = self.errors_at(&poses, Angles::Reported, &placed, alone);
         let all: Vec<usize> = (0..placed.len()).collect();
         let chosen = poses.choose(&all, &all, count).stations;
         Some(chosen.into_iter().map(|place| place * every).collect())
-    }
-
-    /// Covariance of a visit at each pose, in the axes of the base, mm².
-    fn alone(
-        &self,
-        models: &Models,
-        poses: &[Observation],
-        to_base: &nalgebra::Isometry3<f64>,
-    ) -> Vec<Matrix3<f64>> {
-        let alike = Matrix3::identity() * (ALIKE_MM * ALIKE_MM);
-        let Some(full) = models.full.as_ref() else {
-            return vec![alike; poses.len()];
-        };
-        let to_tracker = to_base.inverse();
-        let of = |o: &Observation| {
-            let own = full.visit_covariance(&query(o, &o.axes, Known::Reported));
-            turned(&own, &to_tracker) + Matrix3::identity() * LEAST_MM.powi(2)
-        };
-        poses.iter().map(of).collect()
     }
 
     /// The poses of a session as far as its frames concern them, with the errors that the arm may make there; `None` where the
@@ -345,6 +326,20 @@ impl Locator {
         let poses = self.poses(observations, angles, &placed, alone.collect())?;
         Some((poses, refit::middle(&placed)))
     }
+}
+
+/// Covariance of a visit at each pose, in the axes of the base, mm².
+fn alone(models: &Models, poses: &[Observation], to_base: &Isometry3<f64>) -> Vec<Matrix3<f64>> {
+    let alike = Matrix3::identity() * (ALIKE_MM * ALIKE_MM);
+    let Some(full) = models.full.as_ref() else {
+        return vec![alike; poses.len()];
+    };
+    let to_tracker = to_base.inverse();
+    let of = |o: &Observation| {
+        let own = full.visit_covariance(&query(o, &o.axes, Known::Reported));
+        turned(&own, &to_tracker) + Matrix3::identity() * LEAST_MM.powi(2)
+    };
+    poses.iter().map(of).collect()
 }
 
 /// The motions of points by base, target and scale of their session: three rows each. And what is known of these before, as the

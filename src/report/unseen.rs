@@ -27,11 +27,7 @@ pub fn unseen_session(
     let mut sets = Vec::new();
     let with_target = locator.locate.with_target();
     // A session with a mounting of its own has no base without a refit.
-    let refits = [
-        BaseRefit::None,
-        locator.locate.base_refit(),
-        BaseRefit::All,
-    ];
+    let refits = [BaseRefit::None, locator.locate.base_refit(), BaseRefit::All];
     for (model, angles) in Model::compared() {
         let found = predictions(models, model, angles, stations.observations, false);
         let Some((it, predictions)) = found else {
@@ -119,7 +115,9 @@ impl Unseen<'_> {
         let used: Vec<usize> = match base_refit {
             BaseRefit::None => Vec::new(),
             BaseRefit::First | BaseRefit::Chosen => {
-                finders.iter().for_each(|&finder| taken[finder] = true);
+                for &finder in finders {
+                    taken[finder] = true;
+                }
                 finders.to_vec()
             }
             BaseRefit::All => (0..count).collect(),
@@ -129,11 +127,6 @@ impl Unseen<'_> {
             (Some(poses), BaseRefit::All) => poses.unweighted(&used, refit::RIDGE),
             (Some(poses), BaseRefit::First | BaseRefit::Chosen) => poses.estimator(&used),
         };
-        if let (Some(poses), BaseRefit::All, Some(folder)) =
-            (&self.poses, base_refit, std::env::var_os("DUMP_LOCATE"))
-        {
-            self.dump(poses, observations, &folder.to_string_lossy());
-        }
         let refit = self.refit(observations, base_refit, &used, by.as_ref())?;
         Some(Found {
             refit,
@@ -166,38 +159,6 @@ impl Unseen<'_> {
             _ => {
                 refit::refit_with_scale(&measured, &placed, self.with_target, self.model.scale_sd())
             }
-        }
-    }
-
-    fn dump(&self, poses: &Poses, observations: &[Observation], folder: &str) {
-        let measured: Vec<Point3<f64>> = observations
-            .iter()
-            .filter_map(|o| Some(o.point()?.position))
-            .collect();
-        let Some(found) = refit::refit(&measured, self.placed, self.with_target) else {
-            return;
-        };
-        let kind = if self.predictions.iter().any(|p| p.alone().trace() > 0.0) { "c" } else { "w" };
-        let mut y = Vec::new();
-        for (o, p) in measured.iter().zip(self.placed) {
-            let away = found.base_from_tracker * o - (p.position + p.flange * found.target_shift);
-            y.extend([away.x, away.y, away.z]);
-        }
-        let write = |name: &str, values: &[f64]| {
-            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-            drop(std::fs::create_dir_all(folder));
-            drop(std::fs::write(format!("{folder}/{kind}_{name}.bin"), bytes));
-        };
-        write("y", &y);
-        write("columns", poses.columns.as_slice());
-        write("precision", poses.precision.as_slice());
-        write("gram", poses.half.tr_mul(&poses.half).as_slice());
-        let alone: Vec<f64> = poses.alone.iter().flat_map(|m| m.as_slice().to_vec()).collect();
-        write("alone", &alone);
-        let stations: Vec<f64> = observations.iter().map(|o| o.station as f64).collect();
-        write("stations", &stations);
-        for (part, half) in crate::fit::full::elsewhere::LAST.lock().expect("lock").iter() {
-            write(&format!("part_{part}"), half.as_slice());
         }
     }
 
@@ -246,16 +207,9 @@ impl Unseen<'_> {
     }
 
     /// Covariance of the remaining error at each station: the share of the model's errors that the found frames do not absorb,
-    /// and a measurement's own; of frames that were not found, also the session's scale.
+    /// and a measurement's own. `None` for a model without a covariance, and for frames of the training: nothing says how far a base
+    /// moves between sessions.
     fn covariances(&self, found: &Found) -> Option<Vec<Matrix3<f64>>> {
-        let poses = self.poses.as_ref()?;
-        Some(match &found.by {
-            Some(by) => poses.left(by),
-            None => {
-                let is_scale = |unknown: usize| unknown >= refit::columns_of_frames(self.with_target);
-                let counted: Vec<bool> = (0..poses.columns.ncols()).map(is_scale).collect();
-                poses.before(&counted)
-            }
-        })
+        Some(self.poses.as_ref()?.left(found.by.as_ref()?))
     }
 }

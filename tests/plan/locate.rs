@@ -96,7 +96,11 @@ impl<'a> Remounted<'a> {
         let set = set.expect("stations span space");
         let taken = set.residuals.iter().filter(|r| r.used_for_refit);
         assert_eq!(taken.count(), 12);
-        assert!(set.residuals.iter().all(|r: &Residual| r.covariance.is_some()));
+        assert!(
+            set.residuals
+                .iter()
+                .all(|r: &Residual| r.covariance.is_some())
+        );
         let of = accuracy(set, &settings.tolerance, 0.0);
         let mean = of.figures.expect("stations judge").mean;
         (mean, of.coverage.expect("covariances").inside)
@@ -112,7 +116,8 @@ fn chosen_poses_find_a_remounted_base_and_neighbours_do_not() {
     assert_eq!(plan.poses.len(), 12);
     let (arm, settings) = (&planning.arm, &planning.settings);
     for pose in &plan.poses {
-        let suits = posegrid::plan::line_of_sight::verdict(arm, &pose.joints, &settings.constraints);
+        let suits =
+            posegrid::plan::line_of_sight::verdict(arm, &pose.joints, &settings.constraints);
         assert!(suits.is_ok(), "{suits:?}");
     }
     // More poses leave less, and never less than the arm alone.
@@ -130,12 +135,22 @@ fn chosen_poses_find_a_remounted_base_and_neighbours_do_not() {
     let (mean, inside) = remounted.judged(&planned, LocateBy::First);
     let neighbours = remounted.measured(&all(&corner[..12]));
     let (of_neighbours, _) = remounted.judged(&neighbours, LocateBy::First);
-    println!("promise {:?}, planned {mean}, inside {inside}, neighbours {of_neighbours}", plan.promise);
+    println!(
+        "promise {:?}, planned {mean}, inside {inside}, neighbours {of_neighbours}",
+        plan.promise
+    );
     assert!(mean < of_neighbours, "{mean} {of_neighbours}");
-    assert!(mean < 1.5 * plan.promise.mean_mm, "{mean} {:?}", plan.promise);
+    assert!(
+        mean < 1.5 * plan.promise.mean_mm,
+        "{mean} {:?}",
+        plan.promise
+    );
     assert!(inside >= 0.9, "{inside}");
     // Chosen among all stations of a session they are about as good.
     let session = remounted.measured(&tests);
     let (chosen, inside) = remounted.judged(&session, LocateBy::Chosen);
-    assert!(chosen < 1.3 * mean && inside >= 0.9, "{chosen} {mean} {inside}");
+    assert!(
+        chosen < 1.3 * mean && inside >= 0.9,
+        "{chosen} {mean} {inside}"
+    );
 }

@@ -9,13 +9,9 @@ use crate::pipeline::planning::Located;
 use crate::plan::compare::Expected;
 
 /// Chooses the poses; whether errors are expected within the tolerance, and a text that says so.
-pub(super) fn located(
-    args: &PlanArgs,
-    count: usize,
-) -> Result<(bool, String), PlanCommandError> {
+pub(super) fn located(args: &PlanArgs, count: usize) -> Result<(bool, String), PlanCommandError> {
     new_csv(args)?;
-    let located =
-        Located::make(&args.pipeline, args.lake.as_deref(), count).map_err(Box::new)?;
+    let located = Located::make(&args.pipeline, args.lake.as_deref(), count).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let write = |sink: &mut std::io::BufWriter<&std::fs::File>| csv(&located, sink);
         write_whole(path, write).map_err(|source| PlanCommandError::Write {
@@ -23,7 +19,10 @@ pub(super) fn located(
             source,
         })?;
     }
-    Ok((located.plan.is_met(&located.settings), words(&located, args)))
+    Ok((
+        located.plan.is_met(&located.settings),
+        words(&located, args),
+    ))
 }
 
 fn words(located: &Located, args: &PlanArgs) -> String {
@@ -73,7 +72,11 @@ fn words(located: &Located, args: &PlanArgs) -> String {
         "not expected within it"
     };
     let tolerance_mm = located.settings.tolerance.mm;
-    writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met}").expect("a string");
+    writeln!(
+        text,
+        "tolerance {tolerance_mm} mm: {share} % of errors {is_met}"
+    )
+    .expect("a string");
     text += "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test\n";
     if let Some(csv) = &args.csv {
         writeln!(text, "poses: {}", csv.display()).expect("a string");

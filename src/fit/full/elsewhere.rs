@@ -1,7 +1,8 @@
 //! The errors that an identified arm may make in another session, station by station, as one Gaussian.
 //!
 //! Inputs: a trained [`FullModel`], joint angles of another session. Output: a square root of the covariance of its errors there:
-//! what training left open, how far sessions differ (curves, command–feedback weights), the warm-up and the drift of that session.
+//! what training left open, how far sessions differ (curves, command–feedback weights), the warm-up that they repeat, and a drift of its own,
+//! whose size past sessions leave open.
 //! Base, scale and, where it is the session's own, target are left out: they are found from its stations ([`crate::fit::locate`]).
 
 use nalgebra::{DMatrix, UnitVector3};
@@ -47,12 +48,15 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Elsewhere> {
         let frames = &self.frames()[session];
-        let target = |flange_from_target: &_| match own_target {
-            true => Mounted::Other {
-                flange_from_target: *flange_from_target,
-                sd_mm: ANYWHERE_MM,
-            },
-            false => Mounted::Same,
+        let target = |flange_from_target: &_| {
+            if own_target {
+                Mounted::Other {
+                    flange_from_target: *flange_from_target,
+                    sd_mm: ANYWHERE_MM,
+                }
+            } else {
+                Mounted::Same
+            }
         };
         let mounting = Mounting {
             session,
@@ -83,34 +87,9 @@ impl FullModel {
     }
 }
 
-/// DEBUG
-pub static LAST: std::sync::Mutex<Vec<(String, DMatrix<f64>)>> = std::sync::Mutex::new(Vec::new());
-
 impl Elsewhere {
     /// Square root of the covariance of the errors at these queries, in the axes of the base: `HᵀH`, three columns each, mm.
     pub fn half(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
-        if std::env::var_os("DUMP_LOCATE").is_some() {
-            let rows = self.rows(queries);
-            let mut last = LAST.lock().expect("lock");
-            last.clear();
-            for name in ["arm", "warm", "drift", "curves", "weights"] {
-                let mut own = rows.clone();
-                for (block, columns) in self.model.layout().blocks() {
-                    let is = match block {
-                        Block::WarmUp => "warm",
-                        Block::Drift(_) => "drift",
-                        Block::SessionCurve { .. } => "curves",
-                        Block::SessionCommandWeight(_) => "weights",
-                        _ => "arm",
-                    };
-                    if is != name {
-                        own.columns_mut(columns.start, columns.len()).fill(0.0);
-                    }
-                }
-                let half = self.model.posterior.half(&own);
-                last.push((name.to_owned(), half.tr_mul(&half)));
-            }
-        }
         let part = |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries));
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
         let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());

@@ -123,8 +123,12 @@ impl FullModel {
         let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
         let components = Components::new(&layout, &variances, settings, span);
-        let (posterior, mean) =
-            self.carried(&layout, &columns, &components.variances().map(f64::sqrt))?;
+        let expected = components.variances().map(f64::sqrt);
+        let mut fresh = self.fresh_scale(&layout, &expected);
+        if warm_up == WarmUp::Repeats {
+            self.widen_drift(&layout, &expected, &mut fresh);
+        }
+        let (posterior, mean) = self.carried(&layout, &columns, fresh)?;
         let offset = |column: &Column| match column {
             Column::Kept(past, _) => self.offsets[*past],
             Column::Fresh => 0.0,
@@ -275,16 +279,15 @@ impl FullModel {
         }
     }
 
-    /// Mean and covariance of the kept columns, with the prior `sd` of the others.
+    /// Mean and covariance of the kept columns, with the prior standard deviations `scale` of the others.
     fn carried(
         &self,
         layout: &Layout,
         columns: &[Column],
-        fresh: &DVector<f64>,
+        mut scale: DVector<f64>,
     ) -> Option<(Posterior, DVector<f64>)> {
         let size = layout.size();
         let past = covariance(self);
-        let mut scale = self.fresh_scale(layout, fresh);
         let mut mean = DVector::zeros(size);
         for (place, column) in columns.iter().enumerate() {
             if let Column::Kept(own, added) = *column {
@@ -339,6 +342,24 @@ impl FullModel {
             }
         }
         scale
+    }
+
+    /// Widens the drift of a session that is still to come by what past sessions leave open of its size. A base drifts as warm as the
+    /// arm began, so each session has a size of its own, and is one observation of sizes however many stations it has: with an
+    /// inverse-gamma prior of weight `ν₀` around the expected variance, the mean over S sessions is `(ν₀ expected + S found)/(ν₀ + S − 2)`.
+    fn widen_drift(&self, layout: &Layout, expected: &DVector<f64>, scale: &mut DVector<f64>) {
+        let sessions = self.starts().len() as f64;
+        let weight = super::components::WEIGHT;
+        for (block, columns) in layout.blocks() {
+            if !matches!(block, Block::Drift(_)) {
+                continue;
+            }
+            for column in columns {
+                let (before, found) = (expected[column].powi(2), scale[column].powi(2));
+                let sum = weight * before + sessions * found;
+                scale[column] = (sum / (weight + sessions - 2.0)).sqrt();
+            }
+        }
     }
 
     /// The model once stations of its session are measured; `frames` are base and target that the nominal arm fits to

@@ -224,11 +224,7 @@ pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
 }
 
 /// The arm in the table at `path`, which has to be the one that is planned for.
-pub(super) fn identified(
-    path: &Path,
-    arm: &Arm,
-    robot: &str,
-) -> Result<PublishedArm, KnownError> {
+pub(super) fn identified(path: &Path, arm: &Arm, robot: &str) -> Result<PublishedArm, KnownError> {
     let published = calibrations_table::read(path)?;
     if published.key.robot != robot {
         let (found, wanted) = (published.key.robot, robot.to_owned());

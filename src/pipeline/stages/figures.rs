@@ -13,7 +13,8 @@ use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
+    Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,
+    accuracy,
 };
 
 /// The inputs of figures other than residuals.
@@ -111,7 +112,11 @@ impl FigureMaker<'_> {
             .training
             .iter()
             .any(|own| own.name == subject.of_session);
-        let taken = set.residuals.iter().filter(|own| own.used_for_refit).count();
+        let taken = set
+            .residuals
+            .iter()
+            .filter(|own| own.used_for_refit)
+            .count();
         let finders = self.settings.locate.finders(taken);
         is_found.then_some(Finders {
             // A session of a pool is left out with a mounting of its own.

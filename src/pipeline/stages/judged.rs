@@ -186,20 +186,23 @@ pub(super) struct TestSession<'s> {
 }
 
 impl<'s> TestSession<'s> {
-    /// A session with the stations that find its base for the arm of `models`.
-    pub(super) fn new(
+    /// Sessions with the stations that find their bases for the arm of `models`.
+    pub(super) fn all(
         arm: &Arm,
-        session: &'s JoinedSession,
+        sessions: &'s [JoinedSession],
         models: &Models,
         locator: &Locator,
         settings: &StageSettings,
-    ) -> Self {
-        let observations = observations(arm, 0, session, settings);
-        Self {
-            finders: locator.finders(models, &observations),
-            observations,
-            session,
-        }
+    ) -> Vec<Self> {
+        let of = |session| {
+            let observations = observations(arm, 0, session, settings);
+            Self {
+                finders: locator.finders(models, &observations),
+                observations,
+                session,
+            }
+        };
+        sessions.iter().map(of).collect()
     }
 
     /// The stations that find its base, by their numbers.
