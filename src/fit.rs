@@ -11,7 +11,7 @@
 //! Every error model implements one trait ([`model`]), and all models are in one list ([`registry`]).
 //!
 //! Beyond geometry: the full error model ([`full`]), the check that pooled sessions are of one arm ([`same_arm`]), visits of
-//! one pose ([`visits`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
+//! one pose ([`visits`]), base and target of a session that took no part ([`locate`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
 
 pub mod commanded;
 pub mod error_frame;
@@ -20,6 +20,7 @@ pub mod full;
 mod gap;
 pub mod holdout;
 pub mod identifiability;
+pub mod locate;
 pub mod loss;
 pub mod model;
 pub mod models;

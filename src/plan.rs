@@ -19,6 +19,7 @@ mod error;
 pub mod influence;
 pub mod known;
 pub mod line_of_sight;
+pub mod locate;
 pub mod order;
 pub mod outcomes;
 pub mod place;

@@ -10,9 +10,11 @@ pub mod driven;
 pub mod evaluate;
 pub mod frame;
 pub mod iso_9283;
+pub mod locate;
 pub mod promise;
 pub mod refit;
 pub mod tip;
+pub mod unseen;
 pub mod verdict;
 
 use std::collections::BTreeSet;
@@ -22,6 +24,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use crate::figures::{Counted, Figures, PoseErrors};
 pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
+pub use locate::Finders;
 use tip::Turn;
 
 /// The way in which the stations that judge were kept from training.
@@ -42,8 +45,17 @@ pub enum BaseRefit {
     None,
     /// From the session's first stations, judged on the rest.
     First,
+    /// From stations of the session that were chosen by their poses, judged on the rest.
+    Chosen,
     /// From all its stations: for comparing models only.
     All,
+}
+
+impl BaseRefit {
+    /// Whether some stations of the session find its base, and the others judge.
+    pub const fn judges(self) -> bool {
+        matches!(self, Self::First | Self::Chosen)
+    }
 }
 
 /// The subject of a set of residuals: model, angles, stations and base.
@@ -143,6 +155,9 @@ pub struct Accuracy {
     pub bound: Option<f64>,
     /// Number of poses and visits that the bound counts.
     pub counted: Counted,
+    /// The stations that base and target of a session that took no part were found from; `None` where they were not found from
+    /// stations that do not judge.
+    pub finders: Option<Finders>,
     /// Number of distinct blocks of the stations: those of one block are not independent. `None` where there are no blocks.
     pub blocks: Option<usize>,
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without

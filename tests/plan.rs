@@ -9,6 +9,8 @@ mod common;
 mod enough;
 #[path = "plan/known.rs"]
 mod known;
+#[path = "plan/locate.rs"]
+mod locate;
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +34,7 @@ use posegrid::plan::{
     InfluenceRow, Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
 };
 use posegrid::progress::Quiet;
-use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Ingredient, Poses, SimulateSettings, Stream, simulate, visits};
 
@@ -434,9 +436,10 @@ fn stage_settings(settings: &PlanSettings) -> StageSettings {
         similarity: SimilaritySettings::default(),
         grid: settings.grid.clone(),
         tolerance: settings.tolerance,
-        refit: RefitSettings {
-            first: 50,
-            with_target: false,
+        locate: Locate {
+            by: LocateBy::First,
+            stations: 50,
+            target: LocateTarget::Known,
         },
         leave_sessions_out: false,
         tool_tip: None,

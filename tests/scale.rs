@@ -17,7 +17,7 @@ use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
-use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
@@ -82,9 +82,10 @@ fn settings() -> StageSettings {
             share: 0.8,
             confidence: 0.9,
         },
-        refit: RefitSettings {
-            first: 30,
-            with_target: false,
+        locate: Locate {
+            by: LocateBy::First,
+            stations: 30,
+            target: LocateTarget::Known,
         },
         leave_sessions_out: false,
         tool_tip: None,

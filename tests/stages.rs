@@ -15,7 +15,7 @@ use posegrid::join::{JoinSettings, ReadingKind, join};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
-use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::verdict::{Applied, Judging};
 use posegrid::report::{Angles, BaseRefit, Model, Split};
 use posegrid::similarity::SimilaritySettings;
@@ -87,9 +87,10 @@ fn settings() -> StageSettings {
             share: 0.95,
             confidence: 0.95,
         },
-        refit: RefitSettings {
-            first: 50,
-            with_target: false,
+        locate: Locate {
+            by: LocateBy::First,
+            stations: 50,
+            target: LocateTarget::Known,
         },
         leave_sessions_out: true,
         tool_tip: None,

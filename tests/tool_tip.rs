@@ -14,7 +14,7 @@ use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
-use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::TrackerErrors;
@@ -88,9 +88,10 @@ fn settings(simulated: &Simulated) -> StageSettings {
             share: 0.95,
             confidence: 0.95,
         },
-        refit: RefitSettings {
-            first: 50,
-            with_target: false,
+        locate: Locate {
+            by: LocateBy::First,
+            stations: 50,
+            target: LocateTarget::Known,
         },
         leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),

@@ -3,11 +3,13 @@
 //! Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 there is no plan, or it
 //! cannot be written; 2 the pipeline file is bad.
 
+mod locate;
+
 use std::fmt::Write as _;
 use std::io;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, value_parser};
 use thiserror::Error;
 
 use super::messages::{self, Printable};
@@ -36,8 +38,11 @@ Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
 While the session is measured, with its logs so far in [input]: is that enough?
   posegrid plan pipelines/plan-kr210.toml --measured monday
 
-Exit codes: 0 the plan is shown to meet the tolerance, or what is measured is enough; 3 it is not, and the best one is
-there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.")]
+After a remount, when only base and reflector are new: twelve poses that find them for the arm of the robot's current run
+  posegrid plan pipelines/plan-kr210.toml --locate 12 --csv poses.csv
+
+Exit codes: 0 the plan is shown to meet the tolerance, what is measured is enough, or errors after --locate are expected within
+the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.")]
 pub struct PlanArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
@@ -51,6 +56,10 @@ pub struct PlanArgs {
     /// which planned poses to measure next
     #[arg(long, value_name = "SESSION", conflicts_with = "csv")]
     pub measured: Option<String>,
+    /// After a remount: this many poses that find base and reflector best, for the arm of [plan.known] or of the
+    /// robot's current run in the lake, and the accuracy that follows; nothing is published
+    #[arg(long, value_name = "POSES", conflicts_with = "measured", value_parser = value_parser!(u16).range(4..=500))]
+    pub locate: Option<u16>,
 }
 
 /// Why a plan was not made or written.
@@ -86,9 +95,10 @@ impl PlanCommandError {
 
 /// Makes a plan; gives the exit code.
 pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
-    let ended = match &args.measured {
-        Some(session) => so_far(args, session, bars),
-        None => made(args, bars).map(|(planned, words)| (planned.is_met, words)),
+    let ended = match (&args.measured, args.locate) {
+        (Some(session), _) => so_far(args, session, bars),
+        (None, Some(count)) => locate::located(args, usize::from(count)),
+        (None, None) => made(args, bars).map(|(planned, words)| (planned.is_met, words)),
     };
     match ended {
         Ok((is_met, words)) => {
@@ -104,9 +114,7 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
 }
 
 fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandError> {
-    if let Some(csv) = args.csv.as_ref().filter(|csv| csv.exists()) {
-        return Err(PlanCommandError::Exists(csv.clone()));
-    }
+    new_csv(args)?;
     let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.csv {
@@ -121,6 +129,14 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     }
     let words = words(&planned, &planning, args);
     Ok((planned, words))
+}
+
+/// Refuses a file for the poses that is there already.
+fn new_csv(args: &PlanArgs) -> Result<(), PlanCommandError> {
+    match args.csv.as_ref().filter(|csv| csv.exists()) {
+        Some(csv) => Err(PlanCommandError::Exists(csv.clone())),
+        None => Ok(()),
+    }
 }
 
 /// Whether the session so far is enough, and a text that says so.

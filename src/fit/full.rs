@@ -15,6 +15,7 @@ mod columns;
 pub mod components;
 pub mod curves;
 pub mod design;
+pub mod elsewhere;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;

@@ -106,6 +106,7 @@ fn driven(content: &Content) -> Option<&Subject> {
 /// The stations that judge: those of an unseen session where there is one, otherwise those of held-out blocks.
 fn judged(content: &Content) -> Option<&Subject> {
     let ways = [
+        (Split::Session, BaseRefit::Chosen),
         (Split::Session, BaseRefit::First),
         (Split::Session, BaseRefit::None),
         (Split::Blocks, BaseRefit::None),

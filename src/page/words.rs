@@ -59,6 +59,9 @@ pub(super) fn judged(subject: &Subject) -> String {
         (Split::Session, BaseRefit::First) => {
             format!("{session}, unseen; base from its first stations")
         }
+        (Split::Session, BaseRefit::Chosen) => {
+            format!("{session}, unseen; base from stations chosen by their poses")
+        }
         (Split::Session, BaseRefit::All) => {
             format!("{session}, unseen; base refitted on all of it")
         }

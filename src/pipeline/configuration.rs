@@ -32,7 +32,6 @@ use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest;
-use crate::report::evaluate::RefitSettings;
 
 pub use error::ConfigurationError;
 pub use files::Files;
@@ -260,10 +259,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
         similarity: file.similarity.clone(),
         grid: file.grid.clone(),
         tolerance: file.tolerance,
-        refit: RefitSettings {
-            first: file.report.refit_first_stations,
-            with_target: file.report.refit_target,
-        },
+        locate: file.report.locate,
         leave_sessions_out: file.report.leave_sessions_out,
         tool_tip: placed.tool_tip,
     }

@@ -7,6 +7,7 @@
 mod cell;
 mod checks;
 mod known;
+mod locating;
 mod so_far;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::configuration::{ConfigurationError, files, placed, usable};
+use super::file::PipelineFile;
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::store::Place;
@@ -33,6 +35,7 @@ use crate::progress::Progress;
 
 use cell::Placed;
 pub use known::{KnownError, KnownMisfit};
+pub use locating::Located;
 pub use so_far::{SoFar, SoFarError};
 
 /// The session name of a plan in the lake.
@@ -150,14 +153,7 @@ impl Planning {
             inputs,
             settings: manifest::canonical(&(file, section))?,
         };
-        let base_from_command = match &file.commanded {
-            Some(section) => placed(
-                path,
-                "[commanded] base_from_command",
-                &section.base_from_command,
-            )?,
-            None => Isometry3::identity(),
-        };
+        let base_from_command = base_from_command(path, file)?;
         Ok(Self {
             arm: read.arm,
             settings,
@@ -219,6 +215,21 @@ impl Planning {
             .work
             .runs_table(&counts, run.written(), &ending(plan, replaces))?;
         Ok(run.commit(&row)?)
+    }
+}
+
+/// The frame of commands in the base frame, mm.
+fn base_from_command(
+    path: &Path,
+    file: &PipelineFile,
+) -> Result<Isometry3<f64>, ConfigurationError> {
+    match &file.commanded {
+        Some(section) => placed(
+            path,
+            "[commanded] base_from_command",
+            &section.base_from_command,
+        ),
+        None => Ok(Isometry3::identity()),
     }
 }
 

@@ -27,13 +27,13 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Several, one_source_and_target};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::evaluate::RefitSettings;
+use crate::report::locate::{Locate, Locator};
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
-use judged::{Judged, raw_command, train_folds};
+use judged::{Judged, TestSession, raw_command, train_folds};
 use observed::Observed;
 use unseen::Judges;
 
@@ -62,8 +62,8 @@ pub struct StageSettings {
     pub grid: GridSettings,
     /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// Settings for finding an unseen session's frames.
-    pub refit: RefitSettings,
+    /// How base and target of an unseen session are found.
+    pub locate: Locate,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
     /// Position of the tool tip at the flange, along the flange's axes, mm; `None` where no figures are asked for it.
@@ -141,7 +141,9 @@ pub fn run<'a>(
         folds: &folds,
         training: &training,
     };
-    let mut residuals = judged.residuals(&test, settings, &train, progress)?;
+    let locator = Locator::new(&models, arm, settings.locate, &train);
+    let tested = TestSession::all(arm, &test, &models, &locator, settings);
+    let mut residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::one);
     let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
@@ -163,7 +165,8 @@ pub fn run<'a>(
         arm,
         models: &models,
         frames: &frames,
-        test: &test,
+        locator: &locator,
+        test: &tested,
         own: (&training[last], last),
         error_frame: &error_frame,
         settings,
@@ -174,7 +177,7 @@ pub fn run<'a>(
         arm,
         frames: &frames,
         training: &training,
-        test: &test,
+        test: &tested,
         residuals: &residuals,
         driven: driven.as_ref(),
         settings,
@@ -190,7 +193,7 @@ pub fn run<'a>(
         grids: &grids,
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
-    accuracy.extend(unseen::table_figures(&grids));
+    accuracy.extend(unseen::table_figures(&grids, &tested, &settings.locate));
     let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
     let scales = scales::scales(&observed, &models, &training, settings);
     scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));

@@ -161,10 +161,11 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
         (Split::Blocks, _) if pooled => format!(", held-out blocks of {}", subject.of_session),
         (Split::Blocks, _) => ", held-out blocks".to_owned(),
         (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),
-        (Split::Session, _) => format!(
-            ", unseen session {} with its base from its first stations",
-            subject.of_session
-        ),
+        (Split::Session, _) => {
+            let found = accuracy.finders.as_ref();
+            let found = found.map_or_else(String::new, |own| format!(", {}", own.words()));
+            format!(", unseen session {}{found}", subject.of_session)
+        }
     };
     let bound = accuracy.bound.map_or_else(
         || "bound not shown".to_owned(),

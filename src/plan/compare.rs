@@ -209,7 +209,7 @@ fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Op
 }
 
 /// Random poses that may be measured: in the box, turned further than the region needs, and suiting the constraints.
-fn candidates(
+pub(super) fn candidates(
     arm: &Arm,
     placer: &Placer<'_>,
     settings: &PlanSettings,

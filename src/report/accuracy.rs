@@ -47,6 +47,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         figures: Figures::of(&norms),
         bound,
         counted,
+        finders: None,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,
@@ -88,10 +89,10 @@ fn explained(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
     Verdict::NotShown(match (taken, again) {
         (0, _) => reason,
         (taken, 0) => {
-            format!("{reason}; {taken} stations find the base ([report] refit_first_stations)")
+            format!("{reason}; {taken} stations find the base ([report] locate)")
         }
         (taken, again) => format!(
-            "{reason}; {taken} stations find the base ([report] refit_first_stations), and {again} more are visits of their poses"
+            "{reason}; {taken} stations find the base ([report] locate), and {again} more are visits of their poses"
         ),
     })
 }
@@ -172,7 +173,8 @@ mod tests {
         let Verdict::NotShown(reason) = of.verdict else {
             panic!("{:?}", of.verdict)
         };
-        let expected = "50 stations find the base ([report] refit_first_stations), and 50 more are visits of their poses";
+        let expected =
+            "50 stations find the base ([report] locate), and 50 more are visits of their poses";
         assert!(reason.ends_with(expected), "{reason}");
     }
 }

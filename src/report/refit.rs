@@ -1,12 +1,15 @@
 //! The base of an unseen session: found from its own stations, with the arm fixed as identified.
 //!
-//! Six numbers of the base, and three of the target where the session has a mounting of its own; unweighted. For a model
+//! Six numbers of the base, and three of the target where the session has a mounting of its own. For a model
 //! that knows the variation of scale between sessions ([`refit_with_scale`]), also the session's scale, with that variation
-//! as its prior.
+//! as its prior. Unweighted, for comparing models; or by an estimate that knows which errors the stations have in common
+//! ([`generalised`]).
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
+use crate::fit::locate::Estimator;
 use crate::geometry::align;
+use crate::units::MM_PER_M;
 
 /// A predicted target in the base frame, and the flange's rotation there.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,13 +29,56 @@ pub struct Refit {
     pub target_shift: Vector3<f64>,
     /// Scale of the session relative to the model, minus one, about `middle`.
     pub scale: f64,
-    /// Weight of the scale's prior in addition to its column, mm²; 0 where the scale was not found.
-    pub scale_ridge_mm2: f64,
     /// The middle of the stations, in the base frame, mm.
     pub middle: Point3<f64>,
 }
 
 impl Refit {
+    /// The frames of training, for a session whose own are not found.
+    pub fn none(base_from_tracker: Isometry3<f64>, placed: &[Placed]) -> Self {
+        Self {
+            base_from_tracker,
+            target_shift: Vector3::zeros(),
+            scale: 0.0,
+            middle: middle(placed),
+        }
+    }
+
+    /// The frames after a small motion by the columns of [`columns`], and of [`levers`] behind them.
+    fn moved(&self, by: &DVector<f64>, with_target: bool) -> Self {
+        let turn = Vector3::new(by[3], by[4], by[5]) / MM_PER_M;
+        let away = Vector3::new(by[0], by[1], by[2]);
+        // The measured points stand further along by this motion: the base's place undoes it, about the middle.
+        let turned = UnitQuaternion::from_scaled_axis(-turn);
+        let about = Translation3::from(self.middle.coords);
+        let undone = about * turned * Translation3::from(-away) * about.inverse();
+        let frames = columns_of_frames(with_target);
+        Self {
+            base_from_tracker: undone * self.base_from_tracker,
+            target_shift: self.target_shift
+                + if with_target {
+                    Vector3::new(by[6], by[7], by[8])
+                } else {
+                    Vector3::zeros()
+                },
+            scale: self.scale + by.get(frames).map_or(0.0, |scale| scale / MM_PER_M),
+            middle: self.middle,
+        }
+    }
+
+    /// What prior knowledge holds, in the order of the columns: the target's shift and the scale.
+    fn held(&self, size: usize, with_target: bool) -> DVector<f64> {
+        let mut held = DVector::zeros(size);
+        let frames = columns_of_frames(with_target);
+        if with_target {
+            held.rows_mut(6, 3).copy_from(&self.target_shift);
+        }
+        if size > frames {
+            held[frames] = self.scale * MM_PER_M;
+        }
+        held
+    }
+
     /// The position of a predicted target in the session's own frames and scale.
     pub fn predicted(&self, placed: &Placed) -> Point3<f64> {
         self.scaled(placed).position + placed.flange * self.target_shift
@@ -77,7 +123,6 @@ pub fn refit(measured: &[Point3<f64>], predicted: &[Placed], with_target: bool) 
         base_from_tracker,
         target_shift,
         scale: 0.0,
-        scale_ridge_mm2: 0.0,
         middle: middle(predicted),
     })
 }
@@ -101,14 +146,13 @@ pub fn refit_with_scale(
     let plain = refit(measured, predicted, with_target)?;
     let mut found = plain;
     for _ in 0..PASSES {
-        let Some((scale, ridge)) = scale_of(measured, predicted, &found, scale_sd) else {
+        let Some(scale) = scale_of(measured, predicted, &found, scale_sd) else {
             return Some(plain);
         };
         found.scale = scale;
         let scaled: Vec<Placed> = predicted.iter().map(|p| found.scaled(p)).collect();
         found = Refit {
             scale,
-            scale_ridge_mm2: ridge,
             middle: plain.middle,
             ..refit(measured, &scaled, with_target)?
         };
@@ -117,14 +161,44 @@ pub fn refit_with_scale(
     Some(if is_ordinary { found } else { plain })
 }
 
-/// The scale in the frames of `found`, and the weight of its prior: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² the
+/// The frames by an estimate ([`Estimator`]) from `measured` and `predicted` of its stations, in their order; the columns are about
+/// `middle`, and a scale that no session ordinarily has (`scale_sd` is their standard deviation) stays in the remaining error. `None`
+/// where stations do not span space.
+pub fn generalised(
+    measured: &[Point3<f64>],
+    predicted: &[Placed],
+    with_target: bool,
+    (middle, scale_sd): (Point3<f64>, f64),
+    by: &Estimator,
+) -> Option<Refit> {
+    let plain = Refit {
+        middle,
+        ..refit(measured, predicted, with_target)?
+    };
+    let mut found = plain;
+    for _ in 0..PASSES {
+        let left = measured.iter().zip(predicted).flat_map(|(m, p)| {
+            let away = found.base_from_tracker * m - found.predicted(p);
+            [away.x, away.y, away.z]
+        });
+        let left = DVector::from_iterator(3 * measured.len(), left);
+        // Target and scale are found from where they are expected.
+        let held = found.held(by.from.nrows(), with_target);
+        let step = &by.from * (left + &by.columns * &held) - held;
+        found = found.moved(&step, with_target);
+    }
+    let is_ordinary = found.scale.abs() <= ORDINARY * scale_sd;
+    Some(if is_ordinary { found } else { plain })
+}
+
+/// The scale in the frames of `found`: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² the
 /// remaining variance per axis.
 fn scale_of(
     measured: &[Point3<f64>],
     predicted: &[Placed],
     found: &Refit,
     scale_sd: f64,
-) -> Option<(f64, f64)> {
+) -> Option<f64> {
     let (mut levers, mut along, mut left) = (0.0, 0.0, 0.0);
     for (measured, placed) in measured.iter().zip(predicted) {
         let lever = placed.position - found.middle;
@@ -137,7 +211,21 @@ fn scale_of(
     let freedom = (3 * measured.len()).checked_sub(10).filter(|f| *f > 0)?;
     let ridge = left / freedom as f64 / (scale_sd * scale_sd);
     let scale = along / (levers + ridge);
-    (scale_sd > 0.0 && scale.is_finite()).then_some((scale, ridge))
+    (scale_sd > 0.0 && scale.is_finite()).then_some(scale)
+}
+
+/// Number of columns of [`columns`].
+pub const fn columns_of_frames(with_target: bool) -> usize {
+    if with_target { 9 } else { 6 }
+}
+
+/// The column of a session's scale: each point's way from the middle, per 1 m.
+pub fn levers(positions: &[Point3<f64>], middle: &Point3<f64>) -> DVector<f64> {
+    let levers = positions.iter().flat_map(|position| {
+        let lever = (position - middle) / MM_PER_M;
+        [lever.x, lever.y, lever.z]
+    });
+    DVector::from_iterator(3 * positions.len(), levers)
 }
 
 /// Columns of a small motion of the base about the points' middle, and of the target: `[I | −[p]× / 1 m | R]`.
@@ -150,14 +238,14 @@ pub fn columns(
         .iter()
         .fold(Vector3::zeros(), |sum, p| sum + p.coords)
         / positions.len().max(1) as f64;
-    let mut columns = DMatrix::zeros(3 * positions.len(), if with_target { 9 } else { 6 });
+    let mut columns = DMatrix::zeros(3 * positions.len(), columns_of_frames(with_target));
     for (i, (position, flange)) in positions.iter().zip(flanges).enumerate() {
         let mut rows = columns.rows_mut(3 * i, 3);
         for axis in 0..3 {
             let unit = Vector3::ith(axis, 1.0);
             rows.fixed_view_mut::<3, 1>(0, axis).copy_from(&unit);
             rows.fixed_view_mut::<3, 1>(0, 3 + axis)
-                .copy_from(&(unit.cross(&(position.coords - middle)) / 1000.0));
+                .copy_from(&(unit.cross(&(position.coords - middle)) / MM_PER_M));
             if with_target {
                 rows.fixed_view_mut::<3, 1>(0, 6 + axis)
                     .copy_from(&(flange * unit));

@@ -4,7 +4,7 @@
 //! Output: a [`RunVerdict`]: a verdict of the table, one of each identified arm, and which of the two a user is told to apply.
 //! Tables, page, summary and exit code take verdict, reason and statement from it.
 //! - Held-out blocks are of the sessions that were learnt from: whatever is peculiar to that day is in the model too.
-//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model by commands alone at
+//! - A test session has between-session variation. Its base is found from some of its stations, the others judge: the model by commands alone at
 //!   all of them, and the table at those it answers for. One that is shown is enough, as a table answers for one orientation;
 //!   where neither is, the session shows nothing.
 //! - A session at random poses has too few stations of any one orientation for a table, and many for the identified arm: what is
@@ -215,22 +215,23 @@ fn applied(table: &ProductVerdict, arm: &ProductVerdict) -> Applied {
 }
 
 /// The figure by which a session judges a model: at the angles that say most of a program, which are commanded ones where there are
-/// any. Of a session that took no part the base is from its first stations; `None` where it cannot be found.
+/// any. Of a session that took no part the base is from some of its stations, which do not judge; `None` where it cannot be found.
 pub fn figure_of<'a>(
     accuracy: &'a [Accuracy],
     model: Model,
     split: Split,
     session: &str,
 ) -> Option<&'a Accuracy> {
-    let base_refit = match split {
-        Split::Session => BaseRefit::First,
-        Split::None | Split::Blocks => BaseRefit::None,
+    let is_judged = |base_refit: BaseRefit| match split {
+        Split::Session => base_refit.judges(),
+        Split::None | Split::Blocks => base_refit == BaseRefit::None,
     };
     model.about().angles.iter().rev().find_map(|angles| {
         accuracy.iter().find(|own| {
             let subject = &own.subject;
             (subject.model, subject.angles, subject.split) == (model, *angles, split)
-                && (subject.base_refit, own.point) == (base_refit, Point::Measured)
+                && is_judged(subject.base_refit)
+                && own.point == Point::Measured
                 && subject.of_session == session
         })
     })
@@ -271,6 +272,7 @@ mod tests {
             figures: None,
             bound,
             counted: Counted::once(poses),
+            finders: None,
             blocks: None,
             coverage: None,
             expanded_uncertainty_mm: 0.03,

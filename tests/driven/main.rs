@@ -24,7 +24,7 @@ use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::driven::{self, Application, DrivenStation};
-use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::promise::Promise;
 use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
@@ -100,9 +100,10 @@ fn stage_settings(harmonics: usize) -> StageSettings {
             within: 0.05,
         },
         tolerance: TOLERANCE,
-        refit: RefitSettings {
-            first: 50,
-            with_target: false,
+        locate: Locate {
+            by: LocateBy::First,
+            stations: 50,
+            target: LocateTarget::Known,
         },
         leave_sessions_out: false,
         tool_tip: None,

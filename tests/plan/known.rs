@@ -33,7 +33,7 @@ fn past(planning: &Planning, count: usize) -> FullModel {
     fitted.models.full.expect("a full error model")
 }
 
-fn random(placer: &Placer<'_>, settings: &PlanSettings, count: usize) -> Vec<Commanded> {
+pub(super) fn random(placer: &Placer<'_>, settings: &PlanSettings, count: usize) -> Vec<Commanded> {
     let region = posegrid::plan::Region {
         cone_rad: settings.candidate_cone_rad,
         ..settings.region
@@ -68,7 +68,7 @@ fn known(planning: &Planning, past: &FullModel, moved: bool) -> KnownArm {
     .expect("a positive covariance")
 }
 
-fn few_harmonics(lake: &std::path::Path) -> Planning {
+pub(super) fn few_harmonics(lake: &std::path::Path) -> Planning {
     let mut planning = small(lake);
     planning.settings.full.harmonics = 15;
     planning

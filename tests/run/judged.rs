@@ -197,7 +197,7 @@ fn a_test_session_of_few_stations_shows_nothing() {
     );
     let reason = [
         "0 poses held out; 59 poses are needed",
-        "40 stations find the base ([report] refit_first_stations)",
+        "40 stations find the base ([report] locate)",
     ];
     everywhere(&cell, &ended, "not_shown", &reason);
 }
@@ -307,7 +307,7 @@ fn one_fold_a_pose(cell: &Cell) {
 fn visits_of_one_pose_in_a_test_session_count_once_and_never_where_they_found_the_base() {
     let cell = with_thirty(monday(), "tue", 6).with(
         "[output]",
-        "[report]\nrefit_first_stations = 10\n\n[output]",
+        "[report]\nlocate = { by = \"first\", stations = 10 }\n\n[output]",
     );
     let ended = cell.run(&["mon", "--test", "tue"]);
     ended.expect(3, &["judged by test session tue: not shown"]);

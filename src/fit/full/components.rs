@@ -61,6 +61,8 @@ pub struct Components {
     fixed: Vec<f64>,
 }
 
+/// Weight of the expected sizes, in observations: ν₀.
+pub(super) const WEIGHT: f64 = 2.0;
 /// A step of the fixed point is damped by this power, so that parts that share columns do not oscillate.
 const DAMPING: f64 = 0.8;
 /// A size changes by no more than this factor in a step.
@@ -223,7 +225,7 @@ impl Components {
         let weight = if matches!(part, Part::Line { .. }) {
             1.0
         } else {
-            2.0
+            WEIGHT
         };
         if let Some(own) = self.all.iter_mut().find(|component| component.part == part) {
             own.profiles.push((columns, profile));

@@ -80,6 +80,15 @@ enum Column {
     Fresh,
 }
 
+/// The warm-up of a session that is still to come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum WarmUp {
+    /// It may begin at any temperature: the warm-up is a drift of its own.
+    Unknown,
+    /// It repeats what the sessions that were measured have in common.
+    Repeats,
+}
+
 /// Standard deviation of the target's turn when it is mounted again, rad.
 const REMOUNTED_RAD: f64 = 0.01;
 
@@ -94,21 +103,42 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
+        self.coming(arm, mounting, stations, settings, up, WarmUp::Unknown)
+    }
+
+    /// [`Self::next`], with the warm-up that sessions repeat or without.
+    pub(super) fn coming(
+        &self,
+        arm: &Arm,
+        mounting: &Mounting,
+        stations: usize,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+        warm_up: WarmUp,
+    ) -> Option<Self> {
         let starts = [self.next_frames(mounting)];
         let prior = mounting.prior();
         let problem = empty(arm, &starts, &prior, self.is_turned());
         let span = stations.max(1) as f64;
-        let (layout, columns) = self.next_columns(&problem, mounting, settings);
+        let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
         let components = Components::new(&layout, &variances, settings, span);
-        let (posterior, mean) =
-            self.carried(&layout, &columns, &components.variances().map(f64::sqrt))?;
+        let expected = components.variances().map(f64::sqrt);
+        let mut fresh = self.fresh_scale(&layout, &expected);
+        if warm_up == WarmUp::Repeats {
+            self.widen_drift(&layout, &expected, &mut fresh);
+        }
+        let (posterior, mean) = self.carried(&layout, &columns, fresh)?;
         let offset = |column: &Column| match column {
             Column::Kept(past, _) => self.offsets[*past],
             Column::Fresh => 0.0,
         };
         let unknowns = columns.iter().take(problem.unknowns().len());
         let offsets = DVector::from_iterator(problem.unknowns().len(), unknowns.map(offset));
+        let unknown_warm_up = match warm_up {
+            WarmUp::Unknown => self.warm_up_variance,
+            WarmUp::Repeats => 0.0,
+        };
         Some(Self {
             ready: Ready::of(&problem, &offsets, &layout, &mean),
             frames: problem.frames(&offsets),
@@ -116,8 +146,8 @@ impl FullModel {
             up: up.map(UnitVector3::into_inner),
             layout,
             offsets,
-            drift_variance: self.drift_variance + self.warm_up_variance,
-            warm_up_variance: 0.0,
+            drift_variance: self.drift_variance + unknown_warm_up,
+            warm_up_variance: self.warm_up_variance - unknown_warm_up,
             middles: vec![self.middles[mounting.session]],
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
@@ -161,6 +191,7 @@ impl FullModel {
         problem: &Problem<'_>,
         mounting: &Mounting,
         settings: &FullSettings,
+        warm_up: WarmUp,
     ) -> (Layout, Columns) {
         let mut layout = Layout::new(self.layout.period_turns());
         let unknowns = problem.unknowns().iter();
@@ -170,7 +201,8 @@ impl FullModel {
         layout.push(Block::Unknowns, columns.len());
         let few = 2 * super::columns::few_harmonics(settings);
         for (block, range) in self.layout.blocks() {
-            if !block.is_of_arm() {
+            let repeats = block == Block::WarmUp && warm_up == WarmUp::Repeats;
+            if !block.is_of_arm() && !repeats {
                 continue;
             }
             layout.push(block, range.len());
@@ -247,16 +279,15 @@ impl FullModel {
         }
     }
 
-    /// Mean and covariance of the kept columns, with the prior `sd` of the others.
+    /// Mean and covariance of the kept columns, with the prior standard deviations `scale` of the others.
     fn carried(
         &self,
         layout: &Layout,
         columns: &[Column],
-        fresh: &DVector<f64>,
+        mut scale: DVector<f64>,
     ) -> Option<(Posterior, DVector<f64>)> {
         let size = layout.size();
         let past = covariance(self);
-        let mut scale = self.fresh_scale(layout, fresh);
         let mut mean = DVector::zeros(size);
         for (place, column) in columns.iter().enumerate() {
             if let Column::Kept(own, added) = *column {
@@ -311,6 +342,24 @@ impl FullModel {
             }
         }
         scale
+    }
+
+    /// Widens the drift of a session that is still to come by what past sessions leave open of its size. A base drifts as warm as the
+    /// arm began, so each session has a size of its own, and is one observation of sizes however many stations it has: with an
+    /// inverse-gamma prior of weight `ν₀` around the expected variance, the mean over S sessions is `(ν₀ expected + S found)/(ν₀ + S − 2)`.
+    fn widen_drift(&self, layout: &Layout, expected: &DVector<f64>, scale: &mut DVector<f64>) {
+        let sessions = self.starts().len() as f64;
+        let weight = super::components::WEIGHT;
+        for (block, columns) in layout.blocks() {
+            if !matches!(block, Block::Drift(_)) {
+                continue;
+            }
+            for column in columns {
+                let (before, found) = (expected[column].powi(2), scale[column].powi(2));
+                let sum = weight * before + sessions * found;
+                scale[column] = (sum / (weight + sessions - 2.0)).sqrt();
+            }
+        }
     }
 
     /// The model once stations of its session are measured; `frames` are base and target that the nominal arm fits to

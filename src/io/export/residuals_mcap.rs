@@ -181,6 +181,7 @@ fn topic(of: &Of) -> String {
     };
     let base = match of.subject.base_refit {
         BaseRefit::First => "_base_from_first",
+        BaseRefit::Chosen => "_base_from_chosen",
         BaseRefit::All => "_base_from_all",
         BaseRefit::None => "",
     };

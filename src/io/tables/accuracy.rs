@@ -27,6 +27,10 @@ row! {
         angles: Angles,
         /// The source of the base of an unseen session.
         base_refit: BaseRefit,
+        /// Number of stations that the base of an unseen session was found from and that do not judge; `None` without such.
+        base_stations: Option<usize>,
+        /// Whether the target was found with that base; `None` without such stations.
+        target_found: Option<bool>,
         /// The part of the stations in the fit.
         role: Role,
         /// Measured, predicted, or measured after a table drove the session.
@@ -182,6 +186,8 @@ impl AccuracyRow {
             model: subject.model,
             angles: subject.angles,
             base_refit: subject.base_refit,
+            base_stations: None,
+            target_found: None,
             role: subject.split.into(),
             evidence: moment,
             moment: match moment {
@@ -327,6 +333,8 @@ fn figure(
     AccuracyRow {
         value,
         n: of.figures.map_or(0, |figures| figures.n),
+        base_stations: of.finders.map(|finders| finders.stations),
+        target_found: of.finders.map(|finders| finders.with_target),
         blocks: of.blocks,
         table_id: of.driven_by.clone().or(own),
         ..AccuracyRow::of(&of.subject, (of.point, of.moment), quantity, name, unit)

@@ -108,7 +108,7 @@ impl Word for Model {
 words! {
     Angles { Reported: "reported", Weighted: "weighted", Commanded: "commanded" }
     Split { None: "none", Blocks: "blocks", Session: "session" }
-    BaseRefit { None: "none", First: "first", All: "all" }
+    BaseRefit { None: "none", First: "first", Chosen: "chosen", All: "all" }
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }

@@ -14,6 +14,7 @@ use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
+use crate::report::locate::{LEAST_STATIONS, Locate};
 use crate::similarity::SimilaritySettings;
 
 /// A key with an invalid value.
@@ -92,7 +93,17 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     similarity(&file.similarity, joints)?;
     grid(&file.grid)?;
     tolerance(&file.tolerance)?;
+    locate(&file.report.locate)?;
     limits(&file.limits)
+}
+
+fn locate(locate: &Locate) -> Check {
+    wrong_unless(
+        locate.stations >= LEAST_STATIONS,
+        "[report] locate.stations",
+        locate.stations,
+        format!("{LEAST_STATIONS} or more: fewer do not determine a base"),
+    )
 }
 
 /// Checks the fields of messages that are named.

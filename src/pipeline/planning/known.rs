@@ -17,6 +17,7 @@ use crate::io::store::Place;
 use crate::join::Several;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
+use crate::pipeline::history::HistoryError;
 use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
 use crate::plan::{KnownArm, PlanSettings};
 
@@ -50,6 +51,14 @@ pub enum KnownError {
         robot: String,
         /// The session.
         session: String,
+    },
+    /// The lake has no run of the robot.
+    #[error("no arm is known of robot {robot:?}: {source}; name its run under [plan.known]")]
+    NoNewest {
+        /// The robot.
+        robot: String,
+        /// Why.
+        source: Box<HistoryError>,
     },
     /// The table is not on this machine.
     #[error(
@@ -204,10 +213,36 @@ fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownEr
         robot: robot.to_owned(),
         session: session.to_owned(),
     })?;
-    let key = RunKey::new(robot, session, &run.run);
-    let table = lake.path(schema::find("calibrations")?, &key)?;
+    local(&lake, &RunKey::new(robot, session, &run.run))
+}
+
+/// The file of table `calibrations` of a run.
+pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
+    let table = lake.path(schema::find("calibrations")?, key)?;
     let path = table.as_path().map(Path::to_owned);
     path.ok_or(KnownError::Remote { table })
+}
+
+/// The arm in the table at `path`, which has to be the one that is planned for.
+pub(super) fn identified(path: &Path, arm: &Arm, robot: &str) -> Result<PublishedArm, KnownError> {
+    let published = calibrations_table::read(path)?;
+    if published.key.robot != robot {
+        let (found, wanted) = (published.key.robot, robot.to_owned());
+        return Err(KnownMisfit::OtherRobot { found, wanted }.at(path));
+    }
+    same_nominal(path, &published.arm, arm)?;
+    Ok(published)
+}
+
+/// The full error model of a past run.
+pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullModel, KnownError> {
+    let model = past.model.is::<FullModel>();
+    model.ok_or_else(|| KnownMisfit::GeometryAlone.at(path))
+}
+
+/// The error of a covariance that rounding made indefinite.
+pub(super) fn not_positive(path: &Path) -> KnownError {
+    KnownMisfit::NotPositive.at(path)
 }
 
 /// The arm in the table at `path`, in the planned session.
@@ -218,23 +253,14 @@ pub(super) fn read(
     section: &PlanSection,
     settings: &PlanSettings,
 ) -> Result<Arc<KnownArm>, KnownError> {
-    let PublishedArm { key, arm: past, .. } = calibrations_table::read(path)?;
-    if key.robot != robot {
-        let (found, wanted) = (key.robot, robot.to_owned());
-        return Err(KnownMisfit::OtherRobot { found, wanted }.at(path));
-    }
-    same_nominal(path, &past, arm)?;
-    let Some(model) = past.model.is::<FullModel>() else {
-        return Err(KnownMisfit::GeometryAlone.at(path));
-    };
+    let past = identified(path, arm, robot)?.arm;
+    let model = full(path, &past)?;
     let known = section.known.clone().unwrap_or_default();
     let mounting = mounting(path, &known, model, past.model.session, settings)?;
     let most = settings.poses.iter().copied().max().unwrap_or(0);
     let stations = 2 * most + settings.verify_poses;
     let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
-    known
-        .map(Arc::new)
-        .ok_or_else(|| KnownMisfit::NotPositive.at(path))
+    known.map(Arc::new).ok_or_else(|| not_positive(path))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {

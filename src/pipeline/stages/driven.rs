@@ -22,7 +22,7 @@ pub(super) fn judged(
         key: by.file.key.clone(),
         table: by.file.table.clone(),
         application: driven::application(&stations),
-        measured: driven::measured(&stations, &session.name, settings.refit.first),
+        measured: driven::measured(&stations, &session.name, settings.locate.first()),
         stations,
     })
 }

@@ -13,7 +13,8 @@ use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
+    Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,
+    accuracy,
 };
 
 /// The inputs of figures other than residuals.
@@ -86,7 +87,10 @@ impl FigureMaker<'_> {
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
         let tolerance = &self.settings.tolerance;
-        let own = accuracy::accuracy(set, tolerance, guard_mm);
+        let own = Accuracy {
+            finders: self.finders(set),
+            ..accuracy::accuracy(set, tolerance, guard_mm)
+        };
         let subject = &set.subject;
         let foretells = (subject.model, subject.angles, subject.split)
             == (Model::Full, Angles::Commanded, Split::Blocks);
@@ -97,6 +101,28 @@ impl FigureMaker<'_> {
         } else {
             own
         }
+    }
+
+    /// The stations that the base of a set's session was found from; `None` where they are not others than those that judge.
+    fn finders(&self, set: &ResidualSet) -> Option<Finders> {
+        let subject = &set.subject;
+        let is_driven = subject.model.is_against_commands();
+        let is_found = subject.split == Split::Session && subject.base_refit.judges() && !is_driven;
+        let is_left_out = self
+            .training
+            .iter()
+            .any(|own| own.name == subject.of_session);
+        let taken = set
+            .residuals
+            .iter()
+            .filter(|own| own.used_for_refit)
+            .count();
+        let finders = self.settings.locate.finders(taken);
+        is_found.then_some(Finders {
+            // A session of a pool is left out with a mounting of its own.
+            with_target: finders.with_target || is_left_out,
+            ..finders
+        })
     }
 
     /// The figures of a set at the tip, which is `lever` away along the flange's axes.
@@ -148,6 +174,7 @@ impl FigureMaker<'_> {
             counted: chosen
                 .map(|chosen| chosen.held_out.counted())
                 .unwrap_or_default(),
+            finders: None,
             blocks: Some(folds.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,

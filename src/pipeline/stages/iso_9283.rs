@@ -1,17 +1,18 @@
 //! ISO 9283's figures of every session: of its own stations, and of residuals relative to the command.
 //!
 //! Commands and attained positions are compared in one frame, with the base of the subject:
-//! - base + target of a training session: its own fit, on all its stations; of another session: found from its first
-//!   stations, which take no part, as for every verdict;
+//! - base + target of a training session: its own fit, on all its stations; of another session: found from those of its
+//!   stations that find its base for every verdict, which take no part;
 //! - raw command, and a session that a table drove: the base of their residuals;
 //! - the full error model from commands alone, on stations that took no part: the error that it would leave, which is
 //!   predicted. Errors from reported angles are relative to the controller's own feedback, which is no command.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Point3;
 
 use super::StageSettings;
+use super::judged::TestSession;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{Corrects, ErrorFrame, FramePair};
 use crate::geometry::Transform;
@@ -30,7 +31,7 @@ pub(super) struct Sources<'s> {
     /// Base and target of each session that trained, as the nominal arm has them.
     pub(super) frames: &'s [FramePair],
     pub(super) training: &'s [JoinedSession],
-    pub(super) test: &'s [JoinedSession],
+    pub(super) test: &'s [TestSession<'s>],
     pub(super) residuals: &'s [ResidualSet],
     pub(super) driven: Option<&'s Driven>,
     pub(super) settings: &'s StageSettings,
@@ -41,13 +42,15 @@ impl Sources<'_> {
     /// The figures of all sessions.
     pub(super) fn figures(&self) -> Vec<Iso9283> {
         let training: Vec<Visits<'_>> = self.training.iter().map(Visits::of).collect();
-        let test: Vec<Visits<'_>> = self.test.iter().map(Visits::of).collect();
+        let test = self.test.iter();
+        let test: Vec<Visits<'_>> = test.map(|test| Visits::of(test.session)).collect();
         let mut figures = Vec::new();
         for (place, visits) in training.iter().enumerate() {
             let error_frame = self.error_frame(self.frames[place]);
             figures.push(self.base_target(visits, &error_frame, None));
         }
-        figures.extend(test.iter().filter_map(|visits| self.unseen(visits)));
+        let unseen = test.iter().zip(self.test);
+        figures.extend(unseen.filter_map(|(visits, test)| self.unseen(visits, &test.numbers())));
         for visits in training.iter().chain(&test) {
             let sets = self.residuals.iter();
             let own = sets.filter(|set| set.subject.of_session == visits.session.name);
@@ -71,16 +74,17 @@ impl Sources<'_> {
         )
     }
 
-    /// The commands compared with the tool point, at all stations or at those after the `first`.
+    /// The commands compared with the tool point, at all stations or, of a session that took no part, at those which did not find
+    /// its base (`finders`).
     fn base_target(
         &self,
         visits: &Visits<'_>,
         error_frame: &ErrorFrame<'_>,
-        first: Option<usize>,
+        finders: Option<&BTreeSet<usize>>,
     ) -> Iso9283 {
         let session = visits.session;
-        let skipped = first.unwrap_or(0);
-        let judged = paired(session).skip(skipped);
+        let finds = |station: &Station| finders.is_some_and(|own| own.contains(&station.number));
+        let judged = paired(session).filter(|(station, _, _)| !finds(station));
         let attained = judged.filter_map(|(station, command, reading)| {
             let command = command?;
             let position = error_frame.attained_tool(&station.joints, reading)?;
@@ -103,7 +107,7 @@ impl Sources<'_> {
         };
         Iso9283 {
             subject: Subject {
-                split: if first.is_some() {
+                split: if finders.is_some() {
                     Split::Session
                 } else {
                     Split::None
@@ -111,10 +115,9 @@ impl Sources<'_> {
                 of_session: session.name.clone(),
                 model: Model::BaseTarget,
                 angles: Angles::Commanded,
-                base_refit: if first.is_some() {
-                    BaseRefit::First
-                } else {
-                    BaseRefit::None
+                base_refit: match finders {
+                    Some(_) => self.settings.locate.base_refit(),
+                    None => BaseRefit::None,
                 },
             },
             point: Point::Tool,
@@ -126,13 +129,13 @@ impl Sources<'_> {
     }
 
     /// The figures of a session that took no part in the training: the base, and the target where it has one of its own,
-    /// are found from its first stations. `None` where they do not span space.
-    fn unseen(&self, visits: &Visits<'_>) -> Option<Iso9283> {
-        let refit = self.settings.refit;
+    /// are found from its stations `finders`. `None` where they do not span space.
+    fn unseen(&self, visits: &Visits<'_>, finders: &BTreeSet<usize>) -> Option<Iso9283> {
+        let with_target = self.settings.locate.with_target();
         let trained = *self.frames.first()?;
         let error_frame = self.error_frame(trained);
         let first: Vec<(&Station, Point3<f64>)> = paired(visits.session)
-            .take(refit.first)
+            .filter(|(station, _, _)| finders.contains(&station.number))
             .filter_map(|(station, _, reading)| Some((station, reading.position()?)))
             .collect();
         let measured: Vec<Point3<f64>> = first.iter().map(|(_, position)| *position).collect();
@@ -141,7 +144,7 @@ impl Sources<'_> {
             flange: self.arm.flange(&station.joints).isometry().rotation,
         });
         let placed: Vec<Placed> = placed.collect();
-        let found = refit::refit(&measured, &placed, refit.with_target)?;
+        let found = refit::refit(&measured, &placed, with_target)?;
         let mut target = *trained.flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -150,10 +153,10 @@ impl Sources<'_> {
             ..trained
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let oriented = self.settings.noise.takes_orientations() && !refit.with_target;
+        let oriented = self.settings.noise.takes_orientations() && !with_target;
         let error_frame =
             ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
-        Some(self.base_target(visits, &error_frame, Some(first.len())))
+        Some(self.base_target(visits, &error_frame, Some(finders)))
     }
 
     /// The figures of residuals relative to a command, where they are evidence and poses were repeated.

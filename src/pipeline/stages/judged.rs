@@ -1,19 +1,24 @@
 //! Models compared with the stations that judge them.
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
 use super::StageSettings;
 use super::observed::{Observed, observations};
 use super::turns::commanded_turns;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{self, ErrorBase, ErrorFrame, FitError, Models, TrainingSettings, holdout};
+use crate::fit::{
+    self, ErrorBase, ErrorFrame, FitError, Models, Observation, TrainingSettings, holdout,
+};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::{Several, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::evaluate::{self, RefitSettings, Stations};
+use crate::report::evaluate::{self, Stations};
+use crate::report::locate::{Locate, LocateTarget, Locator};
 use crate::report::tip::without_constant;
-use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
+use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject, unseen};
 
 /// Most observations for which folds are trained in parallel. A training holds its rows, some 32 KB an observation for six
 /// joints; with more observations one training keeps all threads busy by itself.
@@ -58,7 +63,8 @@ impl Judged<'_> {
     /// All ways in which stations judge models: training stations, blocks and sessions held out, sessions that only judge.
     pub(super) fn residuals(
         &self,
-        test: &[JoinedSession],
+        test: &[TestSession<'_>],
+        locator: &Locator,
         settings: &StageSettings,
         train: &TrainingSettings<'_>,
         progress: &dyn Progress,
@@ -66,9 +72,9 @@ impl Judged<'_> {
         let mut residuals = self.own_sessions();
         residuals.extend(self.blocks());
         if self.training.len() > 1 && settings.leave_sessions_out {
-            residuals.extend(self.sessions_left_out(train, settings.refit.first, progress)?);
+            residuals.extend(self.sessions_left_out(train, settings.locate, progress)?);
         }
-        residuals.extend(self.unseen_sessions(test, settings)?);
+        residuals.extend(self.unseen_sessions(test, locator)?);
         Ok(residuals)
     }
 
@@ -122,13 +128,13 @@ impl Judged<'_> {
     fn sessions_left_out(
         &self,
         settings: &TrainingSettings<'_>,
-        first: usize,
+        locate: Locate,
         progress: &dyn Progress,
     ) -> Result<Vec<ResidualSet>, FitError> {
-        let refit = RefitSettings {
-            first,
+        let locate = Locate {
             // Each session of a pool has a mounting of its own.
-            with_target: true,
+            target: LocateTarget::Own,
+            ..locate
         };
         let others = self.training.len() - 1;
         progress.begin("sessions left out", self.training.len() as u64);
@@ -140,8 +146,12 @@ impl Judged<'_> {
                 session: &session.name,
                 observations: &own,
             };
+            let locator = Locator::new(&models, self.arm, locate, settings);
+            let finders = locator.finders(&models, &own);
             progress.advance(1);
-            Ok(evaluate::unseen_session(&models, stations, refit)?)
+            Ok(unseen::unseen_session(
+                &models, stations, &locator, &finders,
+            )?)
         };
         let sessions = self.training.par_iter().enumerate();
         let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
@@ -152,19 +162,55 @@ impl Judged<'_> {
     /// Sessions that only judge.
     fn unseen_sessions(
         &self,
-        test: &[JoinedSession],
-        settings: &StageSettings,
+        test: &[TestSession<'_>],
+        locator: &Locator,
     ) -> Result<Vec<ResidualSet>, FitError> {
-        let of = |session: &JoinedSession| {
-            let own = observations(self.arm, 0, session, settings);
+        let of = |test: &TestSession<'_>| {
             let stations = Stations {
-                session: &session.name,
-                observations: &own,
+                session: &test.session.name,
+                observations: &test.observations,
             };
-            evaluate::unseen_session(self.models, stations, settings.refit)
+            unseen::unseen_session(self.models, stations, locator, &test.finders)
         };
         let judged: Result<Vec<_>, Several> = test.iter().map(of).collect();
         Ok(judged?.into_iter().flatten().collect())
+    }
+}
+
+/// A session that only judges.
+pub(super) struct TestSession<'s> {
+    pub(super) session: &'s JoinedSession,
+    pub(super) observations: Vec<Observation>,
+    /// The stations that find its base, by their places among the observations.
+    pub(super) finders: Vec<usize>,
+}
+
+impl<'s> TestSession<'s> {
+    /// Sessions with the stations that find their bases for the arm of `models`.
+    pub(super) fn all(
+        arm: &Arm,
+        sessions: &'s [JoinedSession],
+        models: &Models,
+        locator: &Locator,
+        settings: &StageSettings,
+    ) -> Vec<Self> {
+        let of = |session| {
+            let observations = observations(arm, 0, session, settings);
+            Self {
+                finders: locator.finders(models, &observations),
+                observations,
+                session,
+            }
+        };
+        sessions.iter().map(of).collect()
+    }
+
+    /// The stations that find its base, by their numbers.
+    pub(super) fn numbers(&self) -> BTreeSet<usize> {
+        let finders = self.finders.iter();
+        finders
+            .map(|&place| self.observations[place].station)
+            .collect()
     }
 }
 

@@ -1,17 +1,15 @@
 //! Sessions that only judge: the judgement of each on the full error model and on the published table, and whether it is of
 //! this arm.
 //!
-//! The table is stated in the frame of the session that it was made from. A test session is carried there by its first
-//! stations, in the way its base is found for every verdict: their predictions in that frame are aligned with the positions
-//! that the tracker measured. The stations after them judge; further visits of their poses do not.
+//! The table is stated in the frame of the session that it was made from. A test session is carried there by the stations that
+//! find its base for every verdict: their predictions in that frame are aligned with the positions that the tracker measured. The
+//! other stations judge; further visits of the poses of the first do not.
 
 use std::collections::BTreeSet;
 
-use nalgebra::Point3;
-
 use super::StageSettings;
 use super::gridded::grid_stations;
-use super::observed::observations;
+use super::judged::TestSession;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
 use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
@@ -19,7 +17,8 @@ use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
-use crate::report::refit::{self, Placed};
+use crate::report::locate::{Locate, Locator};
+use crate::report::refit::Placed;
 use crate::report::verdict::{Judge, ProductVerdict, RunVerdict, figure_of, figure_of_model};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject,
@@ -32,7 +31,9 @@ pub(super) struct Judges<'j> {
     /// The frames of each training session by base + target.
     pub(super) frames: &'j [FramePair],
     /// Sessions that only judge.
-    pub(super) test: &'j [JoinedSession],
+    pub(super) test: &'j [TestSession<'j>],
+    /// Finds their base and target.
+    pub(super) locator: &'j Locator,
     /// The session that the table is for, its index among the training sessions, and its error reference frame.
     pub(super) own: (&'j JoinedSession, usize),
     pub(super) error_frame: &'j ErrorFrame<'j>,
@@ -43,50 +44,58 @@ impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
         let errors = ToolErrors::new(self.models.best().1, self.own.1, self.error_frame);
-        for session in self.test {
-            let stations = self.stations(session, &errors);
+        for test in self.test {
+            let stations = self.stations(test, &errors);
             let tolerance = &self.settings.tolerance;
-            grids.judge_by_session(&session.name, &stations, &errors, tolerance);
+            grids.judge_by_session(&test.session.name, &stations, &errors, tolerance);
         }
     }
 
     /// The stations of a test session that judge, in the table's frame; empty where its base cannot be found.
-    fn stations(&self, session: &JoinedSession, errors: &ToolErrors<'_>) -> Vec<GridStation> {
+    fn stations(&self, test: &TestSession<'_>, errors: &ToolErrors<'_>) -> Vec<GridStation> {
+        let session = test.session;
         // Blocks are of training sessions: a test session is one whole.
         let folds = vec![0; session.joined.stations.len()];
-        let commanded = grid_stations(session, self.error_frame, &folds);
-        let first = &commanded[..self.settings.refit.first.min(commanded.len())];
-        let Some(error_frame) = self.carried(session, first, errors) else {
+        let finders = test.numbers();
+        let mut finding = grid_stations(session, self.error_frame, &folds);
+        finding.retain(|station| finders.contains(&station.number));
+        let Some(error_frame) = self.carried(test, &finding, errors) else {
             return Vec::new();
         };
-        let taken: BTreeSet<usize> = first.iter().map(|station| station.pose).collect();
+        let taken: BTreeSet<usize> = finding.iter().map(|station| station.pose).collect();
         let mut stations = grid_stations(session, &error_frame, &folds);
         stations.retain(|station| !taken.contains(&station.pose));
         stations
     }
 
-    /// The table's error reference frame, found from the first stations of a session and its tracker's place.
+    /// The table's error reference frame, found from stations of a session and its tracker's place.
     fn carried(
         &self,
-        session: &JoinedSession,
-        first: &[GridStation],
+        test: &TestSession<'_>,
+        finding: &[GridStation],
         errors: &ToolErrors<'_>,
     ) -> Option<ErrorFrame<'_>> {
-        let paired = session.joined.stations.iter();
-        let paired = paired.filter_map(|station| station.one_reading()?.position());
-        let measured: Vec<Point3<f64>> = paired.take(first.len()).collect();
         let flange_from_tool = *self.error_frame.flange_from_tool();
-        let placed = first.iter().map(|station| {
+        let placed = |station: &GridStation| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
             let tool = station.position + errors.error(&station.joints).ok()?;
             Some(Placed {
                 position: tool - flange * self.error_frame.lever(),
                 flange,
             })
-        });
-        let placed: Vec<Placed> = placed.collect::<Option<_>>()?;
-        let with_target = self.settings.refit.with_target;
-        let found = refit::refit(&measured, &placed, with_target)?;
+        };
+        // A station whose command is not known finds no frame of commands.
+        let of = |&finder: &usize| {
+            let number = test.observations[finder].station;
+            let station = finding.iter().find(|own| own.number == number)?;
+            Some((finder, placed(station)?))
+        };
+        let (finders, placed): (Vec<usize>, Vec<Placed>) =
+            test.finders.iter().filter_map(of).unzip();
+        let with_target = self.locator.locate.with_target();
+        let found = self
+            .locator
+            .refit(self.models, &test.observations, &finders, &placed)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -114,7 +123,7 @@ impl Judges<'_> {
         let remarks: Vec<Option<String>> = self
             .test
             .iter()
-            .map(|session| self.remark(session, residuals))
+            .map(|test| self.remark(test, residuals))
             .collect();
         let identified = Model::ALL.iter().copied();
         let identified = identified.filter(|model| self.models.get(*model).is_some());
@@ -139,8 +148,8 @@ impl Judges<'_> {
             let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
             Judge::blocks(own, table, covered, tolerance)
         });
-        let sessions = self.test.iter().zip(remarks).map(|(session, remark)| {
-            let name = &session.name;
+        let sessions = self.test.iter().zip(remarks).map(|(test, remark)| {
+            let name = &test.session.name;
             let model = figure_of_model(accuracy, name);
             let table = model.and_then(|_| of_table(accuracy, Split::Session, name));
             let is_own = |row: &&Judged| row.of_test.as_ref() == Some(name);
@@ -163,8 +172,8 @@ impl Judges<'_> {
         let own = &self.own.0.name;
         let blocks = figure_of(accuracy, model, Split::Blocks, own);
         let blocks = blocks.map(|figure| Judge::blocks(own, figure, None, tolerance));
-        let sessions = self.test.iter().zip(remarks).map(|(session, remark)| {
-            let name = &session.name;
+        let sessions = self.test.iter().zip(remarks).map(|(test, remark)| {
+            let name = &test.session.name;
             let figure = figure_of(accuracy, model, Split::Session, name);
             Judge::session(name, figure, None, tolerance, remark.clone())
         });
@@ -172,20 +181,19 @@ impl Judges<'_> {
     }
 
     /// A remark on a test session that the identified arm does not fit; `None` where it fits.
-    fn remark(&self, session: &JoinedSession, residuals: &[ResidualSet]) -> Option<String> {
+    fn remark(&self, test: &TestSession<'_>, residuals: &[ResidualSet]) -> Option<String> {
         // Without the full error model the only question is whether the model improves anything.
         let full = self.models.full.is_some();
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
-        let left = of(&session.name, Split::Session, BaseRefit::All)?;
+        let left = of(&test.session.name, Split::Session, BaseRefit::All)?;
         let target = self.frames[self.own.1]
             .flange_from_target
             .isometry()
             .translation
             .vector;
-        let own = observations(self.arm, 0, session, self.settings);
         let change_rad = self.settings.full.session_curve_sd_rad;
-        let fit = same_arm::unseen(self.arm, &own, &target, &left, change_rad)?;
+        let fit = same_arm::unseen(self.arm, &test.observations, &target, &left, change_rad)?;
         if fit.is_same_arm() || (!full && left.identified < left.nominal) {
             return None;
         }
@@ -214,21 +222,31 @@ fn of_table<'a>(accuracy: &'a [Accuracy], split: Split, session: &str) -> Option
 }
 
 /// The figures of the chosen table at the stations of each test session.
-pub(super) fn table_figures(grids: &Grids) -> Vec<Accuracy> {
-    let rows = grids.judged.iter();
-    let figures =
-        rows.filter_map(|row| Some(table_figure(row, row.of_test.as_ref()?, grids.guard_mm)));
-    figures.collect()
+pub(super) fn table_figures(
+    grids: &Grids,
+    tested: &[TestSession<'_>],
+    locate: &Locate,
+) -> Vec<Accuracy> {
+    let figure = |row: &Judged| {
+        let session = row.of_test.as_ref()?;
+        let test = tested.iter().find(|test| test.session.name == *session)?;
+        let finders = locate.finders(test.finders.len());
+        Some(Accuracy {
+            finders: Some(finders),
+            ..table_figure(row, session, locate.base_refit(), grids.guard_mm)
+        })
+    };
+    grids.judged.iter().filter_map(figure).collect()
 }
 
-fn table_figure(row: &Judged, session: &str, guard_mm: f64) -> Accuracy {
+fn table_figure(row: &Judged, session: &str, base_refit: BaseRefit, guard_mm: f64) -> Accuracy {
     Accuracy {
         subject: Subject {
             split: Split::Session,
             of_session: session.to_owned(),
             model: Model::Table,
             angles: Angles::Commanded,
-            base_refit: BaseRefit::First,
+            base_refit,
         },
         point: Point::Tool,
         moment: Moment::After,
@@ -236,6 +254,7 @@ fn table_figure(row: &Judged, session: &str, guard_mm: f64) -> Accuracy {
         figures: row.figures,
         bound: row.bound,
         counted: row.held_out.counted(),
+        finders: None,
         blocks: None,
         coverage: None,
         expanded_uncertainty_mm: guard_mm,

@@ -79,7 +79,7 @@ impl Judge {
             .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
             .collect();
         let words = if words.is_empty() {
-            "its first stations do not span space, so its base cannot be found ([report] refit_first_stations)"
+            "the stations that find its base do not span space, so there is none ([report] locate)"
                 .to_owned()
         } else {
             words.join("; ")
@@ -155,10 +155,12 @@ fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
         what.push_str(" where it answers");
     }
     let guard_mm = of.expanded_uncertainty_mm;
+    let found = of.finders.as_ref();
+    let found = found.map_or_else(String::new, |own| format!("; {}", own.words()));
     match (&of.verdict, of.bound) {
         (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
         (verdict, Some(bound)) => format!(
-            "{what}: bound {bound:.3} mm with U {guard_mm:.3} mm is {} {} mm ({})",
+            "{what}: bound {bound:.3} mm with U {guard_mm:.3} mm is {} {} mm ({}{found})",
             if *verdict == Verdict::Meets {
                 "within"
             } else {

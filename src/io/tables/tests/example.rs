@@ -413,6 +413,7 @@ fn accuracy(there: bool) -> Accuracy {
         figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),
         bound: None,
         counted: Counted::once(if there { 3 } else { 0 }),
+        finders: None,
         blocks: Some(2),
         coverage: there.then_some(Calibrated {
             inside: 0.96,

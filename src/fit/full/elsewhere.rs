@@ -1,0 +1,125 @@
+//! The errors that an identified arm may make in another session, station by station, as one Gaussian.
+//!
+//! Inputs: a trained [`FullModel`], joint angles of another session. Output: a square root of the covariance of its errors there:
+//! what training left open, how far sessions differ (curves, command–feedback weights), the warm-up that they repeat, and a drift of its own,
+//! whose size past sessions leave open.
+//! Base, scale and, where it is the session's own, target are left out: they are found from its stations ([`crate::fit::locate`]).
+
+use nalgebra::{DMatrix, UnitVector3};
+use rayon::prelude::*;
+
+use super::layout::Block;
+use super::next::{Mounted, Mounting, Placed, WarmUp};
+use super::{FullModel, FullSettings, Query};
+use crate::fit::problem::{Owner, Unknown};
+use crate::kinematics::Arm;
+
+/// Standard deviation of a target's place that is the session's own, mm: wider than any.
+const ANYWHERE_MM: f64 = 300.0;
+/// Poses that a worker takes at once; fixed, so that results do not depend on the number of threads.
+const AT_ONCE: usize = 64;
+
+/// The model of an arm in a session that took no part in its training.
+#[derive(Debug)]
+pub struct Elsewhere {
+    model: FullModel,
+    /// Columns of what the session's own stations find.
+    found: Vec<usize>,
+}
+
+impl FullModel {
+    /// Number of stations of the longest session that it learned from: its drift is told over as many.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a number of stations"
+    )]
+    pub const fn span_stations(&self) -> usize {
+        self.span as usize
+    }
+
+    /// The arm in another session, with the target of the one given or, if so, with one of its own; `None` where a factorisation
+    /// fails, which only rounding can cause.
+    pub fn elsewhere(
+        &self,
+        arm: &Arm,
+        (session, own_target): (usize, bool),
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+    ) -> Option<Elsewhere> {
+        let frames = &self.frames()[session];
+        let target = |flange_from_target: &_| {
+            if own_target {
+                Mounted::Other {
+                    flange_from_target: *flange_from_target,
+                    sd_mm: ANYWHERE_MM,
+                }
+            } else {
+                Mounted::Same
+            }
+        };
+        let mounting = Mounting {
+            session,
+            sources: frames
+                .sources()
+                .iter()
+                .map(|base| Placed::Moved(*base))
+                .collect(),
+            targets: frames.targets().iter().map(target).collect(),
+        };
+        let stations = self.span_stations();
+        let model = self.coming(arm, &mounting, stations, settings, up, WarmUp::Repeats)?;
+        let is_found = |unknown: &Unknown| match unknown.owner {
+            Owner::Arm => false,
+            Owner::Source { .. } => true,
+            Owner::Target { .. } => own_target,
+        };
+        let unknowns = model.unknowns().iter().enumerate();
+        let found = unknowns.filter(|(_, unknown)| is_found(unknown));
+        let scale = model.layout().columns(Block::Scale(0));
+        Some(Elsewhere {
+            found: found
+                .map(|(column, _)| column)
+                .chain(scale.into_iter().flatten())
+                .collect(),
+            model,
+        })
+    }
+}
+
+impl Elsewhere {
+    /// Square root of the covariance of the errors at these queries, in the axes of the base: `HᵀH`, three columns each, mm.
+    pub fn half(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
+        let part = |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries));
+        let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
+        let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());
+        let mut first = 0;
+        for part in parts {
+            half.columns_mut(first, part.ncols()).copy_from(&part);
+            first += part.ncols();
+        }
+        half
+    }
+
+    /// The motion of each point by every column that the session's stations do not find, in the axes of the base.
+    fn rows(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(3 * queries.len(), self.model.layout().size());
+        for (place, query) in queries.iter().enumerate() {
+            let query = Query {
+                session: 0,
+                own: true,
+                ..*query
+            };
+            let base = self.model.frames()[0]
+                .tracker_from_base(query.source)
+                .isometry();
+            let turn = base.rotation.inverse().to_rotation_matrix();
+            let own = turn.matrix() * self.model.predict(&query).rows;
+            rows.rows_mut(3 * place, 3).copy_from(&own);
+        }
+        for &column in &self.found {
+            rows.fill_column(column, 0.0);
+        }
+        rows
+    }
+}

@@ -1,0 +1,112 @@
+//! `posegrid plan --locate`: the `[plan]` section and an arm that is identified already → the poses that find its new base.
+//!
+//! Inputs: the pipeline file at a path, table `calibrations` of a past run. Output: [`Located`]; nothing is published, as no figure of
+//! a session rests on it.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Isometry3;
+
+use super::cell::Placed;
+use super::known::{self, KnownError};
+use super::{PlanningError, base_from_command, checks};
+use crate::io::lake::Lake;
+use crate::io::store::Place;
+use crate::kinematics::Arm;
+use crate::manifest::RunKey;
+use crate::pipeline::configuration::files::Files;
+use crate::pipeline::configuration::{ConfigurationError, files, usable};
+use crate::pipeline::history;
+use crate::plan::PlanSettings;
+use crate::plan::locate::{Identified, LocatePlan, locate};
+use crate::plan::section::{PlanSection, TargetMounted};
+
+/// The poses that find base and target of an arm, and where the arm is from.
+#[derive(Debug)]
+pub struct Located {
+    /// The run that identified the arm.
+    pub identified_by: RunKey,
+    /// The poses, and what follows.
+    pub plan: LocatePlan,
+    /// The settings of the plan.
+    pub settings: PlanSettings,
+    /// The nominal arm.
+    pub arm: Arm,
+    /// The base in the frame of commands, mm.
+    pub command_from_base: Isometry3<f64>,
+    /// Whether the target was taken off and is found too.
+    pub with_target: bool,
+}
+
+/// Standard deviation of another target's place from the one before, mm: nothing is known of it.
+const OTHER_TARGET_MM: f64 = 300.0;
+
+impl Located {
+    /// Chooses `count` poses by the pipeline file at `path`. The arm is that of `[plan.known]`, or without it that of the current run of
+    /// the robot's newest session in the lake.
+    pub fn make(path: &Path, lake: Option<&Path>, count: usize) -> Result<Self, PlanningError> {
+        let read = files::read(path)?;
+        let file = &read.file;
+        let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
+            path: path.to_owned(),
+            key: "[plan]",
+            reason: "it states where the arm and the tracker stand; at least home_deg and tracker_from_base",
+        })?;
+        checks::check(path, section, read.arm.joints().len())?;
+        let settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
+        let lake = usable(lake, read.lake.clone())?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let robot = file.robot.name.clone();
+        let robot = robot.unwrap_or_else(|| stem.into_owned());
+        let table = table(path, &read, section, &lake, &robot)?;
+        let past = known::identified(&table, &read.arm, &robot).map_err(Box::new)?;
+        let target_sd_mm = target_sd_mm(section, &settings);
+        let identified = Identified {
+            model: known::full(&table, &past.arm).map_err(Box::new)?,
+            session: past.arm.model.session,
+            target_sd_mm,
+        };
+        let plan = locate(&read.arm, &identified, count, &settings)?;
+        Ok(Self {
+            plan: plan.ok_or_else(|| Box::new(known::not_positive(&table)))?,
+            identified_by: past.key,
+            command_from_base: base_from_command(path, file)?.inverse(),
+            with_target: target_sd_mm.is_some(),
+            settings,
+            arm: read.arm,
+        })
+    }
+}
+
+/// The table of the run that identified the arm.
+fn table(
+    path: &Path,
+    read: &Files,
+    section: &PlanSection,
+    lake: &Place,
+    robot: &str,
+) -> Result<PathBuf, PlanningError> {
+    if let Some(known) = &section.known {
+        let lakes = [lake, &read.lake];
+        let table = known::table(path, &read.base, known, lakes, robot);
+        return Ok(table.map_err(Box::new)?);
+    }
+    let lake = Lake::at(lake)?;
+    let newest = history::newest(&lake, robot).map_err(|source| {
+        Box::new(KnownError::NoNewest {
+            robot: robot.to_owned(),
+            source: Box::new(source),
+        })
+    })?;
+    Ok(known::local(&lake, &newest).map_err(Box::new)?)
+}
+
+/// Standard deviation of the target's place from that in the past session, mm; `None` where it was not taken off.
+fn target_sd_mm(section: &PlanSection, settings: &PlanSettings) -> Option<f64> {
+    let mounted = section.known.as_ref().map(|known| known.target);
+    match mounted.unwrap_or_default() {
+        TargetMounted::Same => None,
+        TargetMounted::Again => Some(settings.population.cell.target_sd_mm),
+        TargetMounted::Other => Some(OTHER_TARGET_MM),
+    }
+}

@@ -1,0 +1,383 @@
+//! Base and target of a session that a model did not learn from: which of its stations find them, and whether its target is
+//! one of its own.
+//!
+//! Stations are picked by their place in time or by their poses, never by their readings: those that find the base do not judge,
+//! and a pick by readings would flatter the others.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::BaseRefit;
+use super::evaluate::{axes_at, known_at, placed, predictions, turned};
+use super::refit::{self, Placed, Refit};
+use crate::fit::full::elsewhere::Elsewhere;
+use crate::fit::full::{FullModel, Known, Query};
+use crate::fit::locate::Poses;
+use crate::fit::{Angles, Model, Models, Observation, TrainingSettings};
+use crate::kinematics::Arm;
+use crate::units::MM_PER_M;
+
+/// `[report] locate`: how base and target of a session that the model did not learn from are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "LocateKeys")]
+pub struct Locate {
+    /// The way in which stations are picked.
+    pub by: LocateBy,
+    /// Number of stations that find the base; the others judge.
+    pub stations: usize,
+    /// Whether the session's target is the one that is known.
+    pub target: LocateTarget,
+}
+
+/// The way in which the stations that find a session's base are picked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LocateBy {
+    /// The first that were measured.
+    First,
+    /// Those whose poses fix base and target best for the identified arm.
+    Chosen,
+}
+
+/// The measured target of a session that the model did not learn from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LocateTarget {
+    /// The target in its place as the model knows it: it was not taken off.
+    #[default]
+    Known,
+    /// A target of the session's own, as after a remount: found with the base.
+    Own,
+}
+
+/// The stations that base and target of a session were found from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Finders {
+    /// The way in which they were picked.
+    pub by: LocateBy,
+    /// Their number.
+    pub stations: usize,
+    /// Whether the target was found with the base.
+    pub with_target: bool,
+}
+
+impl Finders {
+    /// What was found from which stations.
+    pub fn words(&self) -> String {
+        let what = if self.with_target {
+            "base and target"
+        } else {
+            "base"
+        };
+        let stations = self.stations;
+        match self.by {
+            LocateBy::First => format!("{what} from its first {stations} stations"),
+            LocateBy::Chosen => {
+                format!("{what} from {stations} stations chosen by their poses")
+            }
+        }
+    }
+}
+
+/// The keys as a pipeline file has them.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LocateKeys {
+    by: LocateBy,
+    stations: Option<usize>,
+    #[serde(default)]
+    target: LocateTarget,
+}
+
+/// Fewest stations that determine base and target.
+pub const LEAST_STATIONS: usize = 4;
+/// First stations where the pipeline file states no number: neighbours, which tell less than chosen ones.
+const FIRST_STATIONS: usize = 50;
+/// Chosen stations where the pipeline file states no number: four times as many coordinates as base and target have.
+const CHOSEN_STATIONS: usize = 12;
+
+impl Default for Locate {
+    fn default() -> Self {
+        Self {
+            by: LocateBy::First,
+            stations: FIRST_STATIONS,
+            target: LocateTarget::Known,
+        }
+    }
+}
+
+impl From<LocateKeys> for Locate {
+    fn from(keys: LocateKeys) -> Self {
+        let usual = match keys.by {
+            LocateBy::First => FIRST_STATIONS,
+            LocateBy::Chosen => CHOSEN_STATIONS,
+        };
+        Self {
+            by: keys.by,
+            stations: keys.stations.unwrap_or(usual),
+            target: keys.target,
+        }
+    }
+}
+
+impl Locate {
+    /// The source of a base that is found so.
+    pub const fn base_refit(&self) -> BaseRefit {
+        match self.by {
+            LocateBy::First => BaseRefit::First,
+            LocateBy::Chosen => BaseRefit::Chosen,
+        }
+    }
+
+    /// So many stations that were picked in this way.
+    pub fn finders(&self, stations: usize) -> Finders {
+        Finders {
+            by: self.by,
+            stations,
+            with_target: self.with_target(),
+        }
+    }
+
+    /// First stations that find the base of a session which a table drove: its targets are not chosen for that.
+    pub const fn first(&self) -> usize {
+        match self.by {
+            LocateBy::First => self.stations,
+            LocateBy::Chosen => FIRST_STATIONS,
+        }
+    }
+
+    /// Whether the session's target is found with its base.
+    pub fn with_target(&self) -> bool {
+        self.target == LocateTarget::Own
+    }
+}
+
+/// Standard deviation of base and target before they are found, mm and, for the base's turns, mm at 1 m: wider than any that stations
+/// leave open.
+const ANYWHERE_MM: f64 = 300.0;
+/// Most stations that are compared while some are chosen; of more, every second, third, … is.
+const MOST_COMPARED: usize = 1000;
+/// Deviation of a measured position while stations are chosen where the model states none, mm: as they count alike, its size does
+/// not matter.
+const ALIKE_MM: f64 = 0.05;
+
+/// Finds base and target of sessions that some models did not learn from.
+#[derive(Debug)]
+pub struct Locator {
+    /// The way in which they are found.
+    pub locate: Locate,
+    /// The arm in such a session; `None` without a full error model, where all stations count alike.
+    elsewhere: Option<Elsewhere>,
+    /// Standard deviation of the session's target from that of the training, per axis, mm.
+    target_sd_mm: f64,
+    /// Standard deviation of the session's own scale, a share.
+    scale_sd: f64,
+}
+
+impl Locator {
+    /// For sessions of the arm that `models` identified.
+    pub fn new(
+        models: &Models,
+        arm: &Arm,
+        locate: Locate,
+        settings: &TrainingSettings<'_>,
+    ) -> Self {
+        let full = models.full.as_ref();
+        let own_target = locate.with_target();
+        let elsewhere =
+            full.and_then(|full| full.elsewhere(arm, (0, own_target), settings.full, settings.up));
+        // Both mountings may be off.
+        let apart = |sd_mm: f64| sd_mm * 2.0_f64.sqrt();
+        Self {
+            locate,
+            elsewhere,
+            target_sd_mm: settings
+                .fit
+                .target
+                .map_or(ANYWHERE_MM, |target| apart(target.sd_mm)),
+            scale_sd: full.map_or(0.0, FullModel::scale_sd),
+        }
+    }
+
+    /// The stations that find the frames of a session, by their places; in time, or by their commanded poses, never by readings.
+    pub fn finders(&self, models: &Models, observations: &[Observation]) -> Vec<usize> {
+        let count = self.locate.stations.min(observations.len());
+        match self.locate.by {
+            LocateBy::First => (0..count).collect(),
+            LocateBy::Chosen => self.chosen(models, observations, count).unwrap_or_default(),
+        }
+    }
+
+    /// The stations whose poses fix the frames best for the arm over all poses of the session.
+    fn chosen(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+        count: usize,
+    ) -> Option<Vec<usize>> {
+        let every = observations.len().div_ceil(MOST_COMPARED).max(1);
+        // All at one time, so that the order in which they were measured does not matter.
+        let poses = observations.iter().step_by(every).map(|o| Observation {
+            axes: axes_at(o, Angles::Commanded).unwrap_or_else(|| o.axes.clone()),
+            settling_error: None,
+            station: 0,
+            ..o.clone()
+        });
+        let poses: Vec<Observation> = poses.collect();
+        let (model, _) = models.best();
+        let (it, predictions) = predictions(models, model, Angles::Reported, &poses, false)?;
+        let to_base = it.frames()[0]
+            .tracker_from_base(poses.first()?.source)
+            .isometry()
+            .inverse();
+        let placed: Vec<Placed> = predictions
+            .iter()
+            .map(|p| placed(&p.target, &to_base))
+            .collect();
+        let alone = alone(models, &poses, &to_base);
+        let poses = self.errors_at(&poses, Angles::Reported, &placed, alone);
+        let all: Vec<usize> = (0..placed.len()).collect();
+        let chosen = poses.choose(&all, &all, count).stations;
+        Some(chosen.into_iter().map(|place| place * every).collect())
+    }
+
+    /// The poses of a session as far as its frames concern them, with the errors that the arm may make there; `None` where the
+    /// models state none.
+    pub(super) fn poses(
+        &self,
+        observations: &[Observation],
+        angles: Angles,
+        placed: &[Placed],
+        alone: Vec<Matrix3<f64>>,
+    ) -> Option<Poses> {
+        self.elsewhere.as_ref()?;
+        Some(self.errors_at(observations, angles, placed, alone))
+    }
+
+    fn errors_at(
+        &self,
+        observations: &[Observation],
+        angles: Angles,
+        placed: &[Placed],
+        alone: Vec<Matrix3<f64>>,
+    ) -> Poses {
+        let own_target = self.locate.with_target().then_some(self.target_sd_mm);
+        let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
+        let axes = observations
+            .iter()
+            .map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
+        let axes: Vec<Vec<f64>> = axes.collect();
+        let queries = observations.iter().zip(&axes);
+        let queries: Vec<Query<'_>> = queries
+            .map(|(o, axes)| query(o, axes, known_at(o, angles)))
+            .collect();
+        let none = || DMatrix::zeros(0, 3 * queries.len());
+        let half = self.elsewhere.as_ref().map(|own| own.half(&queries));
+        let poses = Poses {
+            half: half.unwrap_or_else(none),
+            columns,
+            precision,
+            alone,
+        };
+        poses.relative()
+    }
+
+    /// The frames of a session from those of its stations at `finders`, which are predicted at `placed` at their commands; `None`
+    /// where they do not span space.
+    pub fn refit(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+        finders: &[usize],
+        placed: &[Placed],
+    ) -> Option<Refit> {
+        let measured = finders.iter();
+        let measured = measured.map(|&finder| Some(observations[finder].point()?.position));
+        let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
+        let with_target = self.locate.with_target();
+        let by = self
+            .at_commands(models, observations)
+            .and_then(|(poses, middle)| Some((poses.estimator(finders)?, middle)));
+        match by {
+            Some((by, middle)) => {
+                let about = (middle, self.scale_sd);
+                refit::generalised(&measured, placed, with_target, about, &by)
+            }
+            None => refit::refit(&measured, placed, with_target),
+        }
+    }
+
+    /// All poses of a session at their commands by the full error model, and their middle; `None` without such a model or commands.
+    fn at_commands(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+    ) -> Option<(Poses, Point3<f64>)> {
+        let full = models.full.as_ref()?;
+        let angles = Angles::Commanded;
+        let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
+        let source = observations.first()?.source;
+        let to_tracker = *full.frames()[0].tracker_from_base(source).isometry();
+        let alone = predictions.iter().zip(observations);
+        let alone = alone.map(|(p, o)| turned(&(full.noise(o) + p.alone()), &to_tracker));
+        let to_base = to_tracker.inverse();
+        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
+        let placed: Vec<Placed> = placed.collect();
+        let poses = self.poses(observations, angles, &placed, alone.collect())?;
+        Some((poses, refit::middle(&placed)))
+    }
+}
+
+/// Covariance of a visit at each pose, in the axes of the base, mm².
+fn alone(models: &Models, poses: &[Observation], to_base: &Isometry3<f64>) -> Vec<Matrix3<f64>> {
+    let alike = Matrix3::identity() * (ALIKE_MM * ALIKE_MM);
+    let Some(full) = models.full.as_ref() else {
+        return vec![alike; poses.len()];
+    };
+    let to_tracker = to_base.inverse();
+    let of = |o: &Observation| {
+        let own = full.visit_covariance(&query(o, &o.axes, Known::Reported));
+        turned(&own, &to_tracker) + Matrix3::identity() * LEAST_MM.powi(2)
+    };
+    poses.iter().map(of).collect()
+}
+
+/// The motions of points by base, target and scale of their session: three rows each. And what is known of these before, as the
+/// inverse of a variance around those of the training. `target_sd_mm` is of a target of the session's own; `None` for the known one.
+pub fn frame_columns(
+    placed: &[Placed],
+    target_sd_mm: Option<f64>,
+    scale_sd: f64,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let positions: Vec<Point3<f64>> = placed.iter().map(|p| p.position).collect();
+    let flanges: Vec<_> = placed.iter().map(|p| p.flange).collect();
+    let mut columns = refit::columns(&positions, &flanges, target_sd_mm.is_some());
+    let mut sizes = vec![ANYWHERE_MM; 6];
+    sizes.extend(target_sd_mm.map_or(Vec::new(), |sd_mm| vec![sd_mm.max(LEAST_MM); 3]));
+    if scale_sd > 0.0 {
+        let last = columns.ncols();
+        columns = columns.insert_column(last, 0.0);
+        columns.set_column(last, &refit::levers(&positions, &refit::middle(placed)));
+        sizes.push(scale_sd * MM_PER_M);
+    }
+    let precision = sizes.into_iter().map(|sd: f64| sd.powi(-2));
+    let precision = DVector::from_iterator(columns.ncols(), precision);
+    (columns, precision)
+}
+
+/// Standard deviation of an instrument's reading while stations are chosen, mm, per axis: that of laser trackers at a few metres.
+const LEAST_MM: f64 = 0.01;
+
+/// A station of another session.
+fn query<'q>(observation: &'q Observation, axes: &'q [f64], known: Known<'q>) -> Query<'q> {
+    Query {
+        axes,
+        known,
+        lever: Vector3::zeros(),
+        session: 0,
+        source: observation.source,
+        target: observation.target,
+        own: false,
+        station: Some(observation.station),
+    }
+}

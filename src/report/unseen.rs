@@ -1,0 +1,215 @@
+//! Residuals of models on a session they never saw, with each way to find its base.
+//!
+//! Inputs: trained models, the session's observations, the stations that find its frames ([`Locator`]). Output: residual sets.
+//! Base and target come from stations that do not judge. By the full error model they are estimated by generalised least squares, and
+//! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]); other models
+//! count all stations alike and state no covariance.
+
+use nalgebra::{Isometry3, Matrix3, Point3};
+
+use super::evaluate::{Predicted, Stations, placed, predictions, turned};
+use super::locate::Locator;
+use super::refit::{self, Placed, Refit};
+use super::tip::{Turn, without_constant};
+use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
+use crate::fit::locate::{Estimator, Poses};
+use crate::fit::{Models, Observation, PoseModel};
+use crate::join::Several;
+
+/// Residuals of `models` on a session they never saw, whose frames the stations at `finders` find; refused where the models know
+/// several sources or targets, for a base is found with one.
+pub fn unseen_session(
+    models: &Models,
+    stations: Stations<'_>,
+    locator: &Locator,
+    finders: &[usize],
+) -> Result<Vec<ResidualSet>, Several> {
+    let mut sets = Vec::new();
+    let with_target = locator.locate.with_target();
+    // A session with a mounting of its own has no base without a refit.
+    let refits = [BaseRefit::None, locator.locate.base_refit(), BaseRefit::All];
+    for (model, angles) in Model::compared() {
+        let found = predictions(models, model, angles, stations.observations, false);
+        let Some((it, predictions)) = found else {
+            continue;
+        };
+        // An unseen session is predicted with the frames of the first.
+        let trained = it.frames()[0].one()?;
+        let to_base = trained.tracker_from_base.isometry().inverse();
+        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
+        let placed: Vec<Placed> = placed.collect();
+        let noise = noise(it, &predictions, stations.observations, &to_base);
+        let poses = (model == Model::Full)
+            .then(|| locator.poses(stations.observations, angles, &placed, noise));
+        let unseen = Unseen {
+            model: it,
+            predictions: &predictions,
+            placed: &placed,
+            to_base: &to_base,
+            with_target,
+            poses: poses.flatten(),
+        };
+        for &base_refit in &refits[usize::from(with_target)..] {
+            let subject = Subject {
+                split: Split::Session,
+                of_session: stations.session.to_owned(),
+                model,
+                angles,
+                base_refit,
+            };
+            let found = unseen.found(stations.observations, base_refit, finders);
+            if let Some(found) = found {
+                let residuals = unseen.residuals(stations.observations, &found);
+                sets.push(ResidualSet { subject, residuals });
+            }
+        }
+    }
+    Ok(sets)
+}
+
+/// Noise of each measured position and of unknown settling errors, in the axes of the base, mm².
+fn noise(
+    model: &dyn PoseModel,
+    predictions: &[Predicted],
+    observations: &[Observation],
+    to_base: &Isometry3<f64>,
+) -> Vec<Matrix3<f64>> {
+    let to_tracker = to_base.inverse();
+    let own = predictions.iter().zip(observations);
+    own.map(|(predicted, o)| turned(&(model.noise(o) + predicted.alone()), &to_tracker))
+        .collect()
+}
+
+/// An unseen session's predictions by one model.
+struct Unseen<'u> {
+    model: &'u dyn PoseModel,
+    predictions: &'u [Predicted],
+    placed: &'u [Placed],
+    to_base: &'u Isometry3<f64>,
+    with_target: bool,
+    /// The errors that the model may make there; `None` for a model without a covariance.
+    poses: Option<Poses>,
+}
+
+/// The frames of an unseen session.
+struct Found {
+    refit: Refit,
+    /// Whether each station took part in finding them and does not judge.
+    taken: Vec<bool>,
+    /// The stations that the frames are found from, all of them for comparing models.
+    used: Vec<usize>,
+    /// Their dependence on the stations; `None` for frames of the training.
+    by: Option<Estimator>,
+}
+
+impl Unseen<'_> {
+    /// The frames of the session; `None` where stations do not span space.
+    fn found(
+        &self,
+        observations: &[Observation],
+        base_refit: BaseRefit,
+        finders: &[usize],
+    ) -> Option<Found> {
+        let count = observations.len();
+        let mut taken = vec![false; count];
+        let used: Vec<usize> = match base_refit {
+            BaseRefit::None => Vec::new(),
+            BaseRefit::First | BaseRefit::Chosen => {
+                for &finder in finders {
+                    taken[finder] = true;
+                }
+                finders.to_vec()
+            }
+            BaseRefit::All => (0..count).collect(),
+        };
+        let by = match (&self.poses, base_refit) {
+            (None, _) | (_, BaseRefit::None) => None,
+            (Some(poses), BaseRefit::All) => poses.unweighted(&used, refit::RIDGE),
+            (Some(poses), BaseRefit::First | BaseRefit::Chosen) => poses.estimator(&used),
+        };
+        let refit = self.refit(observations, base_refit, &used, by.as_ref())?;
+        Some(Found {
+            refit,
+            taken,
+            used,
+            by,
+        })
+    }
+
+    fn refit(
+        &self,
+        observations: &[Observation],
+        base_refit: BaseRefit,
+        used: &[usize],
+        by: Option<&Estimator>,
+    ) -> Option<Refit> {
+        if base_refit == BaseRefit::None {
+            return Some(Refit::none(*self.to_base, self.placed));
+        }
+        let measured = used
+            .iter()
+            .map(|&place| Some(observations[place].point()?.position));
+        let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
+        let placed: Vec<Placed> = used.iter().map(|&p| self.placed[p].clone()).collect();
+        match (by, base_refit) {
+            (Some(by), BaseRefit::First | BaseRefit::Chosen) => {
+                let about = (refit::middle(self.placed), self.model.scale_sd());
+                refit::generalised(&measured, &placed, self.with_target, about, by)
+            }
+            _ => {
+                refit::refit_with_scale(&measured, &placed, self.with_target, self.model.scale_sd())
+            }
+        }
+    }
+
+    fn residuals(&self, observations: &[Observation], found: &Found) -> Vec<Residual> {
+        let covariances = self.covariances(found);
+        let turns = self.turns(found);
+        let residual = |(place, (observation, placed)): (usize, (&Observation, &Placed))| {
+            let predicted = found.refit.predicted(placed);
+            Some(Residual {
+                station: observation.station,
+                pose: observation.pose,
+                fold: None,
+                used_for_refit: found.taken[place],
+                predicted,
+                residual: found.refit.base_from_tracker * observation.point()?.position - predicted,
+                covariance: covariances.as_ref().map(|c| c[place]),
+                weight: None,
+                turn: turns[place],
+            })
+        };
+        let stations = observations.iter().zip(self.placed).enumerate();
+        stations.filter_map(residual).collect()
+    }
+
+    /// The measured orientations of the flange in the base that was found, and the predicted ones; where the session has
+    /// its own mounting, the target is turned as the stations that the base is found from show.
+    fn turns(&self, found: &Found) -> Vec<Option<Turn>> {
+        let (own, trained) = (
+            found.refit.base_from_tracker.rotation,
+            self.to_base.rotation,
+        );
+        let turn = |turn: &Turn| Turn {
+            attained: own * turn.attained,
+            wanted: trained * turn.wanted,
+        };
+        let turns: Vec<_> = self
+            .predictions
+            .iter()
+            .map(|p| p.turn.as_ref().map(turn))
+            .collect();
+        if self.with_target && !found.used.is_empty() {
+            without_constant(&turns, |place| found.used.contains(&place))
+        } else {
+            turns
+        }
+    }
+
+    /// Covariance of the remaining error at each station: the share of the model's errors that the found frames do not absorb,
+    /// and a measurement's own. `None` for a model without a covariance, and for frames of the training: nothing says how far a base
+    /// moves between sessions.
+    fn covariances(&self, found: &Found) -> Option<Vec<Matrix3<f64>>> {
+        Some(self.poses.as_ref()?.left(found.by.as_ref()?))
+    }
+}
