@@ -30,7 +30,7 @@ pub struct Content {
     pub verdict: RunVerdict,
     /// The choice of the step in words.
     pub choice: String,
-    /// Warnings for the operator in addition to the verdict: topics of which too much was rejected.
+    /// Warnings for the operator in addition to the verdict, in sentences, shown before the figures.
     pub warnings: Vec<String>,
     /// Findings of the run as text: damage, parts of the model, stations with little weight.
     pub notes: Vec<String>,

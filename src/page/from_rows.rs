@@ -39,11 +39,22 @@ pub struct About<'a> {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Statements {
     /// Topics of which too much was rejected.
+    pub rejected: Vec<String>,
+    /// What else has to be known before anything: shown at the head of the page.
     pub warnings: Vec<String>,
     /// Other findings.
     pub notes: Vec<String>,
     /// Whether the table that drove the session still holds; `None` where no table did.
     pub table_state: Option<String>,
+}
+
+impl Statements {
+    /// The warnings at the head of the page.
+    fn all_warnings(&self) -> Vec<String> {
+        let rejected = self.rejected.iter();
+        let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));
+        rejected.chain(self.warnings.iter().cloned()).collect()
+    }
 }
 
 /// The content of the page of a run, from the rows of all its tables and its statements.
@@ -65,7 +76,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         tolerance: about.tolerance,
         verdict: about.verdict.clone(),
         choice: about.choice.to_owned(),
-        warnings: about.said.warnings.clone(),
+        warnings: about.said.all_warnings(),
         notes: about.said.notes.clone(),
         table_state: about.said.table_state.clone(),
         steps: rows.steps.rows,

@@ -26,7 +26,7 @@ pub(super) fn header(content: &Content) -> Markup {
             p { "Tolerance " (content.tolerance.mm) " mm: " strong { (content.verdict.statement()) } "." }
             (frame(content))
             (judges(content.verdict.judges()))
-            @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
+            @for warning in &content.warnings { p.warning { (warning) } }
             (facts(content, chosen))
             p.note { "Beside it: " (content.verdict.other_statement()) "." }
             p.note {

@@ -10,10 +10,12 @@ mod session;
 
 use nalgebra::Isometry3;
 
+use super::compared::compared;
 use super::configuration::{Configuration, SessionFiles, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
 use super::publish::publish;
+use super::summary::{Summary, summary, warnings};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::geometry::Transform;
@@ -24,7 +26,7 @@ use crate::io::table::Row as _;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError, parameters};
 use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
@@ -52,8 +54,12 @@ pub struct Done {
     pub verdict_of: Option<VerdictOf>,
     /// Topics of which more was rejected than the pipeline file allows, in words.
     pub rejected: Vec<String>,
-    /// The results as lines of text.
+    /// The result in ten lines; `None` of a run that the lake had already.
+    pub summary: Option<Summary>,
+    /// The other results as lines of text.
     pub words: Vec<String>,
+    /// The place of the table that corrects targets; `None` of a run that the lake had already.
+    pub corrects: Option<Place>,
     /// Place of its tables.
     pub tables: Place,
     /// Place of its page; `None` for runs of versions without pages.
@@ -135,8 +141,16 @@ fn run_local(
         &configuration.valid_for,
         &lake,
     )?;
-    let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
-    let said = said(configuration, &outcome, &remarks, driven.state)?;
+    let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
+    let said = said(configuration, &outcome, &remarks, driven.state.clone())?;
+    let summary = summary(
+        &outcome,
+        &configuration.stages.tolerance,
+        &parameters::rows(&outcome, &context),
+        compared(&outcome).as_ref(),
+        driven.state.as_deref(),
+    );
+    let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -145,11 +159,10 @@ fn run_local(
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
         verdict_of: Some(outcome.verdict.applied().into()),
-        rejected: said.warnings,
-        words: words(&outcome, configuration.stages.tolerance.mm)
-            .into_iter()
-            .chain(remarks)
-            .collect(),
+        rejected: said.rejected,
+        summary: Some(summary),
+        words: words(&outcome).into_iter().chain(remarks).collect(),
+        corrects: Some(corrects),
         tables: configuration.lake.clone(),
         page: page(&lake, &key)?,
     })
@@ -164,7 +177,8 @@ fn said(
 ) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
-        warnings: damage::rejected_beyond(&counts, configuration.max_rejected_share),
+        rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
+        warnings: warnings(outcome),
         notes: notes(outcome)
             .into_iter()
             .chain(remarks.iter().cloned())
@@ -205,10 +219,9 @@ fn already_there(
         reason,
         verdict_of: row.as_ref().and_then(|row| row.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
-        words: vec![
-            "the lake has this run already: same inputs, settings and version; nothing was done"
-                .to_owned(),
-        ],
+        summary: None,
+        words: Vec::new(),
+        corrects: None,
         tables: lake.root(),
         page: page(lake, key)?,
     })
