@@ -7,6 +7,7 @@ mod figures;
 mod gridded;
 mod iso_9283;
 mod judged;
+mod mountings;
 mod observed;
 pub(super) mod scales;
 mod stated;
@@ -141,7 +142,8 @@ pub fn run<'a>(
         folds: &folds,
         training: &training,
     };
-    let mut residuals = judged.residuals(&test, settings, &train, progress)?;
+    let residuals = judged.residuals(&test, settings, &train, progress)?;
+    let mut residuals = mountings::of_one_mounting(residuals);
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::one);
     let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
