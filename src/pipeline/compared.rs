@@ -63,19 +63,19 @@ pub(super) fn measured(outcome: &Outcome<'_>) -> Option<Compared> {
     Some(Compared {
         before: "raw command".to_owned(),
         after: format!("{} that drove it", driven.table),
-        frame: OF_FIRST.to_owned(),
+        frame: OF_ITS_OWN.to_owned(),
         stations: measured.before.subject.of_session.clone(),
         errors: measured.before.judged().filter_map(pair).collect(),
     })
 }
 
 /// The frame of a session whose base is not that of the run.
-const OF_FIRST: &str = "in the base found from the session's first stations";
+const OF_ITS_OWN: &str = "in a base found from other stations of the session";
 
 /// The frame of the errors, in words.
 const fn frame(outcome: &Outcome<'_>, subject: &Subject) -> &'static str {
     match (subject.split, outcome.frame.is_surveyed) {
-        (Split::Session, _) => OF_FIRST,
+        (Split::Session, _) => OF_ITS_OWN,
         (_, true) => "in the surveyed base",
         (_, false) => "in the fitted base",
     }
@@ -130,10 +130,7 @@ fn before(outcome: &Outcome<'_>, figure: &Accuracy) -> Option<(ErrorsAt, &'stati
     };
     let set = outcome.residuals.iter().find(is_it)?;
     let error = |own: &Residual| (own.station, (own.predicted, own.residual));
-    Some((
-        set.judged().map(error).collect(),
-        "base and target fitted and nothing else corrected",
-    ))
+    Some((set.judged().map(error).collect(), "base and target fitted"))
 }
 
 /// What the tool point's errors are relative to, in words.

@@ -15,7 +15,7 @@ use super::configuration::{Configuration, SessionFiles, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
 use super::publish::publish;
-use super::summary::{Summary, summary, warnings};
+use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::geometry::Transform;
@@ -27,7 +27,7 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError, parameters};
-use crate::join::Station;
+use crate::join::{SourceId, Station};
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
@@ -142,12 +142,16 @@ fn run_local(
         &lake,
     )?;
     let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
-    let said = said(configuration, &outcome, &remarks, driven.state.clone())?;
+    let compared = compared(&outcome);
+    let said = Statements {
+        compared: compared.clone(),
+        ..said(configuration, &outcome, &remarks, driven.state.clone())?
+    };
     let summary = summary(
         &outcome,
         &configuration.stages.tolerance,
         &parameters::rows(&outcome, &context),
-        compared(&outcome).as_ref(),
+        compared.as_ref(),
         driven.state.as_deref(),
     );
     let corrects = lake.place(summary.next.table(), &key)?;
@@ -184,7 +188,45 @@ fn said(
             .chain(remarks.iter().cloned())
             .collect(),
         table_state,
+        measured: when(outcome),
+        instruments: instruments(configuration),
+        compared: None,
     })
+}
+
+/// What the sessions were measured with, as the pipeline and robot files state it: what it is, and its name or uncertainty.
+fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
+    let stated = &configuration.valid_for;
+    let of = &configuration
+        .stages
+        .noise
+        .source(SourceId::ONLY)
+        .uncertainty;
+    let orientation = of
+        .orientation_rad
+        .filter(|_| configuration.stages.noise.takes_orientations());
+    let orientation = orientation.map_or_else(String::new, |rad| {
+        format!("; {:.0} µrad in orientation", 1e6 * rad)
+    });
+    let tracker = format!(
+        "on {}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
+        configuration.mapping.tracker.topic,
+        of.range_um,
+        of.range_um_per_m,
+        of.transverse_um,
+        of.transverse_um_per_m,
+        of.divisor
+    );
+    let stated = [
+        ("Arm", Some(configuration.arm.model().to_owned())),
+        ("Controller", stated.controller_model.clone()),
+        ("Tool", stated.tool.clone()),
+        ("Tracker", Some(tracker)),
+    ];
+    let stated = stated.into_iter();
+    stated
+        .filter_map(|(what, words)| Some((what, words?)))
+        .collect()
 }
 
 /// Place of the page of a run; `None` where it has none.

@@ -77,7 +77,9 @@ fn sessions(sessions: &[JoinedSession]) -> String {
     let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
     let measured = all.filter(is_paired).count();
     let named = match sessions {
-        [one] => when(one).map_or_else(|| one.name.clone(), |when| format!("{}, {when}", one.name)),
+        [one] => {
+            began_at(one).map_or_else(|| one.name.clone(), |when| format!("{}, {when}", one.name))
+        }
         several => match days(several) {
             Some(days) => format!("{} sessions, {days}", several.len()),
             None => format!("{} sessions", several.len()),
@@ -89,8 +91,16 @@ fn sessions(sessions: &[JoinedSession]) -> String {
     )
 }
 
-/// When a session was measured, by its logs; `None` where their clocks do not tell.
-pub(super) fn when(session: &JoinedSession) -> Option<String> {
+/// When the sessions of a run were measured, by their logs; `None` where their clocks do not tell.
+pub(super) fn when(outcome: &Outcome<'_>) -> Option<String> {
+    match &outcome.training[..] {
+        [one] => began_at(one),
+        several => Some(format!("{} sessions, {}", several.len(), days(several)?)),
+    }
+}
+
+/// When a session began, by its logs; `None` where their clocks do not tell.
+fn began_at(session: &JoinedSession) -> Option<String> {
     Some(began(&session.joined.clock.model)?.to_string())
 }
 
@@ -129,7 +139,7 @@ fn before_and_after(
 /// Most parameters that are named because they are not identifiable.
 const NAMED: usize = 4;
 
-/// The link parameters that are identified, the largest of them, and those that are not identifiable.
+/// The link parameters that are identified, the clearest of them, and those that are not identifiable.
 fn identified(parameters: &[ParameterRow]) -> Option<String> {
     let of = |model: Model| -> Vec<&ParameterRow> {
         let own = parameters.iter().filter(|own| own.model == model);
@@ -139,19 +149,19 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
     let (found, not): (Vec<&ParameterRow>, Vec<&ParameterRow>) = links
         .iter()
         .partition(|own| own.identifiability == Identifiability::Identifiable);
-    let largest = [Unit::Mm, Unit::Rad].map(|unit| {
+    let clearest = [Unit::Mm, Unit::Rad].map(|unit| {
         let own = found.iter().filter(|own| own.unit == unit);
-        let largest = own.max_by(|a, b| a.offset.abs().total_cmp(&b.offset.abs()));
-        largest.map(|own| value(own))
+        let clearest = own.max_by(|a, b| clarity(a).total_cmp(&clarity(b)));
+        clearest.map(|own| value(own))
     });
-    let largest: Vec<String> = largest.into_iter().flatten().collect();
+    let clearest: Vec<String> = clearest.into_iter().flatten().collect();
     let mut words = format!(
         "identified: {} of {} parameters of the links",
         found.len(),
         links.len()
     );
-    if !largest.is_empty() {
-        write!(words, ", the largest {}", largest.join(" and ")).expect("a string");
+    if !clearest.is_empty() {
+        write!(words, ", most clearly {}", clearest.join(" and ")).expect("a string");
     }
     if !not.is_empty() {
         let named: Vec<String> = not.iter().take(NAMED).map(|own| confounded(own)).collect();
@@ -166,6 +176,12 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
 fn is_of_links(parameter: &ParameterRow) -> bool {
     parameter.belongs_to == BelongsTo::Link
         && parameter.quantity != ParameterQuantity::CommandWeight
+}
+
+/// How many standard errors an offset is large; 0 without one.
+fn clarity(parameter: &ParameterRow) -> f64 {
+    let error = parameter.standard_error.filter(|error| *error > 0.0);
+    error.map_or(0.0, |error| parameter.offset.abs() / error)
 }
 
 /// An offset with its standard error.
@@ -185,10 +201,12 @@ fn value(parameter: &ParameterRow) -> String {
     .replace('-', "−")
 }
 
-/// A parameter with the one that it is confounded with.
+/// A parameter with the one that it is confounded with most.
 fn confounded(parameter: &ParameterRow) -> String {
     let name = symbol(&parameter.parameter);
-    match parameter.confounded_with.first() {
+    let all = &parameter.confounded_with;
+    let most = parameter.most_correlated_with.as_ref();
+    match most.filter(|most| all.contains(most)).or(all.first()) {
         Some(other) => format!("{name} (with {})", symbol(other)),
         None => name,
     }

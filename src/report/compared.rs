@@ -54,14 +54,14 @@ impl Compared {
     pub fn words(&self) -> Option<String> {
         let [before, after] = self.figures()?;
         Some(format!(
-            "mean {:.3} → {:.3} mm, largest {:.3} → {:.3} mm, {}: {} against the {} where it corrects, {} stations of {}",
+            "mean {:.3} → {:.3} mm, largest {:.3} → {:.3} mm ({} → {}, {}, {} stations of {})",
             before.mean,
             after.mean,
             before.max,
             after.max,
-            self.frame,
             self.before,
             self.after,
+            self.frame,
             self.count(),
             self.stations
         ))
@@ -91,8 +91,8 @@ mod tests {
         assert_eq!(
             compared.words().as_deref(),
             Some(
-                "mean 1.667 → 0.200 mm, largest 2.000 → 0.300 mm, in the surveyed base: raw command against the compensation table \
-                 where it corrects, 2 stations of held-out blocks of mon"
+                "mean 1.667 → 0.200 mm, largest 2.000 → 0.300 mm (raw command → compensation table, in the surveyed base, \
+                 2 stations of held-out blocks of mon)"
             )
         );
         let none = Compared {
