@@ -113,7 +113,7 @@ fn predicted(content: &Content) -> Option<Markup> {
         }
         (vectors(&sets, &scene(content))?)
         div.pair {
-            figure { (distribution(content, &both)) figcaption { "Distribution of these errors, and of those that the models leave on stations that took no part." } }
+            figure { (distribution(content, compared, &both)) figcaption { "Distribution of these errors, and of those that the models leave on stations that took no part." } }
             figure { (order(&both.each_ref().map(|(name, points)| (&**name, points.clone())))) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
         }
     })
@@ -201,13 +201,18 @@ fn length(error: [f64; 3]) -> f64 {
 }
 
 /// The distributions of the errors before and after, and of what the models leave at the stations that judge them.
-fn distribution(content: &Content, both: &[(String, Vec<[f64; 2]>)]) -> Markup {
+fn distribution(
+    content: &Content,
+    compared: &Compared,
+    both: &[(String, Vec<[f64; 2]>)],
+) -> Markup {
     let judged = judged(content);
+    let shown = [&compared.before, &compared.after];
     let of_model = |model: Model| {
         let set = set(content, judged?, &[model])?;
         let norms: Vec<f64> = counting(set).map(norm).collect();
         let name = words::subject(&set.subject);
-        Some(Series::distribution(&name, &norms))
+        (!shown.contains(&&name)).then(|| Series::distribution(&name, &norms))
     };
     let of_both = both.iter().map(|(name, points)| {
         let norms: Vec<f64> = points.iter().map(|[_, norm]| *norm).collect();
