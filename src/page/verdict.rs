@@ -69,7 +69,7 @@ fn frame(content: &Content) -> Markup {
 fn typed(content: &Content) -> Markup {
     html! {
         @for (place, (what, forms)) in content.frame.to_set().into_iter().enumerate() {
-            details open[place == 0] {
+            details open=[(place == 0).then_some("open")] {
                 summary { (capital(what)) }
                 dl.list { @for (form, typed) in forms { div { dt { (form) } dd { code { (typed) } } } } }
             }

@@ -1,6 +1,6 @@
 //! A run in ten lines for a person: what was read, the frame, the verdict, before and after, what is identified, what to do now.
 //!
-//! Everything else that a run finds is in [`super::words`], for whoever asks for it.
+//! Everything else that a run finds is in `words`, for whoever asks for it.
 
 use std::fmt::Write as _;
 

@@ -155,7 +155,12 @@ fn paragraph(ending: &Ending, verbose: bool) -> String {
         lines.extend(done.words.iter().cloned());
         lines.push(format!("tables: {}", near(&done.tables)));
     }
-    let mut text = format!("{}\n", Printable(&summary.read));
+    let pool = if summary.read.starts_with(&done.session) {
+        String::new()
+    } else {
+        format!("{}: ", Printable(&done.session))
+    };
+    let mut text = format!("{pool}{}\n", Printable(&summary.read));
     for line in &lines {
         writeln!(text, "  {}", Printable(line)).expect("a string");
     }

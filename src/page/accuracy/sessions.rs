@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
+use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::page::content::{Content, Session};
 use crate::page::words;
 use crate::report::{BaseRefit, Model, Point, Split};
@@ -79,7 +79,6 @@ fn figure<'f>(
     let is_it = |own: &&AccuracyRow| {
         (own.model, own.split, own.name) == (model, split, name)
             && is_judged(own)
-            && own.quantity == FigureKind::PositionError
             && own.point == Point::Measured
             && own.of_session == session
     };
