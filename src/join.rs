@@ -11,8 +11,10 @@
 //! 5. [`settle`]: the settling time of the target. [`pair`], [`average`]: a verdict for each dwell, means after settling;
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
+//! 7. [`began`]: the date of the session.
 
 pub mod average;
+pub mod began;
 pub mod clock;
 pub mod command;
 pub mod decide;
@@ -47,6 +49,7 @@ use crate::ingest::{Poses, TemperatureSamples};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
+pub use began::{Began, began};
 pub use error::JoinError;
 pub use reading::{
     MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SourceId, TargetId, Value,

@@ -1,5 +1,6 @@
 //! The pipeline: a file becomes a checked configuration, a configuration becomes pieces of work, and each piece is one run.
 
+mod compared;
 pub mod configuration;
 pub mod damage;
 mod driven;
@@ -11,5 +12,6 @@ mod promise;
 pub mod publish;
 pub mod run;
 pub mod stages;
+pub mod summary;
 pub mod verify;
 mod words;

@@ -6,13 +6,16 @@
 
 pub mod accuracy;
 pub mod chart;
+pub mod compared;
 pub mod driven;
 pub mod evaluate;
 pub mod frame;
 pub mod iso_9283;
 pub mod locate;
+pub mod next;
 pub mod promise;
 pub mod refit;
+pub mod symbols;
 pub mod tip;
 pub mod unseen;
 pub mod verdict;

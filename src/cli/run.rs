@@ -3,8 +3,8 @@
 //! 1. The pipeline file becomes a list of pieces of work ([`Configuration`]); sessions that wait or cannot be used are set aside.
 //! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
 //! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
-//! 4. A line for each session, text for each new result, and the totals are the summary (`summary`). Where it cannot be
-//!    written, the work is still done and the exit code is 1; a reader who left does not change the exit code.
+//! 4. A line for each session, ten lines for each new result, and the totals are the summary (`summary`); `--verbose` adds all other
+//!    results. Where it cannot be written, the work is still done and the exit code is 1; a reader who left does not change the exit code.
 //!
 //! A first SIGINT or SIGTERM ends the pieces under way and starts no other (`stop`); a second one ends the process.
 
@@ -66,6 +66,9 @@ pub struct RunArgs {
     /// List the work, and do none
     #[arg(long)]
     pub dry_run: bool,
+    /// Print every figure of each session below its summary of ten lines
+    #[arg(long)]
+    pub verbose: bool,
 }
 
 /// Runs the pipeline; gives the exit code.
@@ -129,7 +132,10 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
     let (endings, without) = work::all(configuration, args.jobs, bars, &stop);
     let mut set_aside = [configuration.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let written = messages::result(summary::summary(configuration, &endings, &set_aside), bars);
+    let written = messages::result(
+        summary::summary(configuration, &endings, &set_aside, args.verbose),
+        bars,
+    );
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
 }

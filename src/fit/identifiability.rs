@@ -8,8 +8,11 @@ use super::Calibration;
 
 /// A parameter is identifiable when its standard error is below this share of its prior's.
 const SHARE_OF_PRIOR: f64 = 0.5;
-/// Two parameters are confounded when they correlate by more than this.
+/// Two parameters are confounded when they correlate by more than this: one takes part in whatever is not known of the other.
 const CONFOUNDED: f64 = 0.9;
+/// Neither of two parameters is identifiable when they correlate by more than this: each has seven times the standard error that it
+/// would have if the other were known.
+const ONE_NUMBER: f64 = 0.99;
 
 /// Whether the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +25,11 @@ pub enum Identifiability {
     StructurallyDependent,
     /// The poses determine it hardly better than its prior.
     Weak,
+    /// It correlates so much with another parameter that the poses determine the two together only, or with one that they do not
+    /// determine.
+    Confounded,
+    /// It is zero by convention: offsets are counted from the frames that this very fit found.
+    ByConvention,
 }
 
 /// Whether a standard error is small enough compared with the prior's; always true without a prior.
@@ -44,6 +52,25 @@ pub fn most_correlated(covariance: &DMatrix<f64>, place: usize) -> Option<(usize
         .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }
 
+/// What each parameter is by itself (`alone`), with what its correlations with the others take from it.
+pub fn with_correlations(
+    alone: &[Identifiability],
+    covariance: &DMatrix<f64>,
+) -> Vec<Identifiability> {
+    let is_confounded = |place: usize| {
+        others(covariance, place).any(|other| {
+            let found = correlation(covariance, place, other).abs();
+            let is_open = alone[other] != Identifiability::Identifiable;
+            found > ONE_NUMBER || (is_open && found > CONFOUNDED)
+        })
+    };
+    let with = |(place, own): (usize, &Identifiability)| match own {
+        Identifiability::Identifiable if is_confounded(place) => Identifiability::Confounded,
+        own => *own,
+    };
+    alone.iter().enumerate().map(with).collect()
+}
+
 fn others(covariance: &DMatrix<f64>, place: usize) -> impl Iterator<Item = usize> {
     (0..covariance.nrows()).filter(move |&other| other != place)
 }
@@ -59,40 +86,72 @@ fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> f64 {
 }
 
 impl Calibration {
-    /// Whether unknown `place` is identifiable, and if not, why.
-    pub fn identifiability(&self, place: usize) -> Identifiability {
-        if self.nominal_structure.zero_columns.contains(&place) {
+    /// Whether each unknown is identifiable, and if not, why; in their order.
+    pub fn identifiability(&self) -> Vec<Identifiability> {
+        let alone: Vec<Identifiability> = (0..self.unknowns.len())
+            .map(|place| self.alone(place, self.standard_error(place)))
+            .collect();
+        with_correlations(&alone, &self.covariance)
+    }
+
+    /// Whether unknown `place` is identifiable by its own `standard_error`, which may be that of another model, and by the structure
+    /// of the nominal arm.
+    pub fn alone(&self, place: usize, standard_error: f64) -> Identifiability {
+        let structure = &self.nominal_structure;
+        let is_dependent = !structure.indistinguishable[place].is_empty();
+        let prior_sd = self.prior_sd[place];
+        if structure.zero_columns.contains(&place) {
             Identifiability::MovesNothing
-        } else if self.identifiable(place) {
+        } else if is_identifiable(standard_error, prior_sd) && !(prior_sd.is_none() && is_dependent)
+        {
             Identifiability::Identifiable
-        } else if self.nominal_structure.indistinguishable[place].is_empty() {
-            Identifiability::Weak
-        } else {
+        } else if is_dependent {
             Identifiability::StructurallyDependent
+        } else {
+            Identifiability::Weak
         }
     }
 
-    /// Whether unknown `place` is identifiable: its standard error is below half its prior's, or, without a prior, it
-    /// takes part in no structural null direction.
-    pub fn identifiable(&self, place: usize) -> bool {
-        let structural = !self.nominal_structure.zero_columns.contains(&place);
-        structural
-            && match self.prior_sd[place] {
-                Some(sd) => is_identifiable(self.standard_error(place), Some(sd)),
-                None => self.nominal_structure.indistinguishable[place].is_empty(),
-            }
-    }
-
-    /// The unknowns with which the one at `place` is confounded: its structural partners, otherwise those it correlates with.
+    /// The unknowns with which the one at `place` is confounded where it is not identifiable: its structural partners, otherwise those
+    /// it correlates with.
     pub fn confounded_with(&self, place: usize) -> Vec<usize> {
-        if self.identifiable(place) {
-            return Vec::new();
-        }
         let structural = &self.nominal_structure.indistinguishable[place];
         if structural.is_empty() {
             confounded(&self.covariance, place)
         } else {
             structural.clone()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Identifiability::{Confounded, Identifiable, Weak};
+
+    /// Unit variances, with these correlations of 0 and 1, and of 1 and 2.
+    fn covariance(first: f64, second: f64) -> DMatrix<f64> {
+        DMatrix::from_row_slice(
+            3,
+            3,
+            &[1.0, first, 0.0, first, 1.0, second, 0.0, second, 1.0],
+        )
+    }
+
+    #[test]
+    fn two_parameters_that_are_one_number_are_not_identifiable() {
+        let of = |first, second| with_correlations(&[Identifiable; 3], &covariance(first, second));
+        assert_eq!(of(-0.999_987, 0.0), [Confounded, Confounded, Identifiable]);
+        assert_eq!(of(0.98, -0.98), [Identifiable; 3]);
+    }
+
+    #[test]
+    fn what_goes_with_something_unknown_is_unknown() {
+        // The second is hardly more than its prior; the first goes with it, the third does not.
+        let alone = [Identifiable, Weak, Identifiable];
+        assert_eq!(
+            with_correlations(&alone, &covariance(-0.95, 0.5)),
+            [Confounded, Weak, Identifiable]
+        );
     }
 }

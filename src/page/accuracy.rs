@@ -1,5 +1,6 @@
 //! Accuracy figures before and after.
 
+mod sessions;
 mod tip;
 
 use maud::{Markup, html};
@@ -32,7 +33,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "measured target are one point, and with base and target fitted, which is the fair comparison. After is predicted, unless a "
             "table drove the session: then it was measured."
         }
-        (rows(&content.figures, &listed))
+        @if is_pooled(content) {
+            (sessions::rows(content))
+            details { summary { "Every model, judged in every way" } (rows(&content.figures, &listed)) }
+        } @else {
+            (rows(&content.figures, &listed))
+        }
         @if !training.is_empty() {
             details {
                 summary { "On training stations, or with a base refitted on all: for comparing models only" }
@@ -41,6 +47,11 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         (tip::figures(&content.tip))
     })
+}
+
+/// Whether the run learnt from several sessions.
+fn is_pooled(content: &Content) -> bool {
+    content.sessions.iter().filter(|own| own.trained).count() > 1
 }
 
 /// Whether the subject is judged on stations that took no part, or is the raw command.

@@ -11,6 +11,9 @@ use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
 use crate::report::Subject;
+use crate::report::compared::Compared;
+use crate::report::frame::StatedFrame;
+use crate::report::next::Next;
 use crate::report::verdict::RunVerdict;
 
 pub use origin::{Count, Provenance, Session};
@@ -28,9 +31,23 @@ pub struct Content {
     pub tolerance: Tolerance,
     /// Whether it is, by what, and who says so: held-out blocks, and every test session.
     pub verdict: RunVerdict,
+    /// The base frame that errors, table and verdict hold in.
+    pub frame: StatedFrame,
+    /// What to do with the result.
+    pub next: Next,
+    /// The command that corrects targets by the result, as it is typed beside the folder `lake`.
+    pub command: String,
+    /// The errors before and after that the verdict's figure is of; `None` where no station judges.
+    pub compared: Option<Compared>,
+    /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
+    pub measured: Option<String>,
+    /// What they were measured with: what it is, and its name or uncertainty.
+    pub instruments: Vec<(&'static str, String)>,
     /// The choice of the step in words.
     pub choice: String,
-    /// Warnings for the operator in addition to the verdict: topics of which too much was rejected.
+    /// Warnings for the operator in addition to the verdict, in sentences, shown before the figures.
     pub warnings: Vec<String>,
     /// Findings of the run as text: damage, parts of the model, stations with little weight.
     pub notes: Vec<String>,

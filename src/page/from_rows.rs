@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use super::content::{Content, Count, Provenance, Residuals, Session};
 use super::words;
 use crate::grid::Tolerance;
+use crate::io::lake::Lake;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::residuals::ResidualRow;
@@ -14,6 +15,9 @@ use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};
 use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::Point;
+use crate::report::compared::Compared;
+use crate::report::frame::StatedFrame;
+use crate::report::next::Next;
 use crate::report::verdict::RunVerdict;
 
 /// The statements of a run that its tables do not have.
@@ -27,6 +31,10 @@ pub struct About<'a> {
     pub choice: &'a str,
     /// Whether the tolerance is met, by what, and who says so.
     pub verdict: &'a RunVerdict,
+    /// The base frame that errors, table and verdict hold in.
+    pub frame: &'a StatedFrame,
+    /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
+    pub bounds: Option<[[f64; 3]; 2]>,
     /// The number of items that each stage read, kept and rejected.
     pub counts: &'a [StageCount],
     /// Tables written.
@@ -35,24 +43,44 @@ pub struct About<'a> {
     pub said: &'a Statements,
 }
 
-/// Warnings and notes of a run as text.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+/// Warnings, notes and circumstances of a run, and the errors of its headline.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Statements {
     /// Topics of which too much was rejected.
+    pub rejected: Vec<String>,
+    /// What else has to be known before anything: shown at the head of the page.
     pub warnings: Vec<String>,
     /// Other findings.
     pub notes: Vec<String>,
+    /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
+    pub measured: Option<String>,
+    /// What they were measured with: what it is, and its name or uncertainty.
+    pub instruments: Vec<(&'static str, String)>,
+    /// The errors before and after that the verdict's figure is of; `None` where no station judges.
+    pub compared: Option<Compared>,
     /// Whether the table that drove the session still holds; `None` where no table did.
     pub table_state: Option<String>,
 }
 
+impl Statements {
+    /// The warnings at the head of the page.
+    fn all_warnings(&self) -> Vec<String> {
+        let rejected = self.rejected.iter();
+        let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));
+        rejected.chain(self.warnings.iter().cloned()).collect()
+    }
+}
+
 /// The content of the page of a run, from the rows of all its tables and its statements.
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
+    let key = about.work.key();
+    let next = Next::of(about.verdict, about.frame, &about.tolerance);
+    let command = next.command(&in_lake(next.table(), &key));
     let RunKey {
         robot,
         session,
         run,
-    } = about.work.key();
+    } = key;
     let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) = rows
         .accuracy
         .rows
@@ -64,8 +92,15 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         run,
         tolerance: about.tolerance,
         verdict: about.verdict.clone(),
+        frame: *about.frame,
+        next,
+        command,
+        compared: about.said.compared.clone(),
+        bounds: about.bounds,
+        measured: about.said.measured.clone(),
+        instruments: about.said.instruments.clone(),
         choice: about.choice.to_owned(),
-        warnings: about.said.warnings.clone(),
+        warnings: about.said.all_warnings(),
         notes: about.said.notes.clone(),
         table_state: about.said.table_state.clone(),
         steps: rows.steps.rows,
@@ -80,6 +115,15 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         counts: about.counts.iter().map(count).collect(),
         provenance: made_from(about.work, about.written),
     }
+}
+
+/// The file of a run's table as it is named beside the folder `lake`; folders have no character that a shell acts on.
+fn in_lake(table: &str, key: &RunKey) -> String {
+    let place = Lake::new("lake").place(table, key);
+    place.map_or_else(
+        |_| format!("lake/{table}/…/{}.parquet", key.run),
+        |place| place.to_string(),
+    )
 }
 
 /// Groups the rows by subject, in the order of the stations; the table has them by fold.

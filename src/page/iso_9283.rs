@@ -1,5 +1,7 @@
 //! Figures of ISO 9283, over all poses and pose by pose.
 
+use std::collections::BTreeMap;
+
 use maud::{Markup, html};
 
 use super::content::Content;
@@ -50,14 +52,38 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             subjects.push(of(figure));
         }
     }
+    let has_value = |own: &Of| {
+        figures
+            .iter()
+            .any(|figure| of(figure) == *own && figure.value.is_some())
+    };
+    let (shown, none): (Vec<Of>, Vec<Of>) = subjects.into_iter().partition(has_value);
     Some(html! {
         p {
             "Figures of ISO 9283, of poses that were commanded more than once: AP is how far the mean of the visits is from the command, "
             "RP how far visits are from each other. Where a pose has fewer visits than the standard asks for, the figure is not the "
             "standard's. Load, speed and positions of the poses are those of the session, not those that the standard asks for."
         }
-        @for own in subjects { (of_subject(&own, &figures)) }
+        @for own in &shown { (of_subject(own, &figures)) }
+        @for (reason, subjects) in empty(&figures, &none) {
+            p.note { "Not shown of " (subjects.join("; of ")) ": " (reason) "." }
+        }
     })
+}
+
+/// Subjects without any figure by why they have none.
+fn empty<'f>(figures: &[&'f AccuracyRow], subjects: &[Of]) -> BTreeMap<&'f str, Vec<String>> {
+    let mut by_reason: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for own in subjects {
+        let mut reasons = figures.iter().filter(|figure| of(figure) == *own);
+        let reason = reasons.find_map(|figure| figure.reason.as_deref());
+        let (model, stations) = (words::subject(&own.1), words::stations(&own.1));
+        let of = by_reason
+            .entry(reason.unwrap_or("no pose was visited again"))
+            .or_default();
+        of.push(format!("{model}, {stations}"));
+    }
+    by_reason
 }
 
 fn of(figure: &AccuracyRow) -> Of {

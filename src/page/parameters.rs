@@ -9,6 +9,7 @@ use crate::io::tables::parameters::{BelongsTo, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Marks, Series};
+use crate::report::symbols::symbol;
 
 /// Half-width of a 95 % interval of a Gaussian, in standard errors.
 const REACH: f64 = 1.96;
@@ -30,15 +31,27 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals. "
-            (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } "."
+            (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } ", where θ₁ is " code { "theta_1" } "."
         }
         div.pair {
             @for (unit, shown, scale) in [(Unit::Mm, "mm", 1.0), (Unit::Rad, "mrad", 1e3)] {
-                @let links = own.iter().copied().filter(|p| p.belongs_to == BelongsTo::Link && p.unit == unit).collect::<Vec<_>>();
-                @if !links.is_empty() { figure { (chart(&links, shown, scale)) figcaption { "Links of the arm, " (if unit == Unit::Mm { "lengths" } else { "angles" }) "." } } }
+                @let links = identifiable.iter().copied().filter(|p| p.belongs_to == BelongsTo::Link && p.unit == unit).collect::<Vec<_>>();
+                @let apart = unidentifiable.iter().filter(|p| p.belongs_to == BelongsTo::Link && p.unit == unit).count();
+                @if !links.is_empty() {
+                    figure {
+                        (chart(&links, shown, scale))
+                        figcaption {
+                            "Links of the arm, " (if unit == Unit::Mm { "lengths" } else { "angles" }) "."
+                            @if apart > 0 { " " (apart) " that are not identifiable stand below." }
+                        }
+                    }
+                }
             }
         }
-        @if !unidentifiable.is_empty() { h3 { "Not identifiable" } (unidentifiable_rows(&unidentifiable)) }
+        @let links = unidentifiable.iter().copied().filter(|p| p.belongs_to == BelongsTo::Link).collect::<Vec<_>>();
+        @let others = unidentifiable.len() - links.len();
+        @if !links.is_empty() { h3 { "Not identifiable" } (unidentifiable_rows(&links)) }
+        @if others > 0 { p.note { "Of bases and targets " (others) " are not identifiable either: what the links' parameters leave open is open in them too." } }
         details { summary { "All " (own.len()) " parameters" } (rows(&own)) }
     })
 }
@@ -47,66 +60,38 @@ fn is_identifiable(parameter: &ParameterRow) -> bool {
     parameter.identifiability == Identifiability::Identifiable
 }
 
-/// The symbol of a link's parameter, such as θ₁ for `theta_1`.
-fn symbol(parameter: &ParameterRow) -> String {
-    let (quantity, joint) = parameter
-        .parameter
-        .split_once('_')
-        .unwrap_or((&parameter.parameter, ""));
-    let letter = match quantity {
-        "theta" => "θ",
-        "alpha" => "α",
-        "beta" => "β",
-        other => other,
-    };
-    let below = |digit: char| {
-        digit
-            .to_digit(10)
-            .and_then(|value| char::from_u32(0x2080 + value))
-    };
-    let joint: String = joint
-        .chars()
-        .map(|digit| below(digit).unwrap_or(digit))
-        .collect();
-    format!("{letter}{joint}")
-}
-
+/// The chart of identifiable parameters: those that are not stand below it and do not set its scale.
 fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
-    let of = |identifiable: bool| -> Vec<(f64, &ParameterRow)> {
-        let numbered = parameters
-            .iter()
-            .enumerate()
-            .map(|(place, p)| (place as f64 + 1.0, *p));
-        numbered
-            .filter(|(_, p)| is_identifiable(p) == identifiable)
-            .collect()
+    let numbered = || {
+        let numbered = parameters.iter().enumerate();
+        numbered.map(|(place, own)| (place as f64 + 1.0, *own))
     };
-    let series = |name: &str, identifiable: bool| {
-        let own = of(identifiable);
-        let points = own.iter().map(|(x, p)| [*x, scale * p.offset]).collect();
-        let span = |(x, p): &(f64, &ParameterRow)| {
-            let half = REACH * p.standard_error?;
-            Some([*x, scale * (p.offset - half), scale * (p.offset + half)])
-        };
-        Series::new(
-            name,
-            vec![
-                Marks::Whiskers(own.iter().filter_map(span).collect()),
-                Marks::Points(points),
-            ],
-        )
+    let points = numbered().map(|(x, own)| [x, scale * own.offset]);
+    let span = |(x, own): (f64, &ParameterRow)| {
+        let half = REACH * own.standard_error?;
+        Some([x, scale * (own.offset - half), scale * (own.offset + half)])
     };
+    let found = vec![
+        Marks::Whiskers(numbered().filter_map(span).collect()),
+        Marks::Points(points.collect()),
+    ];
     let (first, last) = (0.4, parameters.len() as f64 + 0.6);
     Chart {
         title: format!("Offsets of the arm's parameters, {unit}"),
-        description: "Identified minus nominal of each parameter, with its 95 % interval."
-            .to_owned(),
-        x: Axis::of_names("parameter", parameters.iter().map(|p| symbol(p)).collect()),
+        description:
+            "Identified minus nominal of each identifiable parameter, with its 95 % interval."
+                .to_owned(),
+        x: Axis::of_names(
+            "parameter",
+            parameters
+                .iter()
+                .map(|own| symbol(&own.parameter))
+                .collect(),
+        ),
         y: Axis::new("identified minus nominal", unit).including(&[0.0]),
         series: vec![
             Series::line("", vec![[first, 0.0], [last, 0.0]]).looking(4),
-            series("identifiable", true).looking(0),
-            series("not identifiable", false).looking(1),
+            Series::new("", found).looking(0),
         ],
         limits: Vec::new(),
     }
@@ -114,13 +99,14 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
 }
 
 fn unidentifiable_rows(parameters: &[&ParameterRow]) -> Markup {
-    let head = html! { th { "Parameter" } th.word { "Why" } th.word { "Confounded with" } };
+    let head = html! { th { "Parameter" } th.word { "Unit" } th { "Offset" } th { "95 % interval" } th.word { "Why" } th.word { "Confounded with" } };
     let body = html! {
         @for parameter in parameters {
             tr {
                 th.word scope="row" { (named(parameter)) }
+                (values(parameter))
                 td.word { (words::identifiability(parameter.identifiability)) }
-                td.word { @if parameter.confounded_with.is_empty() { "no single other one" } @else { (parameter.confounded_with.join(", ")) } }
+                td.word { @if parameter.confounded_with.is_empty() { "no single other one" } @else { (symbols(&parameter.confounded_with)) } }
             }
         }
     };
@@ -128,36 +114,73 @@ fn unidentifiable_rows(parameters: &[&ParameterRow]) -> Markup {
 }
 
 fn rows(parameters: &[&ParameterRow]) -> Markup {
-    let head = html! { th { "Parameter" } th.word { "Unit" } th { "Nominal" } th { "Offset" } th { "95 % interval" } th.word { "Identifiable" } };
+    let head = html! { th { "Parameter" } th { "Nominal" } th.word { "Unit" } th { "Offset" } th { "95 % interval" } th.word { "Identifiable" } };
     let body = html! { @for parameter in parameters { (row(parameter)) } };
     super::table(&head, &body)
 }
 
 fn row(parameter: &ParameterRow) -> Markup {
-    let (unit, scale) = match parameter.unit {
-        Unit::Rad => ("mrad", 1e3),
-        Unit::Mm => ("mm", 1.0),
-        Unit::One => ("", 1.0),
-    };
-    let shown = |value: f64| html! { data value=(value) { (words::fixed(scale * value, 3)) } };
+    let (_, scale) = unit(parameter);
     html! {
         tr {
             th.word scope="row" { (named(parameter)) }
-            td.word { (unit) }
-            td { (shown(parameter.nominal)) }
-            td { (shown(parameter.offset)) }
-            td { @match parameter.standard_error {
-                Some(error) => { (words::fixed(scale * (parameter.offset - REACH * error), 3)) " … " (words::fixed(scale * (parameter.offset + REACH * error), 3)) },
-                None => "–",
-            } }
+            td { data value=(parameter.nominal) { (words::fixed(scale * parameter.nominal, 3)) } }
+            (values(parameter))
             td.word { (words::identifiability(parameter.identifiability)) }
         }
     }
 }
 
+/// An offset below this share of its standard error is where its prior put it, and not found.
+const HELD: f64 = 1e-4;
+
+/// Whether the value is a convention: offsets are counted from it, or others have all of its motion and it keeps its nominal value.
+fn is_by_convention(parameter: &ParameterRow) -> bool {
+    match (parameter.identifiability, parameter.standard_error) {
+        (Identifiability::ByConvention, _) | (_, None) => true,
+        (Identifiability::StructurallyDependent, Some(error)) => {
+            parameter.offset.abs() <= HELD * error
+        }
+        _ => false,
+    }
+}
+
+/// Unit, offset and interval; a component that is fixed by convention says so.
+fn values(parameter: &ParameterRow) -> Markup {
+    let (unit, scale) = unit(parameter);
+    let fixed = |value: f64| words::fixed(scale * value, 3);
+    let error = parameter.standard_error;
+    html! {
+        td.word { (unit) }
+        @match error.filter(|_| !is_by_convention(parameter)) {
+            None => { td { "0" } td { "by convention" } },
+            Some(error) => {
+                td { data value=(parameter.offset) { (fixed(parameter.offset)) } }
+                td { (fixed(parameter.offset - REACH * error)) " … " (fixed(parameter.offset + REACH * error)) }
+            },
+        }
+    }
+}
+
+/// The unit of a parameter's values as shown, and what they are multiplied by.
+const fn unit(parameter: &ParameterRow) -> (&'static str, f64) {
+    match parameter.unit {
+        Unit::Rad => ("mrad", 1e3),
+        Unit::Mm => ("mm", 1.0),
+        Unit::One => ("", 1.0),
+    }
+}
+
+/// The symbols of parameters, one after another.
+fn symbols(names: &[String]) -> String {
+    let symbols: Vec<String> = names.iter().map(|name| symbol(name)).collect();
+    symbols.join(", ")
+}
+
 fn named(parameter: &ParameterRow) -> String {
+    let symbol = symbol(&parameter.parameter);
     match &parameter.of_session {
-        Some(session) => format!("{} of {session}", parameter.parameter),
-        None => parameter.parameter.clone(),
+        Some(session) => format!("{symbol} of {session}"),
+        None => symbol,
     }
 }

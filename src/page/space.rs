@@ -6,15 +6,29 @@ use super::content::{Content, Residuals};
 use super::words;
 use crate::io::tables::accuracy::FigureName;
 use crate::io::tables::residuals::ResidualRow;
-use crate::report::chart::{Arrow, Axis, Chart, Limit, Series, Vectors, vectors};
+use crate::report::chart::{Arrow, Axis, Chart, Limit, Scene, Series, Vectors, vectors};
+use crate::report::compared::{Compared, ErrorPair};
 use crate::report::{Angles, BaseRefit, Model, Split, Subject};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
+    let predicted = predicted(content);
+    let measured = driven(content).and_then(|driven| measured(content, driven));
+    if content.table_state.is_none() && predicted.is_none() && measured.is_none() {
+        return None;
+    }
     Some(html! {
         @if let Some(state) = &content.table_state { p.lead { strong { "This session was driven by a table: " (state) "." } } }
-        @if let Some(driven) = driven(content) { (measured(content, driven)?) }
-        (predicted(content)?)
+        @if let Some(measured) = measured { (measured) }
+        @if let Some(predicted) = predicted { (predicted) }
     })
+}
+
+/// What the errors are drawn in.
+const fn scene(content: &Content) -> Scene {
+    Scene {
+        bounds: content.bounds,
+        tolerance_mm: content.tolerance.mm,
+    }
 }
 
 /// The errors that a table left in the session that it drove: only these errors after a correction are measured.
@@ -34,6 +48,7 @@ fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
         ),
     ];
     let n = counting(after).count();
+    let [before_name, after_name] = ["before", "after, measured"];
     Some(html! {
         p {
             (n) " stations other than those that the base was found from were measured: the distance of the tool point from its "
@@ -43,8 +58,8 @@ fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
                 "with the commanded orientation."
             }
         }
-        (vectors(&arrows(sets))?)
-        figure { (order(before, after)) figcaption { "The same errors in the order of the stations." } }
+        (vectors(&arrows(sets), &scene(content))?)
+        figure { (order(&[(before_name, norms(before)), (after_name, norms(after))])) figcaption { "The same errors in the order of the stations." } }
     })
 }
 
@@ -63,38 +78,63 @@ fn arrows<const N: usize>(sets: [(&str, &Residuals, &str); N]) -> [Vectors; N] {
         name: name.to_owned(),
         description: format!("{description} {}.", words::stations(&set.subject)),
         arrows: counting(set).map(arrow).collect(),
-        look: words::look(set.subject.model),
     })
 }
 
+/// Number of each station that counts, with its error norm.
+fn norms(set: &Residuals) -> Vec<[f64; 2]> {
+    let norms = counting(set).map(|own| [own.station as f64, norm(own)]);
+    norms.collect()
+}
+
+/// The errors before and after that the headline is of.
 fn predicted(content: &Content) -> Option<Markup> {
-    let judged = judged(content)?;
-    let before = set(content, judged, &[Model::BaseTarget])?;
-    let best: Vec<Model> = Model::serving().collect();
-    let after = set(content, judged, &best)?;
+    let compared = content.compared.as_ref()?;
     let sets = [
-        (
-            "Before",
-            before,
-            "Errors with base and target fitted and nothing else corrected.",
-        ),
-        (
-            "After",
-            after,
-            "Errors that are left when the model's prediction is subtracted.",
-        ),
+        drawn(compared, "Before", &compared.before, |pair| pair.before),
+        drawn(compared, "After", &compared.after, |pair| pair.after),
+    ];
+    let [before, after] = compared.figures()?;
+    let series = |name: &str, error: fn(&ErrorPair) -> [f64; 3]| {
+        let pairs = compared.errors.iter();
+        let points = pairs.map(|pair| [pair.station as f64, length(error(pair))]);
+        (name.to_owned(), points.collect::<Vec<_>>())
+    };
+    let both = [
+        series("before", |pair| pair.before.into()),
+        series("after", |pair| pair.after.into()),
     ];
     Some(html! {
         p {
-            "Before: " (words::subject(&before.subject)) ". After, predicted: the error left where the prediction of the "
-            (words::subject(&after.subject)) " is subtracted. Stations of " (words::stations(&after.subject)) "; none of them took part in the fit."
+            strong { "Before" } " (" (compared.before) "): mean " (words::fixed(before.mean, 3)) " mm, largest " (words::fixed(before.max, 3))
+            " mm. " strong { "After" } ", predicted (" (compared.after) "): mean " (words::fixed(after.mean, 3)) " mm, largest "
+            (words::fixed(after.max, 3)) " mm. Both " (compared.frame) ", at " (compared.count()) " stations of " (compared.stations)
+            "; none of them took part in what corrects them."
         }
-        (vectors(&arrows(sets))?)
+        (vectors(&sets, &scene(content))?)
         div.pair {
-            figure { (distribution(content, judged)) figcaption { "Distribution of these errors." } }
-            figure { (order(before, after)) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
+            figure { (distribution(content, compared, &both)) figcaption { "Distribution of these errors, and of those that the models leave on stations that took no part." } }
+            figure { (order(&both.each_ref().map(|(name, points)| (&**name, points.clone())))) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
         }
     })
+}
+
+/// One state of the errors of the headline.
+fn drawn(
+    compared: &Compared,
+    name: &str,
+    of: &str,
+    error: impl Fn(&ErrorPair) -> nalgebra::Vector3<f64>,
+) -> Vectors {
+    let arrow = |pair: &ErrorPair| Arrow {
+        at: pair.at.into(),
+        error: error(pair).into(),
+    };
+    Vectors {
+        name: name.to_owned(),
+        description: format!("Errors: {of}, {}, {}.", compared.frame, compared.stations),
+        arrows: compared.errors.iter().map(arrow).collect(),
+    }
 }
 
 /// The stations of a session that a table drove.
@@ -105,18 +145,15 @@ fn driven(content: &Content) -> Option<&Subject> {
 
 /// The stations that judge: those of an unseen session where there is one, otherwise those of held-out blocks.
 fn judged(content: &Content) -> Option<&Subject> {
-    let ways = [
-        (Split::Session, BaseRefit::Chosen),
-        (Split::Session, BaseRefit::First),
-        (Split::Session, BaseRefit::None),
-        (Split::Blocks, BaseRefit::None),
-    ];
     let subjects = || {
         let sets = content.residuals.iter().rev().map(|set| &set.subject);
         sets.filter(|subject| !subject.model.is_against_commands())
     };
-    let of_way = |(split, refit)| subjects().find(|s| s.split == split && s.base_refit == refit);
-    ways.into_iter().find_map(of_way)
+    let is_own_base = |own: &&Subject| !matches!(own.base_refit, BaseRefit::None | BaseRefit::All);
+    let sessions = || subjects().filter(|own| own.split == Split::Session);
+    sessions()
+        .find(is_own_base)
+        .or_else(|| subjects().find(|own| own.split == Split::Blocks))
 }
 
 /// The residuals of the first of `models` that these stations judge; from commands alone where these exist.
@@ -156,25 +193,43 @@ fn arrow(residual: &ResidualRow) -> Arrow {
 }
 
 fn norm(residual: &ResidualRow) -> f64 {
-    residual.residual.iter().map(|e| e * e).sum::<f64>().sqrt()
+    length(residual.residual)
 }
 
-fn distribution(content: &Content, judged: &Subject) -> Markup {
-    let series = |model: Model| {
-        let set = set(content, judged, &[model])?;
+fn length(error: [f64; 3]) -> f64 {
+    error.iter().map(|e| e * e).sum::<f64>().sqrt()
+}
+
+/// The distributions of the errors before and after, and of what the models leave at the stations that judge them.
+fn distribution(
+    content: &Content,
+    compared: &Compared,
+    both: &[(String, Vec<[f64; 2]>)],
+) -> Markup {
+    let judged = judged(content);
+    let shown = [&compared.before, &compared.after];
+    let of_model = |model: Model| {
+        let set = set(content, judged?, &[model])?;
         let norms: Vec<f64> = counting(set).map(norm).collect();
         let name = words::subject(&set.subject);
-        Some(Series::distribution(&name, &norms).looking(words::look(model)))
+        (!shown.contains(&&name)).then(|| Series::distribution(&name, &norms))
     };
-    let models = Model::ALL.iter().copied();
-    let models = models.filter(|model| !model.about().angles.is_empty());
+    let of_both = both.iter().map(|(name, points)| {
+        let norms: Vec<f64> = points.iter().map(|[_, norm]| *norm).collect();
+        Series::distribution(name, &norms)
+    });
+    let models = [Model::BaseTarget, Model::Geometric, Model::Full];
+    let models = models.into_iter().filter_map(of_model);
+    let numbered = of_both.chain(models).enumerate();
     Chart {
         title: "Distribution of errors".to_owned(),
-        description: "Share of held-out stations whose error is not above a value, by model."
+        description: "Share of stations that took no part whose error is not above a value, before, after and by model."
             .to_owned(),
         x: Axis::new("error norm", "mm").including(&[0.0]),
         y: Axis::new("stations not above it", "%").including(&[0.0, 100.0]),
-        series: models.filter_map(series).collect(),
+        series: numbered
+            .map(|(place, series)| series.looking(look(place)))
+            .collect(),
         limits: vec![Limit {
             name: format!("{} %", words::percent(content.tolerance.share)),
             value: 100.0 * content.tolerance.share,
@@ -183,19 +238,25 @@ fn distribution(content: &Content, judged: &Subject) -> Markup {
     .svg()
 }
 
-fn order(before: &Residuals, after: &Residuals) -> Markup {
-    let series = |set: &Residuals| {
-        let points = counting(set).map(|r| [r.station as f64, norm(r)]);
-        let name = words::subject(&set.subject);
-        Series::points(&name, points.collect()).looking(words::look(set.subject.model))
-    };
+/// The look of errors before (0), after (1) and of further series, the same in every chart here.
+const fn look(place: usize) -> usize {
+    match place {
+        0 => 1,
+        1 => 0,
+        more => more,
+    }
+}
+
+fn order(both: &[(&str, Vec<[f64; 2]>); 2]) -> Markup {
+    let numbered = both.iter().enumerate();
+    let series = numbered
+        .map(|(place, (name, points))| Series::points(name, points.clone()).looking(look(place)));
     Chart {
         title: "Errors in the order of the stations".to_owned(),
-        description: "Error norm of each held-out station before and after, against its number."
-            .to_owned(),
+        description: "Error norm of each station before and after, against its number.".to_owned(),
         x: Axis::new("station", ""),
         y: Axis::new("error norm", "mm").logarithmic(),
-        series: vec![series(before), series(after)],
+        series: series.collect(),
         limits: Vec::new(),
     }
     .svg()

@@ -38,7 +38,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "ones. The chosen one has the verdict of the table, which a test session can make worse. Visits of one pose count once, with the worst."
         }
         (choices(content))
-        div.pair {
+        div.pair.wide {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
             div {
                 (own_rows(&own))

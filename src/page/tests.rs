@@ -23,8 +23,11 @@ use crate::io::tables::semivariograms::{self, SemivariogramRow};
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
+use crate::report::compared::{Compared, ErrorPair};
+use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
-use crate::report::verdict::{Judge, Judging, ProductVerdict, RunVerdict};
+use crate::report::next::Next;
+use crate::report::verdict::{Applied, Judge, Judging, ProductVerdict, RunVerdict};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
@@ -378,6 +381,25 @@ fn verdict(name: &str, verdict: Verdict) -> RunVerdict {
     RunVerdict::of(ProductVerdict::of(vec![judge]), Vec::new(), Model::Full)
 }
 
+fn compared(name: &str) -> Compared {
+    let pair = |station: u32| {
+        let t = f64::from(station);
+        ErrorPair {
+            station: station as usize,
+            at: [100.0 * t.sin(), 80.0 * t.cos(), 5.0 * t].into(),
+            before: [0.5, 0.5 * t.sin(), 0.0].into(),
+            after: [0.05, 0.0, 0.0].into(),
+        }
+    };
+    Compared {
+        before: name.to_owned(),
+        after: name.to_owned(),
+        frame: name.to_owned(),
+        stations: name.to_owned(),
+        errors: (0..80).map(pair).collect(),
+    }
+}
+
 /// A run in which every text that comes from logs or settings is `name`.
 fn content(name: &str) -> Content {
     let text = || name.to_owned();
@@ -391,6 +413,22 @@ fn content(name: &str) -> Content {
             confidence: 0.95,
         },
         verdict: verdict(name, Verdict::Meets),
+        frame: StatedFrame {
+            is_surveyed: false,
+            tracker_from_base: nalgebra::Isometry3::identity(),
+            sd_mm: Some(0.1),
+            sd_deg: Some(0.01),
+        },
+        next: Next {
+            by: Applied::Table,
+            sets_base: true,
+            instead: None,
+        },
+        command: format!("posegrid compensate lake/{name}"),
+        compared: Some(compared(name)),
+        bounds: Some([[-100.0, -80.0, 0.0], [100.0, 80.0, 400.0]]),
+        measured: Some(text()),
+        instruments: vec![("Arm", text())],
         choice: text(),
         warnings: vec![text()],
         notes: vec![text()],
@@ -548,6 +586,10 @@ fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
             "9 held-out stations; 59 are needed",
             Verdict::NotShown(String::new()),
         ),
+        compared: None,
+        bounds: None,
+        measured: None,
+        instruments: Vec::new(),
         steps: Vec::new(),
         figures: Vec::new(),
         residuals: Vec::new(),

@@ -5,14 +5,10 @@ use maud::{Markup, html};
 use super::content::Content;
 use super::words;
 use crate::grid::Verdict;
-use crate::io::common::Corrects as _;
 use crate::io::table::Word as _;
-use crate::io::tables::accuracy::{AccuracyRow, FigureName};
-use crate::io::tables::calibrations::CalibrationRow;
-use crate::io::tables::error_frame::ErrorFrameName;
 use crate::io::tables::grid_steps::StepRow;
+use crate::report::compared::Compared;
 use crate::report::verdict::{self, Judge};
-use crate::report::{Accuracy, Model, Split};
 
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();
@@ -20,38 +16,62 @@ pub(super) fn header(content: &Content) -> Markup {
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
-            p.which { (content.robot) " · " (content.session) }
+            p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.measured { " · " (measured) } }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&verdict)) } " " (headline) " by the " (content.verdict.applied().words()) }
+            @for warning in &content.warnings { p.warning { (warning) } }
             p.lead { (sentence(content, &verdict)) }
-            p { "Tolerance " (content.tolerance.mm) " mm: " strong { (content.verdict.statement()) } "." }
+            (remarks(content.verdict.judges()))
             (frame(content))
-            (judges(content.verdict.judges()))
-            @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
+            (to_do(content))
             (facts(content, chosen))
-            p.note { "Beside it: " (content.verdict.other_statement()) "." }
-            p.note {
-                "Chosen: " (content.choice) ". What is left after a correction is predicted, from stations that took no part; "
-                "it is measured only once a session driven by it is."
+            (instruments(content))
+            details {
+                summary { "The verdict in full" }
+                p { "Tolerance " (content.tolerance.mm) " mm: " strong { (content.verdict.statement()) } "." }
+                (judges(content.verdict.judges()))
+                p { "Beside it: " (content.verdict.other_statement()) "." }
+                p { "The step: " (content.choice) "." }
+                p {
+                    "What is left after a correction is predicted, from stations that took no part; it is measured only once a session is "
+                    "driven by it."
+                }
             }
         }
     }
 }
 
-/// The base frame that the results hold in; where it was fitted, what has to be typed.
-fn frame(content: &Content) -> Markup {
-    let Some(row) = content.calibrations.first() else {
-        return html! {};
-    };
-    let stated = row.stated_frame();
+/// What to do with the result, with the command to type.
+fn to_do(content: &Content) -> Markup {
     html! {
-        p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." }
-        @if !stated.is_surveyed {
-            details {
-                summary { "The frame to set, as controllers take it" }
-                @for (what, forms) in stated.to_set() {
-                    p { (capital(what)) ":" }
-                    dl { @for (form, typed) in forms { dt { (form) } dd { code { (typed) } } } }
-                }
+        h2 { "What to do now" }
+        p { (capital(&content.next.words())) ":" }
+        pre { (content.command) }
+        @if content.next.sets_base { (typed(content)) }
+    }
+}
+
+/// What the sessions were measured with.
+fn instruments(content: &Content) -> Markup {
+    html! {
+        @if !content.instruments.is_empty() {
+            dl.list { @for (what, words) in &content.instruments { div { dt { (what) } dd { (words) } } } }
+        }
+    }
+}
+
+/// The base frame that the results hold in.
+fn frame(content: &Content) -> Markup {
+    let stated = &content.frame;
+    html! { p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." } }
+}
+
+/// The fitted base in the forms in which controllers take it.
+fn typed(content: &Content) -> Markup {
+    html! {
+        @for (place, (what, forms)) in content.frame.to_set().into_iter().enumerate() {
+            details open=[(place == 0).then_some("open")] {
+                summary { (capital(what)) }
+                dl.list { @for (form, typed) in forms { div { dt { (form) } dd { code { (typed) } } } } }
             }
         }
     }
@@ -64,7 +84,7 @@ fn capital(text: &str) -> String {
     first.chain(letters).collect()
 }
 
-/// Who judges, where a test session does, and what has to be known of it.
+/// Who judges, where a test session does.
 fn judges(judges: &[Judge]) -> Markup {
     html! {
         @if judges.len() > 1 {
@@ -75,6 +95,12 @@ fn judges(judges: &[Judge]) -> Markup {
                 }
             }
         }
+    }
+}
+
+/// What has to be known of those who judge: a session that the model does not fit.
+fn remarks(judges: &[Judge]) -> Markup {
+    html! {
         @for remark in judges.iter().filter_map(|judge| Some((&judge.stations, judge.remark.as_ref()?))) {
             p.warning { (remark.0.words()) ": " (remark.1) }
         }
@@ -136,7 +162,9 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
                     "guarded by U = " (words::fixed(figure.expanded_uncertainty_mm, 3)) " mm"
                 }))
                 (fact("Mean error", &mm(figure.figures.map(|own| own.mean)), &html! {
-                    @if let Some((mean, n)) = before(content, figure) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
+                    @if let Some([before, _]) = content.compared.as_ref().and_then(Compared::figures) {
+                        "before: " (words::fixed(before.mean, 3)) " mm at the same stations"
+                    }
                 }))
                 (fact("Judged on", &html! { (words::whole(figure.counted.poses as u64)) }, &html! {
                     "held-out poses"
@@ -168,24 +196,4 @@ fn percent(share: Option<f64>) -> Markup {
 
 pub(super) fn mm(value: Option<f64>) -> Markup {
     html! { @match value { Some(value) => { (words::number(value, 3)) " mm" }, None => "not shown" } }
-}
-
-/// The mean error before, on all stations of the session and split that `figure` is of, and how many they are: of the raw command where
-/// held-out blocks judge in a surveyed base, so that before and after are of one frame; of base and target fitted otherwise.
-fn before(content: &Content, figure: &Accuracy) -> Option<(f64, usize)> {
-    let subject = &figure.subject;
-    let is_surveyed = |row: &CalibrationRow| row.error_frame == ErrorFrameName::Surveyed;
-    let is_surveyed = content.calibrations.first().is_some_and(is_surveyed);
-    let (model, split) = if is_surveyed && subject.split == Split::Blocks {
-        (Model::RawCommand, Split::None)
-    } else {
-        (Model::BaseTarget, subject.split)
-    };
-    let is_it = |own: &&AccuracyRow| {
-        (own.model, own.name, own.split) == (model, FigureName::Mean, split)
-            && own.base_refit == subject.base_refit
-            && own.of_session == subject.of_session
-    };
-    let before = content.figures.iter().find(is_it)?;
-    Some((before.value?, before.n))
 }

@@ -85,6 +85,8 @@ pub(super) const fn identifiability(found: Identifiability) -> &'static str {
         Identifiability::MovesNothing => "moves nothing that was measured",
         Identifiability::StructurallyDependent => "the same motion as others",
         Identifiability::Weak => "hardly more than its prior",
+        Identifiability::Confounded => "known together with others only",
+        Identifiability::ByConvention => "zero by convention: offsets are counted from it",
     }
 }
 

@@ -1,5 +1,6 @@
 //! The results of a piece of work → its tables, its page and its row of `runs`, which makes the run exist.
 
+use crate::grid::Table;
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
 use crate::io::tables::outcome::Outcome;
@@ -33,6 +34,8 @@ pub fn publish(
         tolerance: context.tolerance,
         choice: &outcome.grids.choice.words,
         verdict: &outcome.verdict,
+        frame: &outcome.frame,
+        bounds: outcome.grids.table.as_ref().map(corners),
         counts: &counts,
         written: run.written(),
         said,
@@ -41,4 +44,11 @@ pub fn publish(
     run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
     Ok(run.commit(&row)?)
+}
+
+/// Least and largest coordinates of a table's nodes, base frame, mm.
+fn corners(table: &Table) -> [[f64; 3]; 2] {
+    let lattice = &table.lattice;
+    let last = lattice.node_count().saturating_sub(1);
+    [0, last].map(|node| lattice.position(node).into())
 }

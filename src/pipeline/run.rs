@@ -10,10 +10,12 @@ mod session;
 
 use nalgebra::Isometry3;
 
+use super::compared::compared;
 use super::configuration::{Configuration, SessionFiles, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
 use super::publish::publish;
+use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::geometry::Transform;
@@ -21,11 +23,11 @@ use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
-use crate::join::Station;
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError, parameters};
+use crate::join::{SourceId, Station};
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
@@ -52,8 +54,12 @@ pub struct Done {
     pub verdict_of: Option<VerdictOf>,
     /// Topics of which more was rejected than the pipeline file allows, in words.
     pub rejected: Vec<String>,
-    /// The results as lines of text.
+    /// The result in ten lines; `None` of a run that the lake had already.
+    pub summary: Option<Summary>,
+    /// The other results as lines of text.
     pub words: Vec<String>,
+    /// The place of the table that corrects targets; `None` of a run that the lake had already.
+    pub corrects: Option<Place>,
     /// Place of its tables.
     pub tables: Place,
     /// Place of its page; `None` for runs of versions without pages.
@@ -135,17 +141,20 @@ fn run_local(
         &configuration.valid_for,
         &lake,
     )?;
-    let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
-    let rejected = rejected(configuration, &outcome)?;
-    let set_up = set_up_warnings(&outcome);
+    let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
+    let compared = compared(&outcome);
     let said = Statements {
-        warnings: rejected.iter().chain(&set_up).cloned().collect(),
-        notes: notes(&outcome)
-            .into_iter()
-            .chain(remarks.iter().cloned())
-            .collect(),
-        table_state: driven.state,
+        compared: compared.clone(),
+        ..said(configuration, &outcome, &remarks, driven.state.clone())?
     };
+    let summary = summary(
+        &outcome,
+        &configuration.stages.tolerance,
+        &parameters::rows(&outcome, &context),
+        compared.as_ref(),
+        driven.state.as_deref(),
+    );
+    let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -154,37 +163,70 @@ fn run_local(
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
         verdict_of: Some(outcome.verdict.applied().into()),
-        rejected,
-        words: set_up
-            .into_iter()
-            .chain(words(&outcome, configuration.stages.tolerance.mm))
-            .chain(remarks)
-            .collect(),
+        rejected: said.rejected,
+        summary: Some(summary),
+        words: words(&outcome).into_iter().chain(remarks).collect(),
+        corrects: Some(corrects),
         tables: configuration.lake.clone(),
         page: page(&lake, &key)?,
     })
 }
 
-/// Topics of which more was rejected than the pipeline file allows, in words.
-fn rejected(
+/// The statements of the page that no table has.
+fn said(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
-) -> Result<Vec<String>, PublishError> {
+    remarks: &[String],
+    table_state: Option<String>,
+) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
-    Ok(damage::rejected_beyond(
-        &counts,
-        configuration.max_rejected_share,
-    ))
+    Ok(Statements {
+        rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
+        warnings: warnings(outcome),
+        notes: notes(outcome)
+            .into_iter()
+            .chain(remarks.iter().cloned())
+            .collect(),
+        table_state,
+        measured: when(outcome),
+        instruments: instruments(configuration),
+        compared: None,
+    })
 }
 
-/// Small disagreements of the sessions with the stated set-up, in words.
-fn set_up_warnings(outcome: &Outcome<'_>) -> Vec<String> {
-    let sessions = outcome.training.iter().chain(&outcome.test);
-    let warning = |session: &JoinedSession| {
-        let finding = session.set_up.as_ref()?;
-        Some(format!("{}: check the set-up: {finding}", session.name))
-    };
-    sessions.filter_map(warning).collect()
+/// What the sessions were measured with, as the pipeline and robot files state it: what it is, and its name or uncertainty.
+fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
+    let stated = &configuration.valid_for;
+    let of = &configuration
+        .stages
+        .noise
+        .source(SourceId::ONLY)
+        .uncertainty;
+    let orientation = of
+        .orientation_rad
+        .filter(|_| configuration.stages.noise.takes_orientations());
+    let orientation = orientation.map_or_else(String::new, |rad| {
+        format!("; {:.0} µrad in orientation", 1e6 * rad)
+    });
+    let tracker = format!(
+        "on {}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
+        configuration.mapping.tracker.topic,
+        of.range_um,
+        of.range_um_per_m,
+        of.transverse_um,
+        of.transverse_um_per_m,
+        of.divisor
+    );
+    let stated = [
+        ("Arm", Some(configuration.arm.model().to_owned())),
+        ("Controller", stated.controller_model.clone()),
+        ("Tool", stated.tool.clone()),
+        ("Tracker", Some(tracker)),
+    ];
+    let stated = stated.into_iter();
+    stated
+        .filter_map(|(what, words)| Some((what, words?)))
+        .collect()
 }
 
 /// Place of the page of a run; `None` where it has none.
@@ -219,10 +261,9 @@ fn already_there(
         reason,
         verdict_of: row.as_ref().and_then(|row| row.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
-        words: vec![
-            "the lake has this run already: same inputs, settings and version; nothing was done"
-                .to_owned(),
-        ],
+        summary: None,
+        words: Vec::new(),
+        corrects: None,
         tables: lake.root(),
         page: page(lake, key)?,
     })

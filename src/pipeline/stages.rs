@@ -7,6 +7,7 @@ mod figures;
 mod gridded;
 mod iso_9283;
 mod judged;
+mod mountings;
 mod observed;
 pub(super) mod scales;
 mod stated;
@@ -143,7 +144,8 @@ pub fn run<'a>(
     };
     let locator = Locator::new(&models, arm, settings.locate, &train);
     let tested = TestSession::all(arm, &test, &models, &locator, settings);
-    let mut residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
+    let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
+    let mut residuals = mountings::of_one_mounting(residuals);
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::one);
     let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;

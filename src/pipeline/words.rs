@@ -1,6 +1,5 @@
-//! The findings of a run, as lines for a person.
+//! Everything that a run finds beside its summary, as lines for a person.
 
-use super::damage;
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
@@ -10,35 +9,26 @@ use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Moment, Split};
 use crate::units::NS_PER_S;
 
-/// Findings that a page has no section for: damage of logs, named scales, and stations with little weight in the full error
-/// model.
+/// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
-    let sessions = outcome.training.iter().chain(&outcome.test);
-    let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
-    let named = scales::named(&outcome.scales);
+    let named = scales::named(&outcome.scales).into_iter();
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
-    damaged.chain(named).chain(more).collect()
+    named.chain(more).collect()
 }
 
-/// The result as lines for a person.
-pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
+/// The results that the summary leaves out.
+pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let pooled = outcome.training.len() > 1;
     let sessions = outcome.training.iter().chain(&outcome.test);
     let headlines = outcome.accuracy.iter().filter(|a| is_headline(a));
-    let mut words = outcome.frame.lines();
-    words.extend(sessions.flat_map(session_words));
+    let mut words: Vec<String> = sessions.map(session_words).collect();
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(scales::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.extend(judged_by(outcome));
-    let verdict = &outcome.verdict;
-    words.push(format!("beside it: {}", verdict.other_statement()));
-    words.push(format!(
-        "tolerance {tolerance_mm} mm: {}",
-        verdict.statement()
-    ));
+    words.push(format!("beside it: {}", outcome.verdict.other_statement()));
     words
 }
 
@@ -73,23 +63,19 @@ fn left_out(outcome: &Outcome<'_>) -> Option<String> {
     })
 }
 
-fn session_words(session: &JoinedSession) -> Vec<String> {
+fn session_words(session: &JoinedSession) -> String {
     let stations = &session.joined.stations;
     let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
     let paired = stations.iter().filter(is_paired).count();
     let clock = &session.joined.clock.model;
-    let mut words: Vec<String> = damage::words(&session.name, &session.counts)
-        .into_iter()
-        .collect();
-    words.push(format!(
+    format!(
         "{}: {} stations, {paired} measured, {} not; tracker clock {:+.4} s ahead, drift {:+.2} ppm",
         session.name,
         stations.len(),
         stations.len() - paired,
         clock.offset_ns / NS_PER_S,
         clock.drift * 1e6
-    ));
-    words
+    )
 }
 
 fn part_words(full: &FullModel) -> String {

@@ -22,7 +22,7 @@ use maud::{Markup, html};
 
 pub use marks::Marks;
 pub use series::Series;
-pub use vectors::{Arrow, Vectors, vectors};
+pub use vectors::{Arrow, Scene, Vectors, vectors};
 
 use frame::Frame;
 use scale::Scale;

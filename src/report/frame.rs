@@ -60,14 +60,14 @@ impl StatedFrame {
         ]
     }
 
-    /// [`Self::words`], and where the base was fitted the frame as it is typed, a line each.
+    /// [`Self::words`], and where the base was fitted the frame as it is typed, a line for each of three forms.
     pub fn lines(&self) -> Vec<String> {
-        let set = self.to_set().into_iter().take(1);
-        let forms = set.flat_map(|(what, forms)| {
-            let typed = forms.into_iter().take(3);
-            let line = move |(form, text): Typed| format!("  {form}: {text}");
-            std::iter::once(format!("  {what}:")).chain(typed.map(line))
-        });
-        std::iter::once(self.words()).chain(forms).collect()
+        let Some((what, forms)) = self.to_set().into_iter().next() else {
+            return vec![self.words()];
+        };
+        let typed = forms.into_iter().take(3);
+        let line = |(form, text): Typed| format!("  {form}: {text}");
+        let words = format!("{}, which is {what}", self.words());
+        std::iter::once(words).chain(typed.map(line)).collect()
     }
 }

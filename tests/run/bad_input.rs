@@ -123,7 +123,7 @@ fn steps_larger_than_the_measured_box_make_one_cell_and_are_judged_once() {
 #[test]
 fn a_session_in_a_plane_has_an_identified_arm_and_no_table() {
     let cell = Cell::new().with_simulated("mon", &["--random", "80", "--size", "600,600,0.2"]);
-    cell.run(&[]).expect(
+    cell.run(&["--verbose"]).expect(
         0,
         &[
             "within tolerance by the identified arm",

@@ -71,12 +71,13 @@ fn targets(stations: &Table) -> String {
 #[test]
 fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
     let cell = driven();
-    let run = cell.run(&["tue"]);
+    let run = cell.run(&["tue", "--verbose"]);
     let mon = cell.table("runs", "mon").text("run").value(0).to_owned();
     assert_ne!(run.code, 1, "{}", run.messages);
     for text in [
         &*format!("driven by table {mon} of session mon: "),
         "MEASURED AFTER",
+        "before → after, measured: mean ",
         "corrections were applied as meant",
         "the table HOLDS",
         "not contradicted",

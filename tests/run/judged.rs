@@ -117,7 +117,7 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
 #[test]
 fn a_test_session_of_this_arm_agrees() {
     let cell = with_session(monday(), "tue", "3", "130");
-    let ended = cell.run(&["mon", "--test", "tue"]);
+    let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     ended.expect(
         0,
         &[
@@ -159,7 +159,7 @@ fn a_test_session_of_this_arm_agrees() {
 #[test]
 fn a_test_session_of_another_arm_decides_and_is_named() {
     let cell = with_session(monday(), "wed", "5", "130");
-    let ended = cell.run(&["mon", "--test", "wed"]);
+    let ended = cell.run(&["mon", "--test", "wed", "--verbose"]);
     ended.expect(
         3,
         &[
@@ -187,7 +187,7 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
 fn a_test_session_of_few_stations_shows_nothing() {
     // All 40 would find the base: none is left to judge.
     let cell = with_session(monday(), "thu", "3", "40");
-    let ended = cell.run(&["mon", "--test", "thu"]);
+    let ended = cell.run(&["mon", "--test", "thu", "--verbose"]);
     ended.expect(
         3,
         &[
@@ -235,7 +235,7 @@ fn with_thirty(cell: Cell, name: &str, rounds: usize) -> Cell {
 #[test]
 fn visits_of_one_pose_count_once() {
     let cell = with_thirty(Cell::new(), "mon", 6);
-    let ended = cell.run(&["mon"]);
+    let ended = cell.run(&["mon", "--verbose"]);
     // Thirty poses show nothing, however often they are visited.
     assert_eq!(ended.code, 3, "{}{}", ended.results, ended.messages);
     assert_eq!(text(&cell.table("runs", "mon"), "verdict", 0), "not_shown");
@@ -309,7 +309,7 @@ fn visits_of_one_pose_in_a_test_session_count_once_and_never_where_they_found_th
         "[output]",
         "[report]\nlocate = { by = \"first\", stations = 10 }\n\n[output]",
     );
-    let ended = cell.run(&["mon", "--test", "tue"]);
+    let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     ended.expect(3, &["judged by test session tue: not shown"]);
     let accuracy = cell.table("accuracy", "mon");
     let words = [

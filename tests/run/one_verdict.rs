@@ -153,6 +153,7 @@ impl Places {
             "{line:?} does not begin {results}"
         );
         let page = &self.page;
+        self.what_to_do_is_one_command(of, word);
         let headline = format!("{headline} by the {}", name(of));
         assert!(page.contains(&headline), "{headline:?} is not on the page");
         assert!(page.contains(statement), "{statement:?} is not on the page");
@@ -164,6 +165,35 @@ impl Places {
         for (verdict, says) in says {
             assert_eq!(page.contains(says), verdict == word, "{says:?} for {word}");
         }
+    }
+
+    /// The summary is ten lines, and both it and the page end in the command that corrects by what the verdict is of.
+    fn what_to_do_is_one_command(&self, of: &str, word: &str) {
+        let paragraph = self
+            .ended
+            .results
+            .split("\n\n")
+            .nth(1)
+            .expect("a paragraph");
+        let warnings = paragraph.matches("  warning: ").count();
+        let lines = paragraph.lines().count() - warnings;
+        assert!(lines <= 10, "{lines} lines: {paragraph}");
+        let now = paragraph.lines().find(|line| line.starts_with("  now: "));
+        let now = now.expect("what to do now");
+        let file = format!("lake/{of}/kr210-demo/mon/");
+        let allow = match word {
+            "met" => "--out corrected.csv",
+            "not_met" => "--out corrected.csv --allow not-met",
+            _ => "--out corrected.csv --allow not-shown",
+        };
+        assert!(now.contains(&file) && now.ends_with(allow), "{now}");
+        let typed = format!("posegrid compensate {file}");
+        assert!(self.page.contains(&typed), "{typed:?} is not on the page");
+        let judged = self.runs.i64("held_out").value(0) > 0;
+        assert!(
+            !judged || paragraph.contains("before → after, predicted: mean "),
+            "{paragraph}"
+        );
     }
 
     /// `grid_steps`, `compensation` and `accuracy` have one verdict of the table, which is that of the run where it is of the table.

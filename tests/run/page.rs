@@ -74,9 +74,11 @@ fn the_page_tells_what_the_tables_say() {
     assert!(compared > 60, "{compared} figures compared");
     for part in [
         "Tolerance met",
-        "held-out stations",
+        "held-out blocks of mon",
         "predicted",
-        "kr210-demo · mon",
+        "kr210-demo · mon · 2023-11-14 22:13 UTC",
+        "What to do now",
+        "posegrid compensate lake/compensation/kr210-demo/mon/",
     ] {
         assert!(page.contains(part), "{part}");
     }
@@ -158,8 +160,8 @@ fn every_chart_says_in_words_what_it_shows() {
         .descendants()
         .filter(|node| node.has_tag_name("svg"))
         .collect();
-    // Six panels of the work space, two of its errors, steps, two semivariograms, six joints, two of parameters.
-    assert_eq!(charts.len(), 19);
+    // The colours and six panels of the work space, two of its errors, steps, two semivariograms, six joints, two of parameters.
+    assert_eq!(charts.len(), 20);
     let mut names = BTreeSet::new();
     for chart in charts {
         let text = |name: &str| {

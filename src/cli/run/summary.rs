@@ -1,4 +1,4 @@
-//! The summary of a batch: a line for each session, text for each new result, the totals, the exit code.
+//! The summary of a batch: a line for each session, ten lines for each new result, the totals, the exit code.
 //!
 //! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
 //! what it says; a name cannot break a line or begin one. Sessions stand in the order of the configuration.
@@ -11,8 +11,10 @@ use super::work::{Ending, Failure};
 use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
+use crate::io::store::Place;
 use crate::pipeline::configuration::{Configuration, SessionFiles, SetAside, Why};
 use crate::pipeline::run::Done;
+use crate::pipeline::summary::Next;
 
 /// The pieces of work in words.
 pub fn work(configuration: &Configuration) -> String {
@@ -38,11 +40,12 @@ pub fn work(configuration: &Configuration) -> String {
     text
 }
 
-/// Lines, words and totals; set aside are the configuration's own, and those that pools had to do without.
+/// Lines, summaries and totals, with all words where it is `verbose`; set aside are the configuration's own, and those that pools had to do without.
 pub fn summary(
     configuration: &Configuration,
     endings: &[Ending],
     set_aside: &[SetAside],
+    verbose: bool,
 ) -> String {
     let sessions = configuration
         .pieces
@@ -51,7 +54,7 @@ pub fn summary(
     let mut text = lines(sessions.zip(endings), set_aside);
     text.push('\n');
     for ending in endings {
-        text += &paragraph(ending);
+        text += &paragraph(ending, verbose);
     }
     text += &Totals::of(endings, set_aside).words(configuration.stages.tolerance.mm);
     text
@@ -122,24 +125,67 @@ fn outcome(done: &Done) -> String {
     text
 }
 
-/// The paragraph of a new result; for one that was there before, its line is enough.
-fn paragraph(ending: &Ending) -> String {
+/// The summary of a new result, with everything else that it found where that is asked for; for one that was there before, its line
+/// is enough.
+fn paragraph(ending: &Ending, verbose: bool) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
     };
-    if done.already_there {
+    let Some(summary) = &done.summary else {
         return String::new();
+    };
+    let mut lines: Vec<String> = summary
+        .warnings
+        .iter()
+        .map(|own| format!("warning: {own}"))
+        .collect();
+    lines.extend(summary.findings.iter().cloned());
+    lines.extend(
+        done.corrects
+            .as_ref()
+            .map(|table| now(&summary.next, table)),
+    );
+    lines.extend(
+        done.page
+            .as_ref()
+            .map(|page| format!("page: {}", near(page))),
+    );
+    if verbose {
+        lines.push(format!("run: {}", done.run));
+        lines.extend(done.words.iter().cloned());
+        lines.push(format!("tables: {}", near(&done.tables)));
     }
-    let mut text = format!("{}: run {}\n", Printable(&done.session), done.run);
-    for line in &done.words {
+    let pool = if summary.read.starts_with(&done.session) {
+        String::new()
+    } else {
+        format!("{}: ", Printable(&done.session))
+    };
+    let mut text = format!("{pool}{}\n", Printable(&summary.read));
+    for line in &lines {
         writeln!(text, "  {}", Printable(line)).expect("a string");
-    }
-    let page = done.page.as_ref().map(|page| ("page", page));
-    for (what, path) in page.into_iter().chain([("tables", &done.tables)]) {
-        writeln!(text, "  {what}: {}", near(path)).expect("a string");
     }
     text.push('\n');
     text
+}
+
+/// What to do with a result, with the command to type at the end of the line.
+fn now(next: &Next, table: &Place) -> String {
+    let copied = match table {
+        Place::Path(_) => "",
+        Place::Url(_) => ", with a copy of the table on this machine",
+    };
+    let file = quoted(&near(table).to_string());
+    format!("now: {}{copied}: {}", next.words(), next.command(&file))
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-%+:@=,".contains(c);
+    if path.chars().all(is_plain) {
+        path.to_owned()
+    } else {
+        format!("'{}'", path.replace('\'', "'\\''"))
+    }
 }
 
 const fn verdict(verdict: &Verdict) -> &'static str {

@@ -16,7 +16,7 @@ use crate::pipeline::run::{Done, run_piece};
 #[derive(Debug)]
 pub enum Ending {
     /// With a result.
-    Done(Done),
+    Done(Box<Done>),
     /// Without one.
     Failed(Failure),
     /// A signal ended it under way.
@@ -124,7 +124,7 @@ fn one(configuration: &Configuration, piece: &WorkPiece, bars: &Bars, stop: &Sto
     let progress = Stoppable { progress, stop };
     let attempt = AssertUnwindSafe(|| run_piece(configuration, piece, &progress));
     let failure = match panic::catch_unwind(attempt) {
-        Ok(Ok(done)) => return Ending::Done(done),
+        Ok(Ok(done)) => return Ending::Done(Box::new(done)),
         Ok(Err(error)) => Failure {
             reason: error.to_string(),
             session: error.session().map(str::to_owned),

@@ -4,8 +4,10 @@ use super::PublishContext;
 use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::identifiability::{confounded, is_identifiable, most_correlated};
-use crate::fit::{Calibration, Identifiability, Unknown};
+use crate::fit::identifiability::{
+    confounded, is_identifiable, most_correlated, with_correlations,
+};
+use crate::fit::{Calibration, Freedom, Identifiability, Unknown};
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
 use crate::kinematics::{Arm, Axis, Element, LinkQuantity, Motion, Parameter};
@@ -159,7 +161,7 @@ pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<Paramete
     for (model, calibration) in &outcome.calibrations {
         let subjects = calibration.unknowns.iter().copied().map(Subject::Chain);
         let own = of(*model, subjects.collect());
-        rows.extend(own.rows(|place| of_calibration(calibration, place)));
+        rows.extend(own.rows(of_calibration(calibration)));
     }
     if let Some(full) = &outcome.full {
         let (places, subjects): (Vec<usize>, Vec<Subject>) = columns(full).into_iter().unzip();
@@ -207,18 +209,35 @@ impl Parameters<'_> {
     }
 }
 
-fn of_calibration(calibration: &Calibration, place: usize) -> Found {
-    Found {
-        offset: calibration.solution.offsets[place],
-        standard_error: calibration.standard_error(place),
-        prior_sd: calibration.prior_sd[place],
-        identifiability: calibration.identifiability(place),
-        confounded_with: calibration.confounded_with(place),
-        most_correlated: most_correlated(&calibration.covariance, place),
+/// Unknowns of a fit of frames or geometry. Frames alone are found with offsets of zero: the fit starts again from what it found.
+fn of_calibration(calibration: &Calibration) -> impl Fn(usize) -> Found {
+    let identifiability = calibration.identifiability();
+    let is_reference = calibration.freedom == Freedom::BaseAndTarget;
+    move |place| {
+        let own = identifiability[place];
+        Found {
+            offset: if is_reference {
+                0.0
+            } else {
+                calibration.solution.offsets[place]
+            },
+            standard_error: calibration.standard_error(place),
+            prior_sd: calibration.prior_sd[place],
+            identifiability: match own {
+                Identifiability::Identifiable if is_reference => Identifiability::ByConvention,
+                own => own,
+            },
+            confounded_with: if own == Identifiability::Identifiable {
+                Vec::new()
+            } else {
+                calibration.confounded_with(place)
+            },
+            most_correlated: most_correlated(&calibration.covariance, place),
+        }
     }
 }
 
-/// Unknowns and weights of the full error model; those with a prior of their own are those of the geometric fit.
+/// Unknowns and weights of the full error model; those of the geometry have its priors and its structure.
 fn of_full(
     full: &FullModel,
     calibrations: &[(Model, Calibration)],
@@ -226,28 +245,67 @@ fn of_full(
     subjects: &[Subject],
 ) -> impl Fn(usize) -> Found {
     let covariance = full.covariance_of(places);
-    move |index| {
-        let standard_error = covariance[(index, index)].max(0.0).sqrt();
-        let prior_sd = prior_sd(full, calibrations, subjects[index], places[index]);
-        // A base or a target has no prior: it is identifiable at any place.
-        let identifiable = is_identifiable(standard_error, prior_sd);
-        Found {
-            offset: full.column_mean(places[index]),
-            standard_error,
-            prior_sd,
-            identifiability: if identifiable {
-                Identifiability::Identifiable
-            } else {
-                Identifiability::Weak
-            },
-            confounded_with: if identifiable {
-                Vec::new()
-            } else {
-                confounded(&covariance, index)
-            },
-            most_correlated: most_correlated(&covariance, index),
-        }
+    let error = |index: usize| covariance[(index, index)].max(0.0).sqrt();
+    let errors: Vec<f64> = (0..places.len()).map(error).collect();
+    let prior_sd = |index: usize| prior_sd(full, calibrations, subjects[index], places[index]);
+    let priors: Vec<Option<f64>> = (0..places.len()).map(prior_sd).collect();
+    let alone = |index: usize| match geometric(calibrations, subjects[index]) {
+        Some((geometric, place)) => geometric.alone(place, errors[index]),
+        None if is_identifiable(errors[index], priors[index]) => Identifiability::Identifiable,
+        None => Identifiability::Weak,
+    };
+    let alone: Vec<Identifiability> = (0..places.len()).map(alone).collect();
+    let identifiability = with_correlations(&alone, &covariance);
+    let partners: Vec<Vec<usize>> = (0..places.len())
+        .map(|index| partners(calibrations, subjects, index))
+        .collect();
+    move |index| Found {
+        offset: full.column_mean(places[index]),
+        standard_error: errors[index],
+        prior_sd: priors[index],
+        identifiability: identifiability[index],
+        confounded_with: match identifiability[index] {
+            Identifiability::Identifiable => Vec::new(),
+            Identifiability::StructurallyDependent => partners[index].clone(),
+            _ => confounded(&covariance, index),
+        },
+        most_correlated: most_correlated(&covariance, index),
     }
+}
+
+/// The geometric fit with the place of a subject among its unknowns; `None` of a subject that is none of them.
+fn geometric(
+    calibrations: &[(Model, Calibration)],
+    subject: Subject,
+) -> Option<(&Calibration, usize)> {
+    let Subject::Chain(unknown) = subject else {
+        return None;
+    };
+    let (_, geometric) = calibrations
+        .iter()
+        .find(|(model, _)| *model == Model::Geometric)?;
+    let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
+    Some((geometric, place))
+}
+
+/// The subjects that share a null direction of the nominal arm's structure with the one at `index`.
+fn partners(
+    calibrations: &[(Model, Calibration)],
+    subjects: &[Subject],
+    index: usize,
+) -> Vec<usize> {
+    let Some((fit, place)) = geometric(calibrations, subjects[index]) else {
+        return Vec::new();
+    };
+    let structural = &fit.nominal_structure.indistinguishable[place];
+    let is_partner = |subject: &Subject| {
+        geometric(calibrations, *subject).is_some_and(|(_, other)| structural.contains(&other))
+    };
+    let numbered = subjects.iter().enumerate();
+    numbered
+        .filter(|(_, subject)| is_partner(subject))
+        .map(|(other, _)| other)
+        .collect()
 }
 
 /// The columns that are parameters, with their subjects.
@@ -297,11 +355,8 @@ fn prior_sd(
 ) -> Option<f64> {
     match subject {
         Subject::CommandWeight { .. } => Some(full.prior_sd()[place]),
-        Subject::Chain(unknown) => {
-            let (_, geometric) = calibrations
-                .iter()
-                .find(|(model, _)| *model == Model::Geometric)?;
-            let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
+        Subject::Chain(_) => {
+            let (geometric, place) = geometric(calibrations, subject)?;
             geometric.prior_sd[place]
         }
     }

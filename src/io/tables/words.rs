@@ -127,6 +127,8 @@ words! {
         MovesNothing: "moves_nothing",
         StructurallyDependent: "structurally_dependent",
         Weak: "weak",
+        Confounded: "confounded",
+        ByConvention: "by_convention",
     }
     Judgement { LocalCell: "local_cell", Table: "table" }
     Space { Joint: "joint", Cartesian: "cartesian" }

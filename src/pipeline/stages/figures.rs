@@ -155,9 +155,6 @@ impl FigureMaker<'_> {
     /// The figures of the chosen table; without any where no step gives a table.
     fn of_table(&self) -> Accuracy {
         let chosen = self.grids.chosen();
-        let mut folds: Vec<usize> = self.stations.iter().map(|station| station.fold).collect();
-        folds.sort_unstable();
-        folds.dedup();
         Accuracy {
             subject: Subject {
                 split: Split::Blocks,
@@ -175,7 +172,7 @@ impl FigureMaker<'_> {
                 .map(|chosen| chosen.held_out.counted())
                 .unwrap_or_default(),
             finders: None,
-            blocks: Some(folds.len()),
+            blocks: chosen.map(|chosen| chosen.held_out.blocks.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,
             verdict: self.grids.choice.verdict.clone(),

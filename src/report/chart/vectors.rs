@@ -1,8 +1,9 @@
 //! Error vectors in the work space: three projections of each set, all sets and projections on one scale.
 //!
 //! Work space and arrows have a scale each, both drawn as bars and stated in the text: errors are tenths of a millimetre in
-//! a space of metres. From above, the longer of the base frame's x and y is across; from the front, the same axis against
-//! z; from the side, the other axis against z.
+//! a space of metres. The arm's base, the axes of its frame and the table's box are drawn with them, and arrows have a colour by how
+//! large their error is beside the tolerance. From above, z points out of the paper; from the front, the longer of the base frame's x
+//! and y is across; from the side, the other.
 
 use std::fmt::Write as _;
 
@@ -28,28 +29,40 @@ pub struct Vectors {
     pub description: String,
     /// The errors.
     pub arrows: Vec<Arrow>,
-    /// Number of the look, from 0.
-    pub look: usize,
+}
+
+/// What errors are drawn in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scene {
+    /// Least and largest coordinates of the table's box, base frame, mm; `None` without a table.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// The tolerance, mm: colours are by multiples of it.
+    pub tolerance_mm: f64,
 }
 
 /// Most arrows of a panel: more would hide each other.
 const MOST: usize = 400;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Width of a panel, and the largest width of the work space in it, px.
-const WIDTH: f64 = 320.0;
-const PLOT: [f64; 2] = [244.0, 200.0];
+/// Width of a panel, and the largest width and height of the work space in it, px.
+const WIDTH: f64 = 520.0;
+const PLOT: [f64; 2] = [424.0, 330.0];
 /// Largest length of nineteen in twenty of the longest set's arrows, px; arrows may reach this far out of the work space.
-const LONG: f64 = 34.0;
+const LONG: f64 = 48.0;
 /// Space above and below the work space, for the name and the bars.
-const NAME: f64 = 16.0;
-const BARS: f64 = 46.0;
+const NAME: f64 = 18.0;
+const BARS: f64 = 44.0;
+/// Length of the base frame's axes, px.
+const AXIS: f64 = 26.0;
+/// The colours' limits, as multiples of the tolerance; errors above the last have a colour too.
+const LIMITS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Draws `sets` in panels, those of one projection next to each other; `None` without any arrow.
-pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
-    let paper = Paper::of(sets)?;
+pub fn vectors(sets: &[Vectors], scene: &Scene) -> Option<Markup> {
+    let paper = Paper::of(sets, scene)?;
     let fewer = sets.iter().filter(|set| set.arrows.len() > MOST);
     Some(html! {
+        (colours(scene.tolerance_mm))
         div.panels {
             @for view in paper.views() {
                 @for set in sets { (paper.panel(&view, set)) }
@@ -57,7 +70,8 @@ pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
         }
         p.note {
             "Each arrow is the error at its station, drawn " (paper.magnification)
-            " times as long as the work space around it, the same in every panel. "
+            " times as long as the work space around it, the same in every panel. The arm's base is drawn with the axes of its frame"
+            @if scene.bounds.is_some() { ", the table's box in dashes" } ". "
             @for set in fewer { (set.name) ": " (drawn(set).count()) " of " (set.arrows.len()) " stations are drawn. " }
         }
     })
@@ -74,8 +88,38 @@ fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
         .map(|(_, arrow)| arrow)
 }
 
+/// The colours of errors, by their size.
+fn colours(tolerance_mm: f64) -> Markup {
+    let width = WIDTH / (LIMITS.len() + 1) as f64;
+    let label = |place: usize| match LIMITS.get(place) {
+        Some(limit) => format!("≤ {} mm", limit * tolerance_mm),
+        None => "more".to_owned(),
+    };
+    html! {
+        svg.colours role="img" viewBox={ "0 0 " (px(WIDTH)) " 60" } {
+            title { "Colours of the arrows" }
+            desc { "By the size of the error, in multiples of the tolerance of " (tolerance_mm) " mm." }
+            @for place in 0..=LIMITS.len() {
+                @let x = place as f64 * width;
+                path class={ "swatch e" (place) } d={ "M" (px(x)) " 4h" (px(width - 6.0)) "v14h-" (px(width - 6.0)) "z" } {}
+                text class="tick" x=(px(x)) y="36" { (label(place)) }
+            }
+        }
+    }
+}
+
+/// The colour of an error: its place among the limits.
+fn colour(error: &[f64; 3], tolerance_mm: f64) -> usize {
+    let norm = error.iter().map(|e| e * e).sum::<f64>().sqrt();
+    LIMITS
+        .iter()
+        .filter(|limit| norm > *limit * tolerance_mm)
+        .count()
+}
+
 /// Scales of all panels.
-struct Paper {
+struct Paper<'s> {
+    scene: &'s Scene,
     middle: [f64; 3],
     extent: [f64; 3],
     /// Pixels for one mm of work space.
@@ -86,20 +130,29 @@ struct Paper {
     error_bar_mm: f64,
 }
 
-/// A projection: the axes that are across and upwards.
+/// A projection: the axes that are across and upwards, and whether the one across points to the left.
 struct View {
     name: &'static str,
     across: usize,
     up: usize,
+    turned: bool,
 }
 
-impl Paper {
-    fn of(sets: &[Vectors]) -> Option<Self> {
+impl View {
+    const fn sign(&self) -> f64 {
+        if self.turned { -1.0 } else { 1.0 }
+    }
+}
+
+impl<'s> Paper<'s> {
+    fn of(sets: &[Vectors], scene: &'s Scene) -> Option<Self> {
+        sets.iter().flat_map(|set| &set.arrows).next()?;
+        let base = [0.0; 3];
         let places = || {
-            sets.iter()
-                .flat_map(|set| set.arrows.iter().map(|arrow| arrow.at))
+            let arrows = sets.iter().flat_map(|set| &set.arrows);
+            let corners = scene.bounds.into_iter().flatten();
+            arrows.map(|arrow| arrow.at).chain(corners).chain([base])
         };
-        places().next()?;
         let low = |k: usize| places().map(|p| p[k]).fold(f64::INFINITY, f64::min);
         let high = |k: usize| places().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
         let extent: [f64; 3] = std::array::from_fn(|k| (high(k) - low(k)).max(1.0));
@@ -111,6 +164,7 @@ impl Paper {
             .map(|set| typical_mm(&set.arrows))
             .fold(1e-6, f64::max);
         Some(Self {
+            scene,
             middle: std::array::from_fn(|k| 0.5 * (low(k) + high(k))),
             extent,
             space,
@@ -120,51 +174,95 @@ impl Paper {
         })
     }
 
+    /// The projections. From above with y across, x is up and y points to the left, so that z points out of the paper.
     fn views(&self) -> [View; 3] {
-        let (long, short) = if self.extent[0] > self.extent[1] {
-            (0, 1)
-        } else {
-            (1, 0)
+        let is_wide = self.extent[0] > self.extent[1];
+        let (long, short) = if is_wide { (0, 1) } else { (1, 0) };
+        let view = |name, across, up, turned| View {
+            name,
+            across,
+            up,
+            turned,
         };
-        let view = |name, across, up| View { name, across, up };
         [
-            view("from above", long, short),
-            view("from the front", long, 2),
-            view("from the side", short, 2),
+            view("from above", long, short, !is_wide),
+            view("from the front", long, 2, false),
+            view("from the side", short, 2, false),
         ]
     }
 
-    /// Height of the work space in the tallest view, with room for arrows around it.
-    fn room(&self) -> f64 {
-        let up = self.extent[2].max(self.extent[0].min(self.extent[1]));
-        self.space * up + 2.0 * LONG
+    /// Height of the work space in a view, with room for arrows around it.
+    fn room(&self, view: &View) -> f64 {
+        self.space * self.extent[view.up] + 2.0 * LONG
     }
 
     fn panel(&self, view: &View, set: &Vectors) -> Markup {
         let name = format!("{}, {}", set.name, view.name);
-        let (mut stations, mut arrows) = (String::new(), String::new());
+        let mut stations = String::new();
+        let mut arrows = [const { String::new() }; LIMITS.len() + 1];
         for arrow in drawn(set) {
             let [x, y] = self.at(view, arrow.at);
             write!(stations, "M{} {}h0", px(x), px(y)).expect("a string");
-            arrows += &self.arrow(view, arrow);
+            arrows[colour(&arrow.error, self.scene.tolerance_mm)] += &self.arrow(view, arrow);
         }
+        let arrows = arrows
+            .iter()
+            .enumerate()
+            .filter(|(_, path)| !path.is_empty());
         html! {
-            svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(NAME + self.room() + BARS)) } {
+            svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(NAME + self.room(view) + BARS)) } {
                 title { (name) }
-                desc { (set.description) " Across " (AXES[view.across]) ", upwards " (AXES[view.up]) " of the base frame." }
+                desc { (set.description) " Across " (AXES[view.across]) @if view.turned { " to the left" } ", upwards " (AXES[view.up]) " of the base frame." }
                 text class="name" x="0" y="12" { (name) }
+                (self.base(view))
+                (self.bounds(view))
                 path class="station" d=(stations) {}
-                g class={ "s" (set.look) } { path class="arrow" d=(arrows) {} }
-                (self.bars(view, set.look))
+                @for (place, path) in arrows { path class={ "arrow e" (place) } d=(path) {} }
+                (self.bars(view))
             }
         }
+    }
+
+    /// The arm's base with the axes of its frame.
+    fn base(&self, view: &View) -> Markup {
+        let [x, y] = self.at(view, [0.0; 3]);
+        let side = view.sign();
+        let anchor = if view.turned { "end" } else { "start" };
+        let axis = format!(
+            "M{} {}h{}m{} -3l{} 3l{} 3M{} {}v-{}m-3 4l3-4l3 4",
+            px(x),
+            px(y),
+            px(side * AXIS),
+            px(side * -4.0),
+            px(side * 4.0),
+            px(side * -4.0),
+            px(x),
+            px(y),
+            px(AXIS)
+        );
+        html! {
+            path class="base" d={ "M" (px(x - 7.0)) " " (px(y + 4.0)) "h14l-3.5-8h-7z" } {}
+            path class="frame" d=(axis) {}
+            text class="tick" text-anchor=(anchor) x=(px(x + side * (AXIS + 4.0))) y=(px(y + 4.0)) { (AXES[view.across]) }
+            text class="tick" text-anchor="middle" x=(px(x)) y=(px(y - AXIS - 4.0)) { (AXES[view.up]) }
+            text class="tick" text-anchor="middle" x=(px(x)) y=(px(y + 18.0)) { "base" }
+        }
+    }
+
+    /// The table's box; nothing without one.
+    fn bounds(&self, view: &View) -> Markup {
+        let Some([low, high]) = self.scene.bounds else {
+            return html! {};
+        };
+        let ([x, y], [to_x, to_y]) = (self.at(view, low), self.at(view, high));
+        html! { path class="box" d={ "M" (px(x)) " " (px(y)) "H" (px(to_x)) "V" (px(to_y)) "H" (px(x)) "z" } {} }
     }
 
     fn at(&self, view: &View, place: [f64; 3]) -> [f64; 2] {
         let away = |k: usize| self.space * (place[k] - self.middle[k]);
         [
-            0.5 * WIDTH + away(view.across),
-            NAME + 0.5 * self.room() - away(view.up),
+            0.5 * WIDTH + view.sign() * away(view.across),
+            NAME + 0.5 * self.room(view) - away(view.up),
         ]
     }
 
@@ -172,7 +270,7 @@ impl Paper {
         let [x, y] = self.at(view, arrow.at);
         let scale = self.space * self.magnification;
         let shaft = [
-            scale * arrow.error[view.across],
+            view.sign() * scale * arrow.error[view.across],
             -scale * arrow.error[view.up],
         ];
         let length = shaft[0].hypot(shaft[1]);
@@ -200,20 +298,17 @@ impl Paper {
         path
     }
 
-    /// The axes of the view, and bars for a length of work space and of error.
-    fn bars(&self, view: &View, look: usize) -> Markup {
-        let top = NAME + self.room();
-        let (first, second) = (top + 14.0, top + 34.0);
+    /// Bars for a length of work space and of error.
+    fn bars(&self, view: &View) -> Markup {
+        let top = NAME + self.room(view);
+        let (first, second) = (top + 12.0, top + 32.0);
         let space = self.space * self.space_bar_mm;
         let error = self.space * self.magnification * self.error_bar_mm;
         html! {
-            path class="axis" d={ "M5 " (px(top + 14.0)) "v24h24" } {}
-            text class="tick" x="2" y=(px(top + 9.0)) { (AXES[view.up]) }
-            text class="tick" x="34" y=(px(top + 42.0)) { (AXES[view.across]) }
-            path class="axis" d={ "M64 " (px(first - 3.0)) "v6m0-3h" (px(space)) "m0-3v6" } {}
-            text class="tick" x=(px(72.0 + space)) y=(px(first + 4.0)) { (self.space_bar_mm) " mm of work space" }
-            g class={ "s" (look) } { path class="arrow" d={ "M64 " (px(second)) "h" (px(error)) "m-4.5-2l4.5 2l-4.5 2" } {} }
-            text class="tick" x=(px(72.0 + error)) y=(px(second + 4.0)) { (self.error_bar_mm) " mm of error" }
+            path class="axis" d={ "M2 " (px(first - 3.0)) "v6m0-3h" (px(space)) "m0-3v6" } {}
+            text class="tick" x=(px(10.0 + space)) y=(px(first + 4.0)) { (self.space_bar_mm) " mm of work space" }
+            path class="frame" d={ "M2 " (px(second)) "h" (px(error)) "m-4.5-2l4.5 2l-4.5 2" } {}
+            text class="tick" x=(px(10.0 + error)) y=(px(second + 4.0)) { (self.error_bar_mm) " mm of error" }
         }
     }
 }
@@ -240,22 +335,34 @@ mod tests {
             name: name.to_owned(),
             description: "errors".to_owned(),
             arrows: (0..count).map(arrow).collect(),
-            look: 0,
         }
     }
+
+    const SCENE: Scene = Scene {
+        bounds: Some([[0.0, 0.0, 200.0], [10.0, 976.0, 300.0]]),
+        tolerance_mm: 0.4,
+    };
 
     #[test]
     fn all_panels_share_one_scale_and_say_it() {
         let sets = [set("Before", 0.5, 10), set("After", 0.05, 10)];
-        let drawn = vectors(&sets).expect("arrows").into_string();
-        assert_eq!(drawn.matches("<svg").count(), 6);
-        // 976 mm across 244 px: 0.25 px a mm; 0.5 mm at 34 px would be 272 times, so 200 times: 25 px, and 2.5 px after.
+        let drawn = vectors(&sets, &SCENE).expect("arrows").into_string();
+        // Six panels, and the colours.
+        assert_eq!(drawn.matches("<svg").count(), 7);
+        // 976 mm across 424 px: 0.434 px a mm; 0.5 mm at 48 px would be 221 times, so 200 times: 43.4 px, and 4.3 px after. Seen from
+        // above y points to the left. 0.5 mm is within two tolerances, 0.05 mm within a quarter of one.
         for part in [
             "drawn 200 times as long",
-            "l25 0",
-            "l2.5 0",
+            "l43.4 0",
+            "l-43.4 0",
+            "l4.3 0",
+            "arrow e3",
+            "arrow e0",
+            "≤ 0.1 mm",
             "0.5 mm of error",
             "200 mm of work space",
+            "class=\"box\"",
+            ">base<",
         ] {
             assert!(drawn.contains(part), "{part} is not in {drawn}");
         }
@@ -264,7 +371,7 @@ mod tests {
     #[test]
     fn many_arrows_are_thinned_out_and_that_is_stated() {
         let many = set("Before", 0.5, 900);
-        let drawn = vectors(std::slice::from_ref(&many))
+        let drawn = vectors(std::slice::from_ref(&many), &SCENE)
             .expect("arrows")
             .into_string();
         // 400 / 900 of 900, to within one: multiples of the golden ratio fill the unit interval evenly.
@@ -278,6 +385,6 @@ mod tests {
             .filter(|arrow| arrow.at[1] > 0.0)
             .count();
         assert!((195..=205).contains(&odd), "{odd}");
-        assert!(vectors(&[set("Before", 0.5, 0)]).is_none());
+        assert!(vectors(&[set("Before", 0.5, 0)], &SCENE).is_none());
     }
 }

@@ -1,9 +1,11 @@
 use super::*;
-use crate::io::store::Place;
 use crate::io::tables::words::VerdictOf;
+use crate::pipeline::summary::Summary;
+use crate::report::next::Instead;
+use crate::report::verdict::Applied;
 
-fn done(verdict: Verdict) -> Done {
-    Done {
+fn done(verdict: Verdict) -> Box<Done> {
+    Box::new(Done {
         session: "a".to_owned(),
         run: "00ff".to_owned(),
         already_there: false,
@@ -11,9 +13,27 @@ fn done(verdict: Verdict) -> Done {
         verdict,
         verdict_of: Some(VerdictOf::Compensation),
         rejected: Vec::new(),
-        words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
+        summary: Some(summary()),
+        words: vec!["step 100 mm".to_owned()],
+        corrects: Some(Place::of("lake/compensation/r/a b/00ff.parquet")),
         tables: Place::of("lake"),
         page: Some(Place::of("lake/report/r/a/00ff.html")),
+    })
+}
+
+fn summary() -> Summary {
+    Summary {
+        read: "a: 100 stations, 99 measured, 1 not".to_owned(),
+        warnings: vec!["the log is damaged".to_owned()],
+        findings: vec!["tolerance 0.5 mm: bad\u{1b}name".to_owned()],
+        next: Next {
+            by: Applied::Table,
+            sets_base: false,
+            instead: Some(Instead {
+                words: "measure more".to_owned(),
+                allow: "not-shown",
+            }),
+        },
     }
 }
 
@@ -33,10 +53,11 @@ fn failed() -> Ending {
 }
 
 fn before() -> Ending {
-    Ending::Done(Done {
+    Ending::Done(Box::new(Done {
         already_there: true,
-        ..done(Verdict::DoesNotMeet)
-    })
+        summary: None,
+        ..*done(Verdict::DoesNotMeet)
+    }))
 }
 
 fn waits(before: usize) -> SetAside {
@@ -101,10 +122,21 @@ fn totals_count_every_session_once() {
 }
 
 #[test]
-fn a_paragraph_tells_what_is_new_and_nothing_that_a_terminal_acts_on() {
+fn a_paragraph_is_short_and_has_nothing_that_a_terminal_acts_on() {
+    let short = "a: 100 stations, 99 measured, 1 not\n  warning: the log is damaged\n  tolerance 0.5 mm: bad\\u{1b}name\n  \
+                 now: measure more; to correct targets all the same: posegrid compensate 'lake/compensation/r/a b/00ff.parquet' targets.csv \
+                 --out corrected.csv --allow not-shown\n  page: lake/report/r/a/00ff.html\n";
+    assert_eq!(paragraph(&not_shown(), false), format!("{short}\n"));
     assert_eq!(
-        paragraph(&not_shown()),
-        "a: run 00ff\n  step 100 mm\n  bad\\u{1b}name\n  page: lake/report/r/a/00ff.html\n  tables: lake\n\n"
+        paragraph(&not_shown(), true),
+        format!("{short}  run: 00ff\n  step 100 mm\n  tables: lake\n\n")
     );
-    assert_eq!(paragraph(&before()), "");
+    assert_eq!(paragraph(&before(), true), "");
+}
+
+#[test]
+fn a_table_on_object_storage_is_copied_first() {
+    let line = now(&summary().next, &Place::of("s3://bucket/lake/x.parquet"));
+    assert!(line.contains("with a copy of the table on this machine"));
+    assert_eq!(quoted("it's"), "'it'\\''s'");
 }

@@ -1,0 +1,111 @@
+//! When a session was measured, by the stamps of its own logs.
+//!
+//! A controller's clock may count from its own start, or may never have been set: then the tracker's says when. Where neither clock
+//! can be one that tells the date, the session has none. No clock of this machine takes part.
+
+use std::fmt;
+
+use chrono::{DateTime, Datelike as _, Timelike as _};
+
+use crate::units::ClockModel;
+
+/// Stamps before this are of a clock that counts from its own start or was never set, ns: the beginning of 2001. Clocks that lost
+/// their battery begin in 1970, 1980 or 2000.
+const NEVER_SET_NS: i64 = 978_307_200_000_000_000;
+
+/// The beginning of a session, ns since 1970, and the clock that tells it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Began {
+    /// The moment, ns since 1970.
+    pub at_ns: i64,
+    /// Whether the tracker's clock tells it, because the controller's cannot.
+    pub by_tracker: bool,
+}
+
+/// The beginning of a session: the first stamp of its controller's log, or that moment by the tracker's clock where the controller's
+/// has no epoch; `None` where neither has one.
+pub fn began(clock: &ClockModel) -> Option<Began> {
+    let is_set = |ns: &i64| *ns >= NEVER_SET_NS;
+    let controller = Some(clock.origin.ns()).filter(is_set);
+    let tracker = || Some(clock.to_tracker(clock.origin).ns()).filter(is_set);
+    controller
+        .map(|at_ns| Began {
+            at_ns,
+            by_tracker: false,
+        })
+        .or_else(|| {
+            Some(Began {
+                at_ns: tracker()?,
+                by_tracker: true,
+            })
+        })
+}
+
+impl Began {
+    /// The day: `2026-11-22`.
+    pub fn day(&self) -> String {
+        let at = DateTime::from_timestamp_nanos(self.at_ns);
+        format!("{:04}-{:02}-{:02}", at.year(), at.month(), at.day())
+    }
+}
+
+impl fmt::Display for Began {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = DateTime::from_timestamp_nanos(self.at_ns);
+        let clock = if self.by_tracker {
+            ", by the tracker's clock"
+        } else {
+            ""
+        };
+        write!(
+            f,
+            "{} {:02}:{:02} UTC{clock}",
+            self.day(),
+            at.hour(),
+            at.minute()
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Stamp;
+
+    /// 2026-11-22 08:30:00.25 UTC.
+    const MORNING_NS: i64 = 1_795_336_200_250_000_000;
+
+    fn clock(origin_ns: i64, offset_ns: f64) -> ClockModel {
+        ClockModel {
+            origin: Stamp::from_ns(origin_ns),
+            offset_ns,
+            drift: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_controllers_clock_tells_the_date_where_it_has_one() {
+        let found = began(&clock(MORNING_NS, 3.7e12)).expect("a date");
+        assert_eq!(found.to_string(), "2026-11-22 08:30 UTC");
+        assert!(!found.by_tracker);
+    }
+
+    #[test]
+    fn the_trackers_clock_tells_it_where_the_controllers_counts_from_its_start() {
+        // 42 s after the controller was switched on.
+        let found = began(&clock(42_000_000_000, MORNING_NS as f64)).expect("a date");
+        assert_eq!(
+            found.to_string(),
+            "2026-11-22 08:30 UTC, by the tracker's clock"
+        );
+        assert_eq!(found.day(), "2026-11-22");
+    }
+
+    #[test]
+    fn clocks_without_an_epoch_tell_no_date() {
+        assert_eq!(began(&clock(42_000_000_000, 5e9)), None);
+        // A clock that lost its battery: an hour into the year 2000.
+        assert_eq!(began(&clock(946_688_400_000_000_000, 0.0)), None);
+        assert!(began(&clock(i64::MAX, 1e18)).is_some(), "no overflow");
+    }
+}

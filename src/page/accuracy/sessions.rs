@@ -1,0 +1,88 @@
+//! The sessions of a pool, a row each: before, after on held-out blocks, and after where the others alone were learnt from.
+
+use maud::{Markup, html};
+
+use crate::io::tables::accuracy::{AccuracyRow, FigureName};
+use crate::page::content::{Content, Session};
+use crate::page::words;
+use crate::report::{BaseRefit, Model, Point, Split};
+
+/// Most sessions that are shown unfolded.
+const SHOWN: usize = 10;
+
+/// The sessions of a pool; nothing for a run that learnt from one.
+pub(super) fn rows(content: &Content) -> Markup {
+    let head = html! {
+        th { "Session" } th { "Before" } th { "After, blocks" } th { "Bound" } th { "After, learnt from the others" } th { "Bound" }
+        th { "In 95 % ellipsoid" } th.word { "Verdict" }
+    };
+    let body = html! { @for session in &content.sessions { (row(&content.figures, session)) } };
+    let table = crate::page::table(&head, &body);
+    html! {
+        p {
+            "Each session by its mean error, mm: before, with base and target fitted; after, on blocks of it that were held out; and after by "
+            "an estimate that did not see it, with its base from some of its stations, on the others."
+        }
+        @if content.sessions.len() > SHOWN {
+            details { summary { "All " (content.sessions.len()) " sessions" } (table) }
+        } @else {
+            (table)
+        }
+    }
+}
+
+fn row(figures: &[AccuracyRow], session: &Session) -> Markup {
+    let of = |model: Model, split: Split, name: FigureName| {
+        figure(figures, &session.name, model, split, name).and_then(|own| own.value)
+    };
+    let best = |split: Split| {
+        let mean = |model: &Model| of(*model, split, FigureName::Mean).is_some();
+        Model::serving().find(mean).unwrap_or(Model::Full)
+    };
+    let (blocks, alone) = (best(Split::Blocks), best(Split::Session));
+    let before = of(Model::BaseTarget, Split::Blocks, FigureName::Mean)
+        .or_else(|| of(Model::BaseTarget, Split::Session, FigureName::Mean));
+    let inside = of(alone, Split::Session, FigureName::ShareInEllipsoid);
+    let bound = figure(
+        figures,
+        &session.name,
+        alone,
+        Split::Session,
+        FigureName::Bound,
+    );
+    html! {
+        tr {
+            th.word scope="row" { (session.name) @if !session.trained { small { "only judged" } } }
+            td { (words::optional(before, 3)) }
+            td { (words::optional(of(blocks, Split::Blocks, FigureName::Mean), 3)) }
+            td { (words::optional(of(blocks, Split::Blocks, FigureName::Bound), 3)) }
+            td { (words::optional(of(alone, Split::Session, FigureName::Mean), 3)) }
+            td { (words::optional(of(alone, Split::Session, FigureName::Bound), 3)) }
+            td { @match inside { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
+            td.word { (bound.and_then(|own| own.verdict).map_or("–", words::verdict)) }
+        }
+    }
+}
+
+/// The figure of a model at the angles that say most of a program, by held-out blocks or by a session that took no part.
+fn figure<'f>(
+    figures: &'f [AccuracyRow],
+    session: &str,
+    model: Model,
+    split: Split,
+    name: FigureName,
+) -> Option<&'f AccuracyRow> {
+    // A session that took no part is judged in a base of its own, found from stations that do not judge.
+    let is_judged = |own: &AccuracyRow| {
+        split != Split::Session || !matches!(own.base_refit, BaseRefit::None | BaseRefit::All)
+    };
+    let is_it = |own: &&AccuracyRow| {
+        (own.model, own.split, own.name) == (model, split, name)
+            && is_judged(own)
+            && own.point == Point::Measured
+            && own.of_session == session
+    };
+    let own = || figures.iter().filter(is_it);
+    let mut angles = model.about().angles.iter().rev();
+    angles.find_map(|angles| own().find(|figure| figure.angles == *angles))
+}

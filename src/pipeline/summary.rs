@@ -1,0 +1,216 @@
+//! A run in ten lines for a person: what was read, the frame, the verdict, before and after, what is identified, what to do now.
+//!
+//! Everything else that a run finds is in `words`, for whoever asks for it.
+
+use std::fmt::Write as _;
+
+use super::{compared, damage};
+use crate::fit::{Identifiability, Model};
+use crate::grid::Tolerance;
+use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
+use crate::io::tables::words::Unit;
+use crate::join::{Pairing, Station, began};
+use crate::report::compared::Compared;
+pub use crate::report::next::Next;
+use crate::report::symbols::symbol;
+
+/// A run in a few lines.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// The sessions that were read: when, and how many of their stations were measured.
+    pub read: String,
+    /// What has to be known before anything else, a line each; empty where nothing has.
+    pub warnings: Vec<String>,
+    /// Frame, verdict, errors before and after, and what is identified, a line each.
+    pub findings: Vec<String>,
+    /// What to do with the result.
+    pub next: Next,
+}
+
+/// The summary of a run; `table_state` is whether the table that drove it still holds.
+pub(super) fn summary(
+    outcome: &Outcome<'_>,
+    tolerance: &Tolerance,
+    parameters: &[ParameterRow],
+    compared: Option<&Compared>,
+    table_state: Option<&str>,
+) -> Summary {
+    let verdict = &outcome.verdict;
+    let mut findings = outcome.frame.lines();
+    findings.push(format!(
+        "tolerance {} mm: {}",
+        tolerance.mm,
+        verdict.statement()
+    ));
+    findings.extend(before_and_after(outcome, compared, table_state));
+    findings.extend(identified(parameters));
+    Summary {
+        read: read(outcome),
+        warnings: warnings(outcome),
+        findings,
+        next: Next::of(verdict, &outcome.frame, tolerance),
+    }
+}
+
+/// What has to be known of a run before anything else: where its logs disagree with the stated set-up, and what they lost.
+pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
+    let sessions = || outcome.training.iter().chain(&outcome.test);
+    let set_up = sessions().filter_map(|session| {
+        let finding = session.set_up.as_ref()?;
+        Some(format!("{}: check the set-up: {finding}", session.name))
+    });
+    let lost = sessions().flat_map(|session| damage::words(&session.name, &session.counts));
+    set_up.chain(lost).collect()
+}
+
+/// The sessions, when they were measured, and their stations.
+fn read(outcome: &Outcome<'_>) -> String {
+    let judged = match &outcome.test[..] {
+        [] => String::new(),
+        test => format!("; judged by {}", sessions(test)),
+    };
+    format!("{}{judged}", sessions(&outcome.training))
+}
+
+/// One session by its name, several by their number.
+fn sessions(sessions: &[JoinedSession]) -> String {
+    let all = sessions.iter().flat_map(|own| &own.joined.stations);
+    let stations = all.clone().count();
+    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
+    let measured = all.filter(is_paired).count();
+    let named = match sessions {
+        [one] => {
+            began_at(one).map_or_else(|| one.name.clone(), |when| format!("{}, {when}", one.name))
+        }
+        several => match days(several) {
+            Some(days) => format!("{} sessions, {days}", several.len()),
+            None => format!("{} sessions", several.len()),
+        },
+    };
+    format!(
+        "{named}: {stations} stations, {measured} measured, {} not",
+        stations - measured
+    )
+}
+
+/// When the sessions of a run were measured, by their logs; `None` where their clocks do not tell.
+pub(super) fn when(outcome: &Outcome<'_>) -> Option<String> {
+    match &outcome.training[..] {
+        [one] => began_at(one),
+        several => Some(format!("{} sessions, {}", several.len(), days(several)?)),
+    }
+}
+
+/// When a session began, by its logs; `None` where their clocks do not tell.
+fn began_at(session: &JoinedSession) -> Option<String> {
+    Some(began(&session.joined.clock.model)?.to_string())
+}
+
+/// The first and the last day of several sessions; `None` where none has a date.
+fn days(sessions: &[JoinedSession]) -> Option<String> {
+    let began = sessions
+        .iter()
+        .filter_map(|own| began(&own.joined.clock.model));
+    let mut days: Vec<String> = began.map(|began| began.day()).collect();
+    days.sort_unstable();
+    let (first, last) = (days.first()?, days.last()?);
+    Some(if first == last {
+        first.clone()
+    } else {
+        format!("{first} to {last}")
+    })
+}
+
+/// The errors before and after: measured where a table drove the session, otherwise as the verdict's figure has them.
+fn before_and_after(
+    outcome: &Outcome<'_>,
+    compared: Option<&Compared>,
+    table_state: Option<&str>,
+) -> Vec<String> {
+    let measured = compared::measured(outcome).and_then(|own| own.words());
+    if let Some(measured) = measured {
+        let state = table_state.unwrap_or("driven by a table");
+        return vec![format!("before → after, measured: {measured}; {state}")];
+    }
+    let predicted = compared.and_then(Compared::words);
+    let predicted = predicted.map(|words| format!("before → after, predicted: {words}"));
+    let state = table_state.map(|state| format!("driven by a table: {state}"));
+    predicted.into_iter().chain(state).collect()
+}
+
+/// Most parameters that are named because they are not identifiable.
+const NAMED: usize = 4;
+
+/// The link parameters that are identified, the clearest of them, and those that are not identifiable.
+fn identified(parameters: &[ParameterRow]) -> Option<String> {
+    let of = |model: Model| -> Vec<&ParameterRow> {
+        let own = parameters.iter().filter(|own| own.model == model);
+        own.filter(|own| is_of_links(own)).collect()
+    };
+    let links = Model::serving().map(of).find(|own| !own.is_empty())?;
+    let (found, not): (Vec<&ParameterRow>, Vec<&ParameterRow>) = links
+        .iter()
+        .partition(|own| own.identifiability == Identifiability::Identifiable);
+    let clearest = [Unit::Mm, Unit::Rad].map(|unit| {
+        let own = found.iter().filter(|own| own.unit == unit);
+        let clearest = own.max_by(|a, b| clarity(a).total_cmp(&clarity(b)));
+        clearest.map(|own| value(own))
+    });
+    let clearest: Vec<String> = clearest.into_iter().flatten().collect();
+    let mut words = format!(
+        "identified: {} of {} parameters of the links",
+        found.len(),
+        links.len()
+    );
+    if !clearest.is_empty() {
+        write!(words, ", most clearly {}", clearest.join(" and ")).expect("a string");
+    }
+    if !not.is_empty() {
+        let named: Vec<String> = not.iter().take(NAMED).map(|own| confounded(own)).collect();
+        write!(words, "; not identifiable: {}", named.join(", ")).expect("a string");
+        if not.len() > NAMED {
+            write!(words, " and {} more", not.len() - NAMED).expect("a string");
+        }
+    }
+    Some(words)
+}
+
+fn is_of_links(parameter: &ParameterRow) -> bool {
+    parameter.belongs_to == BelongsTo::Link
+        && parameter.quantity != ParameterQuantity::CommandWeight
+}
+
+/// How many standard errors an offset is large; 0 without one.
+fn clarity(parameter: &ParameterRow) -> f64 {
+    let error = parameter.standard_error.filter(|error| *error > 0.0);
+    error.map_or(0.0, |error| parameter.offset.abs() / error)
+}
+
+/// An offset with its standard error.
+fn value(parameter: &ParameterRow) -> String {
+    let (unit, scale) = match parameter.unit {
+        Unit::Mm => (" mm", 1.0),
+        Unit::Rad => (" mrad", 1e3),
+        Unit::One => ("", 1.0),
+    };
+    let error = parameter.standard_error;
+    let error = error.map_or_else(String::new, |error| format!(" ± {:.3}", scale * error));
+    format!(
+        "{} {:+.3}{error}{unit}",
+        symbol(&parameter.parameter),
+        scale * parameter.offset
+    )
+    .replace('-', "−")
+}
+
+/// A parameter with the one that it is confounded with most.
+fn confounded(parameter: &ParameterRow) -> String {
+    let name = symbol(&parameter.parameter);
+    let all = &parameter.confounded_with;
+    let most = parameter.most_correlated_with.as_ref();
+    match most.filter(|most| all.contains(most)).or(all.first()) {
+        Some(other) => format!("{name} (with {})", symbol(other)),
+        None => name,
+    }
+}

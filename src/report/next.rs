@@ -1,0 +1,236 @@
+//! What a user does with a run's result: the command that corrects targets by it, or what to do before it corrects any.
+//!
+//! Inputs are the verdict of the run, the base frame that it holds in and the tolerance; the output is shown by summary and page.
+
+use super::frame::StatedFrame;
+use super::verdict::{Applied, ProductVerdict, RunVerdict};
+use crate::figures::least_count;
+use crate::grid::{Tolerance, Verdict};
+
+/// What to do with the result of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Next {
+    /// What targets are corrected by.
+    pub by: Applied,
+    /// Whether the program's base has to be set to the fitted one before.
+    pub sets_base: bool,
+    /// What to do before any target is corrected; `None` where the tolerance is met.
+    pub instead: Option<Instead>,
+}
+
+/// What to do with a result that does not meet the tolerance, or was not shown to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Instead {
+    /// What to do, in words.
+    pub words: String,
+    /// The exception with which `compensate` corrects all the same.
+    pub allow: &'static str,
+}
+
+impl Next {
+    /// What to do with a result of this verdict, which holds in `frame`.
+    pub fn of(verdict: &RunVerdict, frame: &StatedFrame, tolerance: &Tolerance) -> Self {
+        Self {
+            by: verdict.applied(),
+            sets_base: !frame.is_surveyed,
+            instead: instead(verdict.headline(), tolerance),
+        }
+    }
+
+    /// The table that corrects: `compensation` or `calibrations`.
+    pub const fn table(&self) -> &'static str {
+        match self.by {
+            Applied::Table => "compensation",
+            Applied::IdentifiedArm => "calibrations",
+        }
+    }
+
+    /// The command to type, with `file` of [`Self::table`].
+    pub fn command(&self, file: &str) -> String {
+        let allow = self.instead.as_ref();
+        let allow = allow.map_or_else(String::new, |own| format!(" --allow {}", own.allow));
+        format!("posegrid compensate {file} targets.csv --out corrected.csv{allow}")
+    }
+
+    /// What the command is for, in words that end before it; it is only for whoever corrects all the same where there is something to
+    /// do before.
+    pub fn words(&self) -> String {
+        let targets = match self.by {
+            Applied::Table => "correct targets",
+            Applied::IdentifiedArm => {
+                "correct targets that state joint angles, or orientation and configuration"
+            }
+        };
+        let base = if self.sets_base {
+            "set the program's base to the fitted one, then "
+        } else {
+            ""
+        };
+        match &self.instead {
+            None => format!("{base}{targets}"),
+            Some(instead) => format!("{}; to {base}{targets} all the same", instead.words),
+        }
+    }
+}
+
+/// What to do where the tolerance is not met, or not shown to be; `None` where it is met.
+fn instead(verdict: &ProductVerdict, tolerance: &Tolerance) -> Option<Instead> {
+    let (words, allow) = match verdict.verdict() {
+        Verdict::Meets => return None,
+        Verdict::NotShown(_) => (to_show(verdict, tolerance), "not-shown"),
+        Verdict::DoesNotMeet => (to_meet(verdict, tolerance), "not-met"),
+    };
+    Some(Instead { words, allow })
+}
+
+/// What shows that the tolerance is met, where nothing shows it yet.
+fn to_show(verdict: &ProductVerdict, tolerance: &Tolerance) -> String {
+    let needed = least_count(tolerance.coverage());
+    let decides = verdict.decides();
+    let figure = decides.and_then(|judge| judge.figure.as_ref());
+    match (decides, figure) {
+        (Some(judge), Some(figure)) if figure.bound.is_none() && needed.is_finite() => {
+            let poses = figure.counted.poses;
+            format!(
+                "measure {:.0} poses more, at least, for {} to judge ({poses} do, {needed:.0} are needed); `posegrid plan` chooses them",
+                (needed - poses as f64).max(1.0),
+                judge.stations.words(),
+            )
+        }
+        _ => "clear up what the verdict names, then measure again".to_owned(),
+    }
+}
+
+/// What brings the errors within the tolerance, by what keeps them from it.
+fn to_meet(verdict: &ProductVerdict, tolerance: &Tolerance) -> String {
+    let Some(judge) = verdict.decides() else {
+        return "measure more poses, which `posegrid plan` chooses".to_owned();
+    };
+    let figure = judge.figure.as_ref();
+    let guard_mm = figure.map_or(0.0, |figure| figure.expanded_uncertainty_mm);
+    let bound = figure.and_then(|figure| figure.bound);
+    if guard_mm >= tolerance.mm {
+        format!(
+            "the measurement's own uncertainty of {guard_mm:.3} mm is more than the tolerance: measure points and base more accurately"
+        )
+    } else if bound.is_some_and(|bound| bound <= tolerance.mm) {
+        format!(
+            "the bound is within the tolerance, the measurement's own uncertainty of {guard_mm:.3} mm is too much beside it: measure \
+             points and base more accurately, or more poses, which `posegrid plan` chooses"
+        )
+    } else if judge.remark.is_some() {
+        format!(
+            "find out whether {} is of this arm, and learn from it too if it is",
+            judge.stations.words()
+        )
+    } else {
+        "measure more poses, which `posegrid plan` chooses".to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figures::Counted;
+    use crate::fit::{Angles, Model};
+    use crate::report::verdict::{Judge, Judging};
+    use crate::report::{Accuracy, BaseRefit, Moment, Point, Split, Subject};
+    use nalgebra::Isometry3;
+
+    const TOLERANCE: Tolerance = Tolerance {
+        mm: 0.5,
+        share: 0.95,
+        confidence: 0.95,
+    };
+
+    fn next(bound_mm: Option<f64>, poses: usize, guard_mm: f64, is_surveyed: bool) -> Next {
+        let counted = Counted::once(poses);
+        let verdict = TOLERANCE.verdict(bound_mm, counted, guard_mm);
+        let figure = Accuracy {
+            subject: Subject {
+                split: Split::Blocks,
+                of_session: "mon".to_owned(),
+                model: Model::Full,
+                angles: Angles::Commanded,
+                base_refit: BaseRefit::None,
+            },
+            point: Point::Measured,
+            moment: Moment::After,
+            driven_by: None,
+            figures: None,
+            bound: bound_mm,
+            counted,
+            blocks: Some(8),
+            coverage: None,
+            expanded_uncertainty_mm: guard_mm,
+            verdict: verdict.clone(),
+        };
+        let judge = Judge {
+            stations: Judging::Blocks("mon".to_owned()),
+            verdict,
+            words: String::new(),
+            remark: None,
+            figure: Some(figure),
+            covered: None,
+        };
+        let arm = vec![(Model::Full, ProductVerdict::of(vec![judge]))];
+        let verdict = RunVerdict::of(ProductVerdict::of(Vec::new()), arm, Model::Full);
+        let frame = StatedFrame {
+            is_surveyed,
+            tracker_from_base: Isometry3::identity(),
+            sd_mm: None,
+            sd_deg: None,
+        };
+        Next::of(&verdict, &frame, &TOLERANCE)
+    }
+
+    #[test]
+    fn a_result_that_is_met_is_applied() {
+        let met = next(Some(0.2), 80, 0.05, true);
+        assert_eq!((met.table(), &met.instead), ("calibrations", &None));
+        assert_eq!(
+            met.command("lake/calibrations/r/mon/00ff.parquet"),
+            "posegrid compensate lake/calibrations/r/mon/00ff.parquet targets.csv --out corrected.csv"
+        );
+        assert!(met.words().starts_with("correct targets that state joint"));
+        let fitted = next(Some(0.2), 80, 0.05, false);
+        assert!(
+            fitted
+                .words()
+                .starts_with("set the program's base to the fitted one, then correct")
+        );
+    }
+
+    #[test]
+    fn a_result_that_is_not_says_what_keeps_it_from_the_tolerance() {
+        let of = |bound_mm, poses, guard_mm| next(bound_mm, poses, guard_mm, true);
+        let words = |next: &Next| next.words();
+        let few = of(None, 9, 0.05);
+        // 59 poses show 95 % with 95 % confidence.
+        assert!(
+            words(&few).starts_with("measure 50 poses more"),
+            "{}",
+            words(&few)
+        );
+        assert!(few.command("f").ends_with(" --allow not-shown"));
+        let far = of(Some(0.9), 80, 0.05);
+        assert!(
+            words(&far).starts_with("measure more poses"),
+            "{}",
+            words(&far)
+        );
+        assert!(far.command("f").ends_with(" --allow not-met"));
+        let near = of(Some(0.48), 80, 0.05);
+        assert!(
+            words(&near).starts_with("the bound is within"),
+            "{}",
+            words(&near)
+        );
+        let rough = of(Some(0.2), 80, 0.6);
+        assert!(
+            words(&rough).contains("0.600 mm is more than the tolerance"),
+            "{}",
+            words(&rough)
+        );
+    }
+}
