@@ -160,6 +160,7 @@ mod tests {
             figures: None,
             bound: bound_mm,
             counted,
+            finders: None,
             blocks: Some(8),
             coverage: None,
             expanded_uncertainty_mm: guard_mm,
