@@ -10,6 +10,7 @@
 pub mod check;
 pub mod compensate;
 pub mod export;
+pub mod folder_given;
 pub mod history;
 pub mod inspect;
 pub mod messages;

@@ -1,12 +1,13 @@
 //! The guide, chapter by chapter: how posegrid is used, from the first robot file to years of runs.
 //!
 //! The README is the first hour. These modules hold text only and say the rest. What is computed, and why, stands in
-//! [`crate::method`]. Every command has an example in its `--help`, and `posegrid schema TABLE` shows each column of a table.
+//! [`crate::method`]. Every command has an example in its `--help`, and `posegrid schema TABLE` shows each column of a table, `posegrid
+//! schema pipeline` each key of a pipeline file.
 //!
 //! | chapter | question it answers | command |
 //! |---|---|---|
-//! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | |
-//! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `check` |
+//! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | `schema robot` |
+//! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |

@@ -68,6 +68,9 @@
 //! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
+//! - *A key of a pipeline or robot file*: a field of its section's struct ([`pipeline::file`]), and its entry in
+//!   `src/pipeline/keys/`, from which `posegrid schema pipeline` and the messages of missing keys are made ([`pipeline::keys`]). A
+//!   test names the key where one of both is forgotten.
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a
 //!   test holds against the schema.
 

@@ -7,6 +7,7 @@ mod driven;
 pub mod fetch;
 pub mod file;
 pub mod history;
+pub mod keys;
 pub mod planning;
 mod promise;
 pub mod publish;

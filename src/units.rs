@@ -19,6 +19,47 @@ pub enum Controller {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tracker {}
 
+/// A moment of wall time: microseconds since 1970, UTC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WallTime {
+    us: i64,
+}
+
+impl WallTime {
+    /// The moment so many microseconds after the beginning of 1970, UTC.
+    pub const fn of_us(us: i64) -> Self {
+        Self { us }
+    }
+
+    /// A clock's nanoseconds as wall time; `None` where the clock has no epoch: a clock that lost its battery
+    /// begins in 1970, 1980 or 2000, and one that counts from its start, or in another unit, is centuries away.
+    pub const fn of_clock_ns(ns: i64) -> Option<Self> {
+        const YEAR_2001_S: i64 = 978_307_200;
+        const YEAR_2100_S: i64 = 4_102_444_800;
+        let s = ns.div_euclid(1_000_000_000);
+        if s >= YEAR_2001_S && s < YEAR_2100_S {
+            Some(Self::of_us(ns.div_euclid(1000)))
+        } else {
+            None
+        }
+    }
+
+    /// Microseconds since 1970, UTC.
+    pub const fn us(self) -> i64 {
+        self.us
+    }
+}
+
+/// Date and time to the second, UTC: `2020-11-09 12:34:56`.
+impl fmt::Display for WallTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match chrono::DateTime::from_timestamp_micros(self.us) {
+            Some(time) => write!(f, "{}", time.format("%Y-%m-%d %H:%M:%S")),
+            None => write!(f, "{} µs after 1970", self.us),
+        }
+    }
+}
+
 /// A moment in the clock `C`, in nanoseconds of that clock.
 pub struct Stamp<C> {
     ns: i64,
@@ -163,6 +204,35 @@ mod tests {
             told,
             ["0 s", "59 s", "1 min", "59 min", "1 h", "23 h", "1 d"]
         );
+    }
+
+    #[test]
+    fn only_a_clock_with_an_epoch_tells_the_day() {
+        let told = |ns| WallTime::of_clock_ns(ns).map(|time| time.to_string());
+        assert_eq!(
+            told(1_604_923_200_123_456_789).as_deref(),
+            Some("2020-11-09 12:00:00")
+        );
+        assert_eq!(
+            WallTime::of_clock_ns(1_604_923_200_123_456_789),
+            Some(WallTime::of_us(1_604_923_200_123_456))
+        );
+        // Since its start, in microseconds; an hour into 2000; before 1970, before 2001 and after 2099.
+        for ns in [
+            0,
+            86_400_000_000_000,
+            1_604_923_200_123_456,
+            -1,
+            946_688_400_000_000_000,
+            978_307_199_999_999_999,
+        ] {
+            assert_eq!(told(ns), None, "{ns}");
+        }
+        assert_eq!(
+            told(978_307_200_000_000_000).as_deref(),
+            Some("2001-01-01 00:00:00")
+        );
+        assert_eq!(told(4_102_444_800_000_000_000), None);
     }
 
     #[test]

@@ -337,6 +337,61 @@ fn a_bad_file_is_reported_what_is_wrong_where_and_what_would_do() {
 }
 
 #[test]
+fn several_missing_keys_are_told_at_once_with_their_lines() {
+    let cell = Cell::new(&[
+        ("unit = \"rad\"\n", ""),
+        ("share = 0.95\nconfidence = 0.95\n", "tolerence = 1\n"),
+        ("uncertainty = ", "# "),
+    ]);
+    let error = cell
+        .configuration(&Overrides::default())
+        .expect_err("keys are missing");
+    let told = error.to_string();
+    for part in [
+        "5 keys are missing or not known; every key: `posegrid schema pipeline`: ",
+        "[controller] (line 11) needs unit (\"rad\" or \"deg\"); ",
+        "[tracker] (line 22) needs uncertainty; ",
+        "[tolerance] (line 33) needs share, confidence and has tolerence, which nothing reads",
+    ] {
+        assert!(told.contains(part), "no {part:?} in: {told}");
+    }
+    let cell = Cell::new(&[]);
+    let arm = cell.path("arm.toml");
+    let text = fs::read_to_string(&arm).expect("readable");
+    let without: Vec<&str> = text
+        .lines()
+        .filter(|line| !line.starts_with("d_mm"))
+        .collect();
+    fs::write(&arm, without.join("\n")).expect("writable");
+    let error = cell
+        .configuration(&Overrides::default())
+        .expect_err("keys are missing");
+    let told = error.to_string();
+    for part in [
+        "arm.toml: ",
+        "`posegrid schema robot`",
+        "[[joint]] 1 (line ",
+        "[[joint]] 2 (line ",
+        "needs d_mm",
+    ] {
+        assert!(told.contains(part), "no {part:?} in: {told}");
+    }
+    let out = cell.path("simulated");
+    let output = posegrid()
+        .arg("simulate")
+        .arg(&arm)
+        .args(POSES)
+        .arg("--out")
+        .arg(&out)
+        .output();
+    let message = String::from_utf8(output.expect("runs").stderr).expect("UTF-8");
+    assert!(
+        message.contains("[[joint]] 2 (line ") && !message.contains("\\n"),
+        "{message}"
+    );
+}
+
+#[test]
 fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
     for (section, key) in [
         ("[join]\nwindow_s = 0", "[join] window_s = 0"),
@@ -431,6 +486,113 @@ fn the_command_line_exits_with_2_on_bad_usage_and_says_why_on_stderr() {
         &["run", "absent.toml"],
     ] {
         posegrid().args(bad).assert().code(2);
+    }
+}
+
+/// Poses of a simulated session.
+const POSES: [&str; 6] = [
+    "--home",
+    "0,-75,100,25,55,-15",
+    "--size",
+    "720,1440,720",
+    "--grid-step",
+    "120",
+];
+
+/// Words that name an error of the system or of a library, and no remedy.
+const NO_HELP: [&str; 4] = ["os error 21", "External", "Parquet error", "\\n"];
+
+#[test]
+fn what_is_given_in_the_place_of_a_file_is_named_with_what_to_give() {
+    let cell = Cell::new(&[]);
+    let (folder, text) = (cell.path("cell/none"), cell.path("text.parquet"));
+    fs::write(&text, "target,x_mm,y_mm,z_mm\nA,1,2,3\n").expect("writable");
+    let cut = cell.path("cut.parquet");
+    fs::write(&cut, "PAR1 and no more").expect("writable");
+    let targets = cell.path("targets.csv");
+    fs::copy(&text, &targets).expect("writable");
+    let [folder, text, cut, targets] =
+        [&folder, &text, &cut, &targets].map(|path| path.to_str().expect("UTF-8").to_owned());
+    let (file, whole) = (cell.file.to_str().expect("UTF-8"), cell.folder());
+    let out = format!("{whole}/out");
+    let nowhere = format!("{whole}/nowhere");
+    let wants_file: &[&str] = &["it is a folder", "give the path of a TOML file"];
+    let simulate = [&["simulate", &folder, "--out", &out][..], &POSES].concat();
+    let cases: [(&[&str], &[&str]); 20] = [
+        (&["run", &folder], wants_file),
+        (&["check", &folder], wants_file),
+        (&["plan", &folder], wants_file),
+        (
+            &["run", &nowhere],
+            &["No such file", "give the path of a TOML file"],
+        ),
+        (&["inspect", &folder], &["it is a folder", "no log in it"]),
+        (&["inspect", &nowhere], &["No such file"]),
+        (
+            &simulate,
+            &["it is a folder", "give the path of a robot file"],
+        ),
+        (
+            &["compensate", &folder, &targets],
+            &["is a folder; give a file of table compensation"],
+        ),
+        (
+            &["compensate", &text, &targets],
+            &["it is a text", "name the right file"],
+        ),
+        (
+            &["compensate", &cut, &targets],
+            &["its end is missing", "get it anew"],
+        ),
+        (
+            &["compensate", &nowhere, &targets],
+            &["there is no file", "--lake"],
+        ),
+        (
+            &["export", &folder, "--format", "csv"],
+            &["is a folder; give a file of a table of a run"],
+        ),
+        (
+            &["export", &text, "--format", "csv"],
+            &["it is a text", "name the right file"],
+        ),
+        (
+            &["export", &nowhere, "--format", "csv"],
+            &["No such file", "check its name"],
+        ),
+        (
+            &["history", file],
+            &["there is no lake", "printed as its tables"],
+        ),
+        (
+            &["history", &nowhere],
+            &["there is no lake", "printed as its tables"],
+        ),
+        (&["verify", file], &["folder"]),
+        (&["verify", &nowhere], &["no"]),
+        (
+            &["verify", whole, "--expect", &folder],
+            &["it is a folder", "verify LAKE --list"],
+        ),
+        (&["verify", whole, "--expect", &nowhere], &["No such file"]),
+    ];
+    for (args, told) in cases {
+        let output = posegrid().args(args).output().expect("runs");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            matches!(output.status.code(), Some(1 | 2)),
+            "{args:?}: {message}"
+        );
+        assert!(!message.is_empty(), "{args:?}");
+        for part in told {
+            assert!(
+                message.contains(part),
+                "{args:?}: no {part:?} in: {message}"
+            );
+        }
+        for part in NO_HELP {
+            assert!(!message.contains(part), "{args:?}: {part:?} in: {message}");
+        }
     }
 }
 
@@ -607,6 +769,10 @@ impl Cell {
 
     fn configuration(&self, overrides: &Overrides) -> Result<Configuration, ConfigurationError> {
         Configuration::load(&self.file, overrides)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.root.path().join(name)
     }
 
     fn folder(&self) -> &str {

@@ -21,7 +21,7 @@ use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
 use posegrid::manifest::{RunKey, Work, canonical};
-use posegrid::units::Stamp;
+use posegrid::units::{Stamp, WallTime};
 
 /// Names that a log may hold and no reader should trip over.
 fn hostile_work() -> Work {
@@ -42,6 +42,8 @@ fn outcome() -> Ending {
         reason: Some("a sample".to_owned()),
         verdict_of: VerdictOf::Compensation,
         statement: "not shown to be met by the compensation table: a sample".to_owned(),
+        started: [None; 2],
+        means_mm: [None; 2],
         bound_mm: None,
         counted: None,
         stations_covered_share: None,
@@ -74,6 +76,12 @@ fn fill(columns: Columns, column: &ColumnSchema, rows: usize) -> Columns {
         ColumnType::Float64 => columns.column(name, cells(rows).map(|r| r.map(|r| r as f64 / 3.0))),
         ColumnType::Int64 => columns.column(name, cells(rows)),
         ColumnType::Bool => columns.column(name, cells(rows).map(|r| r.map(|r| r == 0))),
+        ColumnType::Timestamp => columns.column(
+            name,
+            cells(rows).map(|r| {
+                r.map(|r| WallTime::of_us(1_000_000 * i64::try_from(r).expect("few rows")))
+            }),
+        ),
         ColumnType::String => columns.column(name, cells(rows).map(|r| r.map(word))),
         ColumnType::ListFloat64 => {
             columns.column(name, cells(rows).map(|r| r.map(|r| vec![0.1; r])))

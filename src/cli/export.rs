@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::folder_given::{DEPTH, FolderGiven, files_in};
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
@@ -61,8 +62,24 @@ pub enum ExportFormat {
     Mcap,
 }
 
+/// A folder in the place of the table, of a table of stations, or of the new file.
+fn folder(args: &ExportArgs) -> Option<FolderGiven> {
+    if let Some(out) = args.out.as_ref().filter(|out| out.is_dir()) {
+        return Some(FolderGiven::for_new_file(out, "a new file in it as --out"));
+    }
+    let mut given = std::iter::once(&args.table).chain(&args.stations);
+    let path = given.find(|path| path.is_dir())?;
+    let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
+    let files = files_in(path, DEPTH, &is_table);
+    Some(FolderGiven::new(path, "a file of a table of a run", files))
+}
+
 /// Runs the command: the result goes to `--out` or standard output, errors to standard error. Gives the exit code.
 pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
+    if let Some(folder) = folder(args) {
+        tracing::error!("{}", Printable(&folder.to_string()));
+        return BAD_USAGE;
+    }
     match run(args) {
         Ok(for_stdout) => {
             let written = messages::deliver(&for_stdout, bars);

@@ -20,6 +20,7 @@ use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::io::table::TableError;
 use crate::io::tables::past::PastSession;
+use crate::io::whole_file::told;
 use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistory, history};
 use output::output;
 use words::words;
@@ -67,7 +68,7 @@ enum HistoryCommandError {
     History(#[from] HistoryError),
     #[error(transparent)]
     Tables(#[from] TableError),
-    #[error("cannot write {}: {source}; check the space and the permissions of the folder", path.display())]
+    #[error("cannot write {}: {}", path.display(), told(source))]
     Write { path: PathBuf, source: io::Error },
 }
 

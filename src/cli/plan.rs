@@ -21,7 +21,7 @@ use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Word as _;
 use crate::io::targets::write_csv;
-use crate::io::whole_file::write_whole;
+use crate::io::whole_file::{self, write_whole};
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
 use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 
@@ -71,7 +71,7 @@ enum PlanCommandError {
     Exists(PathBuf),
     #[error(transparent)]
     Lake(#[from] LakeError),
-    #[error("{}: {source}; check the space and the permissions of the folder", path.display())]
+    #[error("{}: {}", path.display(), source.told())]
     Write { path: PathBuf, source: CsvCause },
 }
 
@@ -81,6 +81,18 @@ enum CsvCause {
     Io(#[from] io::Error),
     #[error(transparent)]
     Csv(#[from] csv::Error),
+}
+
+impl CsvCause {
+    /// What went wrong, and what to do.
+    fn told(&self) -> String {
+        match self {
+            Self::Io(error) => whole_file::told(error),
+            Self::Csv(error) => {
+                format!("{error}; check the space and the permissions of the folder")
+            }
+        }
+    }
 }
 
 impl PlanCommandError {

@@ -1,18 +1,23 @@
-//! `posegrid schema [TABLE]`: the tables, or the contract of one.
+//! `posegrid schema [TABLE]`: the tables, or the contract of one; and the keys of pipeline and robot files.
 
 use std::fmt::Write as _;
 
 use clap::{Args, ValueEnum};
 
 use crate::io::schema::{self, ColumnSchema, Role, SchemaError, TableSchema};
+use crate::pipeline::keys::{self, KeyReference};
 
-/// Show the tables, or the contract of one.
+/// Show the tables, the contract of one, or every key of pipeline and robot files
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Example:
-  posegrid schema stations")]
+Examples:
+  posegrid schema stations
+  posegrid schema pipeline      # every key of a pipeline file: type, unit, default
+  posegrid schema robot         # every key of a robot file
+  posegrid schema views         # SQL: the current run of each session, and a row of each session")]
 pub struct SchemaArgs {
-    /// The table whose contract to show; all tables are listed without it
+    /// The table whose contract to show; `pipeline` or `robot` for the keys of these files; `views` for the SQL of views; all are
+    /// listed without it
     pub table: Option<String>,
     /// Format of the output
     #[arg(long, value_enum, default_value_t = Format::Text)]
@@ -28,8 +33,23 @@ pub enum Format {
     Json,
 }
 
+/// The name of the views.
+const VIEWS: &str = "views";
+
 /// The text that the command prints.
 pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
+    if let Some(keys) = args.table.as_deref().and_then(KeyReference::find) {
+        return Ok(match args.format {
+            Format::Text => keys.to_string(),
+            Format::Json => json(keys),
+        });
+    }
+    if args.table.as_deref() == Some(VIEWS) {
+        return Ok(match args.format {
+            Format::Text => schema::VIEWS_SQL.to_owned(),
+            Format::Json => json(&schema::VIEWS_SQL),
+        });
+    }
     match (&args.table, args.format) {
         (None, Format::Text) => Ok(list()),
         (None, Format::Json) => Ok(json(&schema::all())),
@@ -55,7 +75,10 @@ fn list() -> String {
             schema.table, schema.version, schema.one_row_per
         )
     };
-    schema::all().iter().map(line).collect()
+    let keys = |file: &str| format!("{file:<15}     every key of a {file} file (read)\n");
+    let tables = schema::all().iter().map(line);
+    let views = format!("{VIEWS:<15}     SQL of the views current_runs and sessions, for DuckDB\n");
+    tables.chain(keys::FILES.map(keys)).chain([views]).collect()
 }
 
 fn contract(schema: &TableSchema) -> String {
@@ -122,9 +145,12 @@ mod tests {
     }
 
     #[test]
-    fn without_a_table_every_table_is_a_line() {
+    fn without_a_table_every_table_and_kind_of_file_is_a_line() {
         let text = shown(None, Format::Text).unwrap();
-        assert_eq!(text.lines().count(), schema::all().len());
+        assert_eq!(
+            text.lines().count(),
+            schema::all().len() + keys::FILES.len() + 1
+        );
         assert!(
             text.starts_with("stations        v2  one row per dwell of the arm\n"),
             "{text}"
@@ -147,6 +173,35 @@ mod tests {
         let text = shown(Some("targets"), Format::Json).unwrap();
         let back: TableSchema = serde_json::from_str(&text).unwrap();
         assert_eq!(&back, schema::find("targets").unwrap());
+    }
+
+    #[test]
+    fn the_guide_has_the_views_as_they_are_printed() {
+        let views = shown(Some("views"), Format::Text).unwrap();
+        assert!(
+            include_str!("../guide/tables.md").contains(&views),
+            "{views}"
+        );
+    }
+
+    #[test]
+    fn the_keys_of_files_show_type_unit_default_and_words() {
+        let text = shown(Some("pipeline"), Format::Text).unwrap();
+        for expected in [
+            "\n[tracker]  required\n",
+            "\n  repeatability_mm  number, mm, default 0.03\n    The arm's repeatability per axis",
+            "\n  steps_mm  list of numbers, mm, required\n",
+            "    one of: header, publish, log\n",
+            "\n  up  3 numbers, without it: gravity is left out of the model\n",
+            "\nplacement of commanded.base_from_command, ",
+        ] {
+            assert!(text.contains(expected), "{expected}:\n{text}");
+        }
+        let text = shown(Some("robot"), Format::Text).unwrap();
+        assert!(text.contains("\n[[joint]]  required\n"), "{text}");
+        let json = shown(Some("robot"), Format::Json).unwrap();
+        let back: KeyReference = serde_json::from_str(&json).unwrap();
+        assert_eq!(&back, KeyReference::robot());
     }
 
     #[test]

@@ -12,10 +12,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use thiserror::Error;
 
-use crate::io::input::{self, Bound};
+use crate::io::input::{self, Bound, toml_problem};
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
 use crate::io::targets::{self, TargetsError};
+use crate::io::whole_file::told;
 use crate::kinematics::{Arm, ArmError, RobotFile};
+use crate::pipeline::keys::KeyReference;
+use crate::pipeline::keys::missing::{self, Incomplete};
 use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
 
 mod flags;
@@ -88,8 +91,11 @@ pub enum SimulateFileError {
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
     /// The robot file is not one: place and cause.
-    #[error(transparent)]
+    #[error("{}", toml_problem(.0))]
     Parse(Box<toml::de::Error>),
+    /// Several keys of the robot file are missing, or not known.
+    #[error(transparent)]
+    Incomplete(Box<Incomplete>),
     /// The robot file's arm is wrong.
     #[error(transparent)]
     Arm(ArmError),
@@ -102,7 +108,7 @@ pub enum SimulateFileError {
         target: String,
     },
     /// The folder or the disk refused.
-    #[error("{0}; check the space and the permissions of the folder")]
+    #[error("{told}", told = told(.0))]
     Write(#[from] io::Error),
     /// The recording does not fit into a log.
     #[error(transparent)]
@@ -196,8 +202,13 @@ fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
 fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
     let text = input::text(path, Bound::SETTINGS)
         .map_err(|source| SimulateFileError::Read(source).at(path))?;
-    let file: RobotFile = toml::from_str(&text)
-        .map_err(|source| SimulateFileError::Parse(Box::new(source)).at(path))?;
+    let file: RobotFile = toml::from_str(&text).map_err(|source| {
+        let incomplete = missing::told_at_once(KeyReference::robot(), &text);
+        let parse = || SimulateFileError::Parse(Box::new(source));
+        let wrong =
+            incomplete.map_or_else(parse, |own| SimulateFileError::Incomplete(Box::new(own)));
+        wrong.at(path)
+    })?;
     file.arm()
         .map_err(|source| SimulateFileError::Arm(source).at(path))
 }

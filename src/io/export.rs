@@ -23,6 +23,7 @@ use super::compensation_table::CompensationTableError;
 use super::lake::LakeError;
 use super::schema::SchemaError;
 use super::table::FileError;
+use super::whole_file::told;
 
 /// The reason why a table is not exported.
 #[derive(Debug, Error)]
@@ -182,7 +183,7 @@ impl ExportErrorKind {
                 format!("{path} exists already; choose another --out, or remove it first")
             }
             Self::NotWritten(source) => {
-                format!("{path}: {source}; check the space and the permissions of the folder")
+                format!("{path}: {}", told(source))
             }
         }
     }

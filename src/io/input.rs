@@ -21,6 +21,11 @@ pub struct Bound {
 }
 
 impl Bound {
+    /// For a file that is read in pieces, however large it is.
+    pub const ANY: Self = Self {
+        bytes: u64::MAX,
+        advice: "no file is larger",
+    };
     /// For a pipeline or robot file, which has some thousand bytes.
     pub const SETTINGS: Self = Self {
         bytes: 1 << 20,
@@ -124,6 +129,17 @@ pub fn text(path: &Path, bound: Bound) -> io::Result<String> {
     })
 }
 
+/// What a reader of TOML says is wrong, in a line: where, and what. The reader's own text draws the line of the file on lines of its
+/// own, which a message cannot have.
+pub fn toml_problem(error: &toml::de::Error) -> String {
+    let drawn = error.to_string();
+    let place = drawn.lines().next().unwrap_or_default();
+    match place.strip_prefix("TOML parse error at ") {
+        Some(place) => format!("{place}: {}", error.message().trim().replace('\n', " ")),
+        None => drawn.trim().replace('\n', " "),
+    }
+}
+
 fn refused(refused: Refused) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, refused)
 }
@@ -181,6 +197,17 @@ mod tests {
                 .to_string()
                 .contains("byte 2 is not UTF-8")
         );
+    }
+
+    #[test]
+    fn a_fault_in_toml_is_told_in_a_line() {
+        let told = |text: &str| toml_problem(&toml::from_str::<toml::Table>(text).unwrap_err());
+        assert!(
+            told("a = 1\nb = \n").starts_with("line 2, column "),
+            "{}",
+            told("a = 1\nb = \n")
+        );
+        assert!(!told("a = 1\na = 2\n").contains('\n'));
     }
 
     #[test]

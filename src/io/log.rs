@@ -97,8 +97,16 @@ pub enum FileError {
     NotAFile {
         /// Name of the file, as given.
         file: String,
-        /// A pipe, a device, a directory.
+        /// A pipe, a device, a socket.
         what: &'static str,
+    },
+    /// A folder in the place of a log.
+    #[error(
+        "{file}: it is a folder, and no log in it ends in .mcap or .mcap.zst; give the file of a log"
+    )]
+    Folder {
+        /// Name of the folder, as given.
+        file: String,
     },
     /// The file is empty.
     #[error("{file}: the file is empty; was the recorder stopped before it wrote anything?")]

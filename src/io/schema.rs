@@ -8,7 +8,7 @@ mod check;
 
 use std::sync::{Arc, LazyLock};
 
-use arrow::datatypes::{DataType, Field};
+use arrow::datatypes::{DataType, Field, TimeUnit};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -95,6 +95,9 @@ pub enum ColumnType {
     /// Text, or one of the allowed words.
     #[serde(rename = "string")]
     String,
+    /// A moment of wall time, UTC, to the microsecond. Without time zone: readers show it as it is.
+    #[serde(rename = "timestamp")]
+    Timestamp,
     /// A list of finite numbers.
     #[serde(rename = "list<float64>")]
     ListFloat64,
@@ -126,7 +129,8 @@ pub enum SchemaError {
         rule: &'static str,
     },
     /// An unknown table.
-    #[error("there is no table {table:?}; the tables are {}", known.join(", "))]
+    #[error("there is no table {table:?}; the tables are {}; `posegrid schema views` has the views current_runs and sessions, `posegrid schema pipeline` and \
+         `posegrid schema robot` the keys of those files", known.join(", "))]
     UnknownTable {
         /// The requested name.
         table: String,
@@ -159,6 +163,10 @@ const FILES: [&str; 21] = [
     include_str!("../../schemas/targets.toml"),
     include_str!("../../schemas/corrected_targets.toml"),
 ];
+
+/// SQL statements for the views over a lake in the folder `lake`: the rows of `runs`, the current run of each session, and a row
+/// of each session.
+pub const VIEWS_SQL: &str = include_str!("schema/views.sql");
 
 static SCHEMAS: LazyLock<Vec<TableSchema>> = LazyLock::new(|| {
     FILES
@@ -225,6 +233,7 @@ impl ColumnType {
             Self::Float64 => DataType::Float64,
             Self::Int64 => DataType::Int64,
             Self::Bool => DataType::Boolean,
+            Self::Timestamp => DataType::Timestamp(TimeUnit::Microsecond, None),
             Self::String => DataType::Utf8,
             Self::ListFloat64 => list(DataType::Float64),
             Self::ListInt64 => list(DataType::Int64),
@@ -238,6 +247,7 @@ impl ColumnType {
             Self::Float64 => "float64",
             Self::Int64 => "int64",
             Self::Bool => "bool",
+            Self::Timestamp => "timestamp",
             Self::String => "string",
             Self::ListFloat64 => "list<float64>",
             Self::ListInt64 => "list<int64>",
@@ -245,9 +255,12 @@ impl ColumnType {
         }
     }
 
-    /// Whether it holds numbers, or lists of them.
+    /// Whether it holds numbers, or lists of them: these have a unit.
     pub(super) const fn is_number(self) -> bool {
-        !matches!(self, Self::Bool | Self::String | Self::ListString)
+        !matches!(
+            self,
+            Self::Bool | Self::String | Self::Timestamp | Self::ListString
+        )
     }
 
     /// Whether it holds one value, not a list.

@@ -28,7 +28,7 @@ use arrow::datatypes::{Float64Type, Int64Type};
 
 pub use cell::{Cell, Value};
 pub use columns::Columns;
-pub use error::{FileError, FileErrorKind, TableError};
+pub use error::{FileError, FileErrorKind, TableError, plain};
 pub use read::{
     Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
 };

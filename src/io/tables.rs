@@ -50,7 +50,7 @@ use crate::ingest::PosesError;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
-use crate::report::{Angles, Model, Split};
+use crate::report::{Accuracy, Angles, Model, Split};
 use accuracy::AccuracyRow;
 use calibrations::CalibrationRow;
 use clocks::ClockRow;
@@ -197,6 +197,7 @@ impl RunRows {
             &outcome.iso_9283,
             &context.tolerance,
             key,
+            &outcome.starts(),
         );
         Ok(Self {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
@@ -231,7 +232,14 @@ impl RunRows {
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     let verdict = &outcome.verdict;
     let (figure, covered) = (verdict.headline().figure(), verdict.headline().covered());
+    let mean = |of: Option<&Accuracy>| Some(of?.figures?.mean);
+    let starts = || outcome.training.iter().filter_map(JoinedSession::started);
     Ending {
+        started: [
+            outcome.training.last().and_then(JoinedSession::started),
+            starts().min(),
+        ],
+        means_mm: [mean(outcome.before()), mean(outcome.after())],
         verdict: (&verdict.verdict()).into(),
         reason: verdict.reason(),
         verdict_of: verdict.applied().into(),

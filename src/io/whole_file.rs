@@ -7,6 +7,35 @@ use std::path::Path;
 
 use tempfile::{Builder, NamedTempFile};
 
+/// What went wrong where a file or folder could not be written, and what to do.
+pub fn told(error: &io::Error) -> String {
+    use io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
+    match error.kind() {
+        // The system's words would say less, or name a temporary file.
+        NotFound | NotADirectory | IsADirectory | AlreadyExists => advice(error).to_owned(),
+        _ => format!("{error}; {}", advice(error)),
+    }
+}
+
+fn advice(error: &io::Error) -> &'static str {
+    use io::ErrorKind;
+    match error.kind() {
+        ErrorKind::NotFound => "the folder that it would be in is not there: make it first",
+        ErrorKind::NotADirectory => {
+            "a part of its path is a file, and only folders hold files: choose another place"
+        }
+        ErrorKind::IsADirectory => "it is a folder: give the name of a new file in it",
+        ErrorKind::AlreadyExists => "that name is taken: choose another, or remove it first",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "this user may not write there: choose another folder, or change its permissions"
+        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            "make room there, or choose another place"
+        }
+        _ => "check the space and the permissions of the folder",
+    }
+}
+
 /// Writes `path` by `write`. When that fails, there is no file at `path` and no temporary is left.
 ///
 /// # Errors
@@ -67,6 +96,20 @@ mod tests {
     use std::fs;
 
     use super::*;
+
+    #[test]
+    fn the_advice_is_for_what_went_wrong() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let told = |path: &Path| {
+            let written = write_whole(path, |sink| sink.write_all(b"x"));
+            advice(&written.unwrap_err())
+        };
+        assert!(told(&folder.path().join("none/a.csv")).contains("make it first"));
+        assert!(told(&file.join("a.csv")).contains("a part of its path is a file"));
+        assert!(told(&file).contains("that name is taken"));
+    }
 
     #[test]
     fn a_file_appears_whole_or_not_at_all() {

@@ -64,6 +64,7 @@ fn figure(
         quantity,
         name,
         of_session: of.to_owned(),
+        session_started: None,
         pose: None,
         value: Some(value),
         unit: Unit::Mm,

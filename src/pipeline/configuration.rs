@@ -20,6 +20,7 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
+use super::keys::{KeyReference, missing};
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
@@ -166,7 +167,22 @@ fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
             wanted: "a finite number".to_owned(),
         });
     }
-    toml::from_str(&text).map_err(wrong)
+    toml::from_str(&text).map_err(|source| {
+        incomplete(path, KeyReference::pipeline(), &text).unwrap_or_else(|| wrong(source))
+    })
+}
+
+/// The error of a file with several keys that are missing or not known; `None` of another one.
+fn incomplete(
+    path: &Path,
+    reference: &'static KeyReference,
+    text: &str,
+) -> Option<ConfigurationError> {
+    let source = missing::told_at_once(reference, text)?;
+    Some(ConfigurationError::Incomplete {
+        path: path.to_owned(),
+        source: Box::new(source),
+    })
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
@@ -216,11 +232,13 @@ fn read_arm(path: &Path, robot: &Path) -> Result<Arm, ConfigurationError> {
         robot: robot.to_owned(),
         source,
     })?;
-    let file: RobotFile =
-        toml::from_str(&text).map_err(|source| ConfigurationError::RobotParse {
-            robot: robot.to_owned(),
-            source: Box::new(source),
-        })?;
+    let wrong = |source| ConfigurationError::RobotParse {
+        robot: robot.to_owned(),
+        source: Box::new(source),
+    };
+    let file: RobotFile = toml::from_str(&text).map_err(|source| {
+        incomplete(robot, KeyReference::robot(), &text).unwrap_or_else(|| wrong(source))
+    })?;
     file.arm().map_err(|source| ConfigurationError::Arm {
         robot: robot.to_owned(),
         source,

@@ -270,6 +270,8 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         verdict,
         verdict_of: VerdictOf::SamplingPlan,
         statement: format!("{word} by the plan: {why}"),
+        started: [None; 2],
+        means_mm: [None; 2],
         bound_mm: promise.bound_mm,
         counted: None,
         stations_covered_share: None,

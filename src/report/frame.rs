@@ -71,3 +71,42 @@ impl StatedFrame {
         std::iter::once(words).chain(typed.map(line)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Translation3, UnitQuaternion};
+
+    use super::*;
+
+    #[test]
+    fn a_fitted_base_is_told_as_it_is_typed_and_a_surveyed_one_is_not() {
+        let mut frame = StatedFrame {
+            is_surveyed: false,
+            tracker_from_base: Isometry3::from_parts(
+                Translation3::new(4200.0, -900.0, -650.0),
+                UnitQuaternion::identity(),
+            ),
+            sd_mm: Some(0.02),
+            sd_deg: Some(0.0003),
+        };
+        let lines = frame.lines();
+        assert!(
+            lines[0].contains("right only where the program's base is set to it"),
+            "{lines:?}"
+        );
+        assert_eq!(lines.len(), 5, "{lines:?}");
+        for (line, form) in lines[2..].iter().zip(["KUKA", "UR pose", "ABB pose"]) {
+            assert!(
+                line.contains(form) && line.contains("4200") | line.contains("4.2"),
+                "{line}"
+            );
+        }
+        frame.is_surveyed = true;
+        assert_eq!(
+            frame.lines(),
+            [
+                "frame: the surveyed base (0.020 mm and 0.0003° as standard deviations, counted in U)"
+            ]
+        );
+    }
+}

@@ -19,6 +19,7 @@ use posegrid::manifest::{Input, RunKey, Work, Written, digest};
 use posegrid::pipeline::history::{Asked, history};
 use posegrid::progress::Quiet;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
+use posegrid::units::WallTime;
 use rayon::prelude::*;
 
 fn main() {
@@ -178,6 +179,8 @@ fn put(lake: &Lake, number: usize, model: &str) {
         reason: None,
         verdict_of: VerdictOf::Compensation,
         statement: "met by the compensation table".to_owned(),
+        started: [None; 2],
+        means_mm: [None; 2],
         bound_mm: None,
         counted: None,
         stations_covered_share: None,
@@ -219,6 +222,7 @@ fn filled(
             ColumnType::Float64 => columns.same(name, 0.0),
             ColumnType::Int64 => columns.same(name, 0_i64),
             ColumnType::Bool => columns.same(name, false),
+            ColumnType::Timestamp => columns.same(name, WallTime::of_us(0)),
             ColumnType::String => columns.same(
                 name,
                 column.values.as_ref().map_or("", |words| words[0].as_str()),

@@ -122,13 +122,16 @@ fn a_robot_is_named_in_its_lake_and_the_run_taken_is_said() {
     let run = file_of(lake(), "runs");
     let run = run.file_stem().expect("named").to_string_lossy();
     let told = format!("current run of robot \"kr210-demo\": {run}, of session \"quickstart\"");
-    named.expect(0, &[&told, "its table calibrations"]);
+    named.expect(
+        0,
+        &[&told, "its table calibrations", "frame: the surveyed base"],
+    );
     let given = compensate(&[&text_of(&file_of(lake(), "calibrations")), &joints]);
     assert_eq!(named.results, given.results, "as the file itself");
     // Positions alone are for the nodes of the grid.
     let place = place_file(folder.path(), "place.csv", node.place_mm);
     let named = compensate(&["kr210-demo", &place, "--lake", &lake_text]);
-    named.expect(0, &["its table compensation"]);
+    named.expect(0, &["its table compensation", "frame: the surveyed base"]);
     let by = ["--session", "quickstart", "--by", "calibrations"];
     let args = [&["kr210-demo", &place, "--lake", &lake_text][..], &by].concat();
     compensate(&args).expect(1, &["its table calibrations", "neither joint angles"]);

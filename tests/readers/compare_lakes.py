@@ -9,7 +9,8 @@ names them. A pair is
     values   every value equal to the bit, where a row's run, settings and digests and the schema's version differ;
     differs  anything else: the first differing values are printed.
 
-A column or word that was renamed between the two builds is equal where RENAMED or REWORDED says so. Exit code 0: nothing differs and
+A column or word that was renamed between the two builds is equal where RENAMED or REWORDED says so. A column that a later version
+of the table added (`since` in schemas/*.toml) has no value before and is not compared. Exit code 0: nothing differs and
 nothing is missing on either side; 1 otherwise.
 """
 
@@ -17,6 +18,7 @@ import argparse
 import pathlib
 import re
 import sys
+import tomllib
 from collections import defaultdict
 
 import pyarrow
@@ -50,6 +52,19 @@ REWORDED = {
         (r'"standing"', '"approach"'),
     ],
 }
+
+
+SCHEMAS = pathlib.Path(__file__).parents[2] / "schemas"
+
+
+def added(table, before):
+    """The columns that versions of a table after that of the file `before` added."""
+    schema = SCHEMAS / f"{table}.toml"
+    stated = (before.schema.metadata or {}).get(b"posegrid.schema_version")
+    if not stated or not schema.is_file():
+        return set()
+    columns = tomllib.loads(schema.read_text())["column"]
+    return {column["name"] for column in columns if column.get("since", 0) > int(stated)}
 
 
 def files(lake):
@@ -98,7 +113,7 @@ def differences(table, before, after):
         yield f"{before.num_rows} rows before, {after.num_rows} after"
         return
     names = {column_after(table, name): name for name in before.column_names}
-    for name in sorted(names.keys() ^ set(after.column_names)):
+    for name in sorted((names.keys() ^ set(after.column_names)) - added(table, before)):
         yield f"column {name} is only {'before' if name in names else 'after'}"
     for new, old in names.items():
         if new not in after.column_names or old in OF_THE_BUILD:

@@ -11,6 +11,7 @@ beside files that do not belong.
 """
 
 import argparse
+import datetime
 import json
 import pathlib
 import re
@@ -29,6 +30,7 @@ import pyarrow.dataset
 import pyarrow.parquet
 
 ARROW_TYPES = {
+    "timestamp": "timestamp[us]",
     "float64": "double",
     "int64": "int64",
     "bool": "bool",
@@ -38,6 +40,7 @@ ARROW_TYPES = {
     "list<string>": "list<element: string not null>",
 }
 POLARS_TYPES = {
+    "timestamp": polars.Datetime("us"),
     "float64": polars.Float64,
     "int64": polars.Int64,
     "bool": polars.Boolean,
@@ -47,6 +50,7 @@ POLARS_TYPES = {
     "list<string>": polars.List(polars.String),
 }
 DUCKDB_TYPES = {
+    "timestamp": "TIMESTAMP",
     "float64": "DOUBLE",
     "int64": "BIGINT",
     "bool": "BOOLEAN",
@@ -142,7 +146,9 @@ def digest(schema, table, metadata):
         is_list = column["type"].startswith("list")
         values = [value for row in there for value in row] if is_list else there
         kind = column["type"].removeprefix("list<").removesuffix(">")
-        if kind in ("float64", "int64"):
+        if kind == "timestamp":
+            values = [(value - datetime.datetime(1970, 1, 1)) // datetime.timedelta(microseconds=1) for value in values]
+        if kind in ("float64", "int64", "timestamp"):
             form = "<d" if kind == "float64" else "<q"
             content = blake3.blake3(b"".join(struct.pack(form, value) for value in values)).digest()
         elif kind == "bool":
@@ -209,10 +215,13 @@ def check_runs(lake, folders):
 def check_sql(lake, documents):
     """Runs the SQL of documents on a copy of the lake, before and after files are planted that do not belong.
 
-    Each block gives rows. One that goes by current_runs gives the same rows beside the planted files.
+    Each block gives rows. One that goes by current_runs gives the same rows beside the planted files. A query of the view sessions
+    follows the statements that make it.
     """
     blocks = [(document, sql) for document in documents for sql in re.findall(r"```sql\n(.*?)```", document.read_text(), re.DOTALL)]
-    expect(documents, "one block with the view current_runs", sum("CREATE VIEW current_runs" in sql for _, sql in blocks), 1)
+    views = [sql.split("\n\n")[0] for _, sql in blocks if "CREATE VIEW current_runs" in sql]
+    expect(documents, "one block with the view current_runs", len(views), 1)
+    blocks = [(document, views[0] + sql if "FROM sessions" in sql else sql) for document, sql in blocks]
     with tempfile.TemporaryDirectory() as folder:
         copy = pathlib.Path(folder) / "lake"
         shutil.copytree(lake, copy)

@@ -7,14 +7,16 @@ use parquet::errors::ParquetError;
 use thiserror::Error;
 
 use super::used_with::option;
+use crate::cli::folder_given::FolderGiven;
 use crate::compensation::Exception;
 use crate::compensation::validity::Outside;
 use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
 use crate::io::lake::LakeError;
 use crate::io::store::Place;
-use crate::io::table::{FileError, TableError};
+use crate::io::table::{self, FileError, TableError};
 use crate::io::targets::TargetsError;
+use crate::io::whole_file;
 use crate::pipeline::history::HistoryError;
 
 /// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.
@@ -132,15 +134,8 @@ pub enum CompensateCommandError {
     )]
     NoTable(PathBuf),
     /// A folder where a file is needed.
-    #[error("{}", folder(path, wanted, files))]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// The file that is needed, in words.
-        wanted: &'static str,
-        /// Files in it that can be given.
-        files: Vec<PathBuf>,
-    },
+    #[error("{0}")]
+    Folder(FolderGiven),
     /// A lake without the name of a robot.
     #[error(
         "{} is a lake; give a robot of it by name: posegrid compensate ROBOT TARGETS --lake {}; its robots: {}",
@@ -217,7 +212,7 @@ pub enum CompensateCommandError {
     #[error(transparent)]
     Result(#[from] TableError),
     /// The result cannot be written.
-    #[error("{}: {source}; check the space and the permissions of the folder", path.as_deref().map_or_else(|| "standard output".into(), Path::to_string_lossy))]
+    #[error("{}: {}", path.as_deref().map_or_else(|| "standard output".into(), Path::to_string_lossy), source.told())]
     Write {
         /// The file; `None` for standard output.
         path: Option<PathBuf>,
@@ -236,27 +231,26 @@ pub enum WriteCause {
     #[error(transparent)]
     Csv(#[from] csv::Error),
     /// The Parquet writer failed.
-    #[error(transparent)]
+    #[error("{}", table::plain(.0))]
     Parquet(#[from] ParquetError),
 }
 
-/// Files named in a message up to this many.
-const FILES_NAMED: usize = 5;
+impl WriteCause {
+    /// What went wrong, and what to do.
+    fn told(&self) -> String {
+        match self {
+            Self::Io(error) => whole_file::told(error),
+            Self::Csv(_) | Self::Parquet(_) => {
+                format!("{self}; check the space and the permissions of the folder")
+            }
+        }
+    }
+}
 
-/// What a folder is told: the files in it that can be given.
-fn folder(path: &Path, wanted: &str, files: &[PathBuf]) -> String {
-    let named: Vec<String> = files
-        .iter()
-        .take(FILES_NAMED)
-        .map(|file| file.display().to_string())
-        .collect();
-    let more = files.len().saturating_sub(FILES_NAMED);
-    let which = match (named.is_empty(), more) {
-        (true, _) => "none is in it".to_owned(),
-        (false, 0) => format!("in it: {}", named.join(", ")),
-        (false, more) => format!("in it: {} and {more} more", named.join(", ")),
-    };
-    format!("{} is a folder; give {wanted}; {which}", path.display())
+impl From<FolderGiven> for CompensateCommandError {
+    fn from(folder: FolderGiven) -> Self {
+        Self::Folder(folder)
+    }
 }
 
 impl CompensateCommandError {
@@ -271,7 +265,7 @@ impl CompensateCommandError {
             | Self::Outside(_)
             | Self::Verdict { .. }
             | Self::NoTable(_)
-            | Self::Folder { .. }
+            | Self::Folder(_)
             | Self::IsLake { .. }
             | Self::Current(_)
             | Self::NoRun { .. }

@@ -2,10 +2,10 @@
 //!
 //! A folder in the place of a file is an error that names the files to give.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::{CompensateArgs, CompensateCommandError};
+use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
 use crate::compensation::Target;
 use crate::io::lake::Lake;
 use crate::io::store::Place;
@@ -14,9 +14,6 @@ use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, DataList, Form, Targets};
 use crate::manifest::RunKey;
 use crate::pipeline::history;
-
-/// Folders below a folder that are looked into for files to give: robot, session and their files.
-const DEPTH: usize = 3;
 
 /// The file of a table.
 #[derive(Debug)]
@@ -33,28 +30,20 @@ impl CompensateArgs {
         if self.lake.is_none() && self.table.is_dir() {
             return Err(table_folder(&self.table));
         }
-        let is_targets = |path: &Path| Form::of(path).is_ok();
-        let out = self.out.as_deref().filter(|out| out.is_dir());
-        let wrong = if self.targets.is_dir() {
-            Some((
-                &*self.targets,
-                "a file of targets: .csv, .parquet, .json or .dat",
-            ))
-        } else {
-            out.map(|out| (out, "a new file in it as --out, such as corrected.csv"))
-        };
-        wrong.map_or(Ok(()), |(path, wanted)| {
-            let files = if Some(path) == out {
-                Vec::new()
-            } else {
-                files_in(path, 0, &is_targets)
-            };
-            Err(CompensateCommandError::Folder {
-                path: path.to_owned(),
-                wanted,
-                files,
-            })
-        })
+        if self.targets.is_dir() {
+            let is_targets = |path: &Path| Form::of(path).is_ok();
+            let files = files_in(&self.targets, 0, &is_targets);
+            let wanted = "a file of targets: .csv, .parquet, .json or .dat";
+            return Err(FolderGiven::new(&self.targets, wanted, files).into());
+        }
+        match self.out.as_deref().filter(|out| out.is_dir()) {
+            Some(out) => Err(FolderGiven::for_new_file(
+                out,
+                "a new file in it as --out, such as corrected.csv",
+            )
+            .into()),
+            None => Ok(()),
+        }
     }
 
     /// The file that TABLE names.
@@ -157,11 +146,8 @@ fn table_folder(path: &Path) -> CompensateCommandError {
         };
     }
     let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
-    CompensateCommandError::Folder {
-        path: path.to_owned(),
-        wanted: "a file of table compensation or calibrations",
-        files: files_in(path, DEPTH, &is_table),
-    }
+    let files = files_in(path, DEPTH, &is_table);
+    FolderGiven::new(path, "a file of table compensation or calibrations", files).into()
 }
 
 /// The names of the folders in a folder, in order; none where it cannot be read.
@@ -170,29 +156,4 @@ fn folders_in(folder: &Path) -> Vec<String> {
     folders
         .filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
         .collect()
-}
-
-/// The files in a folder and so many levels of folders below it that are as wanted, in order.
-fn files_in(folder: &Path, levels: usize, is_wanted: &dyn Fn(&Path) -> bool) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for path in entries(folder) {
-        if path.is_dir() {
-            if levels > 0 {
-                found.extend(files_in(&path, levels - 1, is_wanted));
-            }
-        } else if is_wanted(&path) {
-            found.push(path);
-        }
-    }
-    found
-}
-
-/// What stands in a folder, in order; nothing where it cannot be read, as this is for a message alone.
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
-    paths
 }

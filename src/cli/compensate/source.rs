@@ -12,6 +12,7 @@ use crate::io::table;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, Targets};
+use crate::report::frame::StatedFrame;
 
 /// The source of a correction.
 #[derive(Debug)]
@@ -208,6 +209,14 @@ impl Source {
         match self {
             Self::Table(_) => "table",
             Self::Arm(_) => "identified arm",
+        }
+    }
+
+    /// The base that the correction holds in.
+    pub(super) const fn frame(&self) -> &StatedFrame {
+        match self {
+            Self::Table(own) => &own.error_frame,
+            Self::Arm(own) => &own.error_frame,
         }
     }
 

@@ -28,6 +28,9 @@ impl fmt::Display for Compensated {
             by.key.session,
             valid_for(self.source.validity())
         )?;
+        for line in self.source.frame().lines() {
+            writeln!(f, "{line}")?;
+        }
         writeln!(f, "{}", self.source.measured())?;
         for line in checked(&self.held) {
             writeln!(f, "{line}")?;

@@ -47,6 +47,10 @@ impl Source {
         };
         // Opening a pipe would wait for its writer, and a device may have no end.
         let kind = fs::metadata(path).map_err(at_fault)?.file_type();
+        if kind.is_dir() {
+            let file = name.to_owned();
+            return Err(FileError::Folder { file });
+        }
         if let Some(what) = other_than_a_file(kind) {
             let file = name.to_owned();
             return Err(FileError::NotAFile { file, what });
@@ -143,9 +147,7 @@ fn other_than_a_file(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;
     }
-    Some(if kind.is_dir() {
-        "a directory"
-    } else if kind.is_fifo() {
+    Some(if kind.is_fifo() {
         "a pipe"
     } else if kind.is_socket() {
         "a socket"

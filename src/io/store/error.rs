@@ -11,7 +11,7 @@ use super::Place;
 #[derive(Debug, Error)]
 pub enum StoreError {
     /// The file system reported an error.
-    #[error("cannot {doing} {path}: {source}{}", advice(source))]
+    #[error("cannot {doing} {path}: {source}{}", advice(doing, source))]
     Folder {
         /// The operation.
         doing: &'static str,
@@ -118,9 +118,19 @@ impl StoreError {
     }
 }
 
-/// Advice for an error of the file system; empty where the error needs none.
-pub fn advice(error: &io::Error) -> &'static str {
+/// Advice for an error of the file system; empty where the error needs none. `doing` is the operation: what is only read needs no
+/// other folder.
+pub fn advice(doing: &str, error: &io::Error) -> &'static str {
+    let reads = matches!(doing, "read" | "list" | "look for");
     match error.kind() {
+        io::ErrorKind::NotADirectory if reads => {
+            "; there is a file where a folder is needed: name the folder of a lake, on the command line or under [output] in the pipeline \
+             file"
+        }
+        io::ErrorKind::PermissionDenied if reads => "; let this user read it",
+        io::ErrorKind::IsADirectory => {
+            "; there is a folder where a file is looked for: name the file"
+        }
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
             "; make room there, or name another folder under [output] in the pipeline file; run again afterwards"
         }

@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use arrow::array::{
     ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Builder, ListArray,
-    ListBuilder, StringArray, StringBuilder, new_null_array,
+    ListBuilder, StringArray, StringBuilder, TimestampMicrosecondArray, new_null_array,
 };
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field, FieldRef};
 
 use crate::io::schema::ColumnType;
+use crate::units::WallTime;
 
 /// A value or an absent one: `f64`, `Option<f64>`, `&str`, `Option<Vec<f64>>` and the like.
 pub trait Cell {
@@ -55,6 +56,14 @@ impl Value for f64 {
         let mut column = Float64Builder::with_capacity(values.size_hint().0);
         values.for_each(|value| column.append_option(value));
         Ok(Arc::new(column.finish()))
+    }
+}
+
+impl Value for WallTime {
+    const KIND: ColumnType = ColumnType::Timestamp;
+    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+        let micros = values.map(|value| value.map(Self::us));
+        Ok(Arc::new(micros.collect::<TimestampMicrosecondArray>()))
     }
 }
 

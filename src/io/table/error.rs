@@ -132,7 +132,11 @@ pub enum FileErrorKind {
         /// Advice.
         advice: &'static str,
     },
-    /// Not a Parquet file, or a damaged one: Parquet's error.
+    /// No Parquet file: what its bytes look like.
+    NoParquet(&'static str),
+    /// A Parquet file without its end.
+    CutOff,
+    /// A damaged Parquet file: Parquet's error.
     Parquet(ParquetError),
     /// A file so damaged that the Parquet reader stopped in the middle: the reader's message.
     Damaged(String),
@@ -178,6 +182,30 @@ impl FileError {
     }
 }
 
+/// What Parquet says is wrong, without the names of its own kinds of errors.
+pub fn plain(error: &ParquetError) -> String {
+    match error {
+        ParquetError::General(text)
+        | ParquetError::NYI(text)
+        | ParquetError::EOF(text)
+        | ParquetError::ArrowError(text) => text.clone(),
+        ParquetError::External(inner) => inner.to_string(),
+        other => other.to_string(),
+    }
+}
+
+/// What Arrow says is wrong with values, likewise.
+fn plain_values(error: &ArrowError) -> String {
+    match error {
+        ArrowError::ParquetError(text) => text.clone(),
+        ArrowError::ExternalError(inner) => match inner.downcast_ref::<ParquetError>() {
+            Some(inner) => plain(inner),
+            None => inner.to_string(),
+        },
+        other => other.to_string(),
+    }
+}
+
 impl FileErrorKind {
     /// This problem of the file at `path`.
     pub(in crate::io) fn at(self, path: &Path) -> FileError {
@@ -191,15 +219,32 @@ impl FileErrorKind {
     fn message(&self, path: &Path) -> String {
         let path = path.display();
         match self {
+            Self::Open(source) if source.kind() == io::ErrorKind::NotFound => {
+                format!("cannot open {path}: {source}; check its name")
+            }
             Self::Open(source) => format!("cannot open {path}: {source}"),
+            Self::NoParquet(looks) => format!(
+                "cannot read {path} as a Parquet file: it is {looks}; name the right file, or get it \
+                 anew from a copy"
+            ),
+            Self::CutOff => format!(
+                "cannot read {path} as a Parquet file: it begins as one and its end is missing, as after a copy that was \
+                 interrupted; get it anew from a copy, or run its session again"
+            ),
             Self::TooLarge { limit, advice } => format!(
                 "{path}: its values take more than the limit of {limit} bytes in memory; {advice}"
             ),
-            Self::Parquet(source) => format!("cannot read {path} as a Parquet file: {source}"),
+            Self::Parquet(source) => format!(
+                "cannot read {path} as a Parquet file: it is damaged: {}; get it anew from a copy, or run its session again",
+                plain(source)
+            ),
             Self::Damaged(problem) => format!(
                 "{path} is damaged: reading it failed with \"{problem}\"; restore it from a copy or run its session again"
             ),
-            Self::Values(source) => format!("cannot read the values of {path}: {source}"),
+            Self::Values(source) => format!(
+                "cannot read the values of {path}: it is damaged: {}; get it anew from a copy, or run its session again",
+                plain_values(source)
+            ),
             Self::OtherTable { found, expected } => {
                 format!("{path} holds {found}, not table {expected:?}")
             }

@@ -6,6 +6,7 @@
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
@@ -184,6 +185,7 @@ fn decode(
     schema: &TableSchema,
     bound: Bound,
 ) -> Result<(Entries, RecordBatch), FileError> {
+    check_form(&file).map_err(|kind| kind.at(path))?;
     let parquet = |source| FileErrorKind::Parquet(source).at(path);
     let values = |source| FileErrorKind::Values(source).at(path);
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
@@ -218,6 +220,7 @@ pub fn head(path: &Path) -> Result<Head, FileError> {
 
 /// The statements about itself of an open file, which errors call `path`.
 pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
+    check_form(file).map_err(|kind| kind.at(path))?;
     let read = || {
         let mut metadata = ParquetMetaDataReader::new();
         metadata.try_parse(file).and_then(|()| metadata.finish())
@@ -232,6 +235,47 @@ pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
         key: key(&entries),
         created_by: metadata.file_metadata().created_by().map(str::to_owned),
     })
+}
+
+/// The bytes that a Parquet file begins and ends with.
+const MAGIC: &[u8] = b"PAR1";
+
+/// Checks that a file begins and ends as a Parquet file does.
+fn check_form(file: &File) -> Result<(), FileErrorKind> {
+    let (start, end) = ends(file).map_err(FileErrorKind::Open)?;
+    if !start.starts_with(MAGIC) {
+        return Err(FileErrorKind::NoParquet(looks_like(&start)));
+    }
+    if end != MAGIC || start.len() < 3 * MAGIC.len() {
+        return Err(FileErrorKind::CutOff);
+    }
+    Ok(())
+}
+
+/// The first bytes of a file, some hundred where it has them, and its last four.
+fn ends(mut file: &File) -> io::Result<(Vec<u8>, Vec<u8>)> {
+    let (mut start, mut end) = (Vec::new(), Vec::new());
+    file.seek(SeekFrom::Start(0))?;
+    file.take(512).read_to_end(&mut start)?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(length.saturating_sub(MAGIC.len() as u64)))?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut end)?;
+    Ok((start, end))
+}
+
+/// What the first bytes of a file look like.
+fn looks_like(start: &[u8]) -> &'static str {
+    // A letter may be cut off at the end.
+    let is_utf8 =
+        |bytes: &[u8]| str::from_utf8(bytes).map_or_else(|e| e.error_len().is_none(), |_| true);
+    let is_text = |bytes: &[u8]| !bytes.contains(&0) && is_utf8(bytes);
+    match start {
+        [] => "empty",
+        [0x89, b'M', b'C', b'A', b'P', ..] => "a log (MCAP)",
+        [b'P', b'K', 3, 4, ..] => "an archive or a spreadsheet (ZIP)",
+        text if is_text(text) => "a text, such as CSV or JSON",
+        _ => "something else",
+    }
 }
 
 fn panic_message(panic: &(dyn Any + Send)) -> String {
@@ -423,8 +467,33 @@ mod tests {
             "{older}"
         );
         let schema = schema::find("joint_errors").unwrap();
-        assert!(refusal(b"robot,session\n", schema).contains("as a Parquet file"));
-        assert!(refusal(b"", schema).contains("as a Parquet file"));
+        for (bytes, looks) in [
+            (&b"robot,session\n"[..], "it is a text, such as CSV or JSON"),
+            (b"", "it is empty"),
+            (b"PK\x03\x04 and more", "it is an archive or a spreadsheet"),
+            (b"\x89MCAP0\r\n", "it is a log (MCAP)"),
+            (b"\xff\xfe\x00\x01", "it is something else"),
+            (b"PAR1", "its end is missing"),
+            (
+                &bytes[..bytes.len() / 2],
+                "its end is missing, as after a copy that was interrupted; get it anew",
+            ),
+        ] {
+            let told = refusal(bytes, schema);
+            assert!(
+                told.contains("as a Parquet file") && told.contains(looks),
+                "{told}"
+            );
+        }
+        let mut footer = bytes.clone();
+        let length = footer.len();
+        footer[length - 8..length - 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        let told = refusal(&footer, schema);
+        assert!(
+            told.contains("it is damaged: ") && told.contains("get it anew"),
+            "{told}"
+        );
+        assert!(!told.contains("Parquet error"), "{told}");
         let missing = read(Path::new("/nowhere/x.parquet"), schema)
             .unwrap_err()
             .to_string();

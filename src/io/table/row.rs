@@ -10,11 +10,12 @@
 use std::sync::Arc;
 
 use arrow::array::{Array, AsArray};
-use arrow::datatypes::{Float64Type, Int64Type};
+use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
 use super::{Columns, Table, TableError, Value};
 use crate::io::schema::{self, ColumnType, TableSchema};
 use crate::manifest::RunKey;
+use crate::units::WallTime;
 
 /// The rows of one table.
 pub trait Row: Sized {
@@ -248,6 +249,7 @@ stored! {
     u32 as u32: |own: &u32| *own, |array, row| u32::try_from(whole(array, row)).unwrap_or(u32::MAX);
     u64 as u64: |own: &u64| *own, |array, row| whole(array, row).cast_unsigned();
     usize as usize: |own: &usize| *own, |array, row| usize::try_from(whole(array, row)).unwrap_or(usize::MAX);
+    WallTime as WallTime: |own: &WallTime| *own, |array: &dyn Array, row| WallTime::of_us(array.as_primitive::<TimestampMicrosecondType>().value(row));
     bool as bool: |own: &bool| *own, |array: &dyn Array, row| array.as_boolean().value(row);
     String as &'v str: String::as_str, |array, row| text(array, row).to_owned();
     Arc<str> as &'v str: AsRef::as_ref, |array, row| Self::from(text(array, row));

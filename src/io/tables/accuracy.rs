@@ -2,6 +2,8 @@
 
 mod iso_9283;
 
+use std::collections::BTreeMap;
+
 use super::compensation::table_id;
 use super::grid_steps::whole;
 use super::words::{self, Role, TableVerdict, Unit};
@@ -12,6 +14,7 @@ use crate::manifest::RunKey;
 use crate::report::iso_9283::{Characteristic, Iso9283};
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
+use crate::units::WallTime;
 
 /// Coverage factor of the expanded uncertainties.
 const COVERAGE_FACTOR: f64 = 2.0;
@@ -45,6 +48,8 @@ row! {
         name: FigureName,
         /// The session of the stations.
         of_session: String,
+        /// Start of that session; `None` where no clock has an epoch, and in rows before version 6.
+        session_started: Option<WallTime>,
         /// The pose of an ISO 9283 figure, by the station of its first visit; `None` over all poses.
         pose: Option<usize>,
         /// The figure; `None` where it is not shown.
@@ -198,6 +203,7 @@ impl AccuracyRow {
             quantity,
             name,
             of_session: subject.of_session.clone(),
+            session_started: None,
             pose: None,
             value: None,
             unit,
@@ -225,13 +231,15 @@ impl AccuracyRow {
     }
 }
 
-/// The rows of all figures. The bound of the run's own table has the verdict of that table.
+/// The rows of all figures, with the start of their sessions (`starts`, by name). The bound of the run's own table has the verdict
+/// of that table.
 pub fn rows<'a>(
     all: impl Iterator<Item = &'a Accuracy>,
     verdict: &RunVerdict,
     iso_9283: &[Iso9283],
     tolerance: &Tolerance,
     key: &RunKey,
+    starts: &BTreeMap<&str, WallTime>,
 ) -> Vec<AccuracyRow> {
     let of_sets = all.flat_map(|of| {
         let (verdict, reason) = if carries_verdict(of) {
@@ -242,7 +250,11 @@ pub fn rows<'a>(
         };
         figures(of, &verdict, reason.as_ref(), tolerance, key)
     });
-    of_sets.chain(iso_9283::rows(iso_9283)).collect()
+    let dated = |row: AccuracyRow| AccuracyRow {
+        session_started: starts.get(row.of_session.as_str()).copied(),
+        ..row
+    };
+    of_sets.chain(iso_9283::rows(iso_9283)).map(dated).collect()
 }
 
 /// Whether a figure is the one that the verdict of the table stands with: the run's own table on held-out blocks.

@@ -1,20 +1,23 @@
 //! All results of one piece of work, before they are made into tables.
 
+use std::collections::BTreeMap;
+
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, ErrorFrame, PoseModel};
+use crate::fit::{Calibration, Corrects, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
-use crate::join::Joined;
+use crate::join::{Joined, began};
 use crate::manifest::RunKey;
 use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Iso9283;
-use crate::report::verdict::RunVerdict;
-use crate::report::{Accuracy, Model, ResidualSet};
+use crate::report::verdict::{Judging, RunVerdict, figure_of};
+use crate::report::{Accuracy, Model, ResidualSet, Split};
 use crate::setup::Finding;
 use crate::similarity::Semivariogram;
+use crate::units::WallTime;
 
 /// One session of a piece of work, read and joined.
 #[derive(Debug, Clone)]
@@ -24,7 +27,7 @@ pub struct JoinedSession {
     /// Messages and byte ranges that its logs lost.
     pub log_rejects: Vec<LogReject>,
     /// Number of items read, by kind.
-    pub counts: std::collections::BTreeMap<String, u64>,
+    pub counts: BTreeMap<String, u64>,
     /// Its stations and clocks.
     pub joined: Joined,
     /// Its commands.
@@ -35,6 +38,13 @@ pub struct JoinedSession {
     pub sampling_plan: Option<String>,
     /// A small disagreement of its logs with the stated set-up; `None` where they agree.
     pub set_up: Option<Finding>,
+}
+
+impl JoinedSession {
+    /// Start of the session by the clock of its logs that has an epoch ([`began`]); `None` where neither has one.
+    pub fn started(&self) -> Option<WallTime> {
+        Some(began(&self.joined.clock.model)?.at)
+    }
 }
 
 /// The corrected targets that drove a session, and the target of each station.
@@ -106,6 +116,34 @@ pub struct Outcome<'a> {
     pub at_tip: Vec<Accuracy>,
     /// Figures of repeated visits.
     pub iso_9283: Vec<Iso9283>,
+}
+
+impl Outcome<'_> {
+    /// The start of each session that has one, by name.
+    pub fn starts(&self) -> BTreeMap<&str, WallTime> {
+        let sessions = self.training.iter().chain(&self.test);
+        let started = sessions.map(|session| Some((session.name.as_str(), session.started()?)));
+        started.flatten().collect()
+    }
+
+    /// Errors of the last training session before correction, in the base that the results hold in: of the raw command where
+    /// there are any, else of base + target on held-out blocks; `None` where neither could be found.
+    pub fn before(&self) -> Option<&Accuracy> {
+        let session = &self.training.last()?.name;
+        let is_raw = |own: &&Accuracy| {
+            own.subject.model.about().corrects == Corrects::Nothing
+                && own.subject.of_session == *session
+        };
+        let raw = self.accuracy.iter().find(is_raw);
+        raw.or_else(|| figure_of(&self.accuracy, Model::BaseTarget, Split::Blocks, session))
+    }
+
+    /// Errors that what the verdict is of leaves at held-out blocks of that session; `None` where nothing gives them.
+    pub fn after(&self) -> Option<&Accuracy> {
+        let mut judges = self.verdict.judges().iter();
+        let blocks = judges.find(|judge| matches!(judge.stations, Judging::Blocks(_)))?;
+        blocks.figure.as_ref()
+    }
 }
 
 /// The commands that drove a session.

@@ -5,6 +5,7 @@ use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
 use crate::io::table::{Row as _, Table, row};
 use crate::manifest::{Replaced, StageCount, VERSION, Work, Written, cpu_features, platform};
+use crate::units::WallTime;
 
 row! {
     /// A run.
@@ -17,6 +18,10 @@ row! {
         platform: String,
         /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
+        /// Start of the last session learnt from, as is the next in rows of version 4 and later; `None` where no clock has an epoch.
+        session_started: Option<WallTime>,
+        /// Start of the earliest one.
+        first_session_started: Option<WallTime>,
         /// Sessions learnt from.
         sessions: Vec<String>,
         /// Sessions that only judged.
@@ -47,6 +52,10 @@ row! {
         verdict_of: Option<VerdictOf>,
         /// The verdict in words, with what it is of and why.
         statement: Option<String>,
+        /// Mean error of the last session before correction, mm; `None` of a plan, and in rows before version 4, as is the next.
+        mean_before_mm: Option<f64>,
+        /// Mean error that what the verdict is of leaves at held-out blocks of that session, mm.
+        mean_after_mm: Option<f64>,
         /// The bound that it rests on, mm; `None` where there is none.
         bound_mm: Option<f64>,
         /// Held-out poses that the bound counts; `None` of a plan.
@@ -75,6 +84,10 @@ pub struct Ending {
     pub verdict_of: VerdictOf,
     /// The verdict in words, with what it is of and why.
     pub statement: String,
+    /// Start of the last session and of the earliest one; `None` where no clock has an epoch, and of a plan.
+    pub started: [Option<WallTime>; 2],
+    /// Mean error of the last session before correction, and what is left of it at held-out blocks, mm; `None` of a plan.
+    pub means_mm: [Option<f64>; 2],
     /// The bound that it rests on, mm; `None` where there is none.
     pub bound_mm: Option<f64>,
     /// Held-out poses and visits that the bound counts; `None` of a plan.
@@ -113,7 +126,13 @@ impl Work {
 fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> RunRow {
     let inputs = || work.inputs.iter();
     let replaced = ending.replaces.as_ref();
+    let [session_started, first_session_started] = ending.started;
+    let [mean_before_mm, mean_after_mm] = ending.means_mm;
     RunRow {
+        session_started,
+        first_session_started,
+        mean_before_mm,
+        mean_after_mm,
         pipeline: work.pipeline.clone(),
         version: VERSION.to_owned(),
         platform: platform(),
@@ -167,6 +186,8 @@ mod tests {
             reason: None,
             verdict_of: VerdictOf::Compensation,
             statement: "met by the compensation table: held-out blocks of mon".to_owned(),
+            started: [None; 2],
+            means_mm: [Some(1.2), Some(0.1)],
             bound_mm: Some(0.2),
             counted: Some(Counted::once(100)),
             stations_covered_share: Some(1.0),

@@ -3,6 +3,8 @@
 mod example;
 mod models;
 
+use std::collections::BTreeMap;
+
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::Float64Type;
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
@@ -22,6 +24,7 @@ use crate::manifest::{Work, canonical};
 use crate::page::Statements;
 use crate::pipeline::publish::publish;
 use crate::report;
+use crate::units::{Stamp, WallTime};
 use example::{ARM, OUTCOME, SESSION, context};
 use words::TableVerdict;
 
@@ -554,6 +557,7 @@ fn accuracy_says_what_is_not_shown() {
         &[],
         &example::TOLERANCE,
         &key(),
+        &OUTCOME.starts(),
     ));
     let bounds = rows(&table, "name", "bound");
     assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
@@ -576,6 +580,28 @@ fn accuracy_says_what_is_not_shown() {
 }
 
 #[test]
+fn each_figure_has_the_start_of_its_session() {
+    let day = WallTime::of_us(1_604_923_200_000_000);
+    let started = |starts: &BTreeMap<&str, WallTime>| -> Vec<Option<WallTime>> {
+        let figures = OUTCOME.accuracy.iter();
+        let tolerance = &example::TOLERANCE;
+        let rows = accuracy::rows(figures, &OUTCOME.verdict, &[], tolerance, &key(), starts);
+        rows.iter().map(|row| row.session_started).collect()
+    };
+    let session = OUTCOME.accuracy[0].subject.of_session.as_str();
+    assert!(started(&BTreeMap::from([(session, day)])).contains(&Some(day)));
+    // The example's controller counts from its start.
+    assert!(OUTCOME.starts().is_empty());
+    assert!(started(&OUTCOME.starts()).iter().all(Option::is_none));
+    // Its tracker may have an epoch: then that clock tells the day.
+    let mut session = OUTCOME.training[0].clone();
+    session.joined.clock.model.offset_ns = day.us() as f64 * 1e3 - 7.0;
+    assert_eq!(session.started(), Some(day));
+    session.joined.clock.model.origin = Stamp::from_ns((day.us() - 5) * 1000 + 999);
+    assert_eq!(session.started(), Some(WallTime::of_us(day.us() - 5)));
+}
+
+#[test]
 fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
     let table = table(accuracy::rows(
         OUTCOME.accuracy.iter(),
@@ -583,6 +609,7 @@ fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
         &OUTCOME.iso_9283,
         &example::TOLERANCE,
         &key(),
+        &OUTCOME.starts(),
     ));
     let own = rows(&table, "quantity", "iso_9283");
     let names: Vec<&str> = own

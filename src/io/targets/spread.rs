@@ -1,12 +1,13 @@
 //! A table as text: one row after the other, and each joint angle in a column of its own.
 
 use arrow::array::{Array as _, ArrayRef, AsArray as _};
-use arrow::datatypes::{Float64Type, Int64Type};
+use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
 use super::angles::{shown, suffix};
 use crate::ingest::AngleUnit;
 use crate::io::schema::{ColumnSchema, ColumnType};
 use crate::io::table::Table;
+use crate::units::WallTime;
 
 /// A list of joint angles has a name with this ending.
 const ANGLES: &str = "joints_rad";
@@ -115,6 +116,10 @@ fn cell(array: &ArrayRef, column: &ColumnSchema, row: usize) -> Cell {
         (ColumnType::Float64, _) => Cell::Number(real(array, row).to_string()),
         (ColumnType::Int64, _) => Cell::Number(whole(array, row).to_string()),
         (ColumnType::Bool, _) => Cell::Flag(array.as_boolean().value(row)),
+        (ColumnType::Timestamp, _) => {
+            let micros = array.as_primitive::<TimestampMicrosecondType>().value(row);
+            Cell::Text(WallTime::of_us(micros).to_string())
+        }
         (ColumnType::String, _) => text(array, row),
         (ColumnType::ListFloat64, _) => {
             listed(&|list, place| Cell::Number(real(list, place).to_string()))

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::geometry::PlacementError;
+use crate::io::input::toml_problem;
 use crate::io::store::StoreError;
 use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
+use crate::pipeline::keys::missing::Incomplete;
 
 /// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
@@ -23,12 +25,20 @@ pub enum ConfigurationError {
         source: io::Error,
     },
     /// The pipeline file is no pipeline file.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {}", path.display(), toml_problem(source))]
     Parse {
         /// The file.
         path: PathBuf,
         /// Where and why.
         source: Box<toml::de::Error>,
+    },
+    /// Several keys of the pipeline file or the robot file are missing, or not known.
+    #[error("{}: {source}", path.display())]
+    Incomplete {
+        /// The file.
+        path: PathBuf,
+        /// The keys.
+        source: Box<Incomplete>,
     },
     /// An invalid value.
     #[error("{}: {key} = {found}, but it has to be {wanted}", path.display())]
@@ -81,7 +91,7 @@ pub enum ConfigurationError {
         source: io::Error,
     },
     /// The robot file is no robot file.
-    #[error("{}: {source}", robot.display())]
+    #[error("{}: {}", robot.display(), toml_problem(source))]
     RobotParse {
         /// The robot file.
         robot: PathBuf,

@@ -3,7 +3,6 @@
 //! Each file is digested and compared with the row of `runs` before it is used. The model is the full error model where
 //! there is one, otherwise the geometry. Figures are those of held-out stations where the session has them.
 
-use std::fs::File;
 use std::path::Path;
 
 use super::rows::Fact;
@@ -12,6 +11,7 @@ use crate::fit::full::saved::SavedFull;
 use crate::fit::saved::SavedCalibration;
 use crate::history::estimate::Estimate;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
+use crate::io::input::{self, Bound};
 use crate::io::lake::Lake;
 use crate::io::schema;
 use crate::io::table::{self, Row as _, Table, Word as _};
@@ -59,7 +59,7 @@ fn checked(lake: &Lake, fact: &Fact, name: &str, expected: &str) -> Result<Table
 }
 
 fn digest_of(path: &Path) -> std::io::Result<String> {
-    Ok(digest(File::open(path)?)?.0)
+    Ok(digest(input::open(path, Bound::ANY)?)?.0)
 }
 
 /// The best model's estimate, and the name of the model.

@@ -1,9 +1,9 @@
 //! The inputs of a piece of work, which give it its name: files by their digests, settings, the robot.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::RunError;
+use crate::io::input::{self, Bound};
 use crate::io::log::read_metadata;
 use crate::manifest::{self, Input, Work};
 use crate::pipeline::configuration::{Configuration, SessionFiles, WorkPiece};
@@ -73,7 +73,8 @@ pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunEr
         path: path.to_owned(),
         source,
     };
-    let (digest, bytes) = manifest::digest(File::open(path).map_err(wrong)?).map_err(wrong)?;
+    let (digest, bytes) =
+        manifest::digest(input::open(path, Bound::ANY).map_err(wrong)?).map_err(wrong)?;
     Ok(Input {
         name: name.to_owned(),
         bytes,

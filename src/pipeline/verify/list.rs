@@ -126,6 +126,12 @@ impl RowList {
             source,
         };
         let file = File::open(path).map_err(failed)?;
+        if file.metadata().map_err(failed)?.is_dir() {
+            return Err(failed(io::Error::new(
+                io::ErrorKind::IsADirectory,
+                "it is a folder; give the file that `posegrid verify LAKE --list` was printed into",
+            )));
+        }
         let mut text = String::new();
         let read = file.take(MOST_BYTES + 1).read_to_string(&mut text);
         if read.map_err(failed)? as u64 > MOST_BYTES {

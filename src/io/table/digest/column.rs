@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray};
 use arrow::buffer::Buffer;
-use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type};
+use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type, TimestampMicrosecondType};
 use blake3::Hasher;
 
 use super::super::same;
@@ -41,7 +41,7 @@ impl ColumnDigest {
             nullable: column.nullable,
             presence: Runs::default(),
             lengths: Runs::default(),
-            values: if column.kind.is_number() {
+            values: if column.kind.is_number() || column.kind == ColumnType::Timestamp {
                 Values::Numbers(Box::default())
             } else {
                 Values::Counted(Box::default())
@@ -92,6 +92,17 @@ impl ColumnDigest {
             (Values::Numbers(hasher), ColumnType::Float64 | ColumnType::ListFloat64) => {
                 let numbers = array.as_primitive::<Float64Type>();
                 let bytes = |number: f64| number.to_le_bytes();
+                add_numbers(
+                    hasher,
+                    &numbers.values()[start..end],
+                    numbers.values().inner(),
+                    start,
+                    bytes,
+                );
+            }
+            (Values::Numbers(hasher), ColumnType::Timestamp) => {
+                let numbers = array.as_primitive::<TimestampMicrosecondType>();
+                let bytes = |number: i64| number.to_le_bytes();
                 add_numbers(
                     hasher,
                     &numbers.values()[start..end],

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray, StringArray};
 use arrow::compute::{filter, is_not_null};
-use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type};
+use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type, TimestampMicrosecondType};
 use arrow::error::ArrowError;
 use bytes::Bytes;
 use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
@@ -83,7 +83,11 @@ fn write(
             write!(w, values.as_primitive::<Float64Type>().values())
         }
         ColumnWriter::Int64ColumnWriter(w) => {
-            write!(w, values.as_primitive::<Int64Type>().values())
+            if let Some(stamps) = values.as_primitive_opt::<TimestampMicrosecondType>() {
+                write!(w, stamps.values())
+            } else {
+                write!(w, values.as_primitive::<Int64Type>().values())
+            }
         }
         ColumnWriter::BoolColumnWriter(w) => {
             write!(w, &values.as_boolean().values().iter().collect::<Vec<_>>())

@@ -1,0 +1,129 @@
+//! Every key of pipeline and robot files: section, type, unit, allowed words, default, and a sentence.
+//!
+//! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and an
+//! incomplete file is held against them, so that all missing keys are told at once ([`missing`]). What is read is decided by the
+//! structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds keys, words and defaults of both against each other.
+
+pub mod missing;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+
+/// The names under which the command `schema` knows the two files.
+pub const FILES: [&str; 2] = ["pipeline", "robot"];
+
+/// Every key of one kind of file.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeyReference {
+    /// The kind of file, one of [`FILES`].
+    pub file: String,
+    /// The purpose of such a file.
+    pub about: String,
+    /// The chapter of the guide that explains it.
+    pub guide: String,
+    /// Its sections, in the order of a file.
+    #[serde(rename = "section")]
+    pub sections: Vec<KeySection>,
+}
+
+/// A section of a file, or the keys inside a value.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeySection {
+    /// Path of the section, empty for the top of the file; or a name for the values in `at`.
+    pub name: String,
+    /// The keys whose values have these keys; empty for a section of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at: Vec<String>,
+    /// Whether a file without the section is not read.
+    #[serde(default)]
+    pub required: bool,
+    /// Whether it may stand several times, as `[[name]]`.
+    #[serde(default)]
+    pub repeated: bool,
+    /// Whether the value may be something else than a table with these keys.
+    #[serde(default)]
+    pub open: bool,
+    /// What the section says.
+    pub about: String,
+    /// Its keys.
+    pub keys: Vec<Key>,
+}
+
+/// A key of a section.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    /// Its name.
+    pub key: String,
+    /// Type of its value, in words.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Unit of a number, `1` without dimension; absent for other values and plain counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// The words allowed; empty where there are others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<String>,
+    /// Whether its section is not read without it.
+    #[serde(default)]
+    pub required: bool,
+    /// Whether its word decides which of the other keys of the section there are.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub tag: bool,
+    /// The value where the key is absent; none for a key that is required, or that means something only where it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub default: Option<toml::Value>,
+    /// What holds where the key is absent and there is no default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absent: Option<String>,
+    /// A value that is allowed, where there is no default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub example: Option<toml::Value>,
+    /// What the value means, in a sentence.
+    pub about: String,
+}
+
+static PIPELINE: LazyLock<KeyReference> =
+    LazyLock::new(|| KeyReference::parse(include_str!("keys/pipeline.toml")));
+static ROBOT: LazyLock<KeyReference> =
+    LazyLock::new(|| KeyReference::parse(include_str!("keys/robot.toml")));
+
+impl KeyReference {
+    /// The keys of a pipeline file.
+    pub fn pipeline() -> &'static Self {
+        &PIPELINE
+    }
+
+    /// The keys of a robot file.
+    pub fn robot() -> &'static Self {
+        &ROBOT
+    }
+
+    /// The keys of the file of that name in [`FILES`]; `None` for any other name.
+    pub fn find(name: &str) -> Option<&'static Self> {
+        [Self::pipeline(), Self::robot()]
+            .into_iter()
+            .find(|reference| reference.file == name)
+    }
+
+    fn parse(text: &str) -> Self {
+        toml::from_str(text).expect("a test loads the reference of keys")
+    }
+}
+
+impl KeySection {
+    /// Where these keys stand: the section itself, or each value that has them.
+    pub fn places(&self) -> Vec<&str> {
+        if self.at.is_empty() {
+            vec![self.name.as_str()]
+        } else {
+            self.at.iter().map(String::as_str).collect()
+        }
+    }
+}
