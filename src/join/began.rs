@@ -29,12 +29,20 @@ pub fn began(clock: &ClockModel) -> Option<Began> {
 impl Began {
     /// The day: `2026-11-22`.
     pub fn day(&self) -> String {
-        self.at.to_string().chars().take("2026-11-22".len()).collect()
+        self.at
+            .to_string()
+            .chars()
+            .take("2026-11-22".len())
+            .collect()
     }
 
     /// Day and time to the minute: `2026-11-22 08:30`.
     fn minute(&self) -> String {
-        self.at.to_string().chars().take("2026-11-22 08:30".len()).collect()
+        self.at
+            .to_string()
+            .chars()
+            .take("2026-11-22 08:30".len())
+            .collect()
     }
 }
 
