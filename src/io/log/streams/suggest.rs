@@ -280,6 +280,13 @@ mod tests {
     }
 
     #[test]
+    fn fields_of_a_json_message_are_shown_with_their_values() {
+        let fields = json_fields(b"{\"a\": {\"b\": 1.5}, \"q\": [1, 2, 3, 4], \"t\": \"x\"}");
+        assert_eq!(fields, ["a.b = 1.5", "q = [1, 2, 3, …]", "t = \"x\""]);
+        assert!(json_fields(b"no JSON").is_empty());
+    }
+
+    #[test]
     fn fields_of_other_types_are_guessed() {
         let found = of_json(
             "{\"t\": {\"secs\": 1, \"nsecs\": 2}, \"v\": {\"twist\": {\"x\": 0, \"y\": 0, \"z\": 0}},
