@@ -12,7 +12,6 @@ use crate::io::table;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, Targets};
-use crate::report::frame::StatedFrame;
 
 /// The source of a correction.
 #[derive(Debug)]
@@ -212,11 +211,11 @@ impl Source {
         }
     }
 
-    /// The base that the correction holds in.
-    pub(super) const fn frame(&self) -> &StatedFrame {
+    /// The base that the correction holds in, and where it was fitted what to type for it, a line each.
+    pub(super) fn frame(&self) -> Vec<String> {
         match self {
-            Self::Table(own) => &own.error_frame,
-            Self::Arm(own) => &own.error_frame,
+            Self::Table(own) => own.error_frame.lines(),
+            Self::Arm(own) => own.error_frame.lines(),
         }
     }
 

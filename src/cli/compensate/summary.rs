@@ -28,7 +28,7 @@ impl fmt::Display for Compensated {
             by.key.session,
             valid_for(self.source.validity())
         )?;
-        for line in self.source.frame().lines() {
+        for line in self.source.frame() {
             writeln!(f, "{line}")?;
         }
         writeln!(f, "{}", self.source.measured())?;
