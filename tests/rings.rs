@@ -24,11 +24,11 @@ const MAY_USE: &[(&str, &str)] = &[
     ("similarity", ""),
     ("grid", "figures fit join kinematics progress"),
     ("compensation", "fit geometry grid kinematics units"),
-    ("report", "figures fit geometry grid join units"),
+    ("report", "figures fit geometry grid join kinematics units"),
     ("simulate", "geometry ingest join kinematics units"),
     (
         "plan",
-        "figures fit geometry grid join kinematics progress simulate",
+        "figures fit geometry grid join kinematics progress report simulate",
     ),
     ("history", "compensation figures fit kinematics report"),
     // What reads and writes.
@@ -89,8 +89,9 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "io",
-        &["lake", "store", "tables"],
-        "a store keeps a lake's temporaries, a lake stands in a store and goes by the rows of table runs",
+        &["common", "lake", "store", "tables"],
+        "a store keeps a lake's temporaries, a lake stands in a store and goes by the rows of table runs; what both correcting tables \
+         share reads the frame in their rows",
     ),
     (
         "join",
