@@ -62,7 +62,7 @@ fn session(number: u64) -> (SetUp, Evidence) {
     let tool = isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
     let stated = SetUp {
         flange_from_tool: Some(tool),
-        target: (number % 3 != 0).then(|| tool.translation.vector),
+        target: (!number.is_multiple_of(3)).then(|| tool.translation.vector),
         target_is_tool: true,
         tracker_from_base: (number % 4 < 2)
             .then(|| isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy)),
