@@ -11,7 +11,7 @@
 //! 5. [`settle`]: the settling time of the target. [`pair`], [`average`]: a verdict for each dwell, means after settling;
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
-//! 7. [`began`]: the date of the session.
+//! 7. [`mod@began`]: the date of the session.
 
 pub mod average;
 pub mod began;
