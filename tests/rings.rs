@@ -23,11 +23,11 @@ const MAY_USE: &[(&str, &str)] = &[
     ("similarity", ""),
     ("grid", "figures fit join kinematics progress"),
     ("compensation", "fit geometry grid kinematics units"),
-    ("report", "figures fit geometry grid join units"),
+    ("report", "figures fit geometry grid join kinematics units"),
     ("simulate", "geometry ingest join kinematics units"),
     (
         "plan",
-        "figures fit geometry grid join kinematics progress simulate",
+        "figures fit geometry grid join kinematics progress report simulate",
     ),
     ("history", "compensation figures fit kinematics report"),
     // What reads and writes.
