@@ -182,7 +182,26 @@ fn a_test_session_is_not_learnt_from() {
 }
 
 /// Each change to a good file, and what the message has to hold.
-const BAD: [(&str, &str, &[&str]); 27] = [
+const BAD: [(&str, &str, &[&str]); 30] = [
+    (
+        "[tolerance]",
+        "[report]\nrefit_target = true\nrefit_first_stations = 30\n[tolerance]",
+        &[
+            "refit_first_stations and refit_target became locate",
+            "locate = { by = \"first\", stations = 30, target = \"own\" }",
+            "by = \"chosen\"",
+        ],
+    ),
+    (
+        "[tolerance]",
+        "[report]\nlocate = { by = \"chosen\", stations = 3 }\n[tolerance]",
+        &["[report] locate.stations = 3", "4 or more"],
+    ),
+    (
+        "[tolerance]",
+        "[report]\nlocate = { by = \"best\" }\n[tolerance]",
+        &["`best`", "`first` or `chosen`"],
+    ),
     (
         "[tolerance]",
         "[report]\ntool_tip = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n[tolerance]",

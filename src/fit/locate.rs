@@ -140,16 +140,6 @@ impl Poses {
         (0..self.len()).into_par_iter().map(at).collect()
     }
 
-    /// Covariance of the arm's own errors at each pose, with a measurement's own, mm²: what remains with frames without error.
-    pub fn of_arm(&self) -> Vec<Matrix3<f64>> {
-        let at = |place: usize| {
-            let own = self.half.columns(3 * place, 3);
-            let shared = own.tr_mul(&own);
-            Matrix3::from_fn(|row, column| shared[(row, column)]) + self.alone[place]
-        };
-        (0..self.len()).into_par_iter().map(at).collect()
-    }
-
     /// Chooses `count` of the poses at `candidates` so that what remains over the poses at `region` is least. Fewer where there
     /// are fewer candidates; none where rounding makes a covariance indefinite.
     pub fn choose(&self, candidates: &[usize], region: &[usize], count: usize) -> Chosen {

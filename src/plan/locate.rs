@@ -21,7 +21,7 @@ use crate::fit::locate::Poses;
 use crate::fit::{SourceId, TargetId};
 use crate::kinematics::Arm;
 use crate::report::locate::{LEAST_STATIONS, frame_columns};
-use crate::report::refit::Placed;
+use crate::report::refit::{Placed, RIDGE};
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// Number of poses that represent the box.
@@ -47,7 +47,7 @@ pub struct LocatePlan {
     pub promise: Expected,
     /// The same from fewer and from more poses, by their number.
     pub others: Vec<(usize, Expected)>,
-    /// Expected errors with a base without error: what only a better arm would improve.
+    /// Expected errors with base and target from the whole box, each pose of it measured: what only a better arm would improve.
     pub arm_alone: Expected,
     /// Number of poses that were drawn, and the reasons why some were not taken.
     pub candidates: Drawn,
@@ -132,7 +132,7 @@ impl Site<'_> {
         Some(LocatePlan {
             promise: self.expected(&own)?,
             others: others.collect::<Option<_>>()?,
-            arm_alone: self.arm_alone(),
+            arm_alone: self.arm_alone()?,
             poses: own,
             candidates: drawn,
         })
@@ -157,9 +157,12 @@ impl Site<'_> {
         Some(self.drawn(&left[poses.len()..]))
     }
 
-    /// Expected errors over the box where nothing but the arm's own are left.
-    fn arm_alone(&self) -> Expected {
-        self.drawn(&self.session(&[]).of_arm())
+    /// Expected errors over the box with base and target from all of its poses.
+    fn arm_alone(&self) -> Option<Expected> {
+        let poses = self.session(&[]);
+        let all: Vec<usize> = (0..poses.len()).collect();
+        let by = poses.unweighted(&all, RIDGE)?;
+        Some(self.drawn(&poses.left(&by)))
     }
 
     fn drawn(&self, left: &[Matrix3<f64>]) -> Expected {

@@ -4,16 +4,19 @@ use nalgebra::Isometry3;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::{self, Models, Observation, TrainingSettings};
 use posegrid::pipeline::planning::Planning;
-use posegrid::plan::Placer;
 use posegrid::plan::locate::{Identified, LocatePlan, locate};
 use posegrid::plan::robots::{Robot, stations};
+use posegrid::plan::{Placer, PlanSettings, line_of_sight};
 use posegrid::report::evaluate::Stations;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget, Locator};
 use posegrid::report::unseen::unseen_session;
 use posegrid::report::{Angles, Model, Residual, accuracy::accuracy};
-use posegrid::simulate::Commanded;
+use posegrid::simulate::{Commanded, Ingredient, Stream};
 
 use super::known::{few_harmonics, random};
+
+/// Number of robots that figures are means of: what the model has wrong at twelve poses of one of them is chance.
+const ROBOTS: usize = 6;
 
 /// A robot that is identified from 60 poses, and can be measured again.
 struct Remounted<'a> {
@@ -23,10 +26,10 @@ struct Remounted<'a> {
 }
 
 impl<'a> Remounted<'a> {
-    fn new(planning: &'a Planning) -> Self {
+    fn new(planning: &'a Planning, number: usize) -> Self {
         let Planning { arm, settings, .. } = planning;
         let placer = Placer::new(arm, settings).expect("a box in reach");
-        let mut robot = Robot::draw(arm, settings, 1000);
+        let mut robot = Robot::draw(arm, settings, number);
         let fitted = robot
             .fitted(&random(&placer, settings, 60), settings, &settings.full)
             .expect("enough poses");
@@ -107,50 +110,69 @@ impl<'a> Remounted<'a> {
     }
 }
 
+/// Poses of the box, as programs have them.
+fn in_the_box(placer: &Placer<'_>, settings: &PlanSettings, count: usize) -> Vec<Commanded> {
+    let mut stream = Stream::new(78, Ingredient::TestPoses);
+    let found = placer.random(&settings.region, count, &mut stream, &|_| Ok(()));
+    found.expect("poses in reach").0
+}
+
+/// The poses around the first of these, nearest first.
+fn around_the_first(poses: &[Commanded]) -> Vec<Commanded> {
+    let at = |pose: &Commanded| pose.base_from_target.translation.vector;
+    let away = |pose: &Commanded| (at(pose) - at(&poses[0])).norm();
+    let mut sorted = poses.to_vec();
+    sorted.sort_by(|a, b| away(a).total_cmp(&away(b)));
+    sorted
+}
+
+/// Means of means and shares.
+fn mean(all: &[(f64, f64)]) -> (f64, f64) {
+    let count = all.len() as f64;
+    let sum = all
+        .iter()
+        .fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+    (sum.0 / count, sum.1 / count)
+}
+
 #[test]
 fn chosen_poses_find_a_remounted_base_and_neighbours_do_not() {
     let lake = tempfile::tempdir().expect("a folder");
     let planning = few_harmonics(lake.path());
-    let mut remounted = Remounted::new(&planning);
-    let plan = remounted.planned(12);
-    assert_eq!(plan.poses.len(), 12);
     let (arm, settings) = (&planning.arm, &planning.settings);
-    for pose in &plan.poses {
-        let suits =
-            posegrid::plan::line_of_sight::verdict(arm, &pose.joints, &settings.constraints);
-        assert!(suits.is_ok(), "{suits:?}");
-    }
-    // More poses leave less, and never less than the arm alone.
-    let by_number: Vec<f64> = plan.others.iter().map(|(_, own)| own.mean_mm).collect();
-    assert!(by_number[0] > plan.promise.mean_mm && by_number[1] < plan.promise.mean_mm);
-    assert!(plan.arm_alone.mean_mm < by_number[1]);
     let placer = Placer::new(arm, settings).expect("a box in reach");
-    let tests = random(&placer, settings, 150);
-    let mut corner = tests.clone();
-    let at = |pose: &Commanded| pose.base_from_target.translation.vector;
-    let first = at(&corner[0]);
-    corner.sort_by(|a, b| (at(a) - first).norm().total_cmp(&(at(b) - first).norm()));
-    let all = |first: &[Commanded]| [first, &tests[..]].concat();
-    let planned = remounted.measured(&all(&plan.poses));
-    let (mean, inside) = remounted.judged(&planned, LocateBy::First);
-    let neighbours = remounted.measured(&all(&corner[..12]));
-    let (of_neighbours, _) = remounted.judged(&neighbours, LocateBy::First);
+    let tests = in_the_box(&placer, settings, 120);
+    let corner = around_the_first(&tests);
+    let (mut planned, mut neighbours, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
+    let mut promised = 0.0;
+    for number in 0..ROBOTS {
+        let mut robot = Remounted::new(&planning, 1000 + number);
+        let plan = robot.planned(12);
+        assert_eq!(plan.poses.len(), 12);
+        for pose in &plan.poses {
+            let suits = line_of_sight::verdict(arm, &pose.joints, &settings.constraints);
+            assert!(suits.is_ok(), "{suits:?}");
+        }
+        // More poses leave less, and never less than the arm alone.
+        let by_number: Vec<f64> = plan.others.iter().map(|(_, own)| own.mean_mm).collect();
+        assert!(by_number[0] > plan.promise.mean_mm && by_number[1] < plan.promise.mean_mm);
+        assert!(plan.arm_alone.mean_mm < by_number[1]);
+        promised += plan.promise.mean_mm / ROBOTS as f64;
+        let mut judged = |first: &[Commanded], by| {
+            let session = robot.measured(&[first, &tests[..]].concat());
+            robot.judged(&session, by)
+        };
+        planned.push(judged(&plan.poses, LocateBy::First));
+        neighbours.push(judged(&corner[..12], LocateBy::First));
+        chosen.push(judged(&[], LocateBy::Chosen));
+    }
+    let (planned, neighbours, chosen) = (mean(&planned), mean(&neighbours), mean(&chosen));
     println!(
-        "promise {:?}, planned {mean}, inside {inside}, neighbours {of_neighbours}",
-        plan.promise
+        "promised {promised}, planned {planned:?}, neighbours {neighbours:?}, chosen {chosen:?}"
     );
-    assert!(mean < of_neighbours, "{mean} {of_neighbours}");
-    assert!(
-        mean < 1.5 * plan.promise.mean_mm,
-        "{mean} {:?}",
-        plan.promise
-    );
-    assert!(inside >= 0.9, "{inside}");
+    assert!(planned.0 < neighbours.0 && planned.0 < 1.2 * promised);
+    // Ellipsoids hold with the drift that is still to come.
+    assert!(planned.1 >= 0.9 && chosen.1 >= 0.9);
     // Chosen among all stations of a session they are about as good.
-    let session = remounted.measured(&tests);
-    let (chosen, inside) = remounted.judged(&session, LocateBy::Chosen);
-    assert!(
-        chosen < 1.3 * mean && inside >= 0.9,
-        "{chosen} {mean} {inside}"
-    );
+    assert!(chosen.0 < 1.1 * planned.0);
 }

@@ -157,6 +157,41 @@ fn a_test_session_of_this_arm_agrees() {
 }
 
 #[test]
+fn a_base_from_chosen_stations_is_said_everywhere_and_they_do_not_judge() {
+    let cell = with_session(monday(), "tue", "3", "130").with(
+        "[output]",
+        "[report]\nlocate = { by = \"chosen\", target = \"own\" }\n\n[output]",
+    );
+    let ended = cell.run(&["mon", "--test", "tue"]);
+    let words = "base and target from 12 stations chosen by their poses";
+    ended.expect(0, &["judged by test session tue: met", words]);
+    let page = files(&cell.path("lake/report")).into_values().next();
+    let page = String::from_utf8(page.expect("a page")).unwrap();
+    assert!(page.contains("base from stations chosen by their poses"));
+    let words = [
+        ("of_session", "tue"),
+        ("base_refit", "chosen"),
+        ("model", "full"),
+        ("angles", "commanded"),
+    ];
+    let accuracy = cell.table("accuracy", "mon");
+    let own = rows(&accuracy, &words);
+    assert!(!own.is_empty() && rows(&accuracy, &[("base_refit", "first")]).is_empty());
+    for row in own {
+        assert_eq!(accuracy.i64("base_stations").value(row), 12);
+        assert!(accuracy.bool("target_found").value(row));
+    }
+    let residuals = cell.table("residuals", "mon");
+    let own = rows(&residuals, &words);
+    let taken = |row: &&usize| residuals.bool("used_for_refit").value(**row);
+    assert_eq!(own.iter().filter(taken).count(), 12);
+    // They are spread over the box, and not the first.
+    let last = own.iter().filter(taken);
+    let last = last.map(|&row| residuals.i64("station").value(row)).max();
+    assert!(last.is_some_and(|last| last > 50), "{last:?}");
+}
+
+#[test]
 fn a_test_session_of_another_arm_decides_and_is_named() {
     let cell = with_session(monday(), "wed", "5", "130");
     let ended = cell.run(&["mon", "--test", "wed", "--verbose"]);

@@ -283,7 +283,7 @@ fn pool() -> Cell {
         .with("# sessions", "pool = \"all\"")
         .with(
             "[tolerance]",
-            "[report]\nleave_sessions_out = true\n\n[tolerance]",
+            "[report]\nleave_sessions_out = true\nlocate = { by = \"chosen\", stations = 12 }\n\n[tolerance]",
         )
         .with("[fit]", "[fit]\nloss = { kind = \"huber\", tuning = 1.5 }")
         .with_simulated("mon", &["--random", "60"])

@@ -62,7 +62,7 @@ fn words(located: &Located, args: &PlanArgs) -> String {
     }
     writeln!(
         text,
-        "  with a base without error: {}, which only a better arm improves",
+        "  with the whole box measured: {}, which only a better arm improves",
         line(&plan.arm_alone)
     )
     .expect("a string");
