@@ -62,7 +62,7 @@ fn session(number: u64) -> (SetUp, Evidence) {
     let tool = isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
     let stated = SetUp {
         flange_from_tool: Some(tool),
-        target: (!number.is_multiple_of(3)).then(|| tool.translation.vector),
+        target: (!number.is_multiple_of(3)).then_some(tool.translation.vector),
         target_is_tool: true,
         tracker_from_base: (number % 4 < 2)
             .then(|| isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy)),
@@ -245,7 +245,7 @@ const KINDS: [Kind; 24] = [
         make: |s, _| {
             tool(s, |tool| {
                 Isometry3::from_parts(Translation3::new(60.0, 25.0, 140.0), tool.rotation)
-            })
+            });
         },
         named: &["flange_from_tool"],
     },
@@ -254,7 +254,7 @@ const KINDS: [Kind; 24] = [
         make: |s, _| {
             tool(s, |tool| {
                 Isometry3::from_parts(Translation3::new(0.06, -0.025, 0.14), tool.rotation)
-            })
+            });
         },
         named: &["flange_from_tool"],
     },
@@ -298,7 +298,7 @@ const KINDS: [Kind; 24] = [
         make: |_, e| {
             e.stations
                 .iter_mut()
-                .for_each(|station| station.reported[2] *= -1.0)
+                .for_each(|station| station.reported[2] *= -1.0);
         },
         named: &["the other way"],
     },
@@ -307,7 +307,7 @@ const KINDS: [Kind; 24] = [
         make: |_, e| {
             e.stations
                 .iter_mut()
-                .for_each(|station| station.reported[1] += FRAC_PI_2)
+                .for_each(|station| station.reported[1] += FRAC_PI_2);
         },
         named: &["the zero of"],
     },
@@ -317,7 +317,7 @@ const KINDS: [Kind; 24] = [
             e.stations
                 .iter_mut()
                 .flat_map(|s| &mut s.reported)
-                .for_each(|q| *q = q.to_degrees())
+                .for_each(|q| *q = q.to_degrees());
         },
         named: &["joint angles are in deg"],
     },
@@ -327,7 +327,7 @@ const KINDS: [Kind; 24] = [
             e.stations
                 .iter_mut()
                 .flat_map(|s| &mut s.reported)
-                .for_each(|q| *q = q.to_radians())
+                .for_each(|q| *q = q.to_radians());
         },
         named: &["joint angles are in rad"],
     },
@@ -336,7 +336,7 @@ const KINDS: [Kind; 24] = [
         make: |_, e| {
             e.stations
                 .iter_mut()
-                .for_each(|station| station.measured /= 1000.0)
+                .for_each(|station| station.measured /= 1000.0);
         },
         named: &["tracker's positions are in m"],
     },
@@ -346,7 +346,7 @@ const KINDS: [Kind; 24] = [
             e.stations
                 .iter_mut()
                 .filter_map(|s| s.command.as_mut())
-                .for_each(|c| c.position.coords /= 1000.0)
+                .for_each(|c| c.position.coords /= 1000.0);
         },
         named: &["commanded positions are in m"],
     },
@@ -375,7 +375,7 @@ const KINDS: [Kind; 24] = [
         make: |_, e| {
             e.stations
                 .iter_mut()
-                .for_each(|station| station.reported[2] += station.reported[1])
+                .for_each(|station| station.reported[2] += station.reported[1]);
         },
         named: &["turns by it - "],
     },
