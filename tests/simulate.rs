@@ -205,7 +205,7 @@ fn a_folder_that_cannot_be_made_is_named() {
     fs::write(&file, "not a folder").expect("written");
     let error = simulate_small(&file.join("out"), "").expect_err("a file is in the way");
     assert!(
-        error.contains("file/out") && error.contains("permissions of the folder"),
+        error.contains("file/out") && error.contains("a part of its path is a file"),
         "{error}"
     );
 }

@@ -94,8 +94,8 @@ mod tests {
             lines[0].contains("right only where the program's base is set to it"),
             "{lines:?}"
         );
-        assert_eq!(lines.len(), 5, "{lines:?}");
-        for (line, form) in lines[2..].iter().zip(["KUKA", "UR pose", "ABB pose"]) {
+        assert_eq!(lines.len(), 4, "{lines:?}");
+        for (line, form) in lines[1..].iter().zip(["KUKA", "UR pose", "ABB pose"]) {
             assert!(
                 line.contains(form) && line.contains("4200") | line.contains("4.2"),
                 "{line}"

@@ -154,7 +154,10 @@ fn missing_empty_and_foreign_files_are_named() {
         .to_string();
     assert!(error.contains("absent.mcap"), "{error}");
     let error = read(folder.path()).expect_err("refused").to_string();
-    assert!(error.contains("directory"), "{error}");
+    assert!(
+        error.contains("it is a folder") && error.contains("give the file of a log"),
+        "{error}"
+    );
 }
 
 #[test]

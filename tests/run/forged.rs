@@ -152,6 +152,10 @@ pub fn of_first_version(path: &Path) {
             "held_out",
             "visits",
             "stations_covered_share",
+            "session_started",
+            "first_session_started",
+            "mean_before_mm",
+            "mean_after_mm",
         ])
         .without_entry(DIGEST)
         .entry("posegrid.schema_version", "1")

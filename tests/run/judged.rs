@@ -162,7 +162,7 @@ fn a_base_from_chosen_stations_is_said_everywhere_and_they_do_not_judge() {
         "[output]",
         "[report]\nlocate = { by = \"chosen\", target = \"own\" }\n\n[output]",
     );
-    let ended = cell.run(&["mon", "--test", "tue"]);
+    let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     let words = "base and target from 12 stations chosen by their poses";
     ended.expect(0, &["judged by test session tue: met", words]);
     let page = files(&cell.path("lake/report")).into_values().next();

@@ -146,7 +146,9 @@ fn is_known(reference: &KeyReference, section: &KeySection, place: &str, name: &
     } else {
         format!("{place}.{name}")
     };
-    section.keys.iter().any(|key| key.key == name)
+    let is_former = section.former.iter().any(|former| former == name);
+    is_former
+        || section.keys.iter().any(|key| key.key == name)
         || reference
             .sections
             .iter()
