@@ -21,7 +21,7 @@ use crate::fit::locate::Poses;
 use crate::fit::{SourceId, TargetId};
 use crate::kinematics::Arm;
 use crate::report::locate::{LEAST_STATIONS, frame_columns};
-use crate::report::refit::{Placed, RIDGE};
+use crate::report::refit::Placed;
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// Number of poses that represent the box.
@@ -161,8 +161,7 @@ impl Site<'_> {
     fn arm_alone(&self) -> Option<Expected> {
         let poses = self.session(&[]);
         let all: Vec<usize> = (0..poses.len()).collect();
-        let by = poses.unweighted(&all, RIDGE)?;
-        Some(self.drawn(&poses.left(&by)))
+        Some(self.drawn(&poses.left(&poses.estimator(&all)?)))
     }
 
     fn drawn(&self, left: &[Matrix3<f64>]) -> Expected {

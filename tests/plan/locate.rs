@@ -153,10 +153,10 @@ fn chosen_poses_find_a_remounted_base_and_neighbours_do_not() {
             let suits = line_of_sight::verdict(arm, &pose.joints, &settings.constraints);
             assert!(suits.is_ok(), "{suits:?}");
         }
-        // More poses leave less, and never less than the arm alone.
+        // More poses leave less, and the whole box less than six.
         let by_number: Vec<f64> = plan.others.iter().map(|(_, own)| own.mean_mm).collect();
         assert!(by_number[0] > plan.promise.mean_mm && by_number[1] < plan.promise.mean_mm);
-        assert!(plan.arm_alone.mean_mm < by_number[1]);
+        assert!(plan.arm_alone.mean_mm < by_number[0]);
         promised += plan.promise.mean_mm / ROBOTS as f64;
         let mut judged = |first: &[Commanded], by| {
             let session = robot.measured(&[first, &tests[..]].concat());
