@@ -263,7 +263,7 @@ impl<'p> Search<'p> {
         self.left_by(&self.sums(stations)?.sums)
     }
 
-    /// The same with one more candidate.
+    /// These candidates and one more.
     fn left_with(&self, some: &Taken<'_>, candidate: usize) -> Option<f64> {
         let with = block(&self.between, some.stations, &[candidate]);
         let with = some.factor.l_dirty().solve_lower_triangular(&with)?;

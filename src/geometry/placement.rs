@@ -64,7 +64,7 @@ impl Placement {
         ))
     }
 
-    /// The same numbers under the other conventions that they may have been written in, each with its words: another order of
+    /// Placements with these numbers under the other conventions that they may have been written in, each with its words: another order of
     /// the angles, angles in radians, a quaternion with its scalar first. Those that make no rotation are left out.
     pub fn other_conventions(&self) -> Vec<(String, Isometry3<f64>)> {
         let mut all = Vec::new();

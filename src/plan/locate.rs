@@ -45,7 +45,7 @@ pub struct LocatePlan {
     pub poses: Vec<Commanded>,
     /// Expected errors over the box with base and target from them.
     pub promise: Expected,
-    /// The same from fewer and from more poses, by their number.
+    /// Expected errors from fewer and from more poses, by their number.
     pub others: Vec<(usize, Expected)>,
     /// Expected errors with base and target from the whole box, each pose of it measured: what only a better arm would improve.
     pub arm_alone: Expected,

@@ -11,12 +11,12 @@ use crate::figures::median;
 use crate::geometry::align;
 use crate::join::placement::{Placement, ReadingAtFlange};
 
-/// What is held against what.
+/// Two statements of one thing that are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Relation {
     /// Readings against the nominal arm at the reported angles, base and target found from the same readings.
     Arm,
-    /// The same with the target where the pipeline file states it: the base alone is found.
+    /// Readings against the nominal arm with the target where the pipeline file states it: the base alone is found.
     Target,
     /// The stated tool against the stated target, where they are meant to be one point.
     OnePoint,

@@ -18,7 +18,7 @@ pub struct Dwelt {
     pub command: Option<Command>,
 }
 
-/// The measured stations of one session, at most [`MOST`].
+/// The measured stations of one session, at most 250.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
     /// The stations, in time order.
@@ -39,7 +39,7 @@ impl Evidence {
         Self::spread(stations.iter().filter_map(dwelt).collect())
     }
 
-    /// At most [`MOST`] of `stations`, evenly spread.
+    /// At most 250 of `stations`, evenly spread.
     pub fn spread(stations: Vec<Dwelt>) -> Self {
         let stride = stations.len().div_ceil(MOST).max(1);
         Self {

@@ -16,7 +16,7 @@ pub use frames::{FrameKey, OtherReading};
 /// One usual mistake: what would be wrong, what to edit, and the set-up without it.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// What is wrong, in words.
+    /// The mistake, in words.
     pub mistake: String,
     /// The key to edit and what to write.
     pub edit: String,
@@ -62,7 +62,7 @@ pub struct KnownArm {
 pub struct Alternatives {
     /// Ready robot files.
     pub arms: Vec<KnownArm>,
-    /// The same numbers of a placement read by other conventions.
+    /// Placements with the stated numbers, read by other conventions.
     pub readings: Vec<OtherReading>,
 }
 

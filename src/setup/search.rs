@@ -63,7 +63,7 @@ pub struct Finding {
 /// A mistake in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// What is wrong.
+    /// The mistake.
     pub what: String,
     /// The key to edit and what to write.
     pub edit: String,

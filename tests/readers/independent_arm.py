@@ -371,7 +371,7 @@ def loop(binary, folder, seed, options):
     generator = np.random.default_rng(seed)
     arm, session = Arm(generator), f"arm-{seed}"
     stations = record(arm, generator, folder / "recordings" / session, options.pitch)
-    said = command([binary, "run", pipeline(folder, session, options.grid)], {0, 3})
+    said = command([binary, "run", "--verbose", pipeline(folder, session, options.grid)], {0, 3})
     if options.verbose:
         print(said)
     wanted = LOW + SIZE * generator.uniform(0, 1, (options.targets, 3))

@@ -41,7 +41,7 @@ pub struct JoinedSession {
 }
 
 impl JoinedSession {
-    /// Start of the session by the clock of its logs that has an epoch ([`began`]); `None` where neither has one.
+    /// Start of the session by the clock of its logs that has an epoch ([`began()`]); `None` where neither has one.
     pub fn started(&self) -> Option<WallTime> {
         Some(began(&self.joined.clock.model)?.at)
     }
