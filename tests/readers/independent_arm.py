@@ -299,14 +299,21 @@ def euler(degrees):
     return turn([0, 0, 1], z) @ turn([0, 1, 0], y) @ turn([1, 0, 0], x)
 
 
-def pipeline(folder, session, keys):
-    """The quickstart's pipeline file with folders of its own."""
+def pipeline(folder, session, keys, generator=None):
+    """The quickstart's pipeline file with folders of its own; with a generator, the survey in it is off by what it states of itself."""
     text = (ROOT / "pipelines/quickstart.toml").read_text()
     text = re.sub(r'"robots/', f'"{ROOT}/pipelines/robots/', text)
     text = re.sub(r'"\.\./tests/recordings"', f'"{folder}/recordings"', text)
     text = re.sub(r'"\.\./lake"', f'"{folder}/lake"', text)
     text = re.sub(r'^sessions = .*$', f'sessions = ["{session}"]', text, flags=re.M)
     text = re.sub(r"^\[grid\]$", "\n".join(["[grid]", *keys]), text, flags=re.M)
+    if generator is not None:
+        place = TRACKER_MM + generator.normal(0, 0.02, 3)
+        angles = np.array(TRACKER_EULER_DEG) + generator.normal(0, 0.0003, 3)
+        stated = f"surveyed = {{ xyz_mm = {[float(x) for x in place]}, euler_deg = {[float(a) for a in angles]},"
+        text, made = re.subn(r"surveyed = \{ xyz_mm = \[[^]]*\], euler_deg = \[[^]]*\],", stated, text)
+        if made != 1:
+            raise SystemExit("the pipeline file has no survey to be changed")
     file = folder / f"{session}.toml"
     file.write_text(text)
     return file
@@ -371,7 +378,9 @@ def loop(binary, folder, seed, options):
     generator = np.random.default_rng(seed)
     arm, session = Arm(generator), f"arm-{seed}"
     stations = record(arm, generator, folder / "recordings" / session, options.pitch)
-    said = command([binary, "run", "--verbose", pipeline(folder, session, options.grid)], {0, 3})
+    # A generator of its own, so that the arm and its session are the same with a right and with a wrong survey.
+    survey = np.random.default_rng([seed, 1]) if options.survey_off else None
+    said = command([binary, "run", "--verbose", pipeline(folder, session, options.grid, survey)], {0, 3})
     if options.verbose:
         print(said)
     wanted = LOW + SIZE * generator.uniform(0, 1, (options.targets, 3))
@@ -412,6 +421,7 @@ def main():
     parser.add_argument("--most", type=float, default=1.3, help="largest ratio of what the table leaves to what the identified arm leaves")
     parser.add_argument("--mean", type=float, default=0.035, help="largest mean error in the surveyed base after `calibrations`, mm")
     parser.add_argument("--grid", action="append", default=[], help="a line for the [grid] section of the pipeline file")
+    parser.add_argument("--survey-off", action="store_true", help="state a survey that is off by its own sd_mm and sd_deg")
     parser.add_argument("--verbose", action="store_true", help="print what each run says")
     options = parser.parse_args()
     folder = options.folder.resolve()
