@@ -12,6 +12,11 @@ pub const MM_PER_M: f64 = 1000.0;
 /// Nanoseconds in a second.
 pub const NS_PER_S: f64 = 1e9;
 
+/// `value` rounded to whole steps, for display: zero has no sign.
+pub fn to_step(value: f64, step: f64) -> f64 {
+    (value / step).round() * step + 0.0
+}
+
 /// The controller's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Controller {}

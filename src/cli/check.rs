@@ -10,6 +10,7 @@ use super::messages::Printable;
 use super::run::{near, work};
 use crate::kinematics::Arm;
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
+use crate::units::to_step;
 
 /// Check a pipeline file and show what it would do, without opening a log.
 #[derive(Debug, Clone, Args)]
@@ -168,11 +169,11 @@ fn checkable(arm: &Arm) -> String {
 fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     let flange = *arm.flange(reported).isometry();
     let (roll, pitch, yaw) = flange.rotation.euler_angles();
-    let degrees = [roll, pitch, yaw].map(|angle| tidy(angle.to_degrees(), 1e-3));
-    let mm = flange.translation.vector.map(|x| tidy(x, 1e-3));
+    let degrees = [roll, pitch, yaw].map(|angle| to_step(angle.to_degrees(), 1e-3));
+    let mm = flange.translation.vector.map(|x| to_step(x, 1e-3));
     let angles: Vec<String> = reported
         .iter()
-        .map(|q| format!("{:.0}", tidy(q.to_degrees(), 1.0)))
+        .map(|q| format!("{:.0}", to_step(q.to_degrees(), 1.0)))
         .collect();
     let beyond = arm.joints().iter().zip(reported);
     let beyond = beyond.filter(|(joint, q)| !(joint.lower..=joint.upper).contains(q));
@@ -197,11 +198,6 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
         degrees[1],
         degrees[2]
     )
-}
-
-/// `value` to whole steps, zero without a sign.
-fn tidy(value: f64, step: f64) -> f64 {
-    (value / step).round() * step + 0.0
 }
 
 /// What no log states.

@@ -30,7 +30,7 @@ const BASE: usize = 6;
 pub struct Poses {
     /// The measured point's motion per unit of each unknown of the session: three rows a pose.
     pub columns: DMatrix<f64>,
-    /// What is known of these unknowns before, as the inverse of a variance around zero.
+    /// Precision of each unknown before a station is seen: the inverse of its variance around zero.
     pub precision: DVector<f64>,
     /// Square root of the covariance of the arm's errors, mm: `HᵀH`, three columns a pose.
     pub half: DMatrix<f64>,

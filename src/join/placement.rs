@@ -85,21 +85,9 @@ impl Placement {
     fn step(&self, readings: &[ReadingAtFlange], scale_mm: f64) -> Option<SVector<f64, 9>> {
         let mut normal = SMatrix::<f64, 9, 9>::zeros();
         let mut right = SVector::<f64, 9>::zeros();
-        let rotation = self.tracker_from_base.rotation.to_rotation_matrix();
         for reading in readings {
-            let predicted = self.predict(&reading.flange);
-            let residual = reading.attained - predicted;
+            let (jacobian, residual) = self.row(reading);
             let weight = 1.0 / (1.0 + residual.norm_squared() / (scale_mm * scale_mm * 4.0));
-            let arm = predicted - self.tracker_from_base.translation.vector;
-            let mut jacobian = SMatrix::<f64, 3, 9>::zeros();
-            jacobian
-                .fixed_view_mut::<3, 3>(0, 0)
-                .copy_from(&Matrix3::identity());
-            jacobian
-                .fixed_view_mut::<3, 3>(0, 3)
-                .copy_from(&-arm.cross_matrix());
-            let turned = rotation.matrix() * reading.flange.rotation.to_rotation_matrix().matrix();
-            jacobian.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
             normal += jacobian.transpose() * jacobian * weight;
             right += jacobian.transpose() * residual * weight;
         }
@@ -111,7 +99,26 @@ impl Placement {
         normal.cholesky().map(|factor| factor.solve(&right))
     }
 
-    fn moved(&self, step: &SVector<f64, 9>) -> Self {
+    /// One reading's motion (mm) per unit of the base's translation (mm) and rotation (rad) and of the target (mm), and what its
+    /// prediction leaves, mm.
+    pub(crate) fn row(&self, reading: &ReadingAtFlange) -> (SMatrix<f64, 3, 9>, Vector3<f64>) {
+        let predicted = self.predict(&reading.flange);
+        let arm = predicted - self.tracker_from_base.translation.vector;
+        let rotation = self.tracker_from_base.rotation.to_rotation_matrix();
+        let turned = rotation.matrix() * reading.flange.rotation.to_rotation_matrix().matrix();
+        let mut jacobian = SMatrix::<f64, 3, 9>::zeros();
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&Matrix3::identity());
+        jacobian
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&-arm.cross_matrix());
+        jacobian.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
+        (jacobian, reading.attained - predicted)
+    }
+
+    /// The placement after a step in the order of [`Self::row`].
+    pub(crate) fn moved(&self, step: &SVector<f64, 9>) -> Self {
         let part = |first: usize| Vector3::new(step[first], step[first + 1], step[first + 2]);
         let base = &self.tracker_from_base;
         Self {

@@ -10,7 +10,6 @@ use frames::frames;
 use joints::joints;
 use links::links;
 
-pub(super) use frames::tidy;
 pub use frames::{FrameKey, OtherReading};
 
 /// One usual mistake: what would be wrong, what to edit, and the set-up without it.
@@ -78,16 +77,8 @@ pub(super) fn all(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hypothesis
 
 /// Those mistakes that change whether arm and readings agree: the ones that can keep two logs from being joined.
 pub(super) fn of_the_join(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hypothesis> {
-    let mut all = units(stated);
-    all.extend(other_arms(stated, &alternatives.arms));
-    all.extend(joints(stated));
-    all.extend(links(stated));
-    // Commands play no part in the join.
-    let with_commands = |set_up: &SetUp| SetUp {
-        command_scale: stated.command_scale,
-        ..set_up.clone()
-    };
-    all.retain(|hypothesis| with_commands(&hypothesis.set_up) != *stated);
+    let mut all = all(stated, alternatives);
+    all.retain(|hypothesis| hypothesis.set_up.joins_otherwise(stated));
     all
 }
 

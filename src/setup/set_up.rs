@@ -68,6 +68,16 @@ impl SetUp {
         }
     }
 
+    /// Whether arm, reported angles or readings differ from another set-up's: commands and stated frames play no part in the join.
+    pub(super) fn joins_otherwise(&self, other: &Self) -> bool {
+        let of_join = |set_up: &Self| Self {
+            reading_scale: set_up.reading_scale,
+            joints_from_reported: set_up.joints_from_reported.clone(),
+            ..Self::of_arm(set_up.arm.clone())
+        };
+        of_join(self) != of_join(other)
+    }
+
     /// The target as the file states it: by its own key, otherwise as the tool's origin where the two are one point.
     pub(super) fn stated_target(&self) -> Option<Vector3<f64>> {
         let tool = self.flange_from_tool.filter(|_| self.target_is_tool);

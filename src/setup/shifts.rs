@@ -6,8 +6,9 @@ use nalgebra::{Isometry3, Point3, Translation3};
 
 use super::agreement::{Seen, in_flange, robust_align};
 use super::evidence::{Evidence, point};
-use super::hypotheses::{FrameKey, Hypothesis, Sort, tidy};
+use super::hypotheses::{FrameKey, Hypothesis, Sort};
 use super::set_up::SetUp;
+use crate::units::to_step;
 
 /// Every frame and every link quantity in turn, moved to where the logs agree best.
 pub(super) fn shifts(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
@@ -29,13 +30,15 @@ pub(super) fn shifts(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
         let shifted = moved.and_then(|moved| shifted(stated, frame, &moved));
         all.extend(shifted.filter(|shifted| all.iter().all(|known| known.edit != shifted.edit)));
     }
-    all.extend(link::links(stated, evidence));
+    if let Some(placement) = &seen.placement {
+        all.extend(link::links(stated, evidence, placement));
+    }
     all
 }
 
 fn shifted(stated: &SetUp, frame: FrameKey, moved: &Isometry3<f64>) -> Option<Hypothesis> {
     let was = frame.of(stated)?;
-    let step = (moved.translation.vector - was.translation.vector).map(|x| tidy(x, 0.1));
+    let step = (moved.translation.vector - was.translation.vector).map(|x| to_step(x, 0.1));
     let turn_deg = turn_deg(frame, &was, moved);
     let turn = if turn_deg > 0.05 {
         format!(" and turned by {turn_deg:.2}°")

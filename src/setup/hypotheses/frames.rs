@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::Hypothesis;
 use crate::setup::set_up::SetUp;
-use crate::units::MM_PER_M;
+use crate::units::{MM_PER_M, to_step};
 
 /// A frame of the pipeline file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,12 +71,12 @@ impl FrameKey {
 
     /// What to write: the key with the frame's numbers.
     pub(in crate::setup) fn edit(self, placed: &Isometry3<f64>) -> String {
-        let [x, y, z] = placed.translation.vector.map(|x| tidy(x, 0.1)).into();
+        let [x, y, z] = placed.translation.vector.map(|x| to_step(x, 0.1)).into();
         if self == Self::Target {
             return format!("{} xyz_mm = [{x:.1}, {y:.1}, {z:.1}]", self.key());
         }
         let (roll, pitch, yaw) = placed.rotation.euler_angles();
-        let [roll, pitch, yaw] = [roll, pitch, yaw].map(|angle| tidy(angle.to_degrees(), 1e-3));
+        let [roll, pitch, yaw] = [roll, pitch, yaw].map(|angle| to_step(angle.to_degrees(), 1e-3));
         format!(
             "{} = {{ xyz_mm = [{x:.1}, {y:.1}, {z:.1}], euler_deg = [{roll:.3}, {pitch:.3}, {yaw:.3}], euler_order = \"fixed-xyz\" }}",
             self.key()
@@ -218,11 +218,6 @@ fn right_angles() -> Vec<(UnitQuaternion<f64>, String)> {
         }
     }
     found
-}
-
-/// `value` to whole steps, zero without a sign.
-pub(in crate::setup) fn tidy(value: f64, step: f64) -> f64 {
-    (value / step).round() * step + 0.0
 }
 
 /// Frames closer than this are one.

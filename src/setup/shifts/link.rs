@@ -1,10 +1,10 @@
 //! One link quantity with another value, by Gauss–Newton: base, target and that quantity on the readings, and the quantity
 //! alone on the commands, whose frames are stated.
 
-use nalgebra::{Isometry3, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, SMatrix, SVector, Vector3};
 
 use crate::figures::median;
-use crate::join::placement::Placement;
+use crate::join::placement::{Placement, ReadingAtFlange};
 use crate::kinematics::{LinkQuantity, Parameter};
 use crate::setup::agreement::Seen;
 use crate::setup::evidence::{Evidence, point};
@@ -24,19 +24,26 @@ const BASE_RAD: f64 = 10.0;
 const TARGET_MM: f64 = 300.0;
 const STATED_MM: f64 = 1.0;
 
-/// Base (3 lengths, 3 angles), target (3) and the quantity.
-const UNKNOWNS: usize = 10;
+/// Base (3 lengths, 3 angles) and target (3), as a [`Placement`] has them; the quantity comes behind them.
+const PLACED: usize = 9;
+const UNKNOWNS: usize = PLACED + 1;
 type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, SVector<f64, UNKNOWNS>);
 
-/// Each link quantity in turn.
-pub(super) fn links(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
+/// Each link quantity in turn; `placement` is where base and target are as stated.
+pub(super) fn links(stated: &SetUp, evidence: &Evidence, placement: &Placement) -> Vec<Hypothesis> {
     let parameters = stated.arm.chain().parameters();
     let moved = |(place, parameter): (usize, &Parameter)| {
         let Parameter::Link { joint, quantity } = *parameter else {
             return None;
         };
         let mut offsets = vec![0.0; parameters.len()];
-        offsets[place] = value(stated, evidence, parameters.len(), place, *parameter)?;
+        offsets[place] = value(
+            stated,
+            evidence,
+            placement,
+            (parameters.len(), place),
+            *parameter,
+        )?;
         let least = if parameter.is_angle() {
             LEAST_RAD
         } else {
@@ -89,8 +96,8 @@ struct Search<'a> {
 fn value(
     stated: &SetUp,
     evidence: &Evidence,
-    parameters: usize,
-    place: usize,
+    placement: &Placement,
+    (parameters, place): (usize, usize),
     parameter: Parameter,
 ) -> Option<f64> {
     let step = if parameter.is_angle() {
@@ -107,12 +114,12 @@ fn value(
         step,
         target,
     };
-    let (mut placement, mut value) = (Seen::of(stated, evidence).placement?, 0.0);
+    let (mut placement, mut value) = (*placement, 0.0);
     for _ in 0..ROUNDS {
         let (normal, right) = search.normal(&placement, value);
         let change = normal.cholesky()?.solve(&right);
-        placement = moved(&placement, &change);
-        value += change[UNKNOWNS - 1];
+        placement = placement.moved(&change.fixed_rows::<PLACED>(0).into_owned());
+        value += change[PLACED];
     }
     value.is_finite().then_some(value)
 }
@@ -136,16 +143,21 @@ impl Search<'_> {
         let target = point(&placement.target_mm);
         for (place, (flange, measured)) in here.flanges.iter().zip(&here.measured).enumerate() {
             let change = placement.tracker_from_base.rotation * slope(place, &target);
-            rows.push(reading_row(placement, flange, measured, &change));
+            let (known, residual) = placement.row(&ReadingAtFlange {
+                flange: *flange,
+                attained: *measured,
+            });
+            let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
+            jacobian.fixed_columns_mut::<PLACED>(0).copy_from(&known);
+            jacobian.set_column(PLACED, &change);
+            rows.push((jacobian, residual));
         }
         if let Some(tool) = set_up.flange_from_tool {
             let tool = point(&tool.translation.vector);
             let commanded = here.commanded(&set_up, self.evidence);
             for ((flange, at), (place, _)) in commanded.iter().zip(self.evidence.commands()) {
                 let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
-                jacobian
-                    .fixed_view_mut::<3, 1>(0, UNKNOWNS - 1)
-                    .copy_from(&slope(place, &tool));
+                jacobian.set_column(PLACED, &slope(place, &tool));
                 rows.push((jacobian, at - flange * tool));
             }
         }
@@ -176,44 +188,7 @@ impl Search<'_> {
             normal[(6 + axis, 6 + axis)] += pull;
             right[6 + axis] += pull * (mean[axis] - placement.target_mm[axis]);
         }
-        normal[(UNKNOWNS - 1, UNKNOWNS - 1)] +=
-            f64::MIN_POSITIVE.max(1e-9 * normal.diagonal().max());
+        normal[(PLACED, PLACED)] += f64::MIN_POSITIVE.max(1e-9 * normal.diagonal().max());
         (normal, right)
-    }
-}
-
-/// One reading's row: how its prediction moves with base, target and quantity, and what is left of it.
-fn reading_row(
-    placement: &Placement,
-    flange: &Isometry3<f64>,
-    measured: &Vector3<f64>,
-    change: &Vector3<f64>,
-) -> (SMatrix<f64, 3, UNKNOWNS>, Vector3<f64>) {
-    let predicted = placement.predict(flange);
-    let arm = predicted - placement.tracker_from_base.translation.vector;
-    let rotation = placement.tracker_from_base.rotation * flange.rotation;
-    let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
-    jacobian.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-    jacobian
-        .fixed_view_mut::<3, 3>(0, 3)
-        .copy_from(&-arm.cross_matrix());
-    jacobian
-        .fixed_view_mut::<3, 3>(0, 6)
-        .copy_from(rotation.to_rotation_matrix().matrix());
-    jacobian
-        .fixed_view_mut::<3, 1>(0, UNKNOWNS - 1)
-        .copy_from(change);
-    (jacobian, measured - predicted)
-}
-
-fn moved(placement: &Placement, change: &SVector<f64, UNKNOWNS>) -> Placement {
-    let part = |first: usize| Vector3::new(change[first], change[first + 1], change[first + 2]);
-    let base = &placement.tracker_from_base;
-    Placement {
-        tracker_from_base: Isometry3::from_parts(
-            Translation3::from(base.translation.vector + part(0)),
-            UnitQuaternion::from_scaled_axis(part(3)) * base.rotation,
-        ),
-        target_mm: placement.target_mm + part(6),
     }
 }

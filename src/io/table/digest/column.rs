@@ -1,9 +1,10 @@
 //! One column's part of a table's digest: its presence, lengths and values, digested as its rows are added.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray};
-use arrow::buffer::Buffer;
+use arrow::buffer::ScalarBuffer;
 use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type, TimestampMicrosecondType};
 use blake3::Hasher;
 
@@ -90,37 +91,16 @@ impl ColumnDigest {
     fn add_values(&mut self, array: &ArrayRef, start: usize, end: usize) {
         match (&mut self.values, self.kind) {
             (Values::Numbers(hasher), ColumnType::Float64 | ColumnType::ListFloat64) => {
-                let numbers = array.as_primitive::<Float64Type>();
-                let bytes = |number: f64| number.to_le_bytes();
-                add_numbers(
-                    hasher,
-                    &numbers.values()[start..end],
-                    numbers.values().inner(),
-                    start,
-                    bytes,
-                );
+                let numbers = array.as_primitive::<Float64Type>().values();
+                add_numbers(hasher, numbers, start..end, f64::to_le_bytes);
             }
             (Values::Numbers(hasher), ColumnType::Timestamp) => {
-                let numbers = array.as_primitive::<TimestampMicrosecondType>();
-                let bytes = |number: i64| number.to_le_bytes();
-                add_numbers(
-                    hasher,
-                    &numbers.values()[start..end],
-                    numbers.values().inner(),
-                    start,
-                    bytes,
-                );
+                let numbers = array.as_primitive::<TimestampMicrosecondType>().values();
+                add_numbers(hasher, numbers, start..end, i64::to_le_bytes);
             }
             (Values::Numbers(hasher), _) => {
-                let numbers = array.as_primitive::<Int64Type>();
-                let bytes = |number: i64| number.to_le_bytes();
-                add_numbers(
-                    hasher,
-                    &numbers.values()[start..end],
-                    numbers.values().inner(),
-                    start,
-                    bytes,
-                );
+                let numbers = array.as_primitive::<Int64Type>().values();
+                add_numbers(hasher, numbers, start..end, i64::to_le_bytes);
             }
             (Values::Counted(runs), ColumnType::Bool) => {
                 let truths = array.as_boolean();
@@ -166,17 +146,16 @@ fn present(array: &ArrayRef) -> Vec<(usize, usize)> {
 }
 
 /// Hashes numbers as 64 bits each, lowest byte first; nearly every processor has them so in memory.
-fn add_numbers<N: Copy>(
+fn add_numbers<N: ArrowNativeType>(
     hasher: &mut Hasher,
-    numbers: &[N],
-    buffer: &Buffer,
-    start: usize,
+    numbers: &ScalarBuffer<N>,
+    rows: Range<usize>,
     bytes: impl Fn(N) -> [u8; 8],
 ) {
     if cfg!(target_endian = "little") {
-        hasher.update(&buffer.as_slice()[8 * start..8 * (start + numbers.len())]);
+        hasher.update(&numbers.inner().as_slice()[8 * rows.start..8 * rows.end]);
     } else {
-        for &number in numbers {
+        for &number in &numbers[rows] {
             hasher.update(&bytes(number));
         }
     }
