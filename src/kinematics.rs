@@ -7,7 +7,11 @@
 //!
 //! - [`chain`]: the sequence, its forward kinematics and its differential.
 //! - [`parameter`]: what can be identified, by name.
-//! - [`arm`]: a robot file made into a chain; joint names, limits, coupling.
+//! - [`convention`]: the ways to state a link, each made into elements of the chain.
+//! - [`robot_file`]: a nominal arm as its maker states it.
+//! - [`arm`]: joint names, limits, coupling, and the chain.
+//! - [`screws`]: an arm as the lines of its axes.
+//! - [`restate`]: a robot file stated again in another convention.
 //! - [`configuration`]: arm configurations and how near a singularity is.
 //! - [`held`]: a chain at given offsets, for many poses one at a time.
 //! - [`batch`]: a chain at given offsets, for columns of poses a block at a time.
@@ -17,19 +21,27 @@ pub mod arm;
 pub mod batch;
 pub mod chain;
 pub mod configuration;
+pub mod convention;
 pub mod held;
 pub mod inverse;
 mod motion;
 pub mod parameter;
+pub mod restate;
+pub mod robot_file;
+pub mod screws;
 mod sin_cos;
 mod twist;
 
-pub use arm::{Arm, ArmError, Joint, RobotFile};
+pub use arm::{Arm, Joint};
 pub use batch::{BatchChain, BatchColumns, Poses};
 pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};
+pub use convention::Convention;
 pub use held::{ChainView, HeldChain};
 pub use inverse::{InverseError, InverseSettings, inverse};
 pub use motion::{Axis, Motion};
 pub use parameter::{LinkQuantity, Parameter};
+pub use restate::RestateError;
+pub use robot_file::{ArmError, JointFile, JointKind, RobotFile};
+pub use screws::{Line, Screw, Screws};
 pub use twist::Twist;

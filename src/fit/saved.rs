@@ -10,7 +10,9 @@ use thiserror::Error;
 use super::{Calibration, Frames, Owner, Unknown};
 use crate::geometry::Transform;
 use crate::join::Several;
-use crate::kinematics::{Arm, ArmError, Chain, Element, Joint, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{
+    Arm, ArmError, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter,
+};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 3;
@@ -84,6 +86,9 @@ pub enum SavedError {
 pub struct SavedArm {
     /// The robot model's name for display.
     pub model: String,
+    /// The convention of its links, as robot files name it; standard DH where it is not named.
+    #[serde(default = "standard_dh", skip_serializing_if = "is_standard_dh")]
+    pub convention: Convention,
     /// The joints from base to flange.
     pub joints: Vec<SavedJoint>,
     /// Row i gives axis variable i as a linear combination of the reported joint angles.
@@ -114,10 +119,25 @@ impl SavedHead {
 pub struct SavedJoint {
     /// The name under which the controller reports it.
     pub name: String,
-    /// Lower limit of the reported angle, rad.
+    /// Lower limit of the reported angle, rad; mm for a joint that slides.
     pub lower_rad: f64,
-    /// Upper limit of the reported angle, rad.
+    /// Upper limit of the reported angle, rad; mm for a joint that slides.
     pub upper_rad: f64,
+    /// Whether it slides along its axis instead of turning about it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub slides: bool,
+}
+
+const fn standard_dh() -> Convention {
+    Convention::StandardDh
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_standard_dh(convention: &Convention) -> bool {
+    *convention == Convention::StandardDh
 }
 
 /// One elementary transform; a motion is `x`, `y`, `z` (mm) or `rx`, `ry`, `rz` (rad).
@@ -132,7 +152,7 @@ pub enum SavedElement {
         motion: String,
         /// Index of the axis variable, from 0.
         joint: usize,
-        /// +1 or −1.
+        /// Its motion per unit of the variable: +1 or −1, or any factor for a joint that follows another.
         sign: f64,
     },
     /// A constant with a free parameter: the motion by `nominal + offset`.
@@ -223,10 +243,12 @@ impl SavedArm {
             name: joint.name.clone(),
             lower_rad: joint.lower,
             upper_rad: joint.upper,
+            slides: joint.slides,
         };
         let map = axes_from_joints(arm);
         Self {
             model: arm.model().to_owned(),
+            convention: arm.convention(),
             joints: arm.joints().iter().map(joint).collect(),
             axes_from_joints: map
                 .row_iter()
@@ -256,10 +278,12 @@ impl SavedArm {
             name: joint.name.clone(),
             lower: joint.lower_rad,
             upper: joint.upper_rad,
+            slides: joint.slides,
         };
         let joints = self.joints.iter().map(joint).collect();
         Ok(Arm::new(
             self.model.clone(),
+            self.convention,
             joints,
             &self.axes_from_joints,
             self.chain()?,

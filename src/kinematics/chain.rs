@@ -21,7 +21,7 @@ pub enum Element {
         motion: Motion,
         /// Index of the axis variable, counted from 0.
         joint: usize,
-        /// +1 or −1.
+        /// Its motion per unit of the variable: +1 or −1, or any factor for a joint that follows another.
         sign: f64,
     },
     /// A constant with a free parameter: the motion by `nominal + offset`.
@@ -133,16 +133,19 @@ impl Chain {
         transforms.fold(Isometry3::identity(), |end, transform| end * transform)
     }
 
-    /// The origin and z axis of each joint in the root frame, in chain order, at `q` with `offsets`.
+    /// The origin and z axis of each axis variable's first joint in the root frame, at `q` with `offsets`.
     pub fn joint_axes(&self, q: &[f64], offsets: &[f64]) -> Vec<(Point3<f64>, Vector3<f64>)> {
-        let mut axes = Vec::with_capacity(self.joints);
+        let mut axes = vec![None; self.joints];
         self.walk(q, offsets, |element, frame| {
-            if let Element::Joint { motion, .. } = element {
+            if let Element::Joint { motion, joint, .. } = element {
                 let origin = Point3::from(frame.translation.vector);
-                axes.push((origin, frame.rotation * motion.axis()));
+                axes[*joint].get_or_insert((origin, frame.rotation * motion.axis()));
             }
         });
-        axes
+        let nowhere = (Point3::origin(), Vector3::z());
+        axes.into_iter()
+            .map(|axis| axis.unwrap_or(nowhere))
+            .collect()
     }
 
     /// The end and its twists at the axis variables `q` with `offsets` added to the free parameters.
@@ -220,7 +223,7 @@ impl Element {
         }
     }
 
-    fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
+    pub(super) fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
         match self {
             Self::Fixed(isometry) => *isometry,
             Self::Joint {

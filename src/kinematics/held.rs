@@ -36,7 +36,7 @@ pub struct ChainView {
     pub unknowns: Vec<(usize, Twist)>,
     /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
-    /// Origin and direction of each joint axis.
+    /// Origin and direction of the first joint of each axis variable.
     pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
 }
 
@@ -119,8 +119,24 @@ impl HeldChain {
                 .map(|(unknown, motion)| (unknown, motion.carried_to(&end)))
                 .collect(),
             joints: self.joint_twists(&axes, &end),
-            axes,
+            axes: self.first_of_each(axes),
         }
+    }
+
+    /// Of axes in the order of the chain, the first of each variable; in the order of the variables.
+    fn first_of_each(
+        &self,
+        axes: Vec<(Point3<f64>, Vector3<f64>)>,
+    ) -> Vec<(Point3<f64>, Vector3<f64>)> {
+        let variables = || self.segments.iter().filter_map(|segment| segment.joint);
+        if variables().map(|(_, joint, _)| joint).eq(0..axes.len()) {
+            return axes;
+        }
+        let first = |variable: usize| variables().position(|(_, joint, _)| joint == variable);
+        let nowhere = (Point3::origin(), Vector3::z());
+        (0..self.joints)
+            .map(|variable| first(variable).map_or(nowhere, |place| axes[place]))
+            .collect()
     }
 
     fn joint_twists(&self, axes: &[(Point3<f64>, Vector3<f64>)], end: &Vector3<f64>) -> Vec<Twist> {

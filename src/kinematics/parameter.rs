@@ -20,24 +20,48 @@ pub enum Parameter {
     Target(Motion),
 }
 
-/// The quantities of a DH link with Hayati's extension.
+/// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LinkQuantity {
-    /// Joint offset, about z.
+    /// Joint offset, about z; a small turn about the joint's axis where the convention places axes.
     Theta,
-    /// Link offset, along z.
+    /// Link offset, along z; a small shift along the joint's axis where the convention places axes.
     D,
     /// Link length, along x.
     A,
     /// Link twist, about x.
     Alpha,
-    /// Hayati's angle about y, where the next axis is nominally parallel.
+    /// Hayati's angle about y, where two axes are nominally parallel.
     Beta,
+    /// Turn about z behind the twist: γ of the S-model, β of CPC.
+    Gamma,
+    /// Shift along z behind the twist: b of the S-model, the third shift of CPC.
+    B,
+    /// Small shift of the joint's axis along its frame's x.
+    X,
+    /// Small shift of the joint's axis along its frame's y.
+    Y,
+    /// Small tilt of the joint's axis about its frame's x.
+    Rx,
+    /// Small tilt of the joint's axis about its frame's y.
+    Ry,
 }
 
 impl LinkQuantity {
-    /// All quantities, in the order of a link's elements.
-    pub const ALL: [Self; 5] = [Self::Theta, Self::D, Self::A, Self::Alpha, Self::Beta];
+    /// All quantities.
+    pub const ALL: [Self; 11] = [
+        Self::Theta,
+        Self::D,
+        Self::A,
+        Self::Alpha,
+        Self::Beta,
+        Self::Gamma,
+        Self::B,
+        Self::X,
+        Self::Y,
+        Self::Rx,
+        Self::Ry,
+    ];
 
     /// The quantity's name in tables and saved models.
     pub const fn name(self) -> &'static str {
@@ -47,6 +71,27 @@ impl LinkQuantity {
             Self::A => "a",
             Self::Alpha => "alpha",
             Self::Beta => "beta",
+            Self::Gamma => "gamma",
+            Self::B => "b",
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Rx => "rx",
+            Self::Ry => "ry",
+        }
+    }
+
+    /// The quantity with this name; `None` when no quantity has it.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|quantity| quantity.name() == name)
+    }
+
+    /// Whether the quantity is an angle (rad); otherwise it is a length (mm).
+    pub const fn is_angle(self) -> bool {
+        match self {
+            Self::Theta | Self::Alpha | Self::Beta | Self::Gamma | Self::Rx | Self::Ry => true,
+            Self::D | Self::A | Self::B | Self::X | Self::Y => false,
         }
     }
 }
@@ -56,7 +101,7 @@ impl Parameter {
     pub const fn is_angle(self) -> bool {
         match self {
             Self::Base(motion) | Self::Target(motion) => matches!(motion, Motion::Rotation(_)),
-            Self::Link { quantity, .. } => !matches!(quantity, LinkQuantity::D | LinkQuantity::A),
+            Self::Link { quantity, .. } => quantity.is_angle(),
         }
     }
 

@@ -100,14 +100,7 @@ mod by_name {
 
     fn link(name: &str) -> Option<Parameter> {
         let (quantity, joint) = name.rsplit_once('_')?;
-        let quantity = match quantity {
-            "theta" => LinkQuantity::Theta,
-            "d" => LinkQuantity::D,
-            "a" => LinkQuantity::A,
-            "alpha" => LinkQuantity::Alpha,
-            "beta" => LinkQuantity::Beta,
-            _ => return None,
-        };
+        let quantity = LinkQuantity::of_name(quantity)?;
         let joint = joint.parse().ok()?;
         Some(Parameter::Link { joint, quantity })
     }

@@ -13,6 +13,7 @@ use crate::io::common::corrects;
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
 use crate::join::{Reading, ReadingKind, Station};
+use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
 
@@ -199,13 +200,6 @@ row! {
 
 corrects!(CalibrationRow);
 
-/// Conventions of links.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Convention {
-    /// Standard (distal) Denavit–Hartenberg: the only one that robot files may be written in.
-    StandardDh,
-}
-
 /// The loss on a station's residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LossName {
@@ -220,7 +214,16 @@ pub enum LossName {
 }
 
 words! {
-    Convention { StandardDh: "standard_dh" }
+    Convention {
+        StandardDh: "standard_dh",
+        MdH: "md_h",
+        ModifiedDh: "modified_dh",
+        SModel: "s_model",
+        Cpc: "cpc",
+        Poe: "poe",
+        MinimalPoe: "minimal_poe",
+        Urdf: "urdf",
+    }
     LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 
@@ -306,7 +309,7 @@ impl<'a> Identified<'a> {
         let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
-            convention: Convention::StandardDh,
+            convention: arm.convention(),
             parallel_joints: owned(parallel),
             joint_names: owned(names.iter().copied()),
             model_kind: self.model,

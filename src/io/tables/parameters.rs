@@ -79,6 +79,10 @@ pub enum ParameterQuantity {
     Alpha,
     /// Hayati's β.
     Beta,
+    /// The turn γ behind the twist of S-model and CPC.
+    Gamma,
+    /// The shift b behind the twist of S-model and CPC.
+    B,
     /// A shift along x.
     X,
     /// A shift along y.
@@ -103,6 +107,8 @@ words! {
         A: "a",
         Alpha: "alpha",
         Beta: "beta",
+        Gamma: "gamma",
+        B: "b",
         X: "x",
         Y: "y",
         Z: "z",
@@ -450,6 +456,12 @@ impl Subject {
                     LinkQuantity::A => ParameterQuantity::A,
                     LinkQuantity::Alpha => ParameterQuantity::Alpha,
                     LinkQuantity::Beta => ParameterQuantity::Beta,
+                    LinkQuantity::Gamma => ParameterQuantity::Gamma,
+                    LinkQuantity::B => ParameterQuantity::B,
+                    LinkQuantity::X => ParameterQuantity::X,
+                    LinkQuantity::Y => ParameterQuantity::Y,
+                    LinkQuantity::Rx => ParameterQuantity::Rx,
+                    LinkQuantity::Ry => ParameterQuantity::Ry,
                 },
             },
         }

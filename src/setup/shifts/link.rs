@@ -67,18 +67,34 @@ fn hypothesis(
         .joints()
         .get(joint - 1)
         .map_or("", |joint| joint.name.as_str());
-    let (key, change) = match quantity {
-        LinkQuantity::D => ("d_mm", format!("{value:+.1} mm")),
-        LinkQuantity::A => ("a_mm", format!("{value:+.1} mm")),
-        LinkQuantity::Theta => ("offset_deg", format!("{:+.2}°", value.to_degrees())),
-        LinkQuantity::Alpha => ("alpha_deg", format!("{:+.2}°", value.to_degrees())),
-        LinkQuantity::Beta => ("(parallel axes)", format!("{:+.2}°", value.to_degrees())),
+    let key = key(quantity);
+    let change = if quantity.is_angle() {
+        format!("{:+.2}°", value.to_degrees())
+    } else {
+        format!("{value:+.1} mm")
     };
     Hypothesis {
         mistake: format!("{key} of {joint:?} in the robot file is off by {change}"),
         edit: format!("robot file, [[joint]] {joint:?}: {key} {change}"),
         set_up: stated.with_offsets(offsets),
         sort: Sort::Size,
+    }
+}
+
+/// The key of a robot file that states the quantity, or words for what no key states.
+const fn key(quantity: LinkQuantity) -> &'static str {
+    match quantity {
+        LinkQuantity::D => "d_mm",
+        LinkQuantity::A => "a_mm",
+        LinkQuantity::Theta => "offset_deg",
+        LinkQuantity::Alpha => "alpha_deg",
+        LinkQuantity::Beta => "(parallel axes)",
+        LinkQuantity::Gamma => "gamma_deg",
+        LinkQuantity::B => "b_mm",
+        LinkQuantity::X => "the place of the axis along x",
+        LinkQuantity::Y => "the place of the axis along y",
+        LinkQuantity::Rx => "the axis' direction about x",
+        LinkQuantity::Ry => "the axis' direction about y",
     }
 }
 

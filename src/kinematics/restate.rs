@@ -1,0 +1,186 @@
+//! A robot file stated again in another convention: the same arm, other numbers.
+//!
+//! From the [lines of the axes](super::screws) each convention's numbers follow by the rule that it is known for: common normals
+//! for the tables (Denavit and Hartenberg 1955; Craig 1986), directions and shifts for CPC (Zhuang, Roth and Hamano 1992), the
+//! lines themselves for products of exponentials. What a table cannot state before its first or behind its last link stands in
+//! `[base]` and `[flange]`.
+
+mod tables;
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use super::convention::{Convention, lines};
+use super::robot_file::{ArmError, JointFile, JointKind, Mimic, RobotFile};
+use super::screws::{Line, Screws};
+use crate::geometry::{EulerOrder, Placement};
+
+/// Numbers below this are rounding, mm or rad.
+const ROUNDING: f64 = 1e-12;
+
+/// A reason why an arm cannot be stated in a convention.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum RestateError {
+    /// The file states no arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// Two axes are so nearly parallel that their common normal is far away.
+    #[error(
+        "joints {joint:?} and the one behind it are {angle_deg:.2e}° from parallel: convention {convention:?} would put the link {distance_m:.0} m \
+         away; make them exactly parallel, or use \"cpc\", \"poe\" or \"urdf\", which have no such place"
+    )]
+    NearlyParallel {
+        /// The first of the two joints.
+        joint: String,
+        /// The convention's word.
+        convention: &'static str,
+        /// Angle between the two axes, degrees.
+        angle_deg: f64,
+        /// Distance of the common normal from the link, m.
+        distance_m: f64,
+    },
+}
+
+impl RobotFile {
+    /// The file of the same arm in another convention; an error where the file is wrong, or the convention cannot state the arm.
+    pub fn restated(&self, convention: Convention) -> Result<Self, RestateError> {
+        let arm = self.arm()?;
+        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let screws = Screws::of(arm.chain(), &offsets);
+        let moving: Vec<&JointFile> = self
+            .joint
+            .iter()
+            .filter(|joint| joint.kind != JointKind::Fixed)
+            .collect();
+        let mut file = Self {
+            convention,
+            base: None,
+            flange: None,
+            joint: moving.into_iter().map(unlinked).collect(),
+            ..self.clone()
+        };
+        match convention {
+            Convention::StandardDh | Convention::MdH | Convention::SModel => {
+                tables::standard(&mut file, &screws)?;
+            }
+            Convention::ModifiedDh => tables::modified(&mut file, &screws)?,
+            Convention::Cpc => cpc(&mut file, &screws),
+            Convention::Poe | Convention::MinimalPoe => exponentials(&mut file, &screws),
+            Convention::Urdf => origins(&mut file, &screws),
+        }
+        Ok(file)
+    }
+}
+
+/// A joint without its link: name, kind, direction of counting and limits. What a joint that follows adds at zero is part of
+/// the lines.
+fn unlinked(joint: &JointFile) -> JointFile {
+    JointFile {
+        name: joint.name.clone(),
+        kind: joint.kind,
+        sign: Some(joint.sign.unwrap_or(1)),
+        limits_deg: joint.limits_deg,
+        limits_mm: joint.limits_mm,
+        mimic: joint.mimic.clone().map(|mimic| Mimic {
+            offset_deg: None,
+            offset_mm: None,
+            ..mimic
+        }),
+        ..JointFile::default()
+    }
+}
+
+/// The frame on the first axis where a base frame is stated: at the point of the axis nearest to the base, turned as little as
+/// may be.
+fn on_first_axis(first: &Line) -> Isometry3<f64> {
+    let point = first.nearest_to(&Point3::origin());
+    Isometry3::from_parts(point.into(), lines::z_to(&first.direction))
+}
+
+fn cpc(file: &mut RobotFile, screws: &Screws) {
+    let Some(first) = screws.axes.first() else {
+        return;
+    };
+    let mut frame = on_first_axis(&first.line);
+    file.base = placement(&frame);
+    let nexts = screws.axes.iter().skip(1).map(|screw| screw.line);
+    let nexts: Vec<Option<Line>> = nexts.map(Some).chain([None]).collect();
+    for (joint, next) in file.joint.iter_mut().zip(nexts) {
+        let line = next.unwrap_or_else(|| Line::z_of(&screws.flange));
+        let direction = frame.rotation.inverse() * line.direction;
+        let turned = frame.rotation * lines::z_to(&direction);
+        let (gamma, end) = match next {
+            Some(line) => (0.0, line.nearest_to(&frame.translation.vector.into())),
+            None => {
+                let left = turned.inverse() * screws.flange.rotation;
+                let x = left * Vector3::x();
+                (x.y.atan2(x.x), screws.flange.translation.vector.into())
+            }
+        };
+        let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), gamma);
+        let rotation = turned * about_z;
+        let shift = rotation.inverse() * (end - Point3::from(frame.translation.vector));
+        joint.direction = Some(direction.into_inner().map(clean).into());
+        joint.gamma_deg = Some(degrees(gamma));
+        joint.shift_mm = Some(shift.map(clean).into());
+        frame = Isometry3::from_parts(Translation3::from(end), rotation);
+    }
+}
+
+fn exponentials(file: &mut RobotFile, screws: &Screws) {
+    for (joint, screw) in file.joint.iter_mut().zip(&screws.axes) {
+        joint.axis = Some(screw.line.direction.into_inner().map(clean).into());
+        joint.point_mm = Some(screw.line.point.coords.map(clean).into());
+    }
+    file.flange = Some(stated(&screws.flange));
+}
+
+fn origins(file: &mut RobotFile, screws: &Screws) {
+    let mut before = Vector3::zeros();
+    for (joint, screw) in file.joint.iter_mut().zip(&screws.axes) {
+        let point = screw.line.point.coords;
+        joint.axis = Some(screw.line.direction.into_inner().map(clean).into());
+        joint.origin = Some(stated(&Isometry3::from_parts(
+            Translation3::from(point - before),
+            UnitQuaternion::identity(),
+        )));
+        before = point;
+    }
+    file.flange =
+        placement(&(Isometry3::translation(-before.x, -before.y, -before.z) * screws.flange));
+}
+
+/// The placement as a file states it; `None` for one that changes nothing.
+fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
+    let stated = stated(isometry);
+    let is_nothing = stated.xyz_mm == [0.0; 3] && stated.euler_deg == Some([0.0; 3]);
+    (!is_nothing).then_some(stated)
+}
+
+fn stated(isometry: &Isometry3<f64>) -> Placement {
+    let (roll, pitch, yaw) = isometry.rotation.euler_angles();
+    Placement {
+        xyz_mm: isometry.translation.vector.map(clean).into(),
+        quaternion_xyzw: None,
+        euler_deg: Some([roll, pitch, yaw].map(degrees)),
+        euler_order: Some(EulerOrder::FixedXyz),
+    }
+}
+
+/// The number without what rounding left of a zero.
+fn clean(value: f64) -> f64 {
+    if value.abs() < ROUNDING { 0.0 } else { value }
+}
+
+/// An angle in degrees, exact where it is a right angle but for rounding.
+fn degrees(angle: f64) -> f64 {
+    let right = (angle / std::f64::consts::FRAC_PI_2).round();
+    if (angle - right * std::f64::consts::FRAC_PI_2).abs() < ROUNDING {
+        right * 90.0
+    } else {
+        angle.to_degrees()
+    }
+}
+
+#[cfg(test)]
+mod tests;

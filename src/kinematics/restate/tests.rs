@@ -1,0 +1,55 @@
+use super::*;
+use crate::kinematics::Arm;
+
+const FILES: [&str; 6] = [
+    include_str!("../../../pipelines/robots/irb120.toml"),
+    include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
+    include_str!("../../../pipelines/robots/ur10.toml"),
+    include_str!("../../../pipelines/robots/ur10e.toml"),
+    include_str!("../../../pipelines/robots/ur5.toml"),
+    include_str!("../../../pipelines/robots/ur5e.toml"),
+];
+
+fn read(text: &str) -> RobotFile {
+    toml::from_str(text).expect("a robot file")
+}
+
+/// The largest differences of two arms' flanges, mm and rad, over joint vectors spread over their ranges.
+fn apart(one: &Arm, other: &Arm, count: u32) -> (f64, f64) {
+    let (mut mm, mut rad) = (0.0_f64, 0.0_f64);
+    for index in 0..count {
+        let share =
+            |joint: u32| (f64::from(index) * (0.618_033_988_749 + 0.1 * f64::from(joint))).fract();
+        let joints: Vec<f64> = one
+            .joints()
+            .iter()
+            .zip(0..)
+            .map(|(joint, number)| joint.lower + (joint.upper - joint.lower) * share(number))
+            .collect();
+        let between = one.flange(&joints).isometry().inverse() * other.flange(&joints).isometry();
+        mm = mm.max(between.translation.vector.norm());
+        rad = rad.max(2.0 * between.rotation.imag().norm());
+    }
+    (mm, rad)
+}
+
+#[test]
+fn an_arm_is_the_same_in_every_convention() {
+    for text in FILES {
+        let file = read(text);
+        let arm = file.arm().expect("an arm");
+        for convention in Convention::ALL {
+            let restated = file.restated(convention).expect("the same arm");
+            let written = toml::to_string(&restated).expect("TOML");
+            let other = read(&written)
+                .arm()
+                .unwrap_or_else(|e| panic!("{convention:?}: {e}\n{written}"));
+            let (mm, rad) = apart(&arm, &other, 200);
+            assert!(
+                mm < 1e-9 && rad < 1e-12,
+                "{} {convention:?}: {mm:e} mm, {rad:e} rad\n{written}",
+                file.model
+            );
+        }
+    }
+}

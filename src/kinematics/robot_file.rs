@@ -1,0 +1,487 @@
+//! A robot file: a nominal arm as its maker states it, in one of the [conventions](super::convention), made into an arm.
+//!
+//! Every key of every convention stands in [`JointFile`]; which of them a joint has to have follows from the convention and the
+//! kind of joint ([`keys`]). A file with the wrong ones, or with numbers in other units than its keys say, is an error that
+//! names the joint ([`checks`]).
+
+mod checks;
+mod error;
+mod keys;
+
+use nalgebra::{DMatrix, Isometry3, UnitVector3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::arm::{Arm, Joint, Nominal};
+use super::chain::{Chain, Element};
+use super::convention::table::{Parallel, TableLink};
+use super::convention::{Convention, PARALLEL_SINE, lines};
+use super::motion::Motion;
+use super::parameter::{LinkQuantity, Parameter};
+use crate::geometry::Placement;
+
+pub use error::ArmError;
+
+/// A nominal arm as `pipelines/robots/*.toml` states it.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotFile {
+    /// The robot model's name for display: `"KUKA KR 210 R2700 extra"`.
+    pub model: String,
+    /// The source of the numbers: a data sheet or drawing.
+    pub source: String,
+    /// The convention that the link values follow.
+    pub convention: Convention,
+    /// A pose that can be checked at the cell, reported angles in degrees (mm for a joint that slides): `posegrid check`
+    /// prints the nominal flange there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home_deg: Option<Vec<f64>>,
+    /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_map: Option<Vec<Vec<f64>>>,
+    /// The frame of the first link in the base frame; the base frame itself when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<Placement>,
+    /// The flange in the frame of the last link, or in the base frame at zero for products of exponentials; that frame itself
+    /// when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flange: Option<Placement>,
+    /// The joints from base to flange.
+    pub joint: Vec<JointFile>,
+}
+
+/// Kinds of joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JointKind {
+    /// Turns about its axis between two limits.
+    #[default]
+    Revolute,
+    /// Turns about its axis without limits.
+    Continuous,
+    /// Slides along its axis: a track, a lift.
+    Prismatic,
+    /// Does not move: a constant link.
+    Fixed,
+}
+
+/// One joint of a robot file, with the link that its convention gives it.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointFile {
+    /// The name under which the controller reports it.
+    pub name: String,
+    /// The kind of joint.
+    #[serde(default, skip_serializing_if = "is_revolute")]
+    pub kind: JointKind,
+    /// Link length a, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub a_mm: Option<f64>,
+    /// Link twist α, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alpha_deg: Option<f64>,
+    /// Link offset d, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub d_mm: Option<f64>,
+    /// Joint offset, degrees: θ at a reported angle of zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_deg: Option<f64>,
+    /// What is added to the reported position of a joint that slides, mm, where d is not part of the convention.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_mm: Option<f64>,
+    /// Turn about z behind the twist: γ of the S-model, β of CPC, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma_deg: Option<f64>,
+    /// The S-model's shift along z behind the twist, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub b_mm: Option<f64>,
+    /// CPC: direction of the next joint's axis in this joint's frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
+    /// CPC: shift to the next joint's frame, in that frame's axes, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift_mm: Option<[f64; 3]>,
+    /// Direction of the joint's axis: in the base frame at zero (product of exponentials), or in the joint's frame (URDF).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axis: Option<[f64; 3]>,
+    /// A point of the joint's axis in the base frame at zero, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_mm: Option<[f64; 3]>,
+    /// URDF: the joint's frame in that of the joint before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Placement>,
+    /// +1 or −1: which way the controller counts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sign: Option<i8>,
+    /// Lower and upper limit of the reported angle, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits_deg: Option<[f64; 2]>,
+    /// Lower and upper limit of the reported position of a joint that slides, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits_mm: Option<[f64; 2]>,
+    /// The joint that this one follows; it is not reported itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mimic: Option<Mimic>,
+}
+
+/// A passive joint as a linear function of another: `multiplier · other + offset`, in the units of the two.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mimic {
+    /// The joint that it follows.
+    pub joint: String,
+    /// Its motion per motion of the other.
+    pub multiplier: f64,
+    /// Its angle where the other is at zero, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_deg: Option<f64>,
+    /// Its position where the other is at zero, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset_mm: Option<f64>,
+}
+
+/// A joint that moves, as the elements of its link need it.
+#[derive(Debug)]
+pub(super) struct Moving<'a> {
+    file: &'a JointFile,
+    /// The joint's number in parameters, from 1: that of its axis variable, or one after those for a joint that follows.
+    number: usize,
+    /// Index of the axis variable that moves it, from 0.
+    variable: usize,
+    /// Its motion per unit of that variable.
+    factor: f64,
+    /// Its motion where that variable is zero, rad or mm.
+    shift: f64,
+}
+
+impl Moving<'_> {
+    pub(super) fn slides(&self) -> bool {
+        self.file.kind == JointKind::Prismatic
+    }
+
+    /// The element of its variable.
+    pub(super) const fn variable(&self, motion: Motion) -> Element {
+        Element::Joint {
+            motion,
+            joint: self.variable,
+            sign: self.factor,
+        }
+    }
+
+    /// A free element of its link.
+    pub(super) const fn free(
+        &self,
+        motion: Motion,
+        nominal: f64,
+        quantity: LinkQuantity,
+    ) -> Element {
+        Element::Free {
+            motion,
+            nominal,
+            parameter: Parameter::Link {
+                joint: self.number,
+                quantity,
+            },
+        }
+    }
+
+    /// Its zero: the offset that the file states and the shift of the joint that it follows.
+    fn zero(&self) -> f64 {
+        let stated = if self.slides() {
+            self.file.offset_mm.unwrap_or(0.0)
+        } else {
+            self.file.offset_deg.unwrap_or(0.0).to_radians()
+        };
+        stated + self.shift
+    }
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_revolute(kind: &JointKind) -> bool {
+    *kind == JointKind::Revolute
+}
+
+impl RobotFile {
+    /// The arm that the file describes; an error where a value is wrong.
+    pub fn arm(&self) -> Result<Arm, ArmError> {
+        self.check()?;
+        let reported: Vec<&JointFile> = self.joint.iter().filter(|j| j.is_reported()).collect();
+        let parallel = self.parallel_joints();
+        let mut elements = placement("base", self.base.as_ref())?.into_iter().collect();
+        self.push_links(&reported, &parallel, &mut elements)?;
+        Ok(Arm::of_file(Nominal {
+            model: self.model.clone(),
+            convention: self.convention,
+            joints: reported.iter().map(|joint| joint.joint()).collect(),
+            home: self.home(&reported)?,
+            map: self.map(reported.len())?,
+            chain: Chain::new(elements),
+        }))
+    }
+
+    /// Appends the links from the base to the flange.
+    fn push_links(
+        &self,
+        reported: &[&JointFile],
+        parallel: &[bool],
+        elements: &mut Vec<Element>,
+    ) -> Result<(), ArmError> {
+        let mut followers = reported.len();
+        let mut before = Isometry3::identity();
+        for (place, file) in self.joint.iter().enumerate() {
+            let Some(joint) = self.moving(file, reported, &mut followers) else {
+                elements.push(self.constant(file)?);
+                continue;
+            };
+            let beside = Beside {
+                before: place > 0 && parallel[place - 1],
+                next: parallel[place],
+            };
+            elements.extend(self.link(&joint, beside, &mut before)?);
+        }
+        let flange = placement("flange", self.flange.as_ref())?;
+        elements.extend(match self.convention {
+            Convention::Poe | Convention::MinimalPoe => {
+                let flange = flange.as_ref().map_or_else(Isometry3::identity, fixed);
+                Some(Element::Fixed(before.inverse() * flange))
+            }
+            _ => flange,
+        });
+        Ok(())
+    }
+
+    /// The joint with its number and the variable that moves it; `None` for one that does not move.
+    fn moving<'a>(
+        &self,
+        file: &'a JointFile,
+        reported: &[&JointFile],
+        followers: &mut usize,
+    ) -> Option<Moving<'a>> {
+        let place = |name: &str| reported.iter().position(|joint| joint.name == name);
+        let sign = f64::from(file.sign.unwrap_or(1));
+        match (&file.mimic, file.kind) {
+            (_, JointKind::Fixed) => None,
+            (None, _) => place(&file.name).map(|variable| Moving {
+                file,
+                number: variable + 1,
+                variable,
+                factor: sign,
+                shift: 0.0,
+            }),
+            (Some(mimic), kind) => {
+                let offset = if kind == JointKind::Prismatic {
+                    mimic.offset_mm.unwrap_or(0.0)
+                } else {
+                    mimic.offset_deg.unwrap_or(0.0).to_radians()
+                };
+                *followers += 1;
+                place(&mimic.joint).map(|variable| Moving {
+                    file,
+                    number: *followers,
+                    variable,
+                    factor: sign * mimic.multiplier,
+                    shift: sign * offset,
+                })
+            }
+        }
+    }
+
+    /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of exponentials.
+    fn link(
+        &self,
+        joint: &Moving<'_>,
+        beside: Beside,
+        before: &mut Isometry3<f64>,
+    ) -> Result<Vec<Element>, ArmError> {
+        let file = joint.file;
+        Ok(match self.convention {
+            Convention::StandardDh => file
+                .table(joint)
+                .standard(joint, in_place(beside.next, Parallel::InPlaceOfD)),
+            Convention::MdH => file
+                .table(joint)
+                .standard(joint, in_place(beside.next, Parallel::BesideD)),
+            Convention::ModifiedDh => file
+                .table(joint)
+                .modified(joint, in_place(beside.before, Parallel::InPlaceOfD)),
+            Convention::SModel => file
+                .table(joint)
+                .s_model(joint, in_place(beside.next, Parallel::InPlaceOfD)),
+            Convention::Cpc => lines::cpc(
+                joint,
+                &unit(file.direction),
+                file.gamma_deg.unwrap_or(0.0).to_radians(),
+                file.shift_mm.unwrap_or_default(),
+                joint.zero(),
+            ),
+            Convention::Poe | Convention::MinimalPoe => {
+                let point = file
+                    .point_mm
+                    .map_or(before.translation.vector, Vector3::from);
+                let frame = lines::frame_along(point, &unit(file.axis));
+                let nominal = before.inverse() * frame;
+                *before = frame;
+                if self.convention == Convention::Poe {
+                    lines::placed(joint, nominal, joint.zero())
+                } else {
+                    lines::line(joint, nominal, joint.zero())
+                }
+            }
+            Convention::Urdf => {
+                let along = Isometry3::from_parts(
+                    nalgebra::Translation3::identity(),
+                    lines::z_to(&unit(file.axis)),
+                );
+                let mut elements = lines::placed(joint, file.origin()? * along, joint.zero());
+                elements.push(Element::Fixed(along.inverse()));
+                elements
+            }
+        })
+    }
+
+    /// The transform of a joint that does not move.
+    fn constant(&self, file: &JointFile) -> Result<Element, ArmError> {
+        let joint = Moving {
+            file,
+            number: 0,
+            variable: 0,
+            factor: 0.0,
+            shift: 0.0,
+        };
+        let elements = match self.convention {
+            Convention::Urdf => return Ok(Element::Fixed(file.origin()?)),
+            Convention::ModifiedDh => file.table(&joint).modified(&joint, Parallel::No),
+            _ => file.table(&joint).s_model(&joint, Parallel::No),
+        };
+        let constants = Chain::new(elements);
+        Ok(Element::Fixed(constants.nominal(&[0.0])))
+    }
+
+    /// For each joint of the file, whether its axis is nominally parallel to the next one's, as far as a table of twists says so.
+    fn parallel_joints(&self) -> Vec<bool> {
+        let parallel = |alpha_deg: f64| alpha_deg.to_radians().sin().abs() < PARALLEL_SINE;
+        let count = self.joint.len();
+        let twist = |place: usize| match self.convention {
+            Convention::ModifiedDh => self.joint.get(place + 1)?.alpha_deg,
+            _ => self.joint[place].alpha_deg,
+        };
+        let both_move = |place: usize| {
+            let kinds = [place, place + 1].map(|place| self.joint[place].kind);
+            !kinds.contains(&JointKind::Fixed)
+        };
+        (0..count)
+            .map(|place| {
+                place + 1 < count && both_move(place) && twist(place).is_some_and(parallel)
+            })
+            .collect()
+    }
+
+    /// The home pose, rad or mm; an error unless it has a finite value for each reported joint.
+    fn home(&self, reported: &[&JointFile]) -> Result<Option<Box<[f64]>>, ArmError> {
+        let Some(home) = &self.home_deg else {
+            return Ok(None);
+        };
+        if home.len() != reported.len() || home.iter().any(|angle| !angle.is_finite()) {
+            return Err(ArmError::Home {
+                found: home.clone(),
+                joints: reported.len(),
+            });
+        }
+        let own = |(value, joint): (&f64, &&JointFile)| match joint.kind {
+            JointKind::Prismatic => *value,
+            _ => value.to_radians(),
+        };
+        Ok(Some(home.iter().zip(reported).map(own).collect()))
+    }
+
+    fn map(&self, joints: usize) -> Result<Option<DMatrix<f64>>, ArmError> {
+        let rows = self.joint_map.as_deref();
+        rows.map_or(Ok(None), |rows| super::arm::joint_map(rows, joints))
+    }
+}
+
+/// Whether the axes before and after a joint are parallel to its own.
+#[derive(Debug, Clone, Copy)]
+struct Beside {
+    before: bool,
+    next: bool,
+}
+
+const fn in_place(is_parallel: bool, way: Parallel) -> Parallel {
+    if is_parallel { way } else { Parallel::No }
+}
+
+/// A stated direction; the z axis where there is none, which a check has refused before.
+fn unit(direction: Option<[f64; 3]>) -> UnitVector3<f64> {
+    let direction = Vector3::from(direction.unwrap_or([0.0, 0.0, 1.0]));
+    UnitVector3::new_normalize(direction)
+}
+
+fn fixed(element: &Element) -> Isometry3<f64> {
+    element.nominal(&[])
+}
+
+fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Element>, ArmError> {
+    let isometry = stated.map(Placement::isometry).transpose();
+    let isometry = isometry.map_err(|source| ArmError::Placement {
+        place: place.to_owned(),
+        source,
+    })?;
+    Ok(isometry.map(Element::Fixed))
+}
+
+impl JointFile {
+    /// Whether the controller reports the joint: it moves, and follows no other.
+    fn is_reported(&self) -> bool {
+        self.kind != JointKind::Fixed && self.mimic.is_none()
+    }
+
+    /// The joint with its limits, rad or mm. A continuous joint without limits is taken to go a whole turn either way.
+    fn joint(&self) -> Joint {
+        let slides = self.kind == JointKind::Prismatic;
+        let [lower, upper] = if slides {
+            self.limits_mm.unwrap_or([0.0, 0.0])
+        } else {
+            let turn = [-360.0, 360.0];
+            self.limits_deg.unwrap_or(turn).map(f64::to_radians)
+        };
+        Joint {
+            name: self.name.clone(),
+            lower,
+            upper,
+            slides,
+        }
+    }
+
+    /// The numbers of its link in a table, with the shift of the joint that it follows in the joint's own.
+    fn table(&self, joint: &Moving<'_>) -> TableLink {
+        let angle = |degrees: Option<f64>| degrees.unwrap_or(0.0).to_radians();
+        let (turned, slid) = if joint.slides() {
+            (0.0, joint.shift)
+        } else {
+            (joint.shift, 0.0)
+        };
+        TableLink {
+            theta: angle(self.offset_deg) + turned,
+            d: self.d_mm.unwrap_or(0.0) + slid,
+            a: self.a_mm.unwrap_or(0.0),
+            alpha: angle(self.alpha_deg),
+            gamma: angle(self.gamma_deg),
+            b: self.b_mm.unwrap_or(0.0),
+        }
+    }
+
+    fn origin(&self) -> Result<Isometry3<f64>, ArmError> {
+        let stated = self.origin.as_ref().map(Placement::isometry);
+        let stated = stated.transpose().map_err(|source| ArmError::Placement {
+            place: format!("origin of joint {:?}", self.name),
+            source,
+        })?;
+        Ok(stated.unwrap_or_else(Isometry3::identity))
+    }
+}
+
+#[cfg(test)]
+mod tests;
