@@ -109,13 +109,11 @@ fn cpc(file: &mut RobotFile, screws: &Screws) {
         let line = next.unwrap_or_else(|| Line::z_of(&screws.flange));
         let direction = frame.rotation.inverse() * line.direction;
         let turned = frame.rotation * lines::z_to(&direction);
-        let (gamma, end) = match next {
-            Some(line) => (0.0, line.nearest_to(&frame.translation.vector.into())),
-            None => {
-                let left = turned.inverse() * screws.flange.rotation;
-                let x = left * Vector3::x();
-                (x.y.atan2(x.x), screws.flange.translation.vector.into())
-            }
+        let (gamma, end) = if let Some(line) = next {
+            (0.0, line.nearest_to(&frame.translation.vector.into()))
+        } else {
+            let x = turned.inverse() * screws.flange.rotation * Vector3::x();
+            (x.y.atan2(x.x), screws.flange.translation.vector.into())
         };
         let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), gamma);
         let rotation = turned * about_z;
@@ -153,8 +151,13 @@ fn origins(file: &mut RobotFile, screws: &Screws) {
 /// The placement as a file states it; `None` for one that changes nothing.
 fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
     let stated = stated(isometry);
-    let is_nothing = stated.xyz_mm == [0.0; 3] && stated.euler_deg == Some([0.0; 3]);
-    (!is_nothing).then_some(stated)
+    let angles = stated.euler_deg.unwrap_or_default();
+    let changes = stated
+        .xyz_mm
+        .iter()
+        .chain(&angles)
+        .any(|&number| number != 0.0);
+    changes.then_some(stated)
 }
 
 fn stated(isometry: &Isometry3<f64>) -> Placement {

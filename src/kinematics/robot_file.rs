@@ -19,7 +19,7 @@ use super::motion::Motion;
 use super::parameter::{LinkQuantity, Parameter};
 use crate::geometry::Placement;
 
-pub use error::ArmError;
+pub use error::{ArmError, WrongKeys};
 
 /// A nominal arm as `pipelines/robots/*.toml` states it.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -231,7 +231,7 @@ impl RobotFile {
         let mut followers = reported.len();
         let mut before = Isometry3::identity();
         for (place, file) in self.joint.iter().enumerate() {
-            let Some(joint) = self.moving(file, reported, &mut followers) else {
+            let Some(joint) = Self::moving(file, reported, &mut followers) else {
                 elements.push(self.constant(file)?);
                 continue;
             };
@@ -254,7 +254,6 @@ impl RobotFile {
 
     /// The joint with its number and the variable that moves it; `None` for one that does not move.
     fn moving<'a>(
-        &self,
         file: &'a JointFile,
         reported: &[&JointFile],
         followers: &mut usize,

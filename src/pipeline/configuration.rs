@@ -239,9 +239,15 @@ fn read_arm(path: &Path, robot: &Path) -> Result<Arm, ConfigurationError> {
     let file: RobotFile = toml::from_str(&text).map_err(|source| {
         incomplete(robot, KeyReference::robot(), &text).unwrap_or_else(|| wrong(source))
     })?;
-    file.arm().map_err(|source| ConfigurationError::Arm {
-        robot: robot.to_owned(),
-        source,
+    file.arm().map_err(|source| {
+        let wrong = || ConfigurationError::Arm {
+            line: source
+                .joint()
+                .and_then(|joint| missing::line_of_joint(&text, joint)),
+            robot: robot.to_owned(),
+            source: Box::new(source.clone()),
+        };
+        incomplete(robot, KeyReference::robot(), &text).unwrap_or_else(wrong)
     })
 }
 

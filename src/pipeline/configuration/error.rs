@@ -99,12 +99,14 @@ pub enum ConfigurationError {
         source: Box<toml::de::Error>,
     },
     /// The robot file's arm is invalid.
-    #[error("{}: {source}", robot.display())]
+    #[error("{}{}: {source}", robot.display(), on_line(*line))]
     Arm {
         /// The robot file.
         robot: PathBuf,
+        /// The line where the joint begins that the fault is in.
+        line: Option<usize>,
         /// Why.
-        source: ArmError,
+        source: Box<ArmError>,
     },
     /// The folder with the sessions cannot be read.
     #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold the sessions", folder.display(), path.display())]
@@ -162,6 +164,10 @@ fn listed(names: &[String]) -> String {
     } else {
         names.join(", ")
     }
+}
+
+fn on_line(line: Option<usize>) -> String {
+    line.map_or_else(String::new, |line| format!(", line {line}"))
 }
 
 fn besides(left_out: &[String]) -> String {
