@@ -99,6 +99,9 @@ def ur_table(d1, a2, a3, d4, d5, d6):
     return f"0 0 {d1} 0; 90 0 0 0; 0 {a2} 0 0; 0 {a3} {d4} 0; 90 0 {d5} 0; -90 0 {d6} 0"
 
 
+# Franka's own table, the flange's 107 mm in its last row.
+FRANKA_TABLE = "0 0 333 0; -90 0 0 0; 90 0 316 0; 90 82.5 0 0; -90 -82.5 384 0; 90 0 0 0; 90 88 107 0"
+
 UR_ARTICLE = "Universal Robots' article \"DH Parameters for calculations of kinematics and dynamics\""
 UR_ELBOW = {3: "the description halves the elbow's range for planners; the user manual has 360° for every joint"}
 UR1 = "ros-industrial/universal_robot: ur_description/config/{}/default_kinematics.yaml"
@@ -543,19 +546,23 @@ ARMS = {
         panda_joint6 | 0 0 0         | h 0 0  | 0 0 1 | -.0175r 3.7525r
         panda_joint7 | .088 0 0      | h 0 0  | 0 0 1 | -2.8973r 2.8973r""",
         tip="0 0 .107 | 0 0 0",
+        second=FRANKA_TABLE,
+        second_where="frankaemika/docs@03982aaf: source/control_parameters.rst",
     ),
     "fr3": Described(
-        "Swiss-Battery-Technology-Center/franka_description@3c55fbf8: robots/fr3/kinematics.yaml; "
-        "frankaemika/franka_description@1ddff9ba: robots/fr3/joint_limits.yaml",
+        "Swiss-Battery-Technology-Center/franka_description@3c55fbf8: robots/fr3/kinematics.yaml; limits: "
+        "frankarobotics/docs@a76efff7: source/control-parameters-joint-fr3.csv",
         """
-        fr3_joint1 | 0 0 .333      | 0 0 0                | 0 0 1 | -2.7437r 2.7437r
-        fr3_joint2 | 0 0 0         | -1.570796326794897 0 0 | 0 0 1 | -1.7837r 1.7837r
+        fr3_joint1 | 0 0 .333      | 0 0 0                  | 0 0 1 | -2.9007r 2.9007r
+        fr3_joint2 | 0 0 0         | -1.570796326794897 0 0 | 0 0 1 | -1.8361r 1.8361r
         fr3_joint3 | 0 -.316 0     | 1.570796326794897 0 0  | 0 0 1 | -2.9007r 2.9007r
-        fr3_joint4 | .0825 0 0     | 1.570796326794897 0 0  | 0 0 1 | -3.0421r -.1518r
-        fr3_joint5 | -.0825 .384 0 | -1.570796326794897 0 0 | 0 0 1 | -2.8065r 2.8065r
-        fr3_joint6 | 0 0 0         | 1.570796326794897 0 0  | 0 0 1 | .5445r 4.5169r
-        fr3_joint7 | .088 0 0      | 1.570796326794897 0 0  | 0 0 1 | -3.0159r 3.0159r""",
+        fr3_joint4 | .0825 0 0     | 1.570796326794897 0 0  | 0 0 1 | -3.0770r -.1169r
+        fr3_joint5 | -.0825 .384 0 | -1.570796326794897 0 0 | 0 0 1 | -2.8763r 2.8763r
+        fr3_joint6 | 0 0 0         | 1.570796326794897 0 0  | 0 0 1 | .4398r 4.6216r
+        fr3_joint7 | .088 0 0      | 1.570796326794897 0 0  | 0 0 1 | -3.0508r 3.0508r""",
         tip="0 0 .107 | 0 0 0",
+        second=FRANKA_TABLE,
+        second_where="frankarobotics/docs@71ff5d54: source/robot_specifications.rst",
     ),
 }
 
