@@ -177,7 +177,7 @@ ARMS = {
         - | 0 0 0         | -h 0 0 | 0 0 1  | -2.13802833125r 2.13802833125r
         - | 0 0 0         | h 0 0  | 0 0 1  | -6.108652375r 6.108652375r""",
         tip="0 0 -.24 | 0 pi 0",
-        read="axis of joint 1 reversed: it is 0 0 1 there, while the other descriptions of KUKA's and the controller have z down",
+        read="axis of joint 1 reversed: it is 0 0 1 there, while KUKA's descriptions of the R2700 extra and R3100-2 have z down, as the controller does",
         second=kuka_table(675, 350, 1350, -41, 1400, 240),
         senses=KUKA_SENSES,
     ),
@@ -380,7 +380,7 @@ ARMS = {
         base="0 0 .425 | 0 0 0",
         tip="0 0 0 | 0 0 pi",
         coupled=True,
-        read="flange turned by half a turn about its z: the tool0 there has x down at zero, every other Fanuc's has it up",
+        read="flange turned by half a turn about its z: the tool0 there has x down at zero, that of the other Fanucs here has it up",
         second=fanuc_table(75, 840, 215, 890, 90),
         senses=FANUC_SENSES,
     ),
