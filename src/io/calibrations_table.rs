@@ -16,7 +16,8 @@ use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
-use crate::fit::saved::{SavedError, SavedHead, SavedSession};
+use crate::fit::conversion::Errors;
+use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
@@ -86,6 +87,20 @@ pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
 /// Reads the arm that a run identified, with the geometry alone.
 pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
     read_model(path, &[Model::Geometric])
+}
+
+/// Reads the arm with its identified geometry, and the offsets of its parameters with their covariance.
+pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), CalibrationsTableError> {
+    let arm = read_geometry(path)?;
+    let table = read_given(path, schema::find("calibrations")?)?;
+    let file = CalibrationsFile {
+        path,
+        rows: CalibrationRow::read(&table),
+    };
+    let model = Model::Geometric;
+    let row = file.row(model).ok_or_else(|| file.absent(model))?;
+    let saved = SavedCalibration::read(&row.model).and_then(|saved| saved.errors());
+    Ok((arm, saved.map_err(|source| file.wrong(model, source))?))
 }
 
 /// Reads the arm with the first of the `wanted` models that there is.
