@@ -43,7 +43,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
+pub use error_frame::{ErrorBase, ErrorFrame, FrameUncertainty, SurveyedBase};
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
@@ -204,8 +204,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Standard deviations of the base of a session as this fit found it: of its origin, mm, and of its rotation, rad; roots of the sums
-    /// of the variances along three axes, over all sources of the session.
+    /// Standard deviations of the base of a session with one source as this fit found it: of each coordinate of its origin, mm, and of
+    /// its rotation about each axis, rad; root mean squares of those of the three axes.
     pub fn base_standard_errors(&self, session: usize) -> (f64, f64) {
         let mut variances = [0.0; 2];
         for (place, unknown) in self.unknowns.iter().enumerate() {
@@ -217,7 +217,7 @@ impl Calibration {
                 Parameter::Link { .. } | Parameter::Target(_) => {}
             }
         }
-        variances.map(f64::sqrt).into()
+        variances.map(|sum| (sum / 3.0).sqrt()).into()
     }
 
     /// The standard error of the unknown at `place`, mm or rad.

@@ -120,6 +120,11 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let key = common::key(path, &table)?;
     let model = file.first(wanted, &base)?;
     let verdict = file.row(model.model).map(|row| row.verdict);
+    let first = file
+        .rows
+        .first()
+        .expect("a table that was read has the row base_target");
+    let error_frame = first.stated_frame();
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
@@ -135,17 +140,14 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
             .cloned()
             .unwrap_or_default(),
         validity: said.validity()?,
+        frame_uncertainty: error_frame.uncertainty(),
         arm,
     };
-    let first = file
-        .rows
-        .first()
-        .expect("a table that was read has the row base_target");
     Ok(PublishedArm {
         key,
         verdict: verdict.unwrap_or(TableVerdict::NotShown),
         arm,
-        error_frame: first.stated_frame(),
+        error_frame,
     })
 }
 

@@ -70,6 +70,7 @@ fn moved(target: &Target) -> Corrected {
         joints: None,
         correction: by,
         covariance: Matrix3::identity(),
+        of_frame: Matrix3::zeros(),
         iterations: 1,
         allowed: Vec::new(),
     }

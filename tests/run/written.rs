@@ -357,11 +357,12 @@ fn few_stations() -> Cell {
     ran(cell, &[])
 }
 
-/// A grid in a box that the arm does not reach all of.
+/// A grid in a box that the arm does not reach all of; the tool is stated beside the measured target.
 fn beyond_reach() -> Cell {
     let steps = "steps_mm = [400]\nbox = { low_mm = [0, -1500, 0], high_mm = [3200, 1500, 2400] }";
     let cell = Cell::new()
         .with("steps_mm = [180, 240, 360]", steps)
+        .with("target_is_tool = true", "target_is_tool = false")
         .with_simulated("mon", &["--random-joints", "120"]);
     ran(cell, &[])
 }
