@@ -360,6 +360,7 @@ fn tables_given_by_hand() {
                 table: table.clone(),
                 format,
                 out: None,
+                convention: None,
                 stations: Vec::new(),
             };
             if let Err(error) = export::run(&args) {

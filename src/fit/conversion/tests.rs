@@ -48,10 +48,10 @@ struct Truth {
 impl Truth {
     fn new(text: &str, target_mm: [f64; 3]) -> Self {
         let urdf = file(text).restated(Convention::Urdf);
-        Self::of(urdf.expect("the same arm"), target_mm)
+        Self::of(&urdf.expect("the same arm"), target_mm)
     }
 
-    fn of(urdf: RobotFile, target_mm: [f64; 3]) -> Self {
+    fn of(urdf: &RobotFile, target_mm: [f64; 3]) -> Self {
         let arm = urdf.arm().expect("an arm");
         let parameters = arm.chain().parameters();
         let error =
@@ -321,7 +321,7 @@ fn nearly_parallel_axes_are_well_conditioned_where_no_common_normal_is_needed() 
     ];
     for degrees in [0.1, 0.2, 0.4, 1.0, 5.0, 30.0] {
         let file = tilted(degrees);
-        let truth = Truth::of(file.clone(), [60.0, -35.0, 110.0]);
+        let truth = Truth::of(&file, [60.0, -35.0, 110.0]);
         let seen = truth.observed(false);
         let of = |convention| {
             file.restated(convention)
