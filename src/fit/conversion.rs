@@ -236,4 +236,4 @@ fn pseudo_inverse(jacobian: &DMatrix<f64>, sizes: &DVector<f64>) -> DMatrix<f64>
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
