@@ -11,7 +11,7 @@ use posegrid::io::schema::{self, Role};
 use posegrid::io::table;
 
 use super::cell::{Cell, ended, posegrid, undisturbed};
-use super::{damaged, driven, iso_9283, planned};
+use super::{conventions, damaged, driven, iso_9283, planned};
 
 /// Words that no run here writes: column, words, and where they are held instead, or what they wait for.
 const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
@@ -225,6 +225,7 @@ const RUNS: &[fn() -> Cell] = &[
     damaged_logs,
     plan,
     changes,
+    conventions::every_one,
 ];
 
 /// Runs the pipeline of a cell, which has a result, good or not.
