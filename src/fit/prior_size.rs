@@ -65,3 +65,6 @@ impl Calibration {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -73,6 +73,12 @@ impl Truth {
         }
     }
 
+    /// The same arm with errors so many times as large.
+    pub(crate) fn times(mut self, factor: f64) -> Self {
+        self.offsets.iter_mut().for_each(|offset| *offset *= factor);
+        self
+    }
+
     /// Joint angles of a station, within the middle three quarters of the ranges.
     fn joints(&self, place: usize) -> Vec<f64> {
         let own = joints(&self.arm, place);
