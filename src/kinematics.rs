@@ -29,7 +29,7 @@ pub use batch::{BatchChain, BatchColumns, Poses};
 pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};
 pub use held::{ChainView, HeldChain};
-pub use inverse::{InverseError, InverseSettings, inverse};
+pub use inverse::{Anywhere, InverseError, InverseSettings, inverse};
 pub use motion::{Axis, Motion};
 pub use parameter::{LinkQuantity, Parameter};
 pub use twist::Twist;

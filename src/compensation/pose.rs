@@ -12,6 +12,7 @@ use super::identified::IdentifiedArm;
 use super::{Reason, Target, TargetJoints};
 use crate::fit::ErrorFrame;
 use crate::grid::Reach;
+use crate::kinematics::inverse::{JointVariable, spread};
 use crate::kinematics::{Arm, Configuration, InverseError};
 
 /// Joint angles that a search may begin at.
@@ -232,27 +233,27 @@ impl<'a> Poses<'a> {
     /// The angles, each moved by whole turns as near to the middle of the measured range as its limits allow.
     fn on_measured_turn(&self, joints: Vec<f64>) -> Vec<f64> {
         let limits = self.identified.arm.joints();
-        let ranges = self.identified.measured.iter().zip(limits);
-        let turned = |(q, ([low, high], joint)): (f64, (&[f64; 2], &crate::kinematics::Joint))| {
-            let near = q + TAU * ((low.midpoint(*high) - q) / TAU).round();
-            let allowed = (joint.lower..=joint.upper).contains(&near);
+        let variables = JointVariable::of(&self.identified.arm);
+        let turned = |(joint, q): (usize, f64)| {
+            if variables[joint] != JointVariable::Turning {
+                return q;
+            }
+            let [low, high] = self.identified.measured[joint];
+            let near = q + TAU * ((low.midpoint(high) - q) / TAU).round();
+            let allowed = (limits[joint].lower..=limits[joint].upper).contains(&near);
             if allowed { near } else { q }
         };
-        joints.into_iter().zip(ranges).map(turned).collect()
+        joints.into_iter().enumerate().map(turned).collect()
     }
 }
 
 /// Refuses joint angles that are not within the arm's limits, naming the first joint that is beyond.
 pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
-    let mut pairs = arm.joints().iter().zip(joints);
-    let beyond = pairs.find(|(joint, angle)| !(joint.lower..=joint.upper).contains(angle));
-    beyond.map_or(Ok(()), |(joint, angle)| {
-        Err(Reason::Arm(InverseError::LimitReached {
-            joint: joint.name.clone(),
-            angle_deg: angle.to_degrees(),
-            lower_deg: joint.lower.to_degrees(),
-            upper_deg: joint.upper.to_degrees(),
-        }))
+    let variables = JointVariable::of(arm);
+    let mut joints = arm.joints().iter().zip(joints).zip(variables);
+    let beyond = joints.find(|((joint, value), _)| !(joint.lower..=joint.upper).contains(value));
+    beyond.map_or(Ok(()), |((joint, value), variable)| {
+        Err(Reason::Arm(InverseError::beyond(joint, variable, *value)))
     })
 }
 
@@ -260,17 +261,4 @@ pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
 fn apart_mm(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     let place = (a.translation.vector - b.translation.vector).norm();
     place + LEVER_MM * a.rotation.angle_to(&b.rotation)
-}
-
-/// Point `number` of a sequence that fills the box of `ranges` evenly: multiples of the powers of the generalised golden
-/// ratio, modulo 1 (Roberts 2018).
-fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
-    let degree = ranges.len() as f64 + 1.0;
-    // The root of φ^degree = φ + 1, by fixed-point iteration.
-    let golden = (0..60).fold(1.5_f64, |golden, _| (golden + 1.0).powf(degree.recip()));
-    let share = |joint: i32| (0.5 + f64::from(number) * golden.powi(-joint)).fract();
-    (1..)
-        .zip(ranges)
-        .map(|(joint, [low, high])| low + (high - low) * share(joint))
-        .collect()
 }

@@ -113,10 +113,12 @@ impl<'a> Reach<'a> {
     ) -> Result<Vec<f64>, Refusal> {
         let pose = Isometry3::from_parts(Translation3::from(position.coords), *orientation);
         self.solve(&pose, seed).map_err(|error| match error {
-            InverseError::NotReachable { .. } | InverseError::LimitReached { .. } => {
-                Refusal::OutOfReach
+            InverseError::NotReachable { .. }
+            | InverseError::Orientation { .. }
+            | InverseError::LimitReached { .. } => Refusal::OutOfReach,
+            InverseError::ConfigurationChanged { .. } | InverseError::BranchChanged => {
+                Refusal::OtherConfiguration
             }
-            InverseError::ConfigurationChanged { .. } => Refusal::OtherConfiguration,
             InverseError::NearSingularity { .. } => Refusal::Singularity,
         })
     }

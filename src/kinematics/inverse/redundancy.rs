@@ -1,0 +1,56 @@
+//! Redundant arms: of all joint angles that reach a pose, those closest to the seed.
+
+use nalgebra::{DVector, Isometry3};
+
+use super::search::Search;
+
+/// Steps along the arm's own motion before the joint angles count as close enough.
+const STEPS: usize = 30;
+/// Longest step along it, rad or levers: the pose is found again by Newton's method after each.
+const LONGEST: f64 = 0.3;
+/// A step shorter than this ends it, rad or levers: repeated calls differ by less.
+const SHORTEST: f64 = 1e-10;
+
+impl Search<'_> {
+    /// Joint angles of the same pose that are closest to `seed`, a length counted in levers; an arm with at most six joints
+    /// has no choice. They do not depend on the way from the seed.
+    ///
+    /// Each step is the part of `seed − q` that does not move the end, `(I − J⁺ J)(seed − q)`.
+    pub(super) fn closest(
+        &self,
+        target: &Isometry3<f64>,
+        seed: &[f64],
+        mut joints: Vec<f64>,
+    ) -> Vec<f64> {
+        if joints.len() <= 6 {
+            return joints;
+        }
+        for _ in 0..STEPS {
+            let Some(step) = self.own_motion(&joints, self.apart(&joints, seed)) else {
+                break;
+            };
+            let length = step.amax();
+            if length < SHORTEST {
+                break;
+            }
+            let step = step * (LONGEST / length).min(1.0);
+            let Ok(next) = self.solve(target, &self.moved(&joints, &step)) else {
+                break;
+            };
+            let is_closer = self.apart(&next, seed).norm() < self.apart(&joints, seed).norm();
+            if !is_closer {
+                break;
+            }
+            joints = next;
+        }
+        joints
+    }
+
+    /// The part of a motion that does not move the end; `None` at a singularity.
+    fn own_motion(&self, joints: &[f64], motion: DVector<f64>) -> Option<DVector<f64>> {
+        let jacobian = self.jacobian(joints);
+        let across = (&jacobian * jacobian.transpose()).cholesky()?;
+        let moves_end = jacobian.tr_mul(&across.solve(&(&jacobian * &motion)));
+        Some(motion - moves_end)
+    }
+}
