@@ -2,7 +2,9 @@
 //!
 //! Joint angles give both; with a position in addition, the position is the target and they select how the arm reaches it.
 //! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from many joint angles of
-//! that configuration, spread over the ranges measured, the nearest to the pose first.
+//! that configuration, spread over the ranges measured, the nearest to the pose first, and where these fail from joint angles
+//! all over the limits. An arm of at most six joints that has no configurations is taken within the ranges measured; one with
+//! more joints needs joint angles.
 
 use std::f64::consts::TAU;
 
@@ -171,21 +173,42 @@ impl<'a> Poses<'a> {
 
     fn at_pose(&self, target: &Target) -> Result<Wanted, Reason> {
         let base_from_tool = self.pose(target, None)?;
-        let nearest = self.nearest(target.configuration.as_deref(), &base_from_tool)?;
-        let mut first = None;
-        for seed in nearest {
-            match self.reach.solve(&base_from_tool, &seed.joints) {
+        let joints = self.identified.arm.joints().len();
+        if joints > 6 {
+            return Err(Reason::Redundant { joints });
+        }
+        let joints = self.solution(&base_from_tool, target.configuration.as_deref())?;
+        Ok(Wanted {
+            turns_rad: vec![0.0; joints.len()],
+            joints,
+            base_from_tool,
+        })
+    }
+
+    /// Joint angles of a pose, in the wanted arm configuration. An arm without configurations takes, of the ways that the search
+    /// finds, one within the ranges measured.
+    fn solution(&self, pose: &Isometry3<f64>, wanted: Option<&str>) -> Result<Vec<f64>, Reason> {
+        let (mut first, mut beyond) = (None, None);
+        for seed in self.nearest(wanted, pose)? {
+            match self.reach.solve(pose, &seed.joints) {
                 Ok(joints) => {
-                    return Ok(Wanted {
-                        turns_rad: vec![0.0; joints.len()],
-                        joints: self.on_measured_turn(joints),
-                        base_from_tool,
-                    });
+                    let joints = self.on_measured_turn(joints);
+                    let is_measured = self.identified.within_measured(&joints).is_ok();
+                    if wanted.is_some() || is_measured {
+                        return Ok(joints);
+                    }
+                    beyond = beyond.or(Some(joints));
                 }
                 Err(error) => first = first.or(Some(error)),
             }
         }
-        Err(first.map_or(Reason::NoConfiguration, Reason::Arm))
+        let is_wanted = |joints: &[f64]| {
+            let own = self.reach.configuration(joints).map(|c| c.to_string());
+            own.as_deref() == wanted
+        };
+        let anywhere = || self.reach.anywhere(pose, is_wanted).ok();
+        let found = beyond.or_else(|| anywhere().map(|joints| self.on_measured_turn(joints)));
+        found.ok_or_else(|| first.map_or(Reason::NoConfiguration, Reason::Arm))
     }
 
     /// Seeds of the wanted configuration, the nearest to a pose first.

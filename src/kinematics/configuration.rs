@@ -161,7 +161,8 @@ impl Configuration {
     }
 }
 
-/// The point at which the elbow's triangle ends; `None` where the determinant does not have the three factors.
+/// The point at which the elbow's triangle ends; `None` where the determinant does not have the three factors. It is the
+/// chain's own point of axis 5 where that is as good.
 fn forearm_end(axes: &[Line], twists: &[Twist]) -> Option<Point3<f64>> {
     let rotates = |twist: &Twist| twist.angular.norm_squared() > 0.0;
     let &[_, second, third, fourth, fifth, sixth] = axes else {
@@ -176,23 +177,14 @@ fn forearm_end(axes: &[Line], twists: &[Twist]) -> Option<Point3<f64>> {
     let (bend, flange) = (meeting(&fifth, &fourth), meeting(&fifth, &sixth)?);
     if are_parallel(&third, &fourth) {
         let near = MEETING_SHARE * length(&fourth.0);
-        return (flange.1 <= near).then(|| own_or(&fifth.0, &fourth.0, near, across));
+        let is_own = across(fifth.0 - fourth.0).norm() <= near;
+        return (flange.1 <= near).then_some(if is_own { fifth.0 } else { fourth.0 });
     }
     let bend = bend?;
     let near = MEETING_SHARE * length(&bend.0);
     let is_one_point = bend.1.max(flange.1).max((bend.0 - flange.0).norm()) <= near;
-    is_one_point.then(|| own_or(&fifth.0, &bend.0, near, across))
-}
-
-/// The chain's own point of axis 5 where it is as good as `point`, seen along axis 2.
-fn own_or(
-    own: &Point3<f64>,
-    point: &Point3<f64>,
-    near: f64,
-    across: impl Fn(Vector3<f64>) -> Vector3<f64>,
-) -> Point3<f64> {
-    let is_near = across(own - point).norm() <= near;
-    if is_near { *own } else { *point }
+    let is_own = (fifth.0 - bend.0).norm() <= near;
+    is_one_point.then_some(if is_own { fifth.0 } else { bend.0 })
 }
 
 fn are_parallel(a: &Line, b: &Line) -> bool {

@@ -183,6 +183,21 @@ pub fn inverse(
     settings: &InverseSettings,
 ) -> Result<Vec<f64>, InverseError> {
     let search = Search::new(arm, offsets, flange_from_end, settings);
+    let held = search.with_lengths_held();
+    let held = held.and_then(|held| by_approaches(&held, base_from_end, seed).ok());
+    match held.map_or_else(|| by_approaches(&search, base_from_end, seed), Ok) {
+        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => {
+            search.nearest_orientation(base_from_end, seed)
+        }
+        outcome => outcome,
+    }
+}
+
+fn by_approaches(
+    search: &Search<'_>,
+    base_from_end: &Isometry3<f64>,
+    seed: &[f64],
+) -> Result<Vec<f64>, InverseError> {
     let mut outcome = Err(search.not_reachable(base_from_end, seed));
     for steps in APPROACHES {
         outcome = search
@@ -193,12 +208,7 @@ pub fn inverse(
             break;
         }
     }
-    match outcome {
-        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => {
-            search.nearest_orientation(base_from_end, seed)
-        }
-        outcome => outcome,
-    }
+    outcome
 }
 
 #[cfg(test)]

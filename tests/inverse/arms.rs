@@ -18,7 +18,7 @@ pub struct Drawn {
 type Link = ([f64; 4], [f64; 2]);
 
 impl Drawn {
-    fn new(name: &'static str, arm: Arm) -> Self {
+    pub fn new(name: &'static str, arm: Arm) -> Self {
         Self {
             name,
             arm,
@@ -272,6 +272,44 @@ pub fn scara() -> Arm {
     Arm::new("scara".to_owned(), all, &identity(4), Chain::new(own)).expect("an arm")
 }
 
+/// Four joints of a palletiser: parallelograms turn the wrist back by what joints 2 and 3 turn, so the tool stays upright.
+pub fn palletiser() -> Arm {
+    let links = [
+        ([260.0, 90.0, 800.0, 0.0], [-180.0, 180.0]),
+        ([1000.0, 0.0, 0.0, 90.0], [-40.0, 90.0]),
+        ([1200.0, 0.0, 0.0, -90.0], [-100.0, 10.0]),
+    ];
+    let mut own = elements(&links, 0);
+    for passive in [1, 2] {
+        own.push(Element::Joint {
+            motion: Motion::Rotation(Axis::Z),
+            joint: passive,
+            sign: -1.0,
+        });
+    }
+    own.extend(
+        elements(&[([0.0, 0.0, 0.0, 0.0], [0.0, 0.0])], 9)[1..]
+            .iter()
+            .cloned(),
+    );
+    own.push(Element::Free {
+        motion: Motion::Rotation(Axis::X),
+        nominal: FRAC_PI_2,
+        parameter: Parameter::Link {
+            joint: 11,
+            quantity: LinkQuantity::Alpha,
+        },
+    });
+    own.extend(elements(&[([0.0, 0.0, -200.0, 0.0], [0.0, 0.0])], 3));
+    let mut all = joints(&links);
+    all.push(Joint {
+        name: "j4".to_owned(),
+        lower: -6.0,
+        upper: 6.0,
+    });
+    Arm::new("palletiser".to_owned(), all, &identity(4), Chain::new(own)).expect("an arm")
+}
+
 /// Every arm that random poses are taken of.
 pub fn arms() -> Vec<Drawn> {
     let irb120 = of_file(include_str!("../../pipelines/robots/irb120.toml"));
@@ -290,5 +328,6 @@ pub fn arms() -> Vec<Drawn> {
         Drawn::new("offset wrist", offset_wrist()),
         Drawn::new("five axes", five()),
         scara,
+        Drawn::new("palletiser, mimic", palletiser()),
     ]
 }

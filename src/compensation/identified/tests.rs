@@ -179,23 +179,26 @@ fn named_joints_may_be_in_any_order() {
 #[test]
 fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() {
     let identified = cell();
-    let mut beyond = JOINTS;
-    beyond[0] = 72.5;
-    let refused = one(&identified, at_joints(beyond)).expect_err("12.5° beyond");
+    let mut asked = JOINTS;
+    asked[0] = 72.5;
+    let refused = one(&identified, at_joints(asked)).expect_err("12.5° beyond");
     let Reason::JointRange {
-        joint, beyond_deg, ..
+        joint,
+        beyond,
+        unit,
+        ..
     } = &refused
     else {
         panic!("{refused}")
     };
     assert_eq!(joint, "joint_a1");
-    assert!((beyond_deg - 12.5).abs() < 1e-9);
-    let allowed = identified.compensate(&[at_joints(beyond)], &[Exception::JointRange]);
+    assert!((beyond - 12.5).abs() < 1e-9 && *unit == "°");
+    let allowed = identified.compensate(&[at_joints(asked)], &[Exception::JointRange]);
     let allowed = allowed[0].as_ref().expect("allowed");
     assert_eq!(allowed.allowed, [Exception::JointRange]);
     // Half a degree beyond the rim is as good as measured.
-    beyond[0] = 60.4;
-    assert!(one(&identified, at_joints(beyond)).is_ok());
+    asked[0] = 60.4;
+    assert!(one(&identified, at_joints(asked)).is_ok());
 }
 
 #[test]

@@ -141,6 +141,7 @@ impl From<&Reason> for RefusedFor {
             Reason::Target(gap) | Reason::Command(gap) => gap.into(),
             Reason::Configuration { .. }
             | Reason::NoConfiguration
+            | Reason::Redundant { .. }
             | Reason::Unmeasured { .. }
             | Reason::NeverMeasured { .. }
             | Reason::Arm(

@@ -3,16 +3,16 @@
 use nalgebra::Isometry3;
 
 use super::search::Search;
-use super::variables::spread;
+use super::variables::{JointVariable, spread};
 use super::{InverseError, InverseSettings};
 use crate::kinematics::arm::Arm;
 
 /// Joint angles that a search may begin at, spread evenly over the limits.
-const SEEDS: u32 = 2048;
+const SEEDS: u32 = 512;
 /// Seeds tried, the nearest to the pose first.
-const NEAREST: usize = 24;
+const NEAREST: usize = 16;
 /// Seeds tried after them, evenly from the nearest to the furthest.
-const OTHERS: usize = 72;
+const OTHERS: usize = 80;
 
 /// Joint angles that a search may begin at, and the pose of the end there.
 struct Seed {
@@ -133,6 +133,13 @@ impl<'a> Anywhere<'a> {
             Err(ended) => return Err(search.not_reachable(base_from_end, &ended)),
         };
         let found = search.turned(&found, near);
+        let found = match search.check_limits(&found) {
+            Err(_) if found.len() > 6 => {
+                let inside = search.turned_to_middle(&found);
+                search.closest(base_from_end, &inside, found)
+            }
+            _ => found,
+        };
         search.check_limits(&found)?;
         search.check_singularity(&found)?;
         Ok(found)
@@ -156,6 +163,21 @@ impl<'a> Anywhere<'a> {
 }
 
 impl Search<'_> {
+    /// The middle of the limits for every angle, and the lengths as they are.
+    fn turned_to_middle(&self, joints: &[f64]) -> Vec<f64> {
+        let own = self.arm.joints().iter().zip(&self.variables).zip(joints);
+        let middle = own.map(|((joint, variable), value)| {
+            let [low, high] = variable.range(joint);
+            let is_length = *variable == JointVariable::Length;
+            if is_length {
+                *value
+            } else {
+                low.midpoint(high)
+            }
+        });
+        middle.collect()
+    }
+
     /// Joint values on the turns within the limits that are nearest to `near`, or to the middle of the limits.
     fn turned(&self, joints: &[f64], near: Option<&[f64]>) -> Vec<f64> {
         let own = self.arm.joints().iter().zip(&self.variables);

@@ -44,6 +44,18 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// This search of a redundant arm with its linear axes held: a millimetre of theirs counts like a radian, so a track under
+    /// an arm stays where the seed has it. `None` for an arm that has none, or needs them.
+    pub(super) fn with_lengths_held(&self) -> Option<Self> {
+        let is_redundant = self.scales.len() > 6;
+        let has_lengths = self.variables.contains(&JointVariable::Length);
+        (is_redundant && has_lengths).then(|| Self {
+            scales: vec![1.0; self.scales.len()],
+            variables: self.variables.clone(),
+            ..*self
+        })
+    }
+
     /// Joint values moved by a step in the search's units.
     pub(super) fn moved(&self, joints: &[f64], step: &DVector<f64>) -> Vec<f64> {
         let steps = step.iter().zip(&self.scales);
