@@ -8,6 +8,8 @@ use crate::fit::{FramePair, IdentifiedGeometry};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
 
+mod other_arms;
+
 fn arm(text: &str) -> Arm {
     let file: RobotFile = toml::from_str(text).expect("a robot file of this repository");
     file.arm().expect("a valid arm")
@@ -29,6 +31,11 @@ fn radians(degrees: [f64; 6]) -> Vec<f64> {
 
 /// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned by 90° from the base.
 fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
+    let ranges = radians(lower).into_iter().zip(radians(upper));
+    measured_within(arm, ranges.map(<[f64; 2]>::from).collect())
+}
+
+fn measured_within(arm: &Arm, measured: Vec<[f64; 2]>) -> IdentifiedArm {
     let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
     let offsets: Vec<f64> = arm
         .chain()
@@ -40,7 +47,6 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
         Transform::claim(isometry_from_rpy([4000.0, 0.0, -600.0], [0.0, 0.0, 2.5])),
         Transform::claim(isometry_from_rpy([0.0, 0.0, 90.0], [0.0; 3])),
     );
-    let ranges = radians(lower).into_iter().zip(radians(upper));
     IdentifiedArm {
         table_id: "00ff".to_owned(),
         arm: arm.clone(),
@@ -59,7 +65,7 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             }),
             session: 0,
         },
-        measured: ranges.map(<[f64; 2]>::from).collect(),
+        measured,
         configurations: ["+", "-"]
             .iter()
             .flat_map(|shoulder| ["+", "-"].map(|elbow| (*shoulder, elbow)))
