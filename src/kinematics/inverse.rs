@@ -1,13 +1,18 @@
-//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and in its arm configuration.
+//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and on its branch, or from the
+//! pose alone.
 //!
 //! Inputs: an arm with parameter offsets, the pose of the end, the end's pose on the flange, a seed. Output: reported
-//! joint angles, or why there are none.
+//! joint angles (lengths of linear joints, mm), or why there are none.
 //!
 //! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a lever),
 //!    with the analytic Jacobian. Damping proportional to the squared residual keeps the convergence quadratic
 //!    (Yamashita and Fukushima 2001); a step that does not lower the residual is damped ten times more.
 //! 2. Where that fails or ends in another configuration, the pose is approached from the seed's in small steps.
-//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity.
+//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity. An arm without
+//!    configurations keeps the sign of its determinant, and its joints go no further than the way in small steps shows.
+//! 4. An arm with more than six joints takes, of all joint angles that reach the pose, those closest to the seed; one with
+//!    fewer takes the orientation that is nearest to the pose's, where the settings allow it to differ.
+//! 5. Without a seed ([`Anywhere`]): the search from joint angles spread over the limits, the nearest to the pose first.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -186,9 +191,9 @@ pub fn inverse(
     let held = search.with_lengths_held();
     let held = held.and_then(|held| by_approaches(&held, base_from_end, seed).ok());
     match held.map_or_else(|| by_approaches(&search, base_from_end, seed), Ok) {
-        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => {
-            search.nearest_orientation(base_from_end, seed)
-        }
+        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => search
+            .nearest_orientation(base_from_end, seed)
+            .and_then(|joints| search.checked(seed, joints, false)),
         outcome => outcome,
     }
 }

@@ -15,6 +15,7 @@ const NEAREST: usize = 16;
 const OTHERS: usize = 80;
 
 /// Joint angles that a search may begin at, and the pose of the end there.
+#[derive(Debug)]
 struct Seed {
     joints: Vec<f64>,
     base_from_end: Isometry3<f64>,
@@ -37,6 +38,7 @@ struct Seed {
 /// assert!((arm.flange(&found).isometry().translation.vector - pose.translation.vector).norm() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+#[derive(Debug)]
 pub struct Anywhere<'a> {
     arm: &'a Arm,
     offsets: &'a [f64],
@@ -91,7 +93,7 @@ impl<'a> Anywhere<'a> {
         self.joints_where(base_from_end, near, |_| true)
     }
 
-    /// [`Self::joints`] of those that `accepts`; where it accepts none, the pose counts as not reachable.
+    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of the seeds that led to no solution.
     pub fn joints_where(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -101,7 +103,7 @@ impl<'a> Anywhere<'a> {
         let search = self.search();
         let mut nearest: Option<InverseError> = None;
         for seed in self.order(base_from_end) {
-            match self.from(&search, base_from_end, &seed.joints, near) {
+            match search.tried(base_from_end, &seed.joints, near) {
                 Ok(joints) if accepts(&joints) => return Ok(joints),
                 Ok(_) => {}
                 Err(error) => nearest = Some(nearer(nearest, error)),
@@ -117,32 +119,6 @@ impl<'a> Anywhere<'a> {
             &self.flange_from_end,
             &self.settings,
         )
-    }
-
-    /// The solution that one seed leads to, on the right turns and checked.
-    fn from(
-        &self,
-        search: &Search<'_>,
-        base_from_end: &Isometry3<f64>,
-        seed: &[f64],
-        near: Option<&[f64]>,
-    ) -> Result<Vec<f64>, InverseError> {
-        let found = match search.solve(base_from_end, seed) {
-            Ok(found) => found,
-            Err(ended) if seed.len() < 6 => search.nearest_orientation(base_from_end, &ended)?,
-            Err(ended) => return Err(search.not_reachable(base_from_end, &ended)),
-        };
-        let found = search.turned(&found, near);
-        let found = match search.check_limits(&found) {
-            Err(_) if found.len() > 6 => {
-                let inside = search.turned_to_middle(&found);
-                search.closest(base_from_end, &inside, found)
-            }
-            _ => found,
-        };
-        search.check_limits(&found)?;
-        search.check_singularity(&found)?;
-        Ok(found)
     }
 
     /// Seeds in the order in which they are tried.
@@ -163,6 +139,31 @@ impl<'a> Anywhere<'a> {
 }
 
 impl Search<'_> {
+    /// The solution that one seed leads to, on the right turns and checked.
+    fn tried(
+        &self,
+        base_from_end: &Isometry3<f64>,
+        seed: &[f64],
+        near: Option<&[f64]>,
+    ) -> Result<Vec<f64>, InverseError> {
+        let found = match self.solve(base_from_end, seed) {
+            Ok(found) => found,
+            Err(ended) if seed.len() < 6 => self.nearest_orientation(base_from_end, &ended)?,
+            Err(ended) => return Err(self.not_reachable(base_from_end, &ended)),
+        };
+        let found = self.turned(&found, near);
+        let found = match self.check_limits(&found) {
+            Err(_) if found.len() > 6 => {
+                let inside = self.turned_to_middle(&found);
+                self.closest(base_from_end, &inside, found)
+            }
+            _ => found,
+        };
+        self.check_limits(&found)?;
+        self.check_singularity(&found)?;
+        Ok(found)
+    }
+
     /// The middle of the limits for every angle, and the lengths as they are.
     fn turned_to_middle(&self, joints: &[f64]) -> Vec<f64> {
         let own = self.arm.joints().iter().zip(&self.variables).zip(joints);

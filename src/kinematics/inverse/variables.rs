@@ -146,3 +146,94 @@ pub fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
         .map(|(joint, [low, high])| low + (high - low) * share(joint))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::chain::Chain;
+    use crate::kinematics::motion::Axis;
+
+    fn joint(lower: f64, upper: f64) -> Joint {
+        Joint {
+            name: "joint".to_owned(),
+            lower,
+            upper,
+        }
+    }
+
+    #[test]
+    fn a_joint_is_what_the_axes_that_it_moves_are() {
+        let element = |motion, joint, sign| Element::Joint {
+            motion,
+            joint,
+            sign,
+        };
+        let (turn, slide) = (Motion::Rotation(Axis::Z), Motion::Translation(Axis::X));
+        let chain = Chain::new(vec![
+            element(slide, 0, 1.0),
+            element(turn, 1, 1.0),
+            element(turn, 2, 1.0),
+            // Passive: turned back by joint 2, and dragged along by a third of joint 4.
+            element(turn, 1, -1.0),
+            element(turn, 3, 1.0),
+            element(turn, 3, 1.0 / 3.0),
+        ]);
+        // Joint 3 moves the axis of joint 2 with its own by a quarter.
+        let map = [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.25, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        let joints = vec![joint(-1.0, 1.0); 4];
+        let map = map.map(Vec::from);
+        let arm = Arm::new("arm".to_owned(), joints, &map, chain).expect("an arm");
+        let (length, angle) = (JointVariable::Length, JointVariable::Angle);
+        let expected = [length, JointVariable::Turning, angle, angle];
+        assert_eq!(JointVariable::of(&arm), expected);
+    }
+
+    #[test]
+    fn a_value_takes_the_nearest_turn_within_its_limits() {
+        let wide = joint(-350_f64.to_radians(), 350_f64.to_radians());
+        let turned = |value: f64, near: f64| {
+            let own = JointVariable::Turning;
+            own.within(&wide, value.to_radians(), near.to_radians())
+                .to_degrees()
+        };
+        for (value, near, taken) in [
+            (40.0, 0.0, 40.0),
+            (40.0, -300.0, -320.0),
+            (-320.0, 50.0, 40.0),
+            (355.0, 355.0, -5.0),
+            (715.0, 715.0, -5.0),
+            (-355.0, -400.0, 5.0),
+        ] {
+            assert!((turned(value, near) - taken).abs() < 1e-9, "{value} {near}");
+        }
+        // No turn of 170° is within ±150°, and lengths and coupled angles have none.
+        let narrow = joint(-2.6, 2.6);
+        assert!((JointVariable::Turning.within(&narrow, 2.97, 0.0) - 2.97).abs() < 1e-12);
+        assert!((JointVariable::Length.within(&narrow, 9.0, 0.0) - 9.0).abs() < 1e-12);
+        assert!((JointVariable::Angle.within(&narrow, 9.0, 0.0) - 9.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_search_covers_the_limits_or_one_turn() {
+        let range = |own: JointVariable, lower, upper| own.range(&joint(lower, upper));
+        let (turning, angle) = (JointVariable::Turning, JointVariable::Angle);
+        let is = |found: [f64; 2], low: f64, high: f64| {
+            assert!((found[0] - low).abs() < 1e-9 && (found[1] - high).abs() < 1e-9);
+        };
+        is(range(turning, -2.0, 1.0), -2.0, 1.0);
+        is(range(turning, -6.1, 6.1), -PI, PI);
+        is(range(turning, 1.0, 9.0), 1.0, 1.0 + TAU);
+        is(range(turning, f64::NEG_INFINITY, f64::INFINITY), -PI, PI);
+        is(range(angle, -6.1, 6.1), -6.1, 6.1);
+        is(
+            range(JointVariable::Length, -6000.0, 6000.0),
+            -6000.0,
+            6000.0,
+        );
+    }
+}
