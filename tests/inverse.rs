@@ -143,7 +143,6 @@ fn micros(times: &[Duration]) -> f64 {
 }
 
 fn print(drawn: &Drawn, counts: &Counts) {
-    let poses = counts.away + counts.near;
     let share = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
     println!(
         "{:<22} {:>6} {:>8.3} % {:>6} {:>8.2} % {:>8.2} % {:>9.1} {:>9.1}",
