@@ -208,6 +208,7 @@ fn by_approaches(
         outcome = search
             .approach(base_from_end, seed, steps)
             .map(|joints| search.closest(base_from_end, seed, joints))
+            .map(|joints| search.within_limits(base_from_end, joints))
             .and_then(|joints| search.checked(seed, joints, steps == SMALLEST));
         if outcome.is_ok() {
             break;

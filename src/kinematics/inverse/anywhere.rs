@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 
 use super::search::Search;
-use super::variables::{JointVariable, spread};
+use super::variables::spread;
 use super::{InverseError, InverseSettings};
 use crate::kinematics::arm::Arm;
 
@@ -152,31 +152,10 @@ impl Search<'_> {
             Err(ended) => return Err(self.not_reachable(base_from_end, &ended)),
         };
         let found = self.turned(&found, near);
-        let found = match self.check_limits(&found) {
-            Err(_) if found.len() > 6 => {
-                let inside = self.turned_to_middle(&found);
-                self.closest(base_from_end, &inside, found)
-            }
-            _ => found,
-        };
+        let found = self.within_limits(base_from_end, found);
         self.check_limits(&found)?;
         self.check_singularity(&found)?;
         Ok(found)
-    }
-
-    /// The middle of the limits for every angle, and the lengths as they are.
-    fn turned_to_middle(&self, joints: &[f64]) -> Vec<f64> {
-        let own = self.arm.joints().iter().zip(&self.variables).zip(joints);
-        let middle = own.map(|((joint, variable), value)| {
-            let [low, high] = variable.range(joint);
-            let is_length = *variable == JointVariable::Length;
-            if is_length {
-                *value
-            } else {
-                low.midpoint(high)
-            }
-        });
-        middle.collect()
     }
 
     /// Joint values on the turns within the limits that are nearest to `near`, or to the middle of the limits.
