@@ -12,7 +12,7 @@
 //! 5 and 6 meet (UR). The elbow is then measured to the point where they meet, or to axis 4. Other arms (offset wrists,
 //! linear axes, more or fewer than six axes) have no such factors: elbow and wrist do not divide their determinant, so the
 //! quotient would change its sign where nothing is singular. They have no configuration; how near they are to a
-//! singularity is the smallest singular value of their Jacobian ([`conditioning`]).
+//! singularity is the smallest singular value of their Jacobian (`conditioning`).
 
 use std::fmt;
 
