@@ -24,7 +24,7 @@ use posegrid::kinematics::{
 const AWAY: f64 = 0.02;
 const LEVER_MM: f64 = 500.0;
 
-/// What became of random poses of one arm.
+/// Outcomes of random poses of one arm.
 #[derive(Default)]
 struct Counts {
     away: usize,

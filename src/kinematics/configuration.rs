@@ -203,7 +203,7 @@ fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
     Some((line.0 + line.1 * along, distance))
 }
 
-/// How far an arm is from a singularity at reported joint angles (rad, mm): the smallest singular value of its Jacobian
+/// Distance of an arm from a singularity at reported joint angles (rad, mm): the smallest singular value of its Jacobian
 /// over `lever_mm`; 0 at a singularity.
 ///
 /// Rows of angles are multiplied by `lever_mm`, and columns of linear joints too (`scales`: 1 for an angle, the lever for

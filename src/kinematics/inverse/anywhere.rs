@@ -170,7 +170,7 @@ impl Search<'_> {
     }
 }
 
-/// Of two errors that of the search which came nearer to a solution.
+/// The error of the search that came nearer to a solution.
 fn nearer(before: Option<InverseError>, error: InverseError) -> InverseError {
     let Some(before) = before else { return error };
     if key(&error) < key(&before) {

@@ -19,7 +19,7 @@ pub(super) struct Search<'a> {
     pub(super) offsets: &'a [f64],
     pub(super) flange_from_end: &'a Isometry3<f64>,
     pub(super) settings: &'a InverseSettings,
-    /// What each joint is.
+    /// The kind of each joint.
     pub(super) variables: Vec<JointVariable>,
     /// The unit in which the search counts each joint: 1 rad, or the lever for a length.
     pub(super) scales: Vec<f64>,

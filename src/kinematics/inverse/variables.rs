@@ -9,7 +9,7 @@ use crate::kinematics::motion::Motion;
 /// Largest rounding error of a joint variable, rad or mm: one that is beyond a limit by less than this is within it.
 const LIMIT_ROUNDING: f64 = 1e-9;
 
-/// How a joint variable moves the arm.
+/// The kind of a joint variable, by the axes that it moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointVariable {
     /// A length, mm: every axis that it moves is linear.
@@ -64,7 +64,7 @@ impl JointVariable {
         }
     }
 
-    /// What one step of the search counts as: 1 for an angle, the lever for a length.
+    /// Unit of the search for this joint: 1 for an angle, the lever for a length.
     pub const fn scale(self, lever_mm: f64) -> f64 {
         match self {
             Self::Length => lever_mm,
