@@ -38,7 +38,7 @@ pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};
 pub use convention::Convention;
 pub use held::{ChainView, HeldChain};
-pub use inverse::{InverseError, InverseSettings, inverse};
+pub use inverse::{Anywhere, InverseError, InverseSettings, inverse};
 pub use motion::{Axis, Motion};
 pub use parameter::{LinkQuantity, Parameter};
 pub use restate::RestateError;

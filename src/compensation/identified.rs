@@ -25,10 +25,13 @@ use crate::fit::{ErrorFrame, FramePair, FrameUncertainty, Model, PoseModel, Tool
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
+use crate::kinematics::inverse::JointVariable;
 
 /// An angle beyond the measured ones by up to this counts as measured, rad: half a degree, while the shortest curves of
 /// real joints extend over several. The correction of a target at the rim stays within it.
 const RIM_RAD: f64 = 0.0087;
+/// A length that a turn of one radian is compared with, mm: the rim of a linear joint is as many of it as an angle's is rad.
+const LEVER_MM: f64 = 500.0;
 
 /// The published result of a run for one arm: everything that predicts its errors.
 #[derive(Debug)]
@@ -45,9 +48,9 @@ pub struct IdentifiedArm {
     pub command_from_base: Transform<Command, Base>,
     /// The model that predicts the errors.
     pub model: ArmModel,
-    /// Lowest and highest angle of each joint over the stations used, rad.
+    /// Lowest and highest value of each joint over the stations used, rad or mm.
     pub measured: Vec<[f64; 2]>,
-    /// The arm configurations of the stations used; empty for an arm without six axes.
+    /// The arm configurations of the stations used; empty for an arm that has none.
     pub configurations: Vec<String>,
     /// The conditions that it is valid for.
     pub validity: Validity,
@@ -112,57 +115,59 @@ impl IdentifiedArm {
         targets.par_iter().map(one).collect()
     }
 
-    /// By how much an angle of a joint is beyond those measured, rad; negative inside.
+    /// By how much a joint's value is beyond those measured, rad or mm; negative inside.
     fn beyond_measured(&self, joint: usize, angle: f64) -> f64 {
         let [low, high] = self.measured[joint];
         (low - angle).max(angle - high)
     }
 
-    /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a joint that moves other axes
-    /// by another share than whole turns.
+    /// By how much a joint's value may be beyond those measured and counts as measured, rad or mm.
+    fn rim(&self, joint: usize) -> f64 {
+        RIM_RAD * JointVariable::of(&self.arm)[joint].scale(LEVER_MM)
+    }
+
+    /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a linear joint, and for one
+    /// that moves axes by another share than whole turns.
     pub(super) fn periods(&self) -> Vec<Option<f64>> {
         let full = self.model.is::<FullModel>();
         let turns = full.map_or(1, FullModel::curve_period_turns);
-        let joints = self.arm.joints().len();
-        let moved = |joint: usize| {
-            let unit: Vec<f64> = (0..joints)
-                .map(|own| f64::from(u8::from(own == joint)))
-                .collect();
-            self.arm.axes(&unit)
-        };
-        let is_whole = |share: &f64| (share - share.round()).abs() < 1e-9;
-        let of = |joint| {
-            let repeats = moved(joint).iter().all(is_whole);
+        let of = |variable| {
+            let repeats = variable == JointVariable::Turning;
             repeats.then(|| TAU * f64::from(turns))
         };
-        (0..joints).map(of).collect()
+        JointVariable::of(&self.arm).into_iter().map(of).collect()
     }
 
     /// The whole turns (rad, a multiple of the period) to take off a joint's angle so that it is in the measured range; 0 where it is in
     /// it already, or none brings it there.
     pub(super) fn turns_beyond(&self, joint: usize, angle: f64, period: Option<f64>) -> f64 {
         let [low, high] = self.measured[joint];
-        let Some(period) = period.filter(|_| self.beyond_measured(joint, angle) > RIM_RAD) else {
+        let Some(period) = period.filter(|_| self.beyond_measured(joint, angle) > self.rim(joint))
+        else {
             return 0.0;
         };
         let turns = period * ((angle - low.midpoint(high)) / period).round();
-        let is_inside = self.beyond_measured(joint, angle - turns) <= RIM_RAD;
+        let is_inside = self.beyond_measured(joint, angle - turns) <= self.rim(joint);
         if is_inside { turns } else { 0.0 }
     }
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
-    fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
-        let beyond = |(joint, &angle): (usize, &f64)| (joint, self.beyond_measured(joint, angle));
-        let out = joints.iter().enumerate().map(beyond);
-        let worst = out.max_by(|a, b| a.1.total_cmp(&b.1));
-        match worst {
-            Some((joint, beyond_rad)) if beyond_rad > RIM_RAD => {
-                let [low, high] = self.measured[joint].map(f64::to_degrees);
+    pub(super) fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
+        let variables = JointVariable::of(&self.arm);
+        let beyond = |joint: usize| {
+            let scale = variables[joint].scale(LEVER_MM);
+            self.beyond_measured(joint, joints[joint]) / scale
+        };
+        let out = (0..joints.len()).map(|joint| (joint, beyond(joint)));
+        match out.max_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((joint, furthest)) if furthest > RIM_RAD => {
+                let own = variables[joint];
                 Err(Reason::JointRange {
                     joint: self.arm.joints()[joint].name.clone(),
-                    angle_deg: joints[joint].to_degrees(),
-                    beyond_deg: beyond_rad.to_degrees(),
-                    measured_deg: [low, high],
+                    value: own.shown(joints[joint]),
+                    beyond: own.shown(self.beyond_measured(joint, joints[joint])),
+                    measured: self.measured[joint].map(|value| own.shown(value)),
+                    unit: own.unit(),
                 })
             }
             _ => Ok(()),

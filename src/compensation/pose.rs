@@ -2,7 +2,9 @@
 //!
 //! Joint angles give both; with a position in addition, the position is the target and they select how the arm reaches it.
 //! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from many joint angles of
-//! that configuration, spread over the ranges measured, the nearest to the pose first.
+//! that configuration, spread over the ranges measured, the nearest to the pose first, and where these fail from joint angles
+//! all over the limits. An arm of at most six joints that has no configurations is taken within the ranges measured; one with
+//! more joints needs joint angles.
 
 use std::f64::consts::TAU;
 
@@ -12,6 +14,7 @@ use super::identified::IdentifiedArm;
 use super::{Reason, Target, TargetJoints};
 use crate::fit::ErrorFrame;
 use crate::grid::Reach;
+use crate::kinematics::inverse::{JointVariable, spread};
 use crate::kinematics::{Arm, Configuration, InverseError};
 
 /// Joint angles that a search may begin at.
@@ -170,21 +173,42 @@ impl<'a> Poses<'a> {
 
     fn at_pose(&self, target: &Target) -> Result<Wanted, Reason> {
         let base_from_tool = self.pose(target, None)?;
-        let nearest = self.nearest(target.configuration.as_deref(), &base_from_tool)?;
-        let mut first = None;
-        for seed in nearest {
-            match self.reach.solve(&base_from_tool, &seed.joints) {
+        let joints = self.identified.arm.joints().len();
+        if joints > 6 {
+            return Err(Reason::Redundant { joints });
+        }
+        let joints = self.solution(&base_from_tool, target.configuration.as_deref())?;
+        Ok(Wanted {
+            turns_rad: vec![0.0; joints.len()],
+            joints,
+            base_from_tool,
+        })
+    }
+
+    /// Joint angles of a pose, in the wanted arm configuration. An arm without configurations takes, of the ways that the search
+    /// finds, one within the ranges measured.
+    fn solution(&self, pose: &Isometry3<f64>, wanted: Option<&str>) -> Result<Vec<f64>, Reason> {
+        let (mut first, mut beyond) = (None, None);
+        for seed in self.nearest(wanted, pose)? {
+            match self.reach.solve(pose, &seed.joints) {
                 Ok(joints) => {
-                    return Ok(Wanted {
-                        turns_rad: vec![0.0; joints.len()],
-                        joints: self.on_measured_turn(joints),
-                        base_from_tool,
-                    });
+                    let joints = self.on_measured_turn(joints);
+                    let is_measured = self.identified.within_measured(&joints).is_ok();
+                    if wanted.is_some() || is_measured {
+                        return Ok(joints);
+                    }
+                    beyond = beyond.or(Some(joints));
                 }
                 Err(error) => first = first.or(Some(error)),
             }
         }
-        Err(first.map_or(Reason::NoConfiguration, Reason::Arm))
+        let is_wanted = |joints: &[f64]| {
+            let own = self.reach.configuration(joints).map(|c| c.to_string());
+            own.as_deref() == wanted
+        };
+        let anywhere = || self.reach.anywhere(pose, is_wanted).ok();
+        let found = beyond.or_else(|| anywhere().map(|joints| self.on_measured_turn(joints)));
+        found.ok_or_else(|| first.map_or(Reason::NoConfiguration, Reason::Arm))
     }
 
     /// Seeds of the wanted configuration, the nearest to a pose first.
@@ -232,27 +256,27 @@ impl<'a> Poses<'a> {
     /// The angles, each moved by whole turns as near to the middle of the measured range as its limits allow.
     fn on_measured_turn(&self, joints: Vec<f64>) -> Vec<f64> {
         let limits = self.identified.arm.joints();
-        let ranges = self.identified.measured.iter().zip(limits);
-        let turned = |(q, ([low, high], joint)): (f64, (&[f64; 2], &crate::kinematics::Joint))| {
-            let near = q + TAU * ((low.midpoint(*high) - q) / TAU).round();
-            let allowed = (joint.lower..=joint.upper).contains(&near);
+        let variables = JointVariable::of(&self.identified.arm);
+        let turned = |(joint, q): (usize, f64)| {
+            if variables[joint] != JointVariable::Turning {
+                return q;
+            }
+            let [low, high] = self.identified.measured[joint];
+            let near = q + TAU * ((low.midpoint(high) - q) / TAU).round();
+            let allowed = (limits[joint].lower..=limits[joint].upper).contains(&near);
             if allowed { near } else { q }
         };
-        joints.into_iter().zip(ranges).map(turned).collect()
+        joints.into_iter().enumerate().map(turned).collect()
     }
 }
 
 /// Refuses joint angles that are not within the arm's limits, naming the first joint that is beyond.
 pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
-    let mut pairs = arm.joints().iter().zip(joints);
-    let beyond = pairs.find(|(joint, angle)| !(joint.lower..=joint.upper).contains(angle));
-    beyond.map_or(Ok(()), |(joint, angle)| {
-        Err(Reason::Arm(InverseError::LimitReached {
-            joint: joint.name.clone(),
-            angle_deg: angle.to_degrees(),
-            lower_deg: joint.lower.to_degrees(),
-            upper_deg: joint.upper.to_degrees(),
-        }))
+    let variables = JointVariable::of(arm);
+    let mut joints = arm.joints().iter().zip(joints).zip(variables);
+    let beyond = joints.find(|((joint, value), _)| !(joint.lower..=joint.upper).contains(value));
+    beyond.map_or(Ok(()), |((joint, value), variable)| {
+        Err(Reason::Arm(InverseError::beyond(joint, variable, *value)))
     })
 }
 
@@ -260,17 +284,4 @@ pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
 fn apart_mm(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     let place = (a.translation.vector - b.translation.vector).norm();
     place + LEVER_MM * a.rotation.angle_to(&b.rotation)
-}
-
-/// Point `number` of a sequence that fills the box of `ranges` evenly: multiples of the powers of the generalised golden
-/// ratio, modulo 1 (Roberts 2018).
-fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
-    let degree = ranges.len() as f64 + 1.0;
-    // The root of φ^degree = φ + 1, by fixed-point iteration.
-    let golden = (0..60).fold(1.5_f64, |golden, _| (golden + 1.0).powf(degree.recip()));
-    let share = |joint: i32| (0.5 + f64::from(number) * golden.powi(-joint)).fract();
-    (1..)
-        .zip(ranges)
-        .map(|(joint, [low, high])| low + (high - low) * share(joint))
-        .collect()
 }

@@ -110,21 +110,32 @@ pub enum Reason {
         /// Their distance, mm.
         apart_mm: f64,
     },
+    /// A pose alone, for an arm with more joints than a pose needs.
+    #[error(
+        "states no joint angles, and an arm with {joints} joints reaches it in infinitely many ways, each with an error of its \
+         own; give q1_rad … or q1_deg …"
+    )]
+    Redundant {
+        /// The number of joints.
+        joints: usize,
+    },
     /// Joint angles that were not measured.
     #[error(
-        "needs joint {joint:?} at {angle_deg:.3}°, {beyond_deg:.3}° beyond the {:.3}° to {:.3}° that were measured: the \
-         model has no information there; measure there, or reach the target with angles inside",
-        measured_deg[0], measured_deg[1]
+        "needs joint {joint:?} at {value:.3}{unit}, {beyond:.3}{unit} beyond the {:.3}{unit} to {:.3}{unit} that were measured: \
+         the model has no information there; measure there, or reach the target with angles inside",
+        measured[0], measured[1]
     )]
     JointRange {
         /// The joint's name.
         joint: String,
-        /// The angle needed, degrees.
-        angle_deg: f64,
-        /// Distance of the angle from the measured range, degrees.
-        beyond_deg: f64,
-        /// The measured range, degrees.
-        measured_deg: [f64; 2],
+        /// The angle or length needed, degrees or mm.
+        value: f64,
+        /// Its distance from the measured range, degrees or mm.
+        beyond: f64,
+        /// The measured range, degrees or mm.
+        measured: [f64; 2],
+        /// The unit of these, as it follows a number.
+        unit: &'static str,
     },
     /// The nominal arm cannot reach the target.
     #[error("is not for this arm: {0}")]

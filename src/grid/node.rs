@@ -10,7 +10,7 @@ use crate::fit::ErrorFrame;
 pub use crate::fit::Refusal;
 use crate::join::Station;
 use crate::kinematics::{
-    Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
+    Anywhere, Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
 
 /// A station in the form that grids need.
@@ -77,6 +77,9 @@ impl GridStation {
 /// Smallest singularity factor of a usable node (0 at a singularity, about 1 far away): nearer to one, joint angles and
 /// with them the error change within less than any step.
 const LEAST_SINGULARITY_FACTOR: f64 = 0.02;
+/// By how much the tool of an arm with fewer than six joints may be turned from a pose whose position it has, rad: a command
+/// that is some millimetres away from its target turns such a tool by as many milliradians.
+const ORIENTATION_SLACK_RAD: f64 = 0.01;
 /// Largest difference of joint angles between a cell's vertices on one branch, rad.
 const BRANCH_RAD: f64 = 1.5;
 
@@ -94,6 +97,7 @@ impl<'a> Reach<'a> {
     pub fn new(arm: &'a Arm, flange_from_tool: Isometry3<f64>) -> Self {
         let settings = InverseSettings {
             least_singularity_factor: LEAST_SINGULARITY_FACTOR,
+            orientation_slack_rad: ORIENTATION_SLACK_RAD,
             ..InverseSettings::default()
         };
         Self {
@@ -113,10 +117,12 @@ impl<'a> Reach<'a> {
     ) -> Result<Vec<f64>, Refusal> {
         let pose = Isometry3::from_parts(Translation3::from(position.coords), *orientation);
         self.solve(&pose, seed).map_err(|error| match error {
-            InverseError::NotReachable { .. } | InverseError::LimitReached { .. } => {
-                Refusal::OutOfReach
+            InverseError::NotReachable { .. }
+            | InverseError::Orientation { .. }
+            | InverseError::LimitReached { .. } => Refusal::OutOfReach,
+            InverseError::ConfigurationChanged { .. } | InverseError::BranchChanged => {
+                Refusal::OtherConfiguration
             }
-            InverseError::ConfigurationChanged { .. } => Refusal::OtherConfiguration,
             InverseError::NearSingularity { .. } => Refusal::Singularity,
         })
     }
@@ -128,7 +134,18 @@ impl<'a> Reach<'a> {
         inverse(self.arm, &self.nominal, pose, tool, seed, &self.settings)
     }
 
-    /// The arm configuration at reported joint angles; `None` for arms that are not six-axis ones.
+    /// Joint angles for a tool pose that `accepts`, from seeds all over the joint limits.
+    pub fn anywhere(
+        &self,
+        pose: &Isometry3<f64>,
+        accepts: impl Fn(&[f64]) -> bool,
+    ) -> Result<Vec<f64>, InverseError> {
+        let tool = self.flange_from_tool;
+        let anywhere = Anywhere::new(self.arm, &self.nominal, tool, self.settings);
+        anywhere.joints_where(pose, None, accepts)
+    }
+
+    /// The arm configuration at reported joint angles; `None` for an arm that has none.
     pub fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
         SingularityFactors::of(self.arm, &self.nominal, joints)
             .map(|factors| factors.configuration())

@@ -5,16 +5,31 @@
 //!
 //! 1. wrist: `(z4 × z5) · z6`, zero where axes 4 and 6 align.
 //! 2. elbow: `z2 · ((o3 − o2) × (o5 − o3))`, zero where the arm is stretched or folded.
-//! 3. shoulder: `det J / (elbow · wrist)`, the distance of the wrist from the shoulder's plane or axis. The determinant
-//!    of the geometric Jacobian factors so for arms with a spherical wrist behind two parallel axes (KUKA, ABB) and for
-//!    arms with three parallel axes (UR); it does not depend on the tool.
+//! 3. shoulder: `det J / (elbow · wrist)`, the distance of the wrist from the shoulder's plane or axis.
+//!
+//! The determinant of the geometric Jacobian, which does not depend on the tool, has these factors where six axes rotate,
+//! axes 2 and 3 are parallel, and either axes 4, 5 and 6 meet in one point (KUKA, ABB) or axis 4 is parallel too and axes
+//! 5 and 6 meet (UR). The elbow is then measured to the point where they meet, or to axis 4. Other arms (offset wrists,
+//! linear axes, more or fewer than six axes) have no such factors: elbow and wrist do not divide their determinant, so the
+//! quotient would change its sign where nothing is singular. They have no configuration; how near they are to a
+//! singularity is the smallest singular value of their Jacobian (`conditioning`).
 
 use std::fmt;
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6, Point3, Vector3};
 
 use super::arm::Arm;
 use super::twist::Twist;
+
+/// Axes whose directions differ by an angle of less than this sine count as parallel: what identified arms are off their
+/// drawing by, ten times over.
+const PARALLEL_SINE: f64 = 0.02;
+/// Axes that miss each other by less than this share of the stretched arm count as meeting. Wrists are drawn with axes that
+/// meet or with offsets of several hundredths; identified arms miss by thousandths.
+const MEETING_SHARE: f64 = 0.01;
+
+/// An axis: a point of it and its unit vector.
+type Line = (Point3<f64>, Vector3<f64>);
 
 /// The arm configuration of a six-axis arm: which side of each of its three singularities it is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -78,8 +93,8 @@ impl fmt::Display for Configuration {
 }
 
 impl SingularityFactors {
-    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes, or one whose
-    /// upper arm or forearm has no length.
+    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm whose determinant has no such
+    /// factors (see the module's text), or whose upper arm or forearm has no length.
     ///
     /// # Panics
     /// When the number of angles or offsets does not fit the arm.
@@ -89,9 +104,11 @@ impl SingularityFactors {
         }
         let q = arm.axes(joints);
         let axes = arm.chain().joint_axes(&q, offsets);
+        let twists = arm.chain().differential(&q, offsets).joints;
+        let forearm_end = forearm_end(&axes, &twists)?;
         let z = |axis: usize| axes[axis - 1].1;
         let upper_arm = axes[2].0 - axes[1].0;
-        let forearm = axes[4].0 - axes[2].0;
+        let forearm = forearm_end - axes[2].0;
         // Only components perpendicular to axis 2 count: a shift of the wrist along that axis does not bend the elbow.
         let across = |v: Vector3<f64>| v - z(2) * v.dot(&z(2));
         let (upper, fore) = (across(upper_arm).norm(), across(forearm).norm());
@@ -100,7 +117,7 @@ impl SingularityFactors {
         }
         let wrist = z(4).cross(&z(5)).dot(&z(6));
         let elbow_mm2 = z(2).dot(&upper_arm.cross(&forearm));
-        let determinant = determinant(&arm.chain().differential(&q, offsets).joints);
+        let determinant = determinant(&twists);
         let elbow = elbow_mm2 / (upper * fore);
         // On a singularity of elbow or wrist the quotient is undefined, and the pose is singular anyway.
         let shoulder = if (elbow * wrist).abs() < 1e-12 {
@@ -134,13 +151,86 @@ impl SingularityFactors {
 }
 
 impl Configuration {
-    /// The arm configuration at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes.
+    /// The arm configuration at reported joint angles (rad) with parameter offsets; `None` for an arm that has none
+    /// ([`SingularityFactors::of`]).
     ///
     /// # Panics
     /// When the number of angles or offsets does not fit the arm.
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
         SingularityFactors::of(arm, offsets, joints).map(|factors| factors.configuration())
     }
+}
+
+/// The point at which the elbow's triangle ends; `None` where the determinant does not have the three factors. It is the
+/// chain's own point of axis 5 where that is as good.
+fn forearm_end(axes: &[Line], twists: &[Twist]) -> Option<Point3<f64>> {
+    let rotates = |twist: &Twist| twist.angular.norm_squared() > 0.0;
+    let &[_, second, third, fourth, fifth, sixth] = axes else {
+        return None;
+    };
+    if twists.len() != 6 || !twists.iter().all(rotates) || !are_parallel(&second, &third) {
+        return None;
+    }
+    let across = |v: Vector3<f64>| v - second.1 * v.dot(&second.1);
+    let length =
+        |end: &Point3<f64>| across(third.0 - second.0).norm() + across(end - third.0).norm();
+    let (bend, flange) = (meeting(&fifth, &fourth), meeting(&fifth, &sixth)?);
+    if are_parallel(&third, &fourth) {
+        let near = MEETING_SHARE * length(&fourth.0);
+        let is_own = across(fifth.0 - fourth.0).norm() <= near;
+        return (flange.1 <= near).then_some(if is_own { fifth.0 } else { fourth.0 });
+    }
+    let bend = bend?;
+    let near = MEETING_SHARE * length(&bend.0);
+    let is_one_point = bend.1.max(flange.1).max((bend.0 - flange.0).norm()) <= near;
+    let is_own = (fifth.0 - bend.0).norm() <= near;
+    is_one_point.then_some(if is_own { fifth.0 } else { bend.0 })
+}
+
+fn are_parallel(a: &Line, b: &Line) -> bool {
+    a.1.cross(&b.1).norm() < PARALLEL_SINE
+}
+
+/// The point of a line that is nearest to another, and its distance from it, mm; `None` for parallel lines.
+fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
+    if are_parallel(line, other) {
+        return None;
+    }
+    let between = other.0 - line.0;
+    let normal = line.1.cross(&other.1);
+    let along = between.cross(&other.1).dot(&normal) / normal.norm_squared();
+    let distance = between.dot(&normal).abs() / normal.norm();
+    Some((line.0 + line.1 * along, distance))
+}
+
+/// Distance of an arm from a singularity at reported joint angles (rad, mm): the smallest singular value of its Jacobian
+/// over `lever_mm`; 0 at a singularity.
+///
+/// Rows of angles are multiplied by `lever_mm`, and columns of linear joints too (`scales`: 1 for an angle, the lever for
+/// a length). There are as many singular values as joints, at most six; it works for any arm.
+///
+/// # Panics
+/// When the number of joints, scales or offsets does not fit the arm.
+pub(super) fn conditioning(
+    arm: &Arm,
+    offsets: &[f64],
+    joints: &[f64],
+    scales: &[f64],
+    lever_mm: f64,
+) -> f64 {
+    let at = arm.chain().differential(&arm.axes(joints), offsets);
+    let twists = arm.joint_twists(&at.joints);
+    let least = DMatrix::from_fn(6, twists.len(), |row, column| {
+        let value = if row < 3 {
+            twists[column].linear[row]
+        } else {
+            twists[column].angular[row - 3] * lever_mm
+        };
+        value * scales[column]
+    })
+    .singular_values()
+    .min();
+    least / lever_mm
 }
 
 fn determinant(twists: &[Twist]) -> f64 {
@@ -156,25 +246,8 @@ fn determinant(twists: &[Twist]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
-
     use super::*;
     use crate::kinematics::RobotFile;
-
-    /// The smallest singular value of the Jacobian, its angular rows multiplied by `lever_mm`: mm that the end moves per rad
-    /// in the direction where it moves least. It works for any arm; the directions are as many as the axes, at most six.
-    fn smallest_singular_value(arm: &Arm, offsets: &[f64], joints: &[f64], lever_mm: f64) -> f64 {
-        let twists = arm.chain().differential(&arm.axes(joints), offsets).joints;
-        DMatrix::from_fn(6, twists.len(), |row, column| {
-            if row < 3 {
-                twists[column].linear[row]
-            } else {
-                twists[column].angular[row - 3] * lever_mm
-            }
-        })
-        .singular_values()
-        .min()
-    }
 
     fn arm(file: &str) -> Arm {
         let file: RobotFile = toml::from_str(file).expect("a robot file of this repository");
@@ -233,7 +306,7 @@ mod tests {
                 })
                 .collect();
             let factors = SingularityFactors::of(arm, &offsets, &joints).expect("six axes");
-            let least = smallest_singular_value(arm, &offsets, &joints, 500.0);
+            let least = 500.0 * conditioning(arm, &offsets, &joints, &[1.0; 6], 500.0);
             // The determinant is the product of the factors: each side bounds the other.
             if factors.smallest() < 0.003 {
                 assert!(least < 6.0, "{joints:?}: {factors:?}, {least}");

@@ -1,23 +1,34 @@
-//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and in its arm configuration.
+//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and on its branch, or from the
+//! pose alone.
 //!
 //! Inputs: an arm with parameter offsets, the pose of the end, the end's pose on the flange, a seed. Output: reported
-//! joint angles, or why there are none.
+//! joint angles (lengths of linear joints, mm), or why there are none.
 //!
 //! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a lever),
 //!    with the analytic Jacobian. Damping proportional to the squared residual keeps the convergence quadratic
 //!    (Yamashita and Fukushima 2001); a step that does not lower the residual is damped ten times more.
 //! 2. Where that fails or ends in another configuration, the pose is approached from the seed's in small steps.
-//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity.
+//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity. An arm without
+//!    configurations keeps the sign of its determinant, and its joints go no further than the way in small steps shows.
+//! 4. An arm with more than six joints takes, of all joint angles that reach the pose, those closest to the seed; one with
+//!    fewer takes the orientation that is nearest to the pose's, where the settings allow it to differ.
+//! 5. Without a seed ([`Anywhere`]): the search from joint angles spread over the limits, the nearest to the pose first.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::arm::Arm;
+use super::arm::{Arm, Joint};
 use super::configuration::Configuration;
 
+mod anywhere;
+mod few;
+mod redundancy;
 mod search;
+mod variables;
 
+pub use anywhere::Anywhere;
 use search::Search;
+pub use variables::{JointVariable, spread};
 
 /// Settings of the search: when it stops and which solutions it refuses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,8 +41,12 @@ pub struct InverseSettings {
     pub lever_mm: f64,
     /// Newton steps per pose before giving up.
     pub iterations: usize,
-    /// Refuse solutions with a [`smallest`](super::configuration::SingularityFactors::smallest) below this; 0 refuses none.
+    /// Refuse solutions with a [`smallest`](super::configuration::SingularityFactors::smallest) below this; 0 refuses none. For
+    /// an arm without such factors: the smallest singular value of its Jacobian over the lever.
     pub least_singularity_factor: f64,
+    /// By how much the orientation may differ from the pose's where an arm with fewer than six joints has the position but
+    /// not the orientation, rad; 0 refuses such poses.
+    pub orientation_slack_rad: f64,
 }
 
 impl Default for InverseSettings {
@@ -42,6 +57,7 @@ impl Default for InverseSettings {
             lever_mm: 500.0,
             iterations: 30,
             least_singularity_factor: 0.0,
+            orientation_slack_rad: 0.0,
         }
     }
 }
@@ -60,20 +76,34 @@ pub enum InverseError {
         /// Remaining orientation error, rad.
         orientation_rad: f64,
     },
-    /// The pose needs an angle beyond a joint limit.
+    /// The arm has too few joints for the orientation.
     #[error(
-        "joint {joint:?} would have to turn to {angle_deg:.3}°, its limits are {lower_deg}° and {upper_deg}°; \
-         move the pose, or correct limits_deg in the robot file"
+        "an arm with {joints} joints reaches the position with another orientation only, {off_deg:.3}° off at the least; an \
+         orientation cannot be chosen freely with fewer than six joints: give joint angles, or a pose that the arm has"
+    )]
+    Orientation {
+        /// The number of joints.
+        joints: usize,
+        /// The smallest angle between an orientation that the arm has there and the one asked for, degrees.
+        off_deg: f64,
+    },
+    /// The pose needs an angle or a length beyond a joint limit.
+    #[error(
+        "joint {joint:?} would have to {} {value:.3}{unit}, its limits are {lower}{unit} and {upper}{unit}; \
+         move the pose, or correct the joint's limits in the robot file",
+        if *unit == "°" { "turn to" } else { "move to" }
     )]
     LimitReached {
         /// The joint's name.
         joint: String,
-        /// The angle that the pose needs, degrees.
-        angle_deg: f64,
-        /// The lower limit, degrees.
-        lower_deg: f64,
-        /// The upper limit, degrees.
-        upper_deg: f64,
+        /// The angle or length that the pose needs, degrees or mm.
+        value: f64,
+        /// The lower limit, degrees or mm.
+        lower: f64,
+        /// The upper limit, degrees or mm.
+        upper: f64,
+        /// The unit of the three, as it follows a number.
+        unit: &'static str,
     },
     /// The search reached the pose only across a singularity, in another arm configuration.
     #[error(
@@ -86,23 +116,44 @@ pub enum InverseError {
         /// Configuration of the solution found.
         found: Configuration,
     },
+    /// The search reached the pose only on another branch of an arm that has no configurations.
+    #[error(
+        "the pose was reached only across a singularity or far from the seed, on another branch; use a seed nearer to it"
+    )]
+    BranchChanged,
     /// The solution lies too near a singularity.
     #[error(
-        "the pose is {factor:.4} from a singularity ({configuration}), refused below {least:.4}; \
-         turn or move the pose away from it"
+        "the pose is {factor:.4} from a singularity{}, refused below {least:.4}; \
+         turn or move the pose away from it",
+        configuration.map_or_else(String::new, |own| format!(" ({own})"))
     )]
     NearSingularity {
-        /// The smallest singularity factor of the solution.
+        /// The smallest singularity factor of the solution, or the conditioning of an arm that has none.
         factor: f64,
         /// The least factor that the settings accept.
         least: f64,
-        /// The arm configuration of the solution.
-        configuration: Configuration,
+        /// The arm configuration of the solution; `None` for an arm that has none.
+        configuration: Option<Configuration>,
     },
 }
 
+impl InverseError {
+    /// A joint's value (rad or mm) beyond its limits.
+    pub fn beyond(joint: &Joint, variable: JointVariable, value: f64) -> Self {
+        Self::LimitReached {
+            joint: joint.name.clone(),
+            value: variable.shown(value),
+            lower: variable.shown(joint.lower),
+            upper: variable.shown(joint.upper),
+            unit: variable.unit(),
+        }
+    }
+}
+
 /// Numbers of steps from the seed's pose to the target pose, tried in turn until the search succeeds.
-const APPROACHES: [u32; 3] = [1, 8, 64];
+const APPROACHES: [u32; 3] = [1, 8, SMALLEST];
+/// The steps of the approach that stays on its branch, being the smallest.
+const SMALLEST: u32 = 64;
 
 /// Reported joint angles (rad) at which `arm(q) · flange_from_end` is `base_from_end`: the solution that the search reaches
 /// from `seed`, in the arm configuration of `seed`.
@@ -136,17 +187,29 @@ pub fn inverse(
     seed: &[f64],
     settings: &InverseSettings,
 ) -> Result<Vec<f64>, InverseError> {
-    let search = Search {
-        arm,
-        offsets,
-        flange_from_end,
-        settings,
-    };
+    let search = Search::new(arm, offsets, flange_from_end, settings);
+    let held = search.with_lengths_held();
+    let held = held.and_then(|held| by_approaches(&held, base_from_end, seed).ok());
+    match held.map_or_else(|| by_approaches(&search, base_from_end, seed), Ok) {
+        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => search
+            .nearest_orientation(base_from_end, seed)
+            .and_then(|joints| search.checked(seed, joints, false)),
+        outcome => outcome,
+    }
+}
+
+fn by_approaches(
+    search: &Search<'_>,
+    base_from_end: &Isometry3<f64>,
+    seed: &[f64],
+) -> Result<Vec<f64>, InverseError> {
     let mut outcome = Err(search.not_reachable(base_from_end, seed));
     for steps in APPROACHES {
         outcome = search
             .approach(base_from_end, seed, steps)
-            .and_then(|joints| search.checked(seed, joints));
+            .map(|joints| search.closest(base_from_end, seed, joints))
+            .map(|joints| search.within_limits(base_from_end, joints))
+            .and_then(|joints| search.checked(seed, joints, steps == SMALLEST));
         if outcome.is_ok() {
             break;
         }
@@ -188,12 +251,7 @@ mod tests {
         let offsets = nominal_offsets(&arm);
         let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
         let settings = InverseSettings::default();
-        let search = Search {
-            arm: &arm,
-            offsets: &offsets,
-            flange_from_end: &tool,
-            settings: &settings,
-        };
+        let search = Search::new(&arm, &offsets, &tool, &settings);
         let truth = radians([33.0, -72.0, 101.0, -58.0, 44.0, 127.0]);
         let target = search.end(&truth);
         let mut joints: Vec<f64> = truth.iter().map(|q| q + 0.02).collect();

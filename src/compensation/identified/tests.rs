@@ -8,6 +8,8 @@ use crate::fit::{FramePair, IdentifiedGeometry};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
 
+mod other_arms;
+
 fn arm(text: &str) -> Arm {
     let file: RobotFile = toml::from_str(text).expect("a robot file of this repository");
     file.arm().expect("a valid arm")
@@ -29,6 +31,11 @@ fn radians(degrees: [f64; 6]) -> Vec<f64> {
 
 /// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned by 90° from the base.
 fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
+    let ranges = radians(lower).into_iter().zip(radians(upper));
+    measured_within(arm, ranges.map(<[f64; 2]>::from).collect())
+}
+
+fn measured_within(arm: &Arm, measured: Vec<[f64; 2]>) -> IdentifiedArm {
     let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
     let offsets: Vec<f64> = arm
         .chain()
@@ -40,7 +47,6 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
         Transform::claim(isometry_from_rpy([4000.0, 0.0, -600.0], [0.0, 0.0, 2.5])),
         Transform::claim(isometry_from_rpy([0.0, 0.0, 90.0], [0.0; 3])),
     );
-    let ranges = radians(lower).into_iter().zip(radians(upper));
     IdentifiedArm {
         table_id: "00ff".to_owned(),
         arm: arm.clone(),
@@ -59,7 +65,7 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             }),
             session: 0,
         },
-        measured: ranges.map(<[f64; 2]>::from).collect(),
+        measured,
         configurations: ["+", "-"]
             .iter()
             .flat_map(|shoulder| ["+", "-"].map(|elbow| (*shoulder, elbow)))
@@ -204,23 +210,26 @@ fn named_joints_may_be_in_any_order() {
 #[test]
 fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() {
     let identified = cell();
-    let mut beyond = JOINTS;
-    beyond[0] = 72.5;
-    let refused = one(&identified, at_joints(beyond)).expect_err("12.5° beyond");
+    let mut asked = JOINTS;
+    asked[0] = 72.5;
+    let refused = one(&identified, at_joints(asked)).expect_err("12.5° beyond");
     let Reason::JointRange {
-        joint, beyond_deg, ..
+        joint,
+        beyond,
+        unit,
+        ..
     } = &refused
     else {
         panic!("{refused}")
     };
     assert_eq!(joint, "joint_a1");
-    assert!((beyond_deg - 12.5).abs() < 1e-9);
-    let allowed = identified.compensate(&[at_joints(beyond)], &[Exception::JointRange]);
+    assert!((beyond - 12.5).abs() < 1e-9 && *unit == "°");
+    let allowed = identified.compensate(&[at_joints(asked)], &[Exception::JointRange]);
     let allowed = allowed[0].as_ref().expect("allowed");
     assert_eq!(allowed.allowed, [Exception::JointRange]);
     // Half a degree beyond the rim is as good as measured.
-    beyond[0] = 60.4;
-    assert!(one(&identified, at_joints(beyond)).is_ok());
+    asked[0] = 60.4;
+    assert!(one(&identified, at_joints(asked)).is_ok());
 }
 
 #[test]

@@ -143,15 +143,20 @@ impl From<&Reason> for RefusedFor {
             Reason::Target(gap) | Reason::Command(gap) => gap.into(),
             Reason::Configuration { .. }
             | Reason::NoConfiguration
+            | Reason::Redundant { .. }
             | Reason::Unmeasured { .. }
             | Reason::NeverMeasured { .. }
-            | Reason::Arm(InverseError::ConfigurationChanged { .. }) => Self::Configuration,
+            | Reason::Arm(
+                InverseError::ConfigurationChanged { .. } | InverseError::BranchChanged,
+            ) => Self::Configuration,
             Reason::NoPosition => Self::NoPosition,
             Reason::NoOrientation => Self::NoOrientation,
             Reason::Joints { .. } => Self::Joints,
             Reason::Apart { .. } => Self::Apart,
             Reason::JointRange { .. } => Self::JointRange,
-            Reason::Arm(InverseError::NotReachable { .. }) => Self::OutOfReach,
+            Reason::Arm(InverseError::NotReachable { .. } | InverseError::Orientation { .. }) => {
+                Self::OutOfReach
+            }
             Reason::Arm(InverseError::LimitReached { .. }) => Self::JointLimits,
             Reason::Arm(InverseError::NearSingularity { .. }) => Self::Singularity,
             Reason::Tool { .. } => Self::Tool,

@@ -2,14 +2,16 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector6};
 
+use super::variables::{JointVariable, is_within};
 use super::{InverseError, InverseSettings};
 use crate::kinematics::arm::Arm;
-use crate::kinematics::configuration::{Configuration, SingularityFactors};
+use crate::kinematics::configuration::{Configuration, SingularityFactors, conditioning};
 
-/// Longest Newton step, rad (or mm for a prismatic joint, which no arm here has): a longer one may end on another branch.
+/// Longest Newton step, rad, or that many levers for a length: a longer one may end on another branch.
 const LONGEST_STEP: f64 = 0.5;
-/// Largest rounding error of an angle, rad: an angle beyond a limit by less than this is within it.
-const LIMIT_ROUNDING: f64 = 1e-9;
+/// A joint of an arm without configurations that moves by more than this in one step (rad, or that many levers) may have
+/// gone to another branch: the way there is then taken in smaller steps.
+const FAR: f64 = 1.5;
 
 /// The inverse-kinematics problem of one arm.
 pub(super) struct Search<'a> {
@@ -17,9 +19,60 @@ pub(super) struct Search<'a> {
     pub(super) offsets: &'a [f64],
     pub(super) flange_from_end: &'a Isometry3<f64>,
     pub(super) settings: &'a InverseSettings,
+    /// The kind of each joint.
+    pub(super) variables: Vec<JointVariable>,
+    /// The unit in which the search counts each joint: 1 rad, or the lever for a length.
+    pub(super) scales: Vec<f64>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    pub(super) fn new(
+        arm: &'a Arm,
+        offsets: &'a [f64],
+        flange_from_end: &'a Isometry3<f64>,
+        settings: &'a InverseSettings,
+    ) -> Self {
+        let variables = JointVariable::of(arm);
+        let scales = variables.iter().map(|own| own.scale(settings.lever_mm));
+        Self {
+            arm,
+            offsets,
+            flange_from_end,
+            settings,
+            scales: scales.collect(),
+            variables,
+        }
+    }
+
+    /// This search of a redundant arm with its linear axes held: a millimetre of theirs counts like a radian, so a track under
+    /// an arm stays where the seed has it. `None` for an arm that has none, or needs them.
+    pub(super) fn with_lengths_held(&self) -> Option<Self> {
+        let is_redundant = self.scales.len() > 6;
+        let has_lengths = self.variables.contains(&JointVariable::Length);
+        (is_redundant && has_lengths).then(|| Self {
+            scales: vec![1.0; self.scales.len()],
+            variables: self.variables.clone(),
+            ..*self
+        })
+    }
+
+    /// Joint values moved by a step in the search's units.
+    pub(super) fn moved(&self, joints: &[f64], step: &DVector<f64>) -> Vec<f64> {
+        let steps = step.iter().zip(&self.scales);
+        let moved = joints
+            .iter()
+            .zip(steps)
+            .map(|(q, (d, scale))| q + d * scale);
+        moved.collect()
+    }
+
+    /// `to − from` in the search's units.
+    pub(super) fn apart(&self, from: &[f64], to: &[f64]) -> DVector<f64> {
+        DVector::from_fn(from.len(), |joint, _| {
+            (to[joint] - from[joint]) / self.scales[joint]
+        })
+    }
+
     pub(super) fn end(&self, joints: &[f64]) -> Isometry3<f64> {
         let chain = self.arm.chain();
         chain.forward(&self.arm.axes(joints), self.offsets) * self.flange_from_end
@@ -41,25 +94,30 @@ impl Search<'_> {
             } else {
                 between(&start, target, way)
             };
-            let Some(next) = self.solve(&waypoint, &joints) else {
-                return Err(self.not_reachable(target, &joints));
+            joints = match self.solve(&waypoint, &joints) {
+                Ok(next) => next,
+                Err(_) => return Err(self.not_reachable(target, &joints)),
             };
-            joints = next;
         }
         Ok(joints)
     }
 
-    /// The joint angles where damped Newton steps from `seed` end; `None` when they do not reach the target pose.
-    fn solve(&self, target: &Isometry3<f64>, seed: &[f64]) -> Option<Vec<f64>> {
+    /// The joint angles where damped Newton steps from `seed` end; those nearest to the target pose as an error when they do not
+    /// reach it.
+    pub(super) fn solve(
+        &self,
+        target: &Isometry3<f64>,
+        seed: &[f64],
+    ) -> Result<Vec<f64>, Vec<f64>> {
         let mut joints = seed.to_vec();
         let mut residual = self.residual(target, &self.end(&joints));
         let mut damping = 1.0;
         for _ in 0..self.settings.iterations {
             if self.reached(&residual) {
-                return Some(self.polished(target, joints, &residual));
+                return Ok(self.polished(target, joints, &residual));
             }
             let step = self.step(&joints, &residual, damping);
-            let next: Vec<f64> = joints.iter().zip(step.iter()).map(|(q, d)| q + d).collect();
+            let next = self.moved(&joints, &step);
             let left = self.residual(target, &self.end(&next));
             if left.norm() < residual.norm() {
                 (joints, residual) = (next, left);
@@ -68,7 +126,7 @@ impl Search<'_> {
                 damping *= 10.0;
             }
         }
-        None
+        Err(joints)
     }
 
     /// One more Newton step costs little and takes the residual from the tolerance to rounding.
@@ -79,7 +137,7 @@ impl Search<'_> {
         residual: &Vector6<f64>,
     ) -> Vec<f64> {
         let step = self.step(&joints, residual, 0.0);
-        let next: Vec<f64> = joints.iter().zip(step.iter()).map(|(q, d)| q + d).collect();
+        let next = self.moved(&joints, &step);
         if self.residual(target, &self.end(&next)).norm() < residual.norm() {
             next
         } else {
@@ -87,7 +145,7 @@ impl Search<'_> {
         }
     }
 
-    /// The damped Newton step `(JᵀJ + λ I)⁻¹ Jᵀ r`, shortened to [`LONGEST_STEP`]; `λ` in mm².
+    /// The damped Newton step `(JᵀJ + λ I)⁻¹ Jᵀ r` in the search's units, shortened to [`LONGEST_STEP`]; `λ` in mm².
     pub(super) fn step(
         &self,
         joints: &[f64],
@@ -106,16 +164,11 @@ impl Search<'_> {
             .cholesky()
             .expect("a matrix of products plus a positive diagonal is positive definite")
             .solve(&gradient);
-        let longest = step.amax();
-        if longest > LONGEST_STEP {
-            step * (LONGEST_STEP / longest)
-        } else {
-            step
-        }
+        shortened(step)
     }
 
-    /// Six rows per joint: mm per rad, and rad per rad times the lever.
-    fn jacobian(&self, joints: &[f64]) -> DMatrix<f64> {
+    /// Six rows per joint, per unit of the search: mm, and rad times the lever.
+    pub(super) fn jacobian(&self, joints: &[f64]) -> DMatrix<f64> {
         let at = self
             .arm
             .chain()
@@ -124,11 +177,12 @@ impl Search<'_> {
         let lever = at.end.rotation * self.flange_from_end.translation.vector;
         DMatrix::from_fn(6, joints.len(), |row, joint| {
             let twist = &twists[joint];
-            if row < 3 {
+            let moved = if row < 3 {
                 (twist.linear + twist.angular.cross(&lever))[row]
             } else {
                 twist.angular[row - 3] * self.settings.lever_mm
-            }
+            };
+            moved * self.scales[joint]
         })
     }
 
@@ -143,12 +197,12 @@ impl Search<'_> {
         residual
     }
 
-    fn parts(&self, residual: &Vector6<f64>) -> (f64, f64) {
+    pub(super) fn parts(&self, residual: &Vector6<f64>) -> (f64, f64) {
         let orientation = residual.fixed_rows::<3>(3).norm() / self.settings.lever_mm;
         (residual.fixed_rows::<3>(0).norm(), orientation)
     }
 
-    fn reached(&self, residual: &Vector6<f64>) -> bool {
+    pub(super) fn reached(&self, residual: &Vector6<f64>) -> bool {
         let (position_mm, orientation_rad) = self.parts(residual);
         position_mm <= self.settings.position_tolerance_mm
             && orientation_rad <= self.settings.orientation_tolerance_rad
@@ -162,46 +216,105 @@ impl Search<'_> {
         }
     }
 
-    pub(super) fn checked(&self, seed: &[f64], joints: Vec<f64>) -> Result<Vec<f64>, InverseError> {
-        if let Some(before) = Configuration::of(self.arm, self.offsets, seed) {
-            self.check_configuration(before, &joints)?;
+    /// The solution, or why it is refused. `is_tracked` where the way from the seed was taken in the smallest steps.
+    pub(super) fn checked(
+        &self,
+        seed: &[f64],
+        joints: Vec<f64>,
+        is_tracked: bool,
+    ) -> Result<Vec<f64>, InverseError> {
+        match Configuration::of(self.arm, self.offsets, seed) {
+            Some(before) => self.check_configuration(before, &joints)?,
+            None => self.check_branch(seed, &joints, is_tracked)?,
         }
-        let beyond = self
-            .arm
-            .joints()
-            .iter()
-            .zip(&joints)
-            .find(|(joint, angle)| {
-                **angle < joint.lower - LIMIT_ROUNDING || **angle > joint.upper + LIMIT_ROUNDING
-            });
-        match beyond {
-            Some((joint, angle)) => Err(InverseError::LimitReached {
-                joint: joint.name.clone(),
-                angle_deg: angle.to_degrees(),
-                lower_deg: joint.lower.to_degrees(),
-                upper_deg: joint.upper.to_degrees(),
-            }),
-            None => Ok(joints),
+        self.check_limits(&joints)?;
+        Ok(joints)
+    }
+
+    pub(super) fn check_limits(&self, joints: &[f64]) -> Result<(), InverseError> {
+        let pairs = self.arm.joints().iter().zip(joints).zip(&self.variables);
+        for ((joint, value), variable) in pairs {
+            if !is_within(joint, *value) {
+                return Err(InverseError::beyond(joint, *variable, *value));
+            }
         }
+        Ok(())
     }
 
     fn check_configuration(&self, seed: Configuration, joints: &[f64]) -> Result<(), InverseError> {
         let Some(factors) = SingularityFactors::of(self.arm, self.offsets, joints) else {
             return Ok(());
         };
-        let (found, factor) = (factors.configuration(), factors.smallest());
-        let least = self.settings.least_singularity_factor;
+        let found = factors.configuration();
         if found != seed {
             return Err(InverseError::ConfigurationChanged { seed, found });
         }
+        self.check_factor(factors.smallest(), Some(found))
+    }
+
+    /// Guards an arm without configurations: no sign of a determinant changes, no joint goes far in one step, and the
+    /// solution is not near a singularity.
+    fn check_branch(
+        &self,
+        seed: &[f64],
+        joints: &[f64],
+        is_tracked: bool,
+    ) -> Result<(), InverseError> {
+        let furthest = self.apart(seed, joints).amax();
+        let is_across = joints.len() == 6 && self.orientation(seed) != self.orientation(joints);
+        if is_across || (furthest > FAR && !is_tracked) {
+            return Err(InverseError::BranchChanged);
+        }
+        self.check_conditioning(joints)
+    }
+
+    /// Whether the determinant of the Jacobian, which has as many columns as rows, is negative.
+    fn orientation(&self, joints: &[f64]) -> bool {
+        self.jacobian(joints).determinant() < 0.0
+    }
+
+    /// Refuses joint angles too near a singularity, by the factors of the arm's determinant or, where it has none, by the
+    /// conditioning of its Jacobian.
+    pub(super) fn check_singularity(&self, joints: &[f64]) -> Result<(), InverseError> {
+        match SingularityFactors::of(self.arm, self.offsets, joints) {
+            Some(factors) => self.check_factor(factors.smallest(), Some(factors.configuration())),
+            None => self.check_conditioning(joints),
+        }
+    }
+
+    fn check_conditioning(&self, joints: &[f64]) -> Result<(), InverseError> {
+        if self.settings.least_singularity_factor <= 0.0 {
+            return Ok(());
+        }
+        let lever = self.settings.lever_mm;
+        let factor = conditioning(self.arm, self.offsets, joints, &self.scales, lever);
+        self.check_factor(factor, None)
+    }
+
+    fn check_factor(
+        &self,
+        factor: f64,
+        configuration: Option<Configuration>,
+    ) -> Result<(), InverseError> {
+        let least = self.settings.least_singularity_factor;
         if factor < least {
             return Err(InverseError::NearSingularity {
                 factor,
                 least,
-                configuration: found,
+                configuration,
             });
         }
         Ok(())
+    }
+}
+
+/// A step in the search's units no longer than [`LONGEST_STEP`].
+pub(super) fn shortened(step: DVector<f64>) -> DVector<f64> {
+    let longest = step.amax();
+    if longest > LONGEST_STEP {
+        step * (LONGEST_STEP / longest)
+    } else {
+        step
     }
 }
 
