@@ -15,8 +15,8 @@ use arms::{
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::kinematics::{
-    Anywhere, Arm, Chain, Configuration, Element, InverseError, InverseSettings, Parameter,
-    SingularityFactors, inverse,
+    Anywhere, Arm, Chain, Configuration, Convention, Element, InverseError, InverseSettings,
+    Parameter, SingularityFactors, inverse,
 };
 
 /// Poses count as away from singularities from this smallest singular value of the Jacobian, with lengths over 500 mm: the
@@ -292,7 +292,14 @@ fn joints_without_limits_are_searched_over_one_turn() {
                 .collect()
         })
         .collect();
-    let arm = Arm::new("continuous".to_owned(), all, &map, chain).expect("an arm");
+    let arm = Arm::new(
+        "continuous".to_owned(),
+        Convention::StandardDh,
+        all,
+        &map,
+        chain,
+    )
+    .expect("an arm");
     let truth = [0.3, 0.4, 0.2, 7.0, 0.8, -9.0];
     let found = from_pose(&arm, &tool_at(&arm, &truth), None).expect("reachable");
     assert!(found[3].abs() <= PI && found[5].abs() <= PI, "{found:?}");

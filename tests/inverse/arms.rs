@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use posegrid::kinematics::{
-    Arm, Axis, Chain, Element, Joint, LinkQuantity, Motion, Parameter, RobotFile,
+    Arm, Axis, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter, RobotFile,
 };
 
 /// An arm and the way in which its random joint values are drawn.
@@ -112,6 +112,7 @@ fn joints(links: &[Link]) -> Vec<Joint> {
         name: format!("j{}", place + 1),
         lower: lower.to_radians(),
         upper: upper.to_radians(),
+        slides: false,
     };
     links.iter().enumerate().map(joint).collect()
 }
@@ -129,6 +130,7 @@ pub fn of_links(name: &str, links: &[Link]) -> Arm {
     let chain = Chain::new(elements(links, 0));
     Arm::new(
         name.to_owned(),
+        Convention::StandardDh,
         joints(links),
         &identity(links.len()),
         chain,
@@ -193,7 +195,14 @@ pub fn coupled() -> Arm {
     let mut map = identity(6);
     map[2][1] = 1.0;
     let chain = Chain::new(elements(&FANUC, 0));
-    Arm::new("coupled".to_owned(), joints(&FANUC), &map, chain).expect("an arm")
+    Arm::new(
+        "coupled".to_owned(),
+        Convention::StandardDh,
+        joints(&FANUC),
+        &map,
+        chain,
+    )
+    .expect("an arm")
 }
 
 /// A six-axis arm whose wrist does not meet in a point: axis 5 is 150 mm beside axis 4.
@@ -223,12 +232,20 @@ pub fn on_track() -> Arm {
         name: "track".to_owned(),
         lower: -1500.0,
         upper: 1500.0,
+        slides: true,
     }];
     all.extend(joints(&FANUC));
     for (place, joint) in all.iter_mut().enumerate().skip(1) {
         joint.name = format!("j{}", place + 1);
     }
-    Arm::new("track".to_owned(), all, &identity(7), Chain::new(own)).expect("an arm")
+    Arm::new(
+        "track".to_owned(),
+        Convention::StandardDh,
+        all,
+        &identity(7),
+        Chain::new(own),
+    )
+    .expect("an arm")
 }
 
 /// Five axes: base, three parallel ones, and the roll of the tool.
@@ -263,13 +280,22 @@ pub fn scara() -> Arm {
         name: "lift".to_owned(),
         lower: 0.0,
         upper: 200.0,
+        slides: true,
     });
     all.push(Joint {
         name: "roll".to_owned(),
         lower: -4.0 * FRAC_PI_2,
         upper: 4.0 * FRAC_PI_2,
+        slides: false,
     });
-    Arm::new("scara".to_owned(), all, &identity(4), Chain::new(own)).expect("an arm")
+    Arm::new(
+        "scara".to_owned(),
+        Convention::StandardDh,
+        all,
+        &identity(4),
+        Chain::new(own),
+    )
+    .expect("an arm")
 }
 
 /// Four joints of a palletiser: parallelograms turn the wrist back by what joints 2 and 3 turn, so the tool stays upright.
@@ -306,8 +332,16 @@ pub fn palletiser() -> Arm {
         name: "j4".to_owned(),
         lower: -6.0,
         upper: 6.0,
+        slides: false,
     });
-    Arm::new("palletiser".to_owned(), all, &identity(4), Chain::new(own)).expect("an arm")
+    Arm::new(
+        "palletiser".to_owned(),
+        Convention::StandardDh,
+        all,
+        &identity(4),
+        Chain::new(own),
+    )
+    .expect("an arm")
 }
 
 /// Every arm that random poses are taken of.

@@ -151,6 +151,7 @@ pub fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::kinematics::chain::Chain;
+    use crate::kinematics::convention::Convention;
     use crate::kinematics::motion::Axis;
 
     fn joint(lower: f64, upper: f64) -> Joint {
@@ -158,6 +159,7 @@ mod tests {
             name: "joint".to_owned(),
             lower,
             upper,
+            slides: false,
         }
     }
 
@@ -187,7 +189,14 @@ mod tests {
         ];
         let joints = vec![joint(-1.0, 1.0); 4];
         let map = map.map(Vec::from);
-        let arm = Arm::new("arm".to_owned(), joints, &map, chain).expect("an arm");
+        let arm = Arm::new(
+            "arm".to_owned(),
+            Convention::StandardDh,
+            joints,
+            &map,
+            chain,
+        )
+        .expect("an arm");
         let (length, angle) = (JointVariable::Length, JointVariable::Angle);
         let expected = [length, JointVariable::Turning, angle, angle];
         assert_eq!(JointVariable::of(&arm), expected);

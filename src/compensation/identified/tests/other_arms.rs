@@ -1,7 +1,7 @@
 //! Arms with more or fewer than six joints, with a linear axis, and without arm configurations.
 
 use super::*;
-use crate::kinematics::{Axis, Chain, Element, Joint, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{Axis, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter};
 
 /// A link in standard DH: a, α in degrees, d.
 type Link = [f64; 3];
@@ -15,6 +15,7 @@ fn arm_of(links: &[Link], has_track: bool) -> Arm {
             name: format!("j{}", joints.len() + 1),
             lower: -limit,
             upper: limit,
+            slides: limit > 100.0,
         });
     };
     if has_track {
@@ -36,7 +37,14 @@ fn arm_of(links: &[Link], has_track: bool) -> Arm {
             .collect()
     };
     let map: Vec<Vec<f64>> = (0..size).map(row).collect();
-    Arm::new("arm".to_owned(), joints, &map, Chain::new(elements)).expect("an arm")
+    Arm::new(
+        "arm".to_owned(),
+        Convention::StandardDh,
+        joints,
+        &map,
+        Chain::new(elements),
+    )
+    .expect("an arm")
 }
 
 fn link([a, alpha, d]: Link, joint: usize) -> Vec<Element> {
