@@ -12,6 +12,7 @@ use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
 use crate::pipeline::keys::missing::Incomplete;
+use crate::pipeline::robot_file::NoRobotFile;
 
 /// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
@@ -32,7 +33,7 @@ pub enum ConfigurationError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// Several keys of the pipeline file or the robot file are missing, or not known.
+    /// Several keys of the pipeline file are missing, or not known.
     #[error("{}: {source}", path.display())]
     Incomplete {
         /// The file.
@@ -91,12 +92,12 @@ pub enum ConfigurationError {
         source: io::Error,
     },
     /// The robot file is no robot file.
-    #[error("{}: {}", robot.display(), toml_problem(source))]
+    #[error("{}: {source}", robot.display())]
     RobotParse {
         /// The robot file.
         robot: PathBuf,
         /// Where and why.
-        source: Box<toml::de::Error>,
+        source: Box<NoRobotFile>,
     },
     /// The robot file's arm is invalid.
     #[error("{}: {source}", robot.display())]
