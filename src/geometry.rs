@@ -161,6 +161,19 @@ pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     )
 }
 
+/// Roll, pitch and yaw (rad) of `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`, which restore the rotation to the last digits.
+///
+/// Any yaw that makes the first element of the second row zero leaves `Rot(y, pitch) Rot(x, roll)`, so they do so too where the yaw
+/// itself is not determined: at a pitch of ±90°, but for rounding.
+pub fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+    let matrix = *rotation.to_rotation_matrix().matrix();
+    let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
+    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
+    let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
+    let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
+    [roll, pitch, yaw]
+}
+
 /// The rigid transform that maps `from` onto `to` with the least weighted sum of squared distances.
 ///
 /// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant corrected as in Umeyama 1991).
@@ -209,6 +222,35 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn roll_pitch_and_yaw_restore_a_rotation_at_any_pitch() {
+        let right = std::f64::consts::FRAC_PI_2;
+        for pitch in [
+            0.0,
+            0.4,
+            -1.2,
+            right,
+            -right,
+            right - 1e-9,
+            -right + 3e-8,
+            right + 1e-12,
+        ] {
+            for (roll, yaw) in [(0.0, 0.0), (0.3, -2.0), (3.0, 1.0), (-0.7, 0.7)] {
+                // A product, as chains have them: its elements are rounded.
+                let part = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
+                let rotation =
+                    part * (part.inverse() * UnitQuaternion::from_euler_angles(roll, pitch, yaw));
+                let [roll, pitch, yaw] = rpy(&rotation);
+                let restored = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+                let apart = rotation.angle_to(&restored);
+                assert!(
+                    apart < 1e-15 || (rotation.coords - restored.coords).norm() < 1e-14,
+                    "{pitch}: {apart}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn align_finds_a_known_transform() {

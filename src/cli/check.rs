@@ -8,7 +8,8 @@ use clap::Args;
 
 use super::messages::Printable;
 use super::run::{near, work};
-use crate::kinematics::Arm;
+use crate::geometry::rpy;
+use crate::kinematics::{Arm, Convention, Joint};
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
 use crate::units::to_step;
 
@@ -127,7 +128,25 @@ fn split(configuration: &Configuration) -> String {
         .collect()
 }
 
-/// The arm with the name and range of each joint, and its link convention: standard DH, or Hayati's β.
+/// What the convention does where two axes are parallel.
+const fn remark_on_parallel(convention: Convention) -> &'static str {
+    match convention {
+        Convention::MdH => ", Hayati's beta beside d: the next axis is parallel",
+        Convention::ModifiedDh => ", Hayati's beta instead of d: the axis before is parallel",
+        _ => ", Hayati's beta instead of d: the next axis is parallel",
+    }
+}
+
+/// A joint's position as the controller reports it: degrees, or mm where it slides.
+fn as_reported(joint: &Joint, position: f64) -> f64 {
+    if joint.slides {
+        position
+    } else {
+        position.to_degrees()
+    }
+}
+
+/// The arm with the name and range of each joint, and the convention of its link.
 fn arm(arm: &Arm) -> String {
     let parameters = arm.chain().parameters();
     let mut text = format!(
@@ -137,19 +156,19 @@ fn arm(arm: &Arm) -> String {
         parameters.len()
     );
     for (place, joint) in arm.joints().iter().enumerate() {
-        let convention = if arm.parallel_joints().contains(&(place + 1)) {
-            "the next axis is parallel: Hayati's beta instead of d"
+        let remark = if arm.parallel_joints().contains(&(place + 1)) {
+            remark_on_parallel(arm.convention())
         } else {
-            "standard DH"
+            ""
         };
-        let limits = [joint.lower, joint.upper].map(f64::to_degrees);
+        let unit = if joint.slides { " mm" } else { "°" };
+        let [lower, upper] = [joint.lower, joint.upper].map(|limit| as_reported(joint, limit));
         writeln!(
             text,
-            "  {} {:<24} {:>7.1}° to {:>6.1}°  {convention}",
+            "  {} {:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {}{remark}",
             place + 1,
             Printable(&joint.name).to_string(),
-            limits[0],
-            limits[1]
+            arm.convention().name(),
         )
         .expect("a string");
     }
@@ -168,13 +187,19 @@ fn checkable(arm: &Arm) -> String {
 /// The nominal flange at reported angles, and the joints whose limits they exceed.
 fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     let flange = *arm.flange(reported).isometry();
-    let (roll, pitch, yaw) = flange.rotation.euler_angles();
-    let degrees = [roll, pitch, yaw].map(|angle| to_step(angle.to_degrees(), 1e-3));
+    let degrees = rpy(&flange.rotation).map(|angle| to_step(angle.to_degrees(), 1e-3));
     let mm = flange.translation.vector.map(|x| to_step(x, 1e-3));
-    let angles: Vec<String> = reported
-        .iter()
-        .map(|q| format!("{:.0}", to_step(q.to_degrees(), 1.0)))
-        .collect();
+    let any_slides = arm.joints().iter().any(|joint| joint.slides);
+    let position = |(joint, &q): (&Joint, &f64)| {
+        let unit = match (any_slides, joint.slides) {
+            (false, _) => "",
+            (true, false) => "°",
+            (true, true) => " mm",
+        };
+        format!("{:.0}{unit}", to_step(as_reported(joint, q), 1.0))
+    };
+    let positions: Vec<String> = arm.joints().iter().zip(reported).map(position).collect();
+    let degrees_at_end = if any_slides { "" } else { "°" };
     let beyond = arm.joints().iter().zip(reported);
     let beyond = beyond.filter(|(joint, q)| !(joint.lower..=joint.upper).contains(q));
     let beyond: Vec<String> = beyond
@@ -189,8 +214,8 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
         )
     };
     format!(
-        "  flange {name} ({}°): [{:.3}, {:.3}, {:.3}] mm, [{:.3}, {:.3}, {:.3}]° fixed-xyz{limits}\n",
-        angles.join(", "),
+        "  flange {name} ({}{degrees_at_end}): [{:.3}, {:.3}, {:.3}] mm, [{:.3}, {:.3}, {:.3}]° fixed-xyz{limits}\n",
+        positions.join(", "),
         mm.x,
         mm.y,
         mm.z,

@@ -7,13 +7,13 @@
 
 mod tables;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::convention::{Convention, lines};
 use super::robot_file::{ArmError, JointFile, JointKind, Mimic, RobotFile};
 use super::screws::{Line, Screws};
-use crate::geometry::{EulerOrder, Placement};
+use crate::geometry::{EulerOrder, Placement, rpy};
 
 /// Numbers below this are rounding, mm or rad.
 const ROUNDING: f64 = 1e-12;
@@ -107,20 +107,20 @@ fn cpc(file: &mut RobotFile, screws: &Screws) {
     let nexts: Vec<Option<Line>> = nexts.map(Some).chain([None]).collect();
     for (joint, next) in file.joint.iter_mut().zip(nexts) {
         let line = next.unwrap_or_else(|| Line::z_of(&screws.flange));
-        let direction = frame.rotation.inverse() * line.direction;
+        // As it is written: near −z the turn to it changes with the last digit.
+        let direction = (frame.rotation.inverse() * line.direction.into_inner()).map(clean);
+        let direction = UnitVector3::new_normalize(direction);
         let turned = frame.rotation * lines::z_to(&direction);
-        let (gamma, end) = match next {
-            Some(line) => (0.0, line.nearest_to(&frame.translation.vector.into())),
-            None => {
-                let left = turned.inverse() * screws.flange.rotation;
-                let x = left * Vector3::x();
-                (x.y.atan2(x.x), screws.flange.translation.vector.into())
-            }
+        let (gamma, end) = if let Some(line) = next {
+            (0.0, line.nearest_to(&frame.translation.vector.into()))
+        } else {
+            let x = turned.inverse() * screws.flange.rotation * Vector3::x();
+            (x.y.atan2(x.x), screws.flange.translation.vector.into())
         };
         let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), gamma);
         let rotation = turned * about_z;
         let shift = rotation.inverse() * (end - Point3::from(frame.translation.vector));
-        joint.direction = Some(direction.into_inner().map(clean).into());
+        joint.direction = Some(direction.into_inner().into());
         joint.gamma_deg = Some(degrees(gamma));
         joint.shift_mm = Some(shift.map(clean).into());
         frame = Isometry3::from_parts(Translation3::from(end), rotation);
@@ -153,16 +153,20 @@ fn origins(file: &mut RobotFile, screws: &Screws) {
 /// The placement as a file states it; `None` for one that changes nothing.
 fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
     let stated = stated(isometry);
-    let is_nothing = stated.xyz_mm == [0.0; 3] && stated.euler_deg == Some([0.0; 3]);
-    (!is_nothing).then_some(stated)
+    let angles = stated.euler_deg.unwrap_or_default();
+    let changes = stated
+        .xyz_mm
+        .iter()
+        .chain(&angles)
+        .any(|&number| number != 0.0);
+    changes.then_some(stated)
 }
 
 fn stated(isometry: &Isometry3<f64>) -> Placement {
-    let (roll, pitch, yaw) = isometry.rotation.euler_angles();
     Placement {
         xyz_mm: isometry.translation.vector.map(clean).into(),
         quaternion_xyzw: None,
-        euler_deg: Some([roll, pitch, yaw].map(degrees)),
+        euler_deg: Some(rpy(&isometry.rotation).map(degrees)),
         euler_order: Some(EulerOrder::FixedXyz),
     }
 }

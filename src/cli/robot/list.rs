@@ -71,10 +71,10 @@ mod tests {
         let text = ready();
         assert_eq!(text.lines().count(), READY.len() + 3, "{text}");
         let line = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap();
-        // UR10e: 1300 mm to the wrist, and its flange a little further from the base's origin.
+        // UR10e: stretched upwards the flange is √(1484.8² + 290.7²) mm away, its lengths add up to 1775.5 mm.
         let words: Vec<&str> = line("ur10e ").split_whitespace().collect();
         assert_eq!(words[1], "6");
         let reach: f64 = words[2].parse().unwrap();
-        assert!((1300.0..1500.0).contains(&reach), "{reach}");
+        assert!((1513.0..1775.5).contains(&reach), "{reach}");
     }
 }

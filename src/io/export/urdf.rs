@@ -13,12 +13,13 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::{ExportError, ExportErrorKind};
 use crate::compensation::IdentifiedArm;
 use crate::fit::IdentifiedGeometry;
 use crate::fit::saved::axes_from_joints;
+use crate::geometry::rpy;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
@@ -188,19 +189,6 @@ fn unlike(name: &str, joints: &[Joint]) -> String {
         own.push('_');
     }
     own
-}
-
-/// Roll, pitch and yaw of `Rz(yaw) Ry(pitch) Rx(roll)`.
-///
-/// Any yaw that makes the first element of the second row zero leaves `Ry(pitch) Rx(roll)`, so the three angles restore the
-/// rotation to the last digits even where the yaw itself is not determined.
-fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
-    let matrix: Matrix3<f64> = *rotation.to_rotation_matrix().matrix();
-    let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
-    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
-    let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
-    let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
-    [roll, pitch, yaw]
 }
 
 /// The value of an attribute. XML has no form for most control characters.

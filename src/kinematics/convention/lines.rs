@@ -22,9 +22,10 @@ const SMALL: [(Motion, LinkQuantity); 6] = [
 
 /// The turn that brings z to `axis` by the shortest way; half a turn about x where they are opposite.
 pub fn z_to(axis: &UnitVector3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::rotation_between(&Vector3::z(), axis).unwrap_or_else(|| {
-        UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
-    })
+    // By the arctangent: the arccosine of a direction near z has half the digits.
+    let across = axis.x.hypot(axis.y);
+    let about = UnitVector3::try_new(Vector3::new(-axis.y, axis.x, 0.0), 0.0);
+    UnitQuaternion::from_axis_angle(&about.unwrap_or_else(Vector3::x_axis), across.atan2(axis.z))
 }
 
 /// A frame at `point` with z along `axis`.

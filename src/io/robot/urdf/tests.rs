@@ -146,6 +146,27 @@ fn a_chain_is_the_product_of_origins_and_motions() {
 }
 
 #[test]
+fn a_chain_with_right_angles_but_for_rounding_is_one_arm_in_every_convention() {
+    // Axes along −z and a flange with a pitch of 90°, each with the digits that a URDF has of π.
+    let text = URDF
+        .replace("rpy=\"0.1 -0.2 0.3\"", "rpy=\"3.14159265358979 0 0.3\"")
+        .replace("<axis xyz=\"0.6 0 0.8\"/>", "<axis xyz=\"0 0 1\"/>")
+        .replace("rpy=\"0.5 0 0\"", "rpy=\"0.5 1.5707963268 0.2\"");
+    let file = of(&text, &ends("base", "tool")).unwrap().0;
+    let arm = file.arm().unwrap();
+    for convention in crate::kinematics::Convention::ALL {
+        let restated = file.restated(convention).unwrap().arm().unwrap();
+        for q in [[0.0, 0.0, 0.0], [250.0, 1.1, -0.6], [10.0, -0.9, 2.0]] {
+            let (one, other) = (*arm.flange(&q).isometry(), *restated.flange(&q).isometry());
+            let apart = (one.translation.vector - other.translation.vector).norm();
+            assert!(apart < 1e-9, "{convention:?}: {apart} mm");
+            let turned = one.rotation.angle_to(&other.rotation);
+            assert!(turned < 1e-11, "{convention:?}: {turned} rad");
+        }
+    }
+}
+
+#[test]
 fn a_chain_that_goes_up_is_the_inverse() {
     let down = of(URDF, &ends("base", "tool")).unwrap().0.arm().unwrap();
     let up = of(URDF, &ends("tool", "base")).unwrap().0.arm().unwrap();
