@@ -14,6 +14,7 @@
 //! one pose ([`visits`]), base and target of a session that took no part ([`locate`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
 
 pub mod commanded;
+pub mod conversion;
 pub mod error_frame;
 pub mod frames;
 pub mod full;

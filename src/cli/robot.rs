@@ -14,7 +14,7 @@ use crate::io::input::{self, Bound};
 use crate::io::robot::poses::{self, PosesError};
 use crate::io::robot::ready::{READY, ReadyRobot};
 use crate::io::robot::{self, LeftOut, Selection, written};
-use crate::kinematics::{ArmError, Convention, RestateError, RobotFile};
+use crate::kinematics::{Arm, Convention, RestateError, RobotFile};
 use crate::pipeline::robot_file::{self, NoRobotFile};
 
 /// Make a robot file: from a URDF, in any convention, or one of the ready ones
@@ -92,7 +92,7 @@ pub enum RobotCommandError {
     )]
     Nothing(PathBuf),
     /// A file with a fault.
-    #[error("{}: {kind}", path.display())]
+    #[error("{}{}: {kind}", path.display(), kind.on_line())]
     File {
         /// The file.
         path: PathBuf,
@@ -110,9 +110,6 @@ pub enum RobotProblem {
     /// It is no robot file.
     #[error(transparent)]
     NoRobot(#[from] NoRobotFile),
-    /// Its arm is wrong.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
     /// Its arm cannot be stated in the convention.
     #[error(transparent)]
     Restate(#[from] RestateError),
@@ -125,6 +122,14 @@ pub enum RobotProblem {
 }
 
 impl RobotProblem {
+    /// The line of a fault in the robot file, to stand behind its name.
+    fn on_line(&self) -> String {
+        match self {
+            Self::NoRobot(fault) => fault.on_line(),
+            _ => String::new(),
+        }
+    }
+
     fn at(self, path: &Path) -> RobotCommandError {
         RobotCommandError::File {
             path: path.to_owned(),
@@ -150,11 +155,9 @@ pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
             .printed(path, text, &stated)
             .map_err(|kind| kind.at(path));
     };
-    let arm = stated.file.arm();
-    let arm = arm.map_err(|source| RobotProblem::Arm(source).at(path))?;
     let positions = input::text(poses, Bound::TARGETS);
     let positions = positions.map_err(|source| RobotProblem::Read(source).at(poses))?;
-    poses::flanges(&arm, &positions).map_err(|source| RobotProblem::Poses(source).at(poses))
+    poses::flanges(&stated.arm, &positions).map_err(|source| RobotProblem::Poses(source).at(poses))
 }
 
 /// The text of the file, or of the ready robot of that name.
@@ -175,6 +178,7 @@ fn text(path: &Path) -> Result<String, RobotCommandError> {
 /// A robot file as the arguments want it.
 struct Stated {
     file: RobotFile,
+    arm: Arm,
     left_out: Option<LeftOut>,
 }
 
@@ -182,12 +186,16 @@ impl RobotArgs {
     fn stated(&self, path: &Path, text: &str) -> Result<Stated, RobotProblem> {
         let selection = self.arm.selection();
         let robot::Read { file, left_out } = robot_file::read(path, text, &selection)?;
-        let file = match self.convention {
-            Some(convention) => file.restated(convention)?,
-            None => file,
+        let mut stated = Stated {
+            arm: robot_file::arm_of(&file, text)?,
+            file,
+            left_out,
         };
-        file.arm()?;
-        Ok(Stated { file, left_out })
+        if let Some(convention) = self.convention {
+            stated.file = stated.file.restated(convention)?;
+            stated.arm = stated.file.arm().map_err(RestateError::from)?;
+        }
+        Ok(stated)
     }
 
     /// The robot file as TOML: its own text where nothing is changed.

@@ -17,7 +17,7 @@ use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_l
 use crate::io::robot::{self, Selection};
 use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
-use crate::kinematics::{Arm, ArmError};
+use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
 
@@ -68,7 +68,7 @@ pub struct SimulateArgs {
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
     /// A file that cannot be read or written, with the problem.
-    #[error("{}: {kind}", path.display())]
+    #[error("{}{}: {kind}", path.display(), kind.on_line())]
     File {
         /// Path of the file or the folder.
         path: PathBuf,
@@ -95,9 +95,6 @@ pub enum SimulateFileError {
     /// The robot file is not one: place and cause.
     #[error(transparent)]
     NoRobot(NoRobotFile),
-    /// The robot file's arm is wrong.
-    #[error(transparent)]
-    Arm(ArmError),
     /// A pose without joint angles.
     #[error(
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
@@ -118,6 +115,14 @@ pub enum SimulateFileError {
 }
 
 impl SimulateFileError {
+    /// The line of a fault in the robot file, to stand behind its name.
+    fn on_line(&self) -> String {
+        match self {
+            Self::NoRobot(fault) => fault.on_line(),
+            _ => String::new(),
+        }
+    }
+
     /// The error for this fault in the file at `path`.
     fn at(self, path: &Path) -> SimulateCommandError {
         SimulateCommandError::File {
@@ -200,11 +205,8 @@ fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
 
 fn read_arm(path: &Path, selection: &Selection) -> Result<Arm, SimulateCommandError> {
     let text = robot::text(path).map_err(|source| SimulateFileError::Read(source).at(path))?;
-    let read = robot_file::read(path, &text, selection)
-        .map_err(|source| SimulateFileError::NoRobot(source).at(path))?;
-    read.file
-        .arm()
-        .map_err(|source| SimulateFileError::Arm(source).at(path))
+    robot_file::arm(path, &text, selection)
+        .map_err(|source| SimulateFileError::NoRobot(source).at(path))
 }
 
 impl SimulateArgs {

@@ -12,10 +12,6 @@ use serde::{Deserialize, Serialize};
 pub(super) mod lines;
 pub(super) mod table;
 
-/// Two axes count as parallel when the sine of the twist between them is below this: half a degree. Nominal arms are
-/// drawn with exact right angles and parallels, so anything between is a typing error or a truly skew axis.
-pub(super) const PARALLEL_SINE: f64 = 0.0087;
-
 /// Conventions a robot file may be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]

@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 use super::arm::{Arm, Joint, Nominal};
 use super::chain::{Chain, Element};
 use super::convention::table::{Parallel, TableLink};
-use super::convention::{Convention, PARALLEL_SINE, lines};
+use super::convention::{Convention, lines};
 use super::motion::Motion;
 use super::parameter::{LinkQuantity, Parameter};
 use crate::geometry::Placement;
 
-pub use error::ArmError;
+pub use error::{ArmError, WrongKeys};
 
 /// A nominal arm as `pipelines/robots/*.toml` states it.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -225,18 +225,19 @@ impl RobotFile {
     fn push_links(
         &self,
         reported: &[&JointFile],
-        parallel: &[bool],
+        parallel: &[Parallel],
         elements: &mut Vec<Element>,
     ) -> Result<(), ArmError> {
         let mut followers = reported.len();
         let mut before = Isometry3::identity();
         for (place, file) in self.joint.iter().enumerate() {
-            let Some(joint) = self.moving(file, reported, &mut followers) else {
+            let Some(joint) = Self::moving(file, reported, &mut followers) else {
                 elements.push(self.constant(file)?);
                 continue;
             };
+            let before_it = place.checked_sub(1).map(|before| parallel[before]);
             let beside = Beside {
-                before: place > 0 && parallel[place - 1],
+                before: before_it.unwrap_or(Parallel::No),
                 next: parallel[place],
             };
             elements.extend(self.link(&joint, beside, &mut before)?);
@@ -254,7 +255,6 @@ impl RobotFile {
 
     /// The joint with its number and the variable that moves it; `None` for one that does not move.
     fn moving<'a>(
-        &self,
         file: &'a JointFile,
         reported: &[&JointFile],
         followers: &mut usize,
@@ -297,18 +297,10 @@ impl RobotFile {
     ) -> Result<Vec<Element>, ArmError> {
         let file = joint.file;
         Ok(match self.convention {
-            Convention::StandardDh => file
-                .table(joint)
-                .standard(joint, in_place(beside.next, Parallel::InPlaceOfD)),
-            Convention::MdH => file
-                .table(joint)
-                .standard(joint, in_place(beside.next, Parallel::BesideD)),
-            Convention::ModifiedDh => file
-                .table(joint)
-                .modified(joint, in_place(beside.before, Parallel::InPlaceOfD)),
-            Convention::SModel => file
-                .table(joint)
-                .s_model(joint, in_place(beside.next, Parallel::InPlaceOfD)),
+            Convention::StandardDh => file.table(joint).standard(joint, beside.next),
+            Convention::MdH => file.table(joint).standard(joint, beside.next.keeping_d()),
+            Convention::ModifiedDh => file.table(joint).modified(joint, beside.before),
+            Convention::SModel => file.table(joint).s_model(joint, beside.next),
             Convention::Cpc => lines::cpc(
                 joint,
                 &unit(file.direction),
@@ -359,9 +351,8 @@ impl RobotFile {
         Ok(Element::Fixed(constants.nominal(&[0.0])))
     }
 
-    /// For each joint of the file, whether its axis is nominally parallel to the next one's, as far as a table of twists says so.
-    fn parallel_joints(&self) -> Vec<bool> {
-        let parallel = |alpha_deg: f64| alpha_deg.to_radians().sin().abs() < PARALLEL_SINE;
+    /// For each joint of the file, how its axis lies to the next one's, as far as a table of twists says so.
+    fn parallel_joints(&self) -> Vec<Parallel> {
         let count = self.joint.len();
         let twist = |place: usize| match self.convention {
             Convention::ModifiedDh => self.joint.get(place + 1)?.alpha_deg,
@@ -371,11 +362,11 @@ impl RobotFile {
             let kinds = [place, place + 1].map(|place| self.joint[place].kind);
             !kinds.contains(&JointKind::Fixed)
         };
-        (0..count)
-            .map(|place| {
-                place + 1 < count && both_move(place) && twist(place).is_some_and(parallel)
-            })
-            .collect()
+        let own = |place: usize| {
+            let twist = twist(place).filter(|_| place + 1 < count && both_move(place));
+            twist.map_or(Parallel::No, |degrees| Parallel::of(degrees.to_radians()))
+        };
+        (0..count).map(own).collect()
     }
 
     /// The home pose, rad or mm; an error unless it has a finite value for each reported joint.
@@ -405,12 +396,8 @@ impl RobotFile {
 /// Whether the axes before and after a joint are parallel to its own.
 #[derive(Debug, Clone, Copy)]
 struct Beside {
-    before: bool,
-    next: bool,
-}
-
-const fn in_place(is_parallel: bool, way: Parallel) -> Parallel {
-    if is_parallel { way } else { Parallel::No }
+    before: Parallel,
+    next: Parallel,
 }
 
 /// A stated direction; the z axis where there is none, which a check has refused before.

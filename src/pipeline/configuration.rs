@@ -232,15 +232,9 @@ fn read_arm(
         robot: robot_path.to_owned(),
         source,
     })?;
-    let read = robot_file::read(robot_path, &text, selection).map_err(|source| {
-        ConfigurationError::RobotParse {
-            robot: robot_path.to_owned(),
-            source: Box::new(source),
-        }
-    })?;
-    read.file.arm().map_err(|source| ConfigurationError::Arm {
+    robot_file::arm(robot_path, &text, selection).map_err(|source| ConfigurationError::RobotParse {
         robot: robot_path.to_owned(),
-        source,
+        source: Box::new(source),
     })
 }
 

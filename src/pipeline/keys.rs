@@ -79,6 +79,9 @@ pub struct Key {
     /// Whether its word decides which of the other keys of the section there are.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tag: bool,
+    /// The conventions of links that need it, in a robot file: which keys a link has follows from them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub conventions: Vec<String>,
     /// The value where the key is absent; none for a key that is required, or that means something only where it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub default: Option<toml::Value>,

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use posegrid::kinematics::arm::JointFile;
+use posegrid::kinematics::JointFile;
 use posegrid::kinematics::batch::BLOCK;
 use posegrid::kinematics::{Arm, BatchChain, BatchColumns, HeldChain, Poses, RobotFile};
 
@@ -91,14 +91,24 @@ struct Dh {
     behind: Isometry3<f64>,
 }
 
+/// A number of a standard DH link, all of which a table has.
+fn number(stated: Option<f64>) -> f64 {
+    stated.expect("a link in standard DH")
+}
+
 fn links(robot: &str) -> Vec<Dh> {
     let link = |joint: &JointFile| {
-        let twist =
-            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), joint.alpha_deg.to_radians());
+        let twist = UnitQuaternion::from_axis_angle(
+            &Vector3::x_axis(),
+            number(joint.alpha_deg).to_radians(),
+        );
         Dh {
-            offset: joint.offset_deg.to_radians(),
-            sign: f64::from(joint.sign),
-            behind: Isometry3::from_parts(Translation3::new(joint.a_mm, 0.0, joint.d_mm), twist),
+            offset: number(joint.offset_deg).to_radians(),
+            sign: f64::from(joint.sign.expect("a sign")),
+            behind: Isometry3::from_parts(
+                Translation3::new(number(joint.a_mm), 0.0, number(joint.d_mm)),
+                twist,
+            ),
         }
     };
     file(robot).joint.iter().map(link).collect()

@@ -17,17 +17,17 @@ use crate::io::targets::{CorrectedBy, Targets};
 #[derive(Debug)]
 pub(super) enum Source {
     /// The nodes of a grid.
-    Table(PublishedTable),
+    Table(Box<PublishedTable>),
     /// The identified arm.
-    Arm(PublishedArm),
+    Arm(Box<PublishedArm>),
 }
 
 impl Source {
     pub(super) fn read(path: &Path) -> Result<Self, CompensateCommandError> {
         let held = table::head(path)?.table;
         match held.as_deref() {
-            Some("compensation") => Ok(Self::Table(compensation_table::read(path)?)),
-            Some("calibrations") => Ok(Self::Arm(calibrations_table::read(path)?)),
+            Some("compensation") => Ok(Self::Table(Box::new(compensation_table::read(path)?))),
+            Some("calibrations") => Ok(Self::Arm(Box::new(calibrations_table::read(path)?))),
             other => Err(CompensateCommandError::OtherTable {
                 path: path.to_owned(),
                 found: other.map_or_else(

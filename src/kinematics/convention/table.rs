@@ -28,15 +28,40 @@ pub struct TableLink {
     pub b: f64,
 }
 
+/// Two axes count as parallel when the sine of the twist between them is below this: half a degree.
+const PARALLEL_SINE: f64 = 0.0087;
+/// Below this they are exactly parallel: a shift along one is a shift along the other.
+const EXACT_SINE: f64 = 1e-6;
+
 /// Ways that d and β stand beside each other where two axes are parallel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parallel {
     /// The axes are not parallel: there is no β.
     No,
-    /// β in place of d.
+    /// β in place of d, whose shift the next d makes as well.
     InPlaceOfD,
-    /// β beside d.
+    /// β beside d: the axes are nearly parallel, as in a table that was calibrated before, and the two d are two directions.
     BesideD,
+}
+
+impl Parallel {
+    /// The way for a twist between two axes, rad.
+    pub fn of(twist: f64) -> Self {
+        match twist.sin().abs() {
+            exact if exact < EXACT_SINE => Self::InPlaceOfD,
+            near if near < PARALLEL_SINE => Self::BesideD,
+            _ => Self::No,
+        }
+    }
+
+    /// With β, d stays free beside it.
+    #[must_use]
+    pub const fn keeping_d(self) -> Self {
+        match self {
+            Self::InPlaceOfD => Self::BesideD,
+            other => other,
+        }
+    }
 }
 
 impl TableLink {

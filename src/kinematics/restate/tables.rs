@@ -12,7 +12,7 @@ const PARALLEL: f64 = 1e-11;
 /// Lines that pass each other nearer than this meet, mm.
 const MEET: f64 = 1e-9;
 /// A common normal farther from its link than this is no place to put it, mm.
-const FARTHEST_MM: f64 = 1e5;
+const FARTHEST_MM: f64 = 1e6;
 
 /// The common normal of two lines: where it meets each, and its direction.
 struct Normal {

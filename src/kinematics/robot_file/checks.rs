@@ -1,6 +1,7 @@
 //! Checks of a robot file's values, before an arm is made of them.
 
 use super::super::convention::Convention;
+use super::error::WrongKeys;
 use super::keys;
 use super::{ArmError, JointFile, JointKind, RobotFile};
 
@@ -103,12 +104,12 @@ impl JointFile {
         }
         let (missing, unread) = keys::wrong(self, convention);
         if !missing.is_empty() || !unread.is_empty() {
-            return Err(ArmError::Keys {
+            return Err(ArmError::Keys(Box::new(WrongKeys {
                 joint: self.name.clone(),
                 convention: convention.word(),
                 missing,
                 unread,
-            });
+            })));
         }
         if let Some(found) = self.sign.filter(|sign| sign.abs() != 1) {
             return Err(ArmError::Sign {

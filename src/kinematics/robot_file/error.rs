@@ -17,20 +17,9 @@ pub enum ArmError {
     },
     /// Keys that the convention needs, or does not read.
     #[error(
-        "joint {joint:?}, convention {convention:?}: {}{}",
-        needs(missing),
-        reads(missing, unread)
+        "joint {:?}, convention {:?}: {}{}", .0.joint, .0.convention, needs(&.0.missing), reads(&.0.missing, &.0.unread)
     )]
-    Keys {
-        /// The joint's name.
-        joint: String,
-        /// The convention's word.
-        convention: &'static str,
-        /// Keys that it lacks.
-        missing: Vec<&'static str>,
-        /// Keys that the convention does not read for a joint of this kind.
-        unread: Vec<&'static str>,
-    },
+    Keys(Box<WrongKeys>),
     /// A kind of joint that the convention has no words for.
     #[error(
         "joint {joint:?}: kind = \"fixed\" has no place in convention {convention:?}: state its transform with the link before it"
@@ -160,12 +149,25 @@ pub enum ArmError {
     },
 }
 
+/// The keys of a joint that are not those of its convention.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrongKeys {
+    /// The joint's name.
+    pub joint: String,
+    /// The convention's word.
+    pub convention: &'static str,
+    /// Keys that it lacks.
+    pub missing: Vec<&'static str>,
+    /// Keys that the convention does not read for a joint of this kind.
+    pub unread: Vec<&'static str>,
+}
+
 impl ArmError {
     /// The joint that the fault is in; `None` for a fault of the whole file.
     pub fn joint(&self) -> Option<&str> {
         match self {
-            Self::Keys { joint, .. }
-            | Self::FixedJoint { joint, .. }
+            Self::Keys(wrong) => Some(&wrong.joint),
+            Self::FixedJoint { joint, .. }
             | Self::Sign { joint, .. }
             | Self::Limits { joint, .. }
             | Self::NotFinite { joint, .. }

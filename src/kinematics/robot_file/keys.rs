@@ -49,7 +49,6 @@ fn use_of(key: &str, joint: &JointFile, convention: Convention) -> Use {
         "point_mm" => needed_if(is_exponential),
         "origin" => needed_if(convention == Urdf),
         "sign" if is_table && moves => Use::Needed,
-        "sign" => allowed_if(moves),
         "limits_deg" => match kind {
             JointKind::Revolute if !follows => Use::Needed,
             JointKind::Revolute | JointKind::Continuous => Use::Allowed,
@@ -57,7 +56,7 @@ fn use_of(key: &str, joint: &JointFile, convention: Convention) -> Use {
         },
         "limits_mm" if slides && !follows => Use::Needed,
         "limits_mm" => allowed_if(slides),
-        "mimic" => allowed_if(moves),
+        "sign" | "mimic" => allowed_if(moves),
         _ => Use::Allowed,
     }
 }

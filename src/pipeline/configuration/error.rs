@@ -9,7 +9,6 @@ use crate::geometry::PlacementError;
 use crate::io::input::toml_problem;
 use crate::io::store::StoreError;
 use crate::join::JoinError;
-use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
 use crate::pipeline::keys::missing::Incomplete;
 use crate::pipeline::robot_file::NoRobotFile;
@@ -91,21 +90,13 @@ pub enum ConfigurationError {
         /// Why.
         source: io::Error,
     },
-    /// The robot file is no robot file.
-    #[error("{}: {source}", robot.display())]
+    /// The robot file is no robot file, or its arm is invalid.
+    #[error("{}{}: {source}", robot.display(), source.on_line())]
     RobotParse {
         /// The robot file.
         robot: PathBuf,
         /// Where and why.
         source: Box<NoRobotFile>,
-    },
-    /// The robot file's arm is invalid.
-    #[error("{}: {source}", robot.display())]
-    Arm {
-        /// The robot file.
-        robot: PathBuf,
-        /// Why.
-        source: ArmError,
     },
     /// The folder with the sessions cannot be read.
     #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold the sessions", folder.display(), path.display())]

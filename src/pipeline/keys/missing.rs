@@ -52,6 +52,17 @@ pub fn told_at_once(reference: &'static KeyReference, text: &str) -> Option<Inco
     })
 }
 
+/// The line where the [[joint]] of that name begins, from 1; `None` where the file has none.
+pub fn line_of_joint(text: &str, name: &str) -> Option<usize> {
+    let file = DeTable::parse(text).ok()?;
+    let joints = tables(file.get_ref(), &["joint"], text);
+    let is_named = |found: &&Found<'_, '_>| {
+        let own = found.table.iter().find(|(key, _)| key.get_ref() == "name");
+        own.is_some_and(|(_, value)| value.get_ref().as_str() == Some(name))
+    };
+    joints.iter().rfind(is_named)?.line
+}
+
 /// Everything that the file lacks; empty where it lacks nothing, and where it is no TOML.
 fn lacks(reference: &'static KeyReference, text: &str) -> Vec<Lack> {
     let Ok(file) = DeTable::parse(text) else {
@@ -89,7 +100,7 @@ fn of_section(
         if found.is_empty() && section.required {
             return vec![whole(section)];
         }
-        let lack = |found: &Found<'_, '_>| of_table(reference, section, place, found);
+        let lack = |found: &Found<'_, '_>| of_table(reference, section, place, file, found);
         found.iter().map(lack).collect()
     };
     section.places().into_iter().flat_map(of_place).collect()
@@ -108,16 +119,31 @@ fn required(section: &'static KeySection) -> impl Iterator<Item = &'static Key> 
     section.keys.iter().filter(|key| key.required)
 }
 
+/// Whether a key belongs to every turning joint of the convention that the file names. Other kinds of joint lack some of the keys.
+fn is_of_convention(key: &Key, file: &DeTable<'_>, joint: &DeTable<'_>) -> bool {
+    let text = |table: &DeTable<'_>, name: &str| {
+        let own = table.iter().find(|(key, _)| key.get_ref() == name);
+        own.and_then(|(_, value)| value.get_ref().as_str().map(str::to_owned))
+    };
+    let has = |name: &str| joint.keys().any(|key| key.get_ref() == name);
+    let turns = text(joint, "kind").is_none_or(|kind| kind == "revolute") && !has("mimic");
+    let convention = text(file, "convention").unwrap_or_else(|| "standard-dh".to_owned());
+    turns && key.conventions.contains(&convention)
+}
+
 fn of_table(
     reference: &KeyReference,
     section: &'static KeySection,
     place: &str,
+    file: &DeTable<'_>,
     found: &Found<'_, '_>,
 ) -> Lack {
     let has = |name: &str| found.table.keys().any(|key| key.get_ref() == name);
     // Which keys there have to be follows from a tag: the reader tells it.
     let tagged = section.keys.iter().any(|key| key.tag);
-    let missing = required(section).filter(|key| !tagged && !has(&key.key));
+    let needed = section.keys.iter();
+    let needed = needed.filter(|key| key.required || is_of_convention(key, file, found.table));
+    let missing = needed.filter(|key| !tagged && !has(&key.key));
     let unknown = found.table.keys().map(|key| key.get_ref().to_string());
     Lack {
         place: heading(section, place, found),
@@ -250,6 +276,18 @@ mod tests {
                 "[[joint]] 2 (line 11) needs a_mm, alpha_deg, sign and has alpha, which nothing reads",
             ]
         );
+    }
+
+    #[test]
+    fn a_link_has_the_keys_of_its_convention() {
+        let text = "model = \"m\"\nsource = \"s\"\nconvention = \"s-model\"\n[[joint]]\nname = \"a\"\nalpha_deg = 0\n\
+                    limits_deg = [-1, 1]\n[[joint]]\nname = \"b\"\nkind = \"fixed\"\n";
+        assert_eq!(
+            told(KeyReference::robot(), text),
+            ["[[joint]] 1 (line 4) needs a_mm, d_mm, offset_deg, gamma_deg, b_mm, sign"]
+        );
+        assert_eq!(line_of_joint(text, "b"), Some(8));
+        assert_eq!(line_of_joint(text, "c"), None);
     }
 
     #[test]

@@ -1,0 +1,226 @@
+//! Identified errors of an arm carried from one convention into another, with their covariance.
+//!
+//! Both conventions describe the chain from base to target of the same arm. Inputs: the offsets of one convention's parameters and
+//! their covariance. Outputs: those of the other. With `J` the twists of the target per unit of each parameter at poses spread over
+//! the joints' ranges, the offsets of the other convention solve `J' x' = J x` (by Gauss and Newton, since errors of an angle are not
+//! quite linear), and `T = J'⁺ J` carries the covariance: `C' = T C Tᵀ`. Directions that belong to the convention alone have no
+//! effect on the target; of all solutions the least is taken, 1 mm counted as 1 mrad.
+
+use nalgebra::{DMatrix, DVector, Isometry3};
+
+use crate::kinematics::{Arm, Axis, Chain, Element, Motion, Parameter};
+
+/// Poses that the two conventions are compared at, and as many others for what is left.
+const POSES: usize = 80;
+/// An angle of this size counts as much as a length of 1 mm.
+const RAD_PER_MM: f64 = 1e-3;
+/// Singular values below this share of the largest belong to the convention alone.
+const NO_EFFECT: f64 = 1e-9;
+const ROUNDS: usize = 20;
+
+/// Offsets of the parameters of a chain from base to target, with their covariance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Errors {
+    /// The parameters: those of the arm in its order, and of base and target.
+    pub parameters: Vec<Parameter>,
+    /// Their offsets, mm or rad.
+    pub offsets: DVector<f64>,
+    /// Covariance of the offsets.
+    pub covariance: DMatrix<f64>,
+}
+
+/// Errors in another convention, and how well they are the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Carried {
+    /// The errors: every parameter of the other arm, then those of base and target.
+    pub errors: Errors,
+    /// The largest distance of the target as the two conventions predict it, at poses that took no part, mm.
+    pub left_mm: f64,
+    /// The largest turn between them there, rad.
+    pub left_rad: f64,
+}
+
+/// The errors of `from`, stated in the parameters of `to`: the same nominal arm in another convention.
+///
+/// `flange_from_target` is the target on the flange that the target's offsets are counted from. A parameter that `errors` does not
+/// name has none.
+pub fn carried(
+    from: &Arm,
+    errors: &Errors,
+    to: &Arm,
+    flange_from_target: &Isometry3<f64>,
+) -> Carried {
+    let (own, other) = (
+        measured(from.chain(), flange_from_target),
+        measured(to.chain(), flange_from_target),
+    );
+    let offsets = errors.of(&own);
+    let parameters = other.parameters();
+    let poses = |first: usize| {
+        (first..first + POSES)
+            .map(|place| (from.axes(&joints(from, place)), to.axes(&joints(to, place))))
+    };
+    let poses: [Vec<_>; 2] = [poses(0).collect(), poses(POSES).collect()];
+    let sizes = DVector::from_iterator(parameters.len(), parameters.iter().map(size));
+    let mut found = DVector::zeros(parameters.len());
+    for _ in 0..ROUNDS {
+        let away = differences(&own, &offsets, &other, &found, &poses[0]);
+        let inverse = pseudo_inverse(
+            &jacobian(&other, &found, poses[0].iter().map(|p| &p.1)),
+            &sizes,
+        );
+        let step = inverse * away;
+        let is_done = step.component_div(&sizes).amax() < 1e-10;
+        found += step;
+        if is_done {
+            break;
+        }
+    }
+    let inverse = pseudo_inverse(
+        &jacobian(&other, &found, poses[0].iter().map(|p| &p.1)),
+        &sizes,
+    );
+    let through = inverse * jacobian(&own, &offsets, poses[0].iter().map(|p| &p.0));
+    let through = errors.columns(&own, &through);
+    let left = differences(&own, &offsets, &other, &found, &poses[1]);
+    let largest = |first: usize| {
+        let norms = (first..left.len())
+            .step_by(6)
+            .map(|row| left.rows(row, 3).norm());
+        norms.fold(0.0, f64::max)
+    };
+    Carried {
+        left_mm: largest(0),
+        left_rad: largest(3) * RAD_PER_MM,
+        errors: Errors {
+            covariance: &through * &errors.covariance * through.transpose(),
+            offsets: found,
+            parameters,
+        },
+    }
+}
+
+impl Errors {
+    /// The offsets in the order of a chain's parameters; zero for one that is not named.
+    fn of(&self, chain: &Chain) -> DVector<f64> {
+        let parameters = chain.parameters();
+        let offset = |parameter: &Parameter| {
+            self.place(*parameter)
+                .map_or(0.0, |place| self.offsets[place])
+        };
+        DVector::from_iterator(parameters.len(), parameters.iter().map(offset))
+    }
+
+    /// Columns per parameter of a chain, brought into the order of these errors.
+    fn columns(&self, chain: &Chain, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut own = DMatrix::zeros(columns.nrows(), self.parameters.len());
+        for (column, parameter) in chain.parameters().into_iter().enumerate() {
+            if let Some(place) = self.place(parameter) {
+                own.set_column(place, &columns.column(column));
+            }
+        }
+        own
+    }
+
+    fn place(&self, parameter: Parameter) -> Option<usize> {
+        self.parameters.iter().position(|own| *own == parameter)
+    }
+}
+
+fn size(parameter: &Parameter) -> f64 {
+    if parameter.is_angle() {
+        RAD_PER_MM
+    } else {
+        1.0
+    }
+}
+
+/// `(six small motions of the base) · arm · (three shifts) · flange_from_target · (three turns)`, as a fit has it.
+fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
+    let free = |of: fn(Motion) -> Parameter, motion| Element::Free {
+        motion,
+        nominal: 0.0,
+        parameter: of(motion),
+    };
+    let shifts = |of| Axis::ALL.map(|axis| free(of, Motion::Translation(axis)));
+    let turns = |of| Axis::ALL.map(|axis| free(of, Motion::Rotation(axis)));
+    let mut before = Vec::from(shifts(Parameter::Base));
+    before.extend(turns(Parameter::Base));
+    let mut after = Vec::from(shifts(Parameter::Target));
+    after.push(Element::Fixed(*flange_from_target));
+    after.extend(turns(Parameter::Target));
+    arm.extended(before, after)
+}
+
+/// Joint positions spread over the ranges: an irrational step per joint.
+fn joints(arm: &Arm, place: usize) -> Vec<f64> {
+    const PRIMES: [f64; 16] = [
+        2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
+    ];
+    let position = |(joint, prime): (&crate::kinematics::Joint, f64)| {
+        let share = ((place + 1) as f64 * prime.sqrt()).fract();
+        joint.lower + (joint.upper - joint.lower) * share
+    };
+    arm.joints().iter().zip(PRIMES).map(position).collect()
+}
+
+/// Target of `one` minus target of `other` at each pose: three rows of mm, three of rad over [`RAD_PER_MM`].
+fn differences(
+    one: &Chain,
+    offsets: &DVector<f64>,
+    other: &Chain,
+    found: &DVector<f64>,
+    poses: &[(Vec<f64>, Vec<f64>)],
+) -> DVector<f64> {
+    let mut rows = DVector::zeros(6 * poses.len());
+    for (place, (own, others)) in poses.iter().enumerate() {
+        let wanted = one.forward(own, offsets.as_slice());
+        let here = other.forward(others, found.as_slice());
+        let off = wanted.translation.vector - here.translation.vector;
+        let turn = (wanted.rotation * here.rotation.inverse()).scaled_axis();
+        rows.fixed_rows_mut::<3>(6 * place).copy_from(&off);
+        rows.fixed_rows_mut::<3>(6 * place + 3)
+            .copy_from(&(turn / RAD_PER_MM));
+    }
+    rows
+}
+
+/// Rows of [`differences`] per unit of each parameter.
+fn jacobian<'a>(
+    chain: &Chain,
+    offsets: &DVector<f64>,
+    poses: impl Iterator<Item = &'a Vec<f64>>,
+) -> DMatrix<f64> {
+    let poses: Vec<&Vec<f64>> = poses.collect();
+    let mut jacobian = DMatrix::zeros(6 * poses.len(), offsets.len());
+    for (place, axes) in poses.iter().enumerate() {
+        let twists = chain.differential(axes, offsets.as_slice()).parameters;
+        for (column, twist) in twists.iter().enumerate() {
+            let mut rows = jacobian.fixed_view_mut::<6, 1>(6 * place, column);
+            rows.fixed_rows_mut::<3>(0).copy_from(&twist.linear);
+            rows.fixed_rows_mut::<3>(3)
+                .copy_from(&(twist.angular / RAD_PER_MM));
+        }
+    }
+    jacobian
+}
+
+/// The pseudo-inverse that gives the least offsets, each in its own size.
+fn pseudo_inverse(jacobian: &DMatrix<f64>, sizes: &DVector<f64>) -> DMatrix<f64> {
+    let mut scaled = jacobian.clone();
+    for (column, size) in sizes.iter().enumerate() {
+        scaled.column_mut(column).scale_mut(*size);
+    }
+    let svd = scaled.svd(true, true);
+    let floor = NO_EFFECT * svd.singular_values.amax();
+    let mut inverse = svd
+        .pseudo_inverse(floor)
+        .expect("both sides were asked for");
+    for (row, size) in sizes.iter().enumerate() {
+        inverse.row_mut(row).scale_mut(*size);
+    }
+    inverse
+}
+
+#[cfg(test)]
+mod tests;
