@@ -242,3 +242,18 @@ fn a_run_takes_a_urdf_and_its_links_are_part_of_its_settings() {
     assert!(settings.contains("\"tip\":\"tool0\""), "{settings}");
     assert!(Path::new(&cell.table_file("calibrations", "mon")).exists());
 }
+
+#[test]
+fn a_session_is_simulated_of_a_urdf() {
+    let folder = Folder::new();
+    let simulated = |more: &[&str]| {
+        let mut command = posegrid();
+        command.current_dir(folder.0.path());
+        command.args(["simulate", "kr210.urdf", "--out", "made", "--random", "3"]);
+        ended(command.args(["--home", "0,-75,100,25,55,-15"]).args(more))
+    };
+    simulated(&[]).expect(2, &["kr210.urdf: several links end the chains"]);
+    simulated(&["--tip", "tool0", "--joints", NAMES]).expect(0, &["3 stations of a kr210"]);
+    let truth = fs::read_to_string(folder.path("made/truth_stations.csv")).expect("written");
+    assert!(truth.contains("joint_a6"), "{truth}");
+}

@@ -248,12 +248,25 @@ impl UrdfError {
             };
         }
         let problem = error.to_string();
+        let place = format!(" at {}:{}", at.row, at.col);
         Self::Xml {
             line: at.row,
             column: at.col,
-            problem: problem.escape_debug().to_string().replace("\\'", "'"),
+            problem: printable(problem.strip_suffix(&place).unwrap_or(&problem)),
         }
     }
+}
+
+/// A text of the reader, which may quote a control character of the file.
+fn printable(text: &str) -> String {
+    let letter = |letter: char| {
+        if letter.is_control() {
+            letter.escape_default().to_string()
+        } else {
+            letter.to_string()
+        }
+    };
+    text.chars().map(letter).collect()
 }
 
 /// The most names that a message lists.

@@ -1,3 +1,4 @@
+use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -119,9 +120,10 @@ fn a_chain_is_the_product_of_origins_and_motions() {
     let found = *arm.flange(&[lift, shoulder, elbow]).isometry();
     assert!((found.translation.vector - expected.translation.vector).norm() < 1e-9);
     assert!(found.rotation.angle_to(&expected.rotation) < 1e-12);
+    let xyz_mm = file.joint[1].origin.unwrap().xyz_mm;
     assert_eq!(
-        file.joint[1].origin.unwrap().xyz_mm,
-        [0.0, 0.0, 89.159],
+        format!("{xyz_mm:?}"),
+        "[0.0, 0.0, 89.159]",
         "no digit made up"
     );
     assert_eq!(file.joint[0].limits_mm, Some([0.0, 300.0]));
@@ -515,7 +517,8 @@ fn a_name_of_the_file_cannot_move_the_cursor() {
 fn a_way_of_many_joints_and_deep_files_are_refused_in_time() {
     let mut text = String::from("<robot name=\"long\"><link name=\"l0\"/>");
     for link in 1..=50_000 {
-        text += &format!(
+        let _ = write!(
+            text,
             "<link name=\"l{link}\"/><joint name=\"j{link}\" type=\"fixed\"><parent link=\"l{}\"/><child link=\"l{link}\"/></joint>",
             link - 1
         );
