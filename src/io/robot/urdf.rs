@@ -1,9 +1,9 @@
 //! URDF → the chain from a base link to a tip link, as a [`RobotFile`] of convention `urdf`.
 //!
-//! 1. The XML becomes a tree of links ([`tree`]): every link but the root is the child of one joint.
+//! 1. The XML becomes a tree of links (`tree`): every link but the root is the child of one joint.
 //! 2. The way from base to tip goes up to the link that both stand on and down from there; base and tip may be left out where
 //!    there is one root and one leaf.
-//! 3. Each joint of the way becomes a joint of the file ([`chain`]), with its numbers ([`joint`]) in mm and degrees.
+//! 3. Each joint of the way becomes a joint of the file (`chain`), with its numbers (`joint`) in mm and degrees.
 //!
 //! Links' shapes, inertias, transmissions and the like are counted and left out; so are joints beside the way, whose numbers are
 //! not read. A URDF is foreign text: there are no entities, no files that it could name, and bounds on its size.
