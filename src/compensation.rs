@@ -78,9 +78,12 @@ pub struct Corrected {
     pub joints: Option<JointCommand>,
     /// Command minus target, mm.
     pub correction: Vector3<f64>,
-    /// Covariance of the correction from the nodes' or the model's covariance, mm². It excludes the interpolation error inside
-    /// a cell: that is the held-out figure of the grid's step.
+    /// Covariance of the correction, mm²: from the nodes' or the model's covariance, and where errors are stated in a surveyed frame from
+    /// that frame's uncertainty at the target. It excludes the interpolation error inside a cell: that is the held-out figure of the
+    /// grid's step.
     pub covariance: Matrix3<f64>,
+    /// The share of the surveyed frame in the covariance, mm²: alike for all targets, as the frame is off by one motion.
+    pub of_frame: Matrix3<f64>,
     /// Number of evaluations of the table or the model.
     pub iterations: usize,
     /// The exceptions without which the target would have been refused, in their order; none where none was needed.
@@ -129,6 +132,16 @@ impl Corrected {
     pub fn standard_deviation_norm(&self) -> f64 {
         self.covariance.trace().sqrt()
     }
+
+    /// Root of the trace of the surveyed frame's share, mm.
+    pub fn frame_deviation_norm(&self) -> f64 {
+        self.of_frame.trace().sqrt()
+    }
+
+    /// Sum of the variances along three axes without the surveyed frame's share, mm².
+    pub fn own_variance_mm2(&self) -> f64 {
+        (self.covariance - self.of_frame).trace()
+    }
 }
 
 /// The command at which the tool point attains `target`, or the reason why the table has none.
@@ -136,6 +149,7 @@ impl Corrected {
 /// ```
 /// use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 /// use posegrid::compensation::{CompensationTable, Known, Target, Terms, Validity, compensate};
+/// use posegrid::fit::FrameUncertainty;
 /// use posegrid::geometry::{Position, Transform};
 /// use posegrid::grid::{Interpolation, Lattice};
 ///
@@ -154,6 +168,7 @@ impl Corrected {
 ///     interpolation: Interpolation::Trilinear,
 ///     idw_power: 2.0,
 ///     validity: Validity::default(),
+///     frame: FrameUncertainty::default(),
 /// };
 /// let table = CompensationTable::new(terms, Transform::identity(), lattice, vec![Ok(node); 8])?;
 /// let wanted = Position::claim(Point3::new(950.0, 40.0, 720.0));
@@ -204,13 +219,15 @@ fn by_pose(
         table.terms().validity.admit_error(&error)?;
         Ok((error, covariance))
     })?;
+    let of_frame = table.frame_covariance(wanted);
     Ok(Corrected {
         target: *wanted,
         command: Position::claim(converged.command),
         orientation: target.orientation,
         joints: None,
         correction: converged.command - wanted.point(),
-        covariance: converged.found,
+        covariance: converged.found + of_frame,
+        of_frame,
         iterations: converged.iterations,
         allowed: Vec::new(),
     })

@@ -26,6 +26,7 @@ pub mod loss;
 pub mod model;
 pub mod models;
 pub mod observation;
+mod prior_size;
 pub mod problem;
 pub mod rank;
 pub mod registry;
@@ -43,7 +44,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
+pub use error_frame::{ErrorBase, ErrorFrame, FrameUncertainty, SurveyedBase};
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
@@ -66,6 +67,8 @@ use crate::kinematics::{Arm, Chain, Motion, Parameter};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
+/// Fits with a prior whose size follows from the fit before, at most.
+const WIDENINGS: usize = 4;
 /// A station counts as weighted down below this robust weight.
 pub const WEIGHTED_DOWN: f64 = 0.5;
 
@@ -204,8 +207,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Standard deviations of the base of a session as this fit found it: of its origin, mm, and of its rotation, rad; roots of the sums
-    /// of the variances along three axes, over all sources of the session.
+    /// Standard deviations of the base of a session with one source as this fit found it: of each coordinate of its origin, mm, and of
+    /// its rotation about each axis, rad; root mean squares of those of the three axes.
     pub fn base_standard_errors(&self, session: usize) -> (f64, f64) {
         let mut variances = [0.0; 2];
         for (place, unknown) in self.unknowns.iter().enumerate() {
@@ -217,7 +220,7 @@ impl Calibration {
                 Parameter::Link { .. } | Parameter::Target(_) => {}
             }
         }
-        variances.map(f64::sqrt).into()
+        variances.map(|sum| (sum / 3.0).sqrt()).into()
     }
 
     /// The standard error of the unknown at `place`, mm or rad.
@@ -272,13 +275,27 @@ pub fn identify_from(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Calibration {
-    let problem = Problem::new(
-        observations,
-        arm.chain(),
-        starts,
-        freedom,
-        &settings.prior(),
-    );
+    let stated = settings.prior();
+    let mut found = identify_with(arm, observations, starts, freedom, settings, &stated);
+    for _ in 0..WIDENINGS {
+        let Some(wider) = found.wider_prior(&stated) else {
+            break;
+        };
+        found = identify_with(arm, observations, starts, freedom, settings, &wider);
+    }
+    found
+}
+
+/// [`identify_from`] with a given prior.
+fn identify_with(
+    arm: &Arm,
+    observations: &[Observation],
+    starts: &[Frames],
+    freedom: Freedom,
+    settings: &FitSettings,
+    prior: &Prior,
+) -> Calibration {
+    let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
     let size = problem.unknowns().len();
     let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);

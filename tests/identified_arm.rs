@@ -8,7 +8,7 @@ use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJ
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{self, FitSettings, Model, TrainingSettings};
+use posegrid::fit::{self, FitSettings, FrameUncertainty, Model, TrainingSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::kinematics::Arm;
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
@@ -74,6 +74,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
             .collect(),
         configurations: common::configurations(arm, tool, &stations),
         validity: Validity::default(),
+        frame_uncertainty: FrameUncertainty::default(),
     }
 }
 

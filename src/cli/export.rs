@@ -13,10 +13,11 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::export::{
-    ExportError, ExportErrorKind, curves_json, nodes_csv, residuals_mcap, urdf,
+    ExportError, ExportErrorKind, curves_json, nodes_csv, parameters_csv, residuals_mcap, urdf,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
+use crate::kinematics::Convention;
 
 /// Write a table of a run in a form that controllers and off-line programming read
 #[derive(Debug, Clone, Args)]
@@ -28,6 +29,9 @@ Each format is made from a table of a run:
   urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool
   mcap  from residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
         for Foxglove; at the times that table stations of the same run has
+  parameters
+        from calibrations: the identified parameters as CSV with standard errors, in the robot file's convention or in
+        another one (--convention modified-dh)
 
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
@@ -44,6 +48,9 @@ pub struct ExportArgs {
     /// Where to write it, a new file; without it, standard output.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// For parameters: convention to state them in; that of the robot file without it.
+    #[arg(long, value_name = "WORD", value_parser = convention)]
+    pub convention: Option<Convention>,
     /// For mcap: the run's files of table stations, where TABLE is not in its lake.
     #[arg(long, value_name = "FILE")]
     pub stations: Vec<PathBuf>,
@@ -60,6 +67,14 @@ pub enum ExportFormat {
     Urdf,
     /// Error vectors for Foxglove
     Mcap,
+    /// The identified parameters in any convention, with standard errors
+    Parameters,
+}
+
+/// The convention of that word.
+fn convention(word: &str) -> Result<Convention, String> {
+    let words = Convention::ALL.map(Convention::word).join(", ");
+    Convention::of_word(word).ok_or_else(|| format!("no convention of links; one of {words}"))
 }
 
 /// A folder in the place of the table, of a table of stations, or of the new file.
@@ -115,12 +130,18 @@ impl ExportArgs {
         if !self.stations.is_empty() && self.format != ExportFormat::Mcap {
             return Err(ExportError::NoUseForTimes(self.format.name()));
         }
+        if self.convention.is_some() && self.format != ExportFormat::Parameters {
+            return Err(ExportError::NoUseForConvention(self.format.name()));
+        }
         let held = table::head(path)?.table;
         match (self.format, held.as_deref()) {
             (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
             (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
             (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
             (ExportFormat::Urdf, Some("calibrations")) => urdf::write(path, sink),
+            (ExportFormat::Parameters, Some("calibrations")) => {
+                parameters_csv::write(path, self.convention, sink)
+            }
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
             }
@@ -144,6 +165,7 @@ impl ExportFormat {
             Self::Json => "json",
             Self::Urdf => "urdf",
             Self::Mcap => "mcap",
+            Self::Parameters => "parameters",
         }
     }
 
@@ -151,7 +173,7 @@ impl ExportFormat {
         match self {
             Self::Csv => "\"compensation\"",
             Self::Json => "\"calibrations\" or \"joint_errors\"",
-            Self::Urdf => "\"calibrations\"",
+            Self::Urdf | Self::Parameters => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
         }
     }

@@ -9,19 +9,19 @@
 //!    prior;
 //! 3. the command is moved by minus the error that the model predicts at its joint angles, in the error reference frame
 //!    ([`crate::method::compensation`]), as for the nodes of a grid: at a node both give the same command;
-//! 4. the covariance of the error at the joint command is that of the correction.
+//! 4. the covariance of the error at the joint command, and that of a surveyed frame at the target, are that of the correction.
 
 use std::any::Any;
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::fixed_point::converge;
 use super::pose::{Poses, Wanted, within_limits};
 use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
 use crate::fit::full::FullModel;
-use crate::fit::{ErrorFrame, FramePair, Model, PoseModel, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, FrameUncertainty, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
@@ -51,6 +51,8 @@ pub struct IdentifiedArm {
     pub configurations: Vec<String>,
     /// The conditions that it is valid for.
     pub validity: Validity,
+    /// The uncertainty of the error reference frame, which is not in the model's covariance.
+    pub frame_uncertainty: FrameUncertainty,
 }
 
 /// A run's model of an arm.
@@ -197,9 +199,11 @@ impl Correction<'_> {
         allowed.dedup();
         let error = self.errors.error_with_covariance(&converged.found);
         let (_, covariance) = error.map_err(Reason::Target)?;
+        let of_frame = self.identified.frame_uncertainty.covariance(&target);
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();
+        let turned = |own: Matrix3<f64>| matrix * own * matrix.transpose();
         let [target, command] = [target, converged.command]
             .map(|point| *command_from_base * Position::<Base>::claim(point));
         Ok(Corrected {
@@ -207,7 +211,8 @@ impl Correction<'_> {
             command,
             orientation: Some(turn * rotation),
             correction: command.coords() - target.coords(),
-            covariance: matrix * covariance * matrix.transpose(),
+            covariance: turned(covariance + of_frame),
+            of_frame: turned(of_frame),
             joints: Some(self.on_turn(wanted, &converged.found)?),
             iterations: converged.iterations,
             allowed,

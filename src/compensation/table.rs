@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::{Reason, Target, Validity};
 use crate::fit::model::{Open, Spread};
-use crate::fit::{At, Frames, Gap, PoseModel, Prediction, SourceId};
+use crate::fit::{At, FrameUncertainty, Frames, Gap, PoseModel, Prediction, SourceId};
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
@@ -33,6 +33,8 @@ pub struct Terms {
     pub idw_power: f64,
     /// The conditions that it is valid for.
     pub validity: Validity,
+    /// The uncertainty of the frame that errors are stated in, which is in no node's covariance.
+    pub frame: FrameUncertainty,
 }
 
 /// The values of a node that has a prediction.
@@ -162,6 +164,7 @@ impl CompensationTable {
         command_from_base: &Transform<Command, Base>,
         table_id: String,
         validity: Validity,
+        frame: FrameUncertainty,
     ) -> Result<Self, Misfit> {
         let turn = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();
@@ -173,6 +176,7 @@ impl CompensationTable {
             interpolation: table.interpolation,
             idw_power: table.idw_power,
             validity,
+            frame,
         };
         let known = |node: &grid::TableNode| {
             let (error, covariance) = node.error?;
@@ -232,6 +236,17 @@ impl CompensationTable {
             error: weighted().map(|(&w, known)| known.error * w).sum(),
             covariance: weighted().map(|(&w, known)| known.covariance * w).sum(),
         })
+    }
+
+    /// Covariance that the surveyed frame leaves of a tool at `place`, in the frame of commands, mm².
+    pub(super) fn frame_covariance(&self, place: &Position<Command>) -> Matrix3<f64> {
+        let in_base = self.command_from_base.inverse() * *place;
+        let matrix = self
+            .command_from_base
+            .isometry()
+            .rotation
+            .to_rotation_matrix();
+        matrix * self.terms.frame.covariance(in_base.point()) * matrix.transpose()
     }
 
     /// The point of the box nearest to a command (mm), if the command is beyond the rim by no more than is allowed; otherwise

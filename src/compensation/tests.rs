@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fit::model::{Known as Angles, Query};
-use crate::fit::{SourceId, TargetId};
+use crate::fit::{FrameUncertainty, SourceId, TargetId};
 use crate::geometry::{Base, Transform};
 use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
@@ -45,6 +45,14 @@ fn grid_table(
 }
 
 fn table_in(command_from_base: Isometry3<f64>, table: &grid::Table) -> CompensationTable {
+    surveyed(command_from_base, table, FrameUncertainty::default())
+}
+
+fn surveyed(
+    command_from_base: Isometry3<f64>,
+    table: &grid::Table,
+    frame: FrameUncertainty,
+) -> CompensationTable {
     let conditions = Conditions {
         tool: Some("drill".to_owned()),
         ..Conditions::default()
@@ -54,7 +62,7 @@ fn table_in(command_from_base: Isometry3<f64>, table: &grid::Table) -> Compensat
         ..Validity::default()
     };
     let command_from_base = Transform::<Command, Base>::claim(command_from_base);
-    CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity)
+    CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity, frame)
         .expect("the nodes fill the lattice")
 }
 
@@ -172,6 +180,56 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
         "{:?}",
         found.covariance
     );
+}
+
+#[test]
+fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
+    let grid_table = grid_table(Interpolation::Trilinear, stretch);
+    let frame = FrameUncertainty {
+        origin_mm: 0.03,
+        rotation_rad: 1e-4,
+        lever_mm: 0.04,
+    };
+    // Commands in a frame that is elsewhere and turned by a quarter: the survey turns about the base's origin, not about theirs.
+    let command_from_base =
+        Isometry3::new(Vector3::new(100.0, -50.0, 20.0), Vector3::z() * FRAC_PI_2);
+    let at = command_from_base * Point3::new(700.0, 20.0, 500.0);
+    let found = |frame: FrameUncertainty| {
+        let table = surveyed(command_from_base, &grid_table, frame);
+        compensate(&table, &target(at.x, at.y, at.z)).expect("inside")
+    };
+    let (with, without) = (found(frame), found(FrameUncertainty::default()));
+    assert_eq!(
+        (with.command, with.correction),
+        (without.command, without.correction)
+    );
+    assert_eq!(without.of_frame, Matrix3::zeros());
+    // 0.03² + 0.04² = 0.0025 mm² everywhere, and 1e-8 of |p|² I − p pᵀ at p = (700, 20, 500) mm in the base; command x is base −y and
+    // command y is base x: p is (−20, 700, 500) along the axes of commands.
+    let expected = Matrix3::new(
+        0.0025 + 1e-8 * (490_000.0 + 250_000.0),
+        1e-8 * 14_000.0,
+        1e-8 * 10_000.0,
+        1e-8 * 14_000.0,
+        0.0025 + 1e-8 * (400.0 + 250_000.0),
+        -1e-8 * 350_000.0,
+        1e-8 * 10_000.0,
+        -1e-8 * 350_000.0,
+        0.0025 + 1e-8 * (490_000.0 + 400.0),
+    );
+    assert!(
+        (with.of_frame - expected).abs().max() < 1e-12,
+        "{}",
+        with.of_frame
+    );
+    assert!(
+        (with.covariance - without.covariance - expected)
+            .abs()
+            .max()
+            < 1e-12
+    );
+    assert!((with.own_variance_mm2() - 3.0 * 0.0004).abs() < 1e-12);
+    assert!((with.frame_deviation_norm().powi(2) - expected.trace()).abs() < 1e-12);
 }
 
 #[test]
@@ -328,6 +386,7 @@ fn nodes_that_do_not_fill_the_lattice_are_no_table() {
             &Transform::identity(),
             String::new(),
             Validity::default(),
+            FrameUncertainty::default(),
         )
     };
     assert_eq!(

@@ -4,7 +4,8 @@
 //! their covariance. Outputs: those of the other. With `J` the twists of the target per unit of each parameter at poses spread over
 //! the joints' ranges, the offsets of the other convention solve `J' x' = J x` (by Gauss and Newton, since errors of an angle are not
 //! quite linear), and `T = J'⁺ J` carries the covariance: `C' = T C Tᵀ`. Directions that belong to the convention alone have no
-//! effect on the target; of all solutions the least is taken, 1 mm counted as 1 mrad.
+//! effect on the target; of all solutions the least is taken, 1 mm counted as 1 mrad, and what a link can say is not said by base or
+//! target.
 
 use nalgebra::{DMatrix, DVector, Isometry3};
 
@@ -14,8 +15,10 @@ use crate::kinematics::{Arm, Axis, Chain, Element, Motion, Parameter};
 const POSES: usize = 80;
 /// An angle of this size counts as much as a length of 1 mm.
 const RAD_PER_MM: f64 = 1e-3;
+/// An offset of base or target counts as much as a link's that is larger by the inverse of this.
+const FRAME_SIZE: f64 = 1e-3;
 /// Singular values below this share of the largest belong to the convention alone.
-const NO_EFFECT: f64 = 1e-9;
+const NO_EFFECT: f64 = 1e-11;
 const ROUNDS: usize = 20;
 
 /// Offsets of the parameters of a chain from base to target, with their covariance.
@@ -61,7 +64,7 @@ pub fn carried(
             .map(|place| (from.axes(&joints(from, place)), to.axes(&joints(to, place))))
     };
     let poses: [Vec<_>; 2] = [poses(0).collect(), poses(POSES).collect()];
-    let sizes = DVector::from_iterator(parameters.len(), parameters.iter().map(size));
+    let sizes = DVector::from_iterator(parameters.len(), parameters.iter().map(cost));
     let mut found = DVector::zeros(parameters.len());
     for _ in 0..ROUNDS {
         let away = differences(&own, &offsets, &other, &found, &poses[0]);
@@ -127,12 +130,22 @@ impl Errors {
     }
 }
 
+/// The offset that counts as 1 mm of a link.
 fn size(parameter: &Parameter) -> f64 {
     if parameter.is_angle() {
         RAD_PER_MM
     } else {
         1.0
     }
+}
+
+/// The offset that counts as 1 mm of a link when the least offsets are looked for.
+fn cost(parameter: &Parameter) -> f64 {
+    let share = match parameter {
+        Parameter::Link { .. } => 1.0,
+        Parameter::Base(_) | Parameter::Target(_) => FRAME_SIZE,
+    };
+    share * size(parameter)
 }
 
 /// `(six small motions of the base) · arm · (three shifts) · flange_from_target · (three turns)`, as a fit has it.
@@ -223,4 +236,4 @@ fn pseudo_inverse(jacobian: &DMatrix<f64>, sizes: &DVector<f64>) -> DMatrix<f64>
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

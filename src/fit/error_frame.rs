@@ -6,7 +6,7 @@
 //! orientation where one was measured, otherwise the nominal arm's. An error reference frame is for one tool point, so it goes
 //! by one source and one target.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::frames::FramePair;
 use crate::join::{Reading, Station};
@@ -26,18 +26,53 @@ pub enum ErrorBase {
 pub struct SurveyedBase {
     /// Pose of the base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
-    /// Standard deviation of its origin, mm; absent where it is not stated.
+    /// Standard deviation of each coordinate of its origin, mm; absent where it is not stated.
     pub sd_mm: Option<f64>,
-    /// Standard deviation of its rotation, rad; absent where it is not stated.
+    /// Standard deviation of its rotation about each axis, rad; absent where it is not stated.
     pub sd_rad: Option<f64>,
 }
 
 impl SurveyedBase {
-    /// Expanded uncertainty (k = 2) of the survey at a point at `distance_mm` from the base's origin, mm: `2 √(sd² + (sd_rad ·
-    /// distance)²)`. A standard deviation that is not stated counts as zero.
+    /// The uncertainty that the survey leaves, with that of a lever (`lever_sd_mm`, of each coordinate, mm); what is not stated counts
+    /// as zero.
+    pub fn uncertainty(&self, lever_sd_mm: Option<f64>) -> FrameUncertainty {
+        FrameUncertainty {
+            origin_mm: self.sd_mm.unwrap_or_default(),
+            rotation_rad: self.sd_rad.unwrap_or_default(),
+            lever_mm: lever_sd_mm.unwrap_or_default(),
+        }
+    }
+}
+
+/// Standard uncertainty of a surveyed error reference frame, of where the base is, and of where the measured target is beside the
+/// tool, along and about each axis alone. Zero where the frame was fitted, and where it is not stated.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FrameUncertainty {
+    /// Standard deviation of each coordinate of the base's origin, mm.
+    pub origin_mm: f64,
+    /// Standard deviation of the base's rotation about each axis through its origin, rad.
+    pub rotation_rad: f64,
+    /// Standard deviation of each coordinate of the lever from the measured target to the tool, mm.
+    pub lever_mm: f64,
+}
+
+impl FrameUncertainty {
+    /// Covariance of the error of a tool point at `position` in the base frame, mm²: `(origin² + lever²) I + rotation² (|p|² I − p pᵀ)`.
+    /// Between two points it is alike where they are near: the frame is off by one motion, whatever is measured in it.
+    pub fn covariance(&self, position: &Point3<f64>) -> Matrix3<f64> {
+        let p = position.coords;
+        let across = Matrix3::identity() * p.norm_squared() - p * p.transpose();
+        Matrix3::identity() * (self.origin_mm.powi(2) + self.lever_mm.powi(2))
+            + across * self.rotation_rad.powi(2)
+    }
+
+    /// Expanded uncertainty (k = 2) in the worst direction, which is across the way to the point, at `distance_mm` from the base's
+    /// origin, mm: twice the root of the largest eigenvalue of [`Self::covariance`].
     pub fn expanded_uncertainty_mm(&self, distance_mm: f64) -> f64 {
-        let turned_mm = self.sd_rad.unwrap_or_default() * distance_mm;
-        2.0 * self.sd_mm.unwrap_or_default().hypot(turned_mm)
+        2.0 * self
+            .covariance(&Point3::new(distance_mm, 0.0, 0.0))
+            .m22
+            .sqrt()
     }
 }
 
@@ -139,5 +174,57 @@ impl<'a> ErrorFrame<'a> {
     fn flange_rotation(&self, joints: &[f64], reading: &Reading) -> UnitQuaternion<f64> {
         self.measured_flange(reading)
             .unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_survey_leaves_most_across_the_way_to_a_point() {
+        let frame = FrameUncertainty {
+            origin_mm: 0.03,
+            rotation_rad: 2e-5,
+            lever_mm: 0.04,
+        };
+        // 2 m along x: 0.05 mm everywhere, and 0.02 mrad at 2 m, 0.04 mm, along y and z.
+        let along_x = frame.covariance(&Point3::new(2000.0, 0.0, 0.0));
+        let expected = Vector3::new(0.0025, 0.0041, 0.0041);
+        assert!((along_x - Matrix3::from_diagonal(&expected)).abs().max() < 1e-15);
+        assert!((frame.expanded_uncertainty_mm(2000.0) - 2.0 * 0.0041_f64.sqrt()).abs() < 1e-12);
+        // In any direction: the variance is least along the way, and the worst is what U counts.
+        let at = Point3::new(-1200.0, 900.0, 500.0);
+        let covariance = frame.covariance(&at);
+        let way = at.coords.normalize();
+        assert!((covariance * way - way * 0.0025).norm() < 1e-15);
+        let worst = covariance.symmetric_eigenvalues().max();
+        let u = frame.expanded_uncertainty_mm(at.coords.norm());
+        assert!((2.0 * worst.sqrt() - u).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_covariance_is_that_of_points_seen_from_a_base_that_is_off() {
+        let frame = FrameUncertainty {
+            origin_mm: 0.02,
+            rotation_rad: 5e-6,
+            lever_mm: 0.0,
+        };
+        let at = Point3::new(1500.0, -700.0, 900.0);
+        // A base off by one standard deviation along or about each axis in turn: six independent parts, whose squares add up.
+        let part = |axis: usize| {
+            let mut six = [0.0; 6];
+            six[axis] = if axis < 3 { 0.02 } else { 5e-6 };
+            let shift = Vector3::new(six[0], six[1], six[2]);
+            let turn = Vector3::new(six[3], six[4], six[5]);
+            let off = Isometry3::new(shift, turn).inverse_transform_point(&at) - at;
+            off * off.transpose()
+        };
+        let sum: Matrix3<f64> = (0..6).map(part).sum();
+        assert!((sum - frame.covariance(&at)).abs().max() < 1e-8, "{sum}");
+        assert_eq!(
+            FrameUncertainty::default().covariance(&at),
+            Matrix3::zeros()
+        );
     }
 }

@@ -16,6 +16,7 @@ pub mod components;
 pub mod curves;
 pub mod design;
 pub mod elsewhere;
+mod held_out;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;
@@ -153,9 +154,10 @@ impl FullModel {
         let problem = build(observations);
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
-        let mut settled = train::train(&problem, start, settings, up)?;
+        let settled = train::train(&problem, start.clone(), settings, up)?;
+        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
-        let parts = settled.weigh_parts();
+        let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let approach = approach(observations, &settled.state.layout, &mean);
         let train::Settled {

@@ -6,7 +6,7 @@ use super::full::{FullModel, FullSettings};
 use super::model::PoseModel;
 use super::observation::Observation;
 use super::registry::{Made, Model};
-use super::{Calibration, FitError, FitSettings, Freedom, identify_from, start};
+use super::{Calibration, FitError, FitSettings, Freedom, Prior, identify_from, start};
 use crate::kinematics::Arm;
 
 /// The settings of a training.
@@ -59,12 +59,16 @@ pub fn train(
     );
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
+        let prior = Prior {
+            geometry: geometric.geometry_prior(),
+            ..settings.fit.prior()
+        };
         FullModel::train(
             arm,
             observations,
             frames,
             geometry,
-            &settings.fit.prior(),
+            &prior,
             settings.full,
             settings.up,
         )

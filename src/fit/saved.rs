@@ -3,10 +3,11 @@
 //! Numbers are written so that reading them gives them back to the last digit or the one before. A text may come
 //! from anywhere: every length is compared with the others before it is used.
 
-use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{DMatrix, DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::conversion::Errors;
 use super::{Calibration, Frames, Owner, Unknown};
 use crate::geometry::Transform;
 use crate::join::Several;
@@ -479,6 +480,35 @@ impl SavedCalibration {
             same_length("columns in a row of the covariance", row + 1, columns.len())?;
         }
         Ok(saved)
+    }
+
+    /// The offsets of the arm's parameters and their covariance, with those of the first source and target of the last session, which
+    /// are zero: its frames have them applied.
+    pub fn errors(&self) -> Result<Errors, SavedError> {
+        let last = self.sessions.len().checked_sub(1);
+        let is_of_arm = |own: &SavedUnknown| own.session.is_none();
+        let kept = self.unknowns.iter().enumerate();
+        let kept = kept.filter(|(_, own)| is_of_arm(own) || (own.session == last && own.of == 0));
+        let kept: Vec<usize> = kept.map(|(place, _)| place).collect();
+        let parameters = kept
+            .iter()
+            .map(|&place| parameter_of(&self.unknowns[place].parameter));
+        let parameters: Vec<Parameter> = parameters.collect::<Result<_, _>>()?;
+        let own = self.arm.chain()?.parameters();
+        same_length("geometry offsets", own.len(), self.geometry.len())?;
+        let offset = |parameter: &Parameter| {
+            let place = own.iter().position(|of_arm| of_arm == parameter);
+            place.map_or(0.0, |place| self.geometry[place])
+        };
+        let entry = |row: usize, column: usize| {
+            let (row, column) = (kept[row], kept[column]);
+            self.covariance[row.max(column)][row.min(column)]
+        };
+        Ok(Errors {
+            offsets: DVector::from_iterator(kept.len(), parameters.iter().map(offset)),
+            covariance: DMatrix::from_fn(kept.len(), kept.len(), entry),
+            parameters,
+        })
     }
 
     /// The identified chain from base to flange.

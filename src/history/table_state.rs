@@ -273,7 +273,7 @@ impl fmt::Display for NotShown {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+    use nalgebra::{Point3, Rotation3, Vector3};
 
     use super::*;
     use crate::compensation::{UsedWith, Validity};
@@ -299,7 +299,7 @@ mod tests {
                 command: target,
                 attained: target + left(station, &target),
                 stated: Vector3::zeros(),
-                covariance: Matrix3::identity(),
+                variance_mm2: 3.0,
                 turn: None,
             }
         };

@@ -16,7 +16,8 @@ use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
-use crate::fit::saved::{SavedError, SavedHead, SavedSession};
+use crate::fit::conversion::Errors;
+use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
@@ -88,6 +89,20 @@ pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError
     read_model(path, &[Model::Geometric])
 }
 
+/// Reads the arm with its identified geometry, and the offsets of its parameters with their covariance.
+pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), CalibrationsTableError> {
+    let arm = read_geometry(path)?;
+    let table = read_given(path, schema::find("calibrations")?)?;
+    let file = CalibrationsFile {
+        path,
+        rows: CalibrationRow::read(&table),
+    };
+    let model = Model::Geometric;
+    let row = file.row(model).ok_or_else(|| file.absent(model))?;
+    let saved = SavedCalibration::read(&row.model).and_then(|saved| saved.errors());
+    Ok((arm, saved.map_err(|source| file.wrong(model, source))?))
+}
+
 /// Reads the arm with the first of the `wanted` models that there is.
 fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
     let table = read_given(path, schema::find("calibrations")?)?;
@@ -105,6 +120,11 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let key = common::key(path, &table)?;
     let model = file.first(wanted, &base)?;
     let verdict = file.row(model.model).map(|row| row.verdict);
+    let first = file
+        .rows
+        .first()
+        .expect("a table that was read has the row base_target");
+    let error_frame = first.stated_frame();
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
@@ -120,17 +140,14 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
             .cloned()
             .unwrap_or_default(),
         validity: said.validity()?,
+        frame_uncertainty: error_frame.uncertainty(),
         arm,
     };
-    let first = file
-        .rows
-        .first()
-        .expect("a table that was read has the row base_target");
     Ok(PublishedArm {
         key,
         verdict: verdict.unwrap_or(TableVerdict::NotShown),
         arm,
-        error_frame: first.stated_frame(),
+        error_frame,
     })
 }
 

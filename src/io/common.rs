@@ -125,7 +125,11 @@ macro_rules! corrects {
                 $crate::io::tables::error_frame::stated(
                     self.error_frame,
                     (self.error_frame_base, self.error_frame_base_turn),
-                    [self.error_frame_sd_mm, self.error_frame_sd_deg],
+                    [
+                        self.error_frame_sd_mm,
+                        self.error_frame_sd_deg,
+                        self.error_frame_lever_sd_mm,
+                    ],
                 )
             }
 

@@ -2,13 +2,17 @@
 //!
 //! - [`nodes_csv`]: a compensation table as CSV, one row per node, after `#` lines with the values of the whole table;
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
+//! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
 //! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
 //! Names come from logs and pipeline files: each is written so that it can only be read as a name.
 
+pub mod controller_base;
 pub mod curves_json;
+mod held_out;
 pub mod nodes_csv;
+pub mod parameters_csv;
 pub mod residuals_mcap;
 pub mod urdf;
 
@@ -24,6 +28,7 @@ use super::lake::LakeError;
 use super::schema::SchemaError;
 use super::table::FileError;
 use super::whole_file::told;
+use crate::kinematics::RestateError;
 
 /// The reason why a table is not exported.
 #[derive(Debug, Error)]
@@ -89,6 +94,9 @@ pub enum ExportError {
     /// Times are given for a format that does not use them.
     #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
     NoUseForTimes(&'static str),
+    /// A convention is given for a format that does not use it.
+    #[error("--convention is for --format parameters; {0} has none: leave it out")]
+    NoUseForConvention(&'static str),
     /// The MCAP writer failed.
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
@@ -128,6 +136,8 @@ pub enum ExportErrorKind {
     NoCurves,
     /// An arm that URDF cannot say: what it has.
     NoUrdf(&'static str),
+    /// An arm that the wanted convention cannot state.
+    Convention(RestateError),
     /// The file is in no lake.
     NoLake,
     /// The stations are of another run.
@@ -172,6 +182,7 @@ impl ExportErrorKind {
             Self::NoUrdf(problem) => format!(
                 "{path}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`"
             ),
+            Self::Convention(source) => format!("{path}: {source}"),
             Self::NoLake => format!(
                 "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
                  it: give the run's file of table \"stations\" by --stations"

@@ -152,6 +152,15 @@ impl Arm {
         &self.parallel
     }
 
+    /// The joint map, row by row, as a robot file states it; `None` for the identity.
+    pub(super) fn map_rows(&self) -> Option<Vec<Vec<f64>>> {
+        let rows = |map: &DMatrix<f64>| {
+            let row = map.row_iter().map(|row| row.iter().copied().collect());
+            row.collect()
+        };
+        self.map.as_ref().map(rows)
+    }
+
     /// The axis variables at reported joint angles: the joint map applied, or the angles themselves without one.
     ///
     /// # Panics

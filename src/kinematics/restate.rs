@@ -10,9 +10,10 @@ mod tables;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
+use super::arm::{Arm, Joint};
 use super::convention::{Convention, lines};
 use super::robot_file::{ArmError, JointFile, JointKind, Mimic, RobotFile};
-use super::screws::{Line, Screws};
+use super::screws::{Line, Screw, Screws};
 use crate::geometry::{EulerOrder, Placement, rpy};
 
 /// Numbers below this are rounding, mm or rad.
@@ -42,6 +43,32 @@ pub enum RestateError {
 }
 
 impl RobotFile {
+    /// The file of an arm in a convention, from the lines of its axes alone; an error where the convention cannot state it.
+    ///
+    /// A joint that follows another is named after it.
+    pub fn of_arm(arm: &Arm, convention: Convention) -> Result<Self, RestateError> {
+        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let screws = Screws::of(arm.chain(), &offsets);
+        let mut named = vec![false; arm.joints().len()];
+        let mut joint = Vec::with_capacity(screws.axes.len());
+        for screw in &screws.axes {
+            let reported = &arm.joints()[screw.variable];
+            let is_new = !std::mem::replace(&mut named[screw.variable], true);
+            joint.push(joint_of(reported, screw, is_new, joint.len()));
+        }
+        let file = Self {
+            model: arm.model().to_owned(),
+            source: "an arm of posegrid".to_owned(),
+            convention,
+            home_deg: None,
+            joint_map: arm.map_rows(),
+            base: None,
+            flange: None,
+            joint,
+        };
+        file.with_links(&screws)
+    }
+
     /// The file of the same arm in another convention; an error where the file is wrong, or the convention cannot state the arm.
     pub fn restated(&self, convention: Convention) -> Result<Self, RestateError> {
         let arm = self.arm()?;
@@ -52,23 +79,72 @@ impl RobotFile {
             .iter()
             .filter(|joint| joint.kind != JointKind::Fixed)
             .collect();
-        let mut file = Self {
+        let file = Self {
             convention,
             base: None,
             flange: None,
             joint: moving.into_iter().map(unlinked).collect(),
             ..self.clone()
         };
-        match convention {
+        file.with_links(&screws)
+    }
+
+    /// The file with the links of its convention, from the lines of the axes.
+    fn with_links(mut self, screws: &Screws) -> Result<Self, RestateError> {
+        match self.convention {
             Convention::StandardDh | Convention::MdH | Convention::SModel => {
-                tables::standard(&mut file, &screws)?;
+                tables::standard(&mut self, screws)?;
             }
-            Convention::ModifiedDh => tables::modified(&mut file, &screws)?,
-            Convention::Cpc => cpc(&mut file, &screws),
-            Convention::Poe | Convention::MinimalPoe => exponentials(&mut file, &screws),
-            Convention::Urdf => origins(&mut file, &screws),
+            Convention::ModifiedDh => tables::modified(&mut self, screws)?,
+            Convention::Cpc => cpc(&mut self, screws),
+            Convention::Poe | Convention::MinimalPoe => exponentials(&mut self, screws),
+            Convention::Urdf => origins(&mut self, screws),
         }
-        Ok(file)
+        Ok(self)
+    }
+}
+
+/// The joint of a screw, without its link. The first of a variable that turns one for one is the reported joint itself.
+fn joint_of(reported: &Joint, screw: &Screw, is_new: bool, place: usize) -> JointFile {
+    let is_reported = is_new && (screw.factor.abs() - 1.0).abs() < f64::EPSILON;
+    let kind = if screw.slides {
+        JointKind::Prismatic
+    } else {
+        JointKind::Revolute
+    };
+    let limits = |slides: bool| {
+        let own =
+            (is_reported && screw.slides == slides).then_some([reported.lower, reported.upper]);
+        own.map(|limits| {
+            if slides {
+                limits
+            } else {
+                limits.map(f64::to_degrees)
+            }
+        })
+    };
+    let mimic = Mimic {
+        joint: reported.name.clone(),
+        multiplier: screw.factor,
+        offset_deg: None,
+        offset_mm: None,
+    };
+    JointFile {
+        name: if is_reported {
+            reported.name.clone()
+        } else {
+            format!("{} {}", reported.name, place + 1)
+        },
+        kind,
+        sign: Some(if is_reported && screw.factor < 0.0 {
+            -1
+        } else {
+            1
+        }),
+        limits_deg: limits(false),
+        limits_mm: limits(true),
+        mimic: (!is_reported).then_some(mimic),
+        ..JointFile::default()
     }
 }
 

@@ -50,6 +50,8 @@ pub struct Statements {
     pub rejected: Vec<String>,
     /// What else has to be known before anything: shown at the head of the page.
     pub warnings: Vec<String>,
+    /// Whether one of them is that the logs of a session disagree with the stated set-up.
+    pub doubts_set_up: bool,
     /// Other findings.
     pub notes: Vec<String>,
     /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
@@ -74,7 +76,12 @@ impl Statements {
 /// The content of the page of a run, from the rows of all its tables and its statements.
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
     let key = about.work.key();
-    let next = Next::of(about.verdict, about.frame, &about.tolerance);
+    let next = Next::of(
+        about.verdict,
+        about.frame,
+        &about.tolerance,
+        about.said.doubts_set_up,
+    );
     let command = next.command(&in_lake(next.table(), &key));
     let RunKey {
         robot,

@@ -303,7 +303,7 @@ fn remarks(file: &PipelineFile) -> Vec<String> {
         ),
         (
             survey.is_some_and(|survey| survey.sd_mm.is_none() || survey.sd_deg.is_none()),
-            "[tracker] tracker_from_base.surveyed has no sd_mm and sd_deg: the verdict supposes that the survey has no error",
+            "[tracker] tracker_from_base.surveyed has no sd_mm and sd_deg: verdict and corrections suppose that the survey has no error",
         ),
         (
             one_point == Some(true) && !based,

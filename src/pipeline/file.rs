@@ -327,10 +327,10 @@ pub struct Survey {
     /// The order of the three angles; it has no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub euler_order: Option<EulerOrder>,
-    /// Standard deviation of the origin's position, mm; without it the verdict does not count the survey.
+    /// Standard deviation of each coordinate of the origin, mm; without it verdict and corrections do not count the survey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd_mm: Option<f64>,
-    /// Standard deviation of the rotation, degrees; without it the verdict does not count the survey.
+    /// Standard deviation of the rotation about each axis, degrees; without it verdict and corrections do not count the survey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd_deg: Option<f64>,
 }

@@ -183,6 +183,7 @@ fn said(
     Ok(Statements {
         rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
         warnings: warnings(outcome),
+        doubts_set_up: outcome.doubts_set_up(),
         notes: notes(outcome)
             .into_iter()
             .chain(remarks.iter().cloned())

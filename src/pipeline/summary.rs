@@ -49,7 +49,7 @@ pub(super) fn summary(
         read: read(outcome),
         warnings: warnings(outcome),
         findings,
-        next: Next::of(verdict, &outcome.frame, tolerance),
+        next: Next::of(verdict, &outcome.frame, tolerance, outcome.doubts_set_up()),
     }
 }
 

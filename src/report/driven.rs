@@ -12,7 +12,7 @@
 mod application;
 mod base_motion;
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::promise::{Promise, PromiseKept};
 use super::tip::{Turn, without_constant};
@@ -32,8 +32,9 @@ pub struct CorrectedTarget {
     pub target: Point3<f64>,
     /// Command that was to bring the tool point there, mm.
     pub command: Point3<f64>,
-    /// Covariance of the correction, mm².
-    pub covariance: Matrix3<f64>,
+    /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
+    /// alike.
+    pub variance_mm2: f64,
 }
 
 /// Stations and their corrected targets.
@@ -108,8 +109,9 @@ pub struct DrivenStation {
     pub attained: Point3<f64>,
     /// Correction that the table states, mm.
     pub stated: Vector3<f64>,
-    /// Covariance of the correction, mm².
-    pub covariance: Matrix3<f64>,
+    /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
+    /// alike.
+    pub variance_mm2: f64,
     /// Attained and commanded orientation of the flange; `None` where one of them is not known.
     pub turn: Option<Turn>,
 }
@@ -223,7 +225,7 @@ mod tests {
             name: format!("{x}"),
             target: Point3::new(x, 0.0, 0.0),
             command: Point3::new(x + 1.0, 0.0, 0.0),
-            covariance: Matrix3::identity(),
+            variance_mm2: 3.0,
         }
     }
 
@@ -263,7 +265,7 @@ mod tests {
                 command: target,
                 attained: target + Vector3::new(3.0, 0.0, *norm),
                 stated: Vector3::zeros(),
-                covariance: Matrix3::identity(),
+                variance_mm2: 3.0,
                 turn: None,
             }
         };

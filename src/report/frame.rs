@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use crate::fit::{FrameUncertainty, SurveyedBase};
 use crate::geometry::typed::{self, Typed};
 
 /// The base frame that a run's results hold in.
@@ -11,16 +12,53 @@ pub struct StatedFrame {
     pub is_surveyed: bool,
     /// Where the base stands in the tracker's frame, mm.
     pub tracker_from_base: Isometry3<f64>,
-    /// Standard deviation of its origin, mm: as stated of a surveyed base, of the fit of a fitted one; `None` where it is not stated.
+    /// Standard deviation of each coordinate of its origin, mm: as stated of a surveyed base, of the fit of a fitted one; `None` where it
+    /// is not stated.
     pub sd_mm: Option<f64>,
-    /// Standard deviation of its rotation, degrees, likewise.
+    /// Standard deviation of its rotation about each axis, degrees, likewise.
     pub sd_deg: Option<f64>,
+    /// Standard deviation of each coordinate of the tool's place beside the measured target, mm, as stated; `None` where the two are one
+    /// point, where it is not stated, and where the base was fitted.
+    pub lever_sd_mm: Option<f64>,
 }
 
 impl StatedFrame {
+    /// The uncertainty that it leaves at every point; zero where the base was fitted, and for what is not stated.
+    pub fn uncertainty(&self) -> FrameUncertainty {
+        if !self.is_surveyed {
+            return FrameUncertainty::default();
+        }
+        let base = SurveyedBase {
+            tracker_from_base: self.tracker_from_base,
+            sd_mm: self.sd_mm,
+            sd_rad: self.sd_deg.map(f64::to_radians),
+        };
+        base.uncertainty(self.lever_sd_mm)
+    }
+
     /// What the results hold in, in a sentence.
     pub fn words(&self) -> String {
-        let uncertainty = match (self.sd_mm, self.sd_deg) {
+        let uncertainty = self.uncertainty_words();
+        if !self.is_surveyed {
+            return format!(
+                "frame: the base as fitted ({uncertainty}): corrected commands are right only where the program's base is set to it"
+            );
+        }
+        let lever = self.lever_sd_mm.map_or_else(String::new, |mm| {
+            format!(", {mm:.3} mm of the tool beside the measured target")
+        });
+        if self.sd_mm.is_none() && self.sd_deg.is_none() {
+            format!(
+                "frame: the surveyed base; {uncertainty}, and not counted in U and corrections ([tracker] tracker_from_base.surveyed \
+                 sd_mm, sd_deg){lever}"
+            )
+        } else {
+            format!("frame: the surveyed base ({uncertainty}{lever}, counted in U and corrections)")
+        }
+    }
+
+    fn uncertainty_words(&self) -> String {
+        match (self.sd_mm, self.sd_deg) {
             (Some(mm), Some(deg)) => format!("{mm:.3} mm and {deg:.4}° as standard deviations"),
             (Some(mm), None) => {
                 format!("{mm:.3} mm as standard deviation, its rotation's is not stated")
@@ -29,17 +67,6 @@ impl StatedFrame {
                 format!("{deg:.4}° as standard deviation, its origin's is not stated")
             }
             (None, None) => "its uncertainty is not stated".to_owned(),
-        };
-        if self.is_surveyed && self.sd_mm.is_none() && self.sd_deg.is_none() {
-            format!(
-                "frame: the surveyed base; {uncertainty}, and not counted in U ([tracker] tracker_from_base.surveyed sd_mm, sd_deg)"
-            )
-        } else if self.is_surveyed {
-            format!("frame: the surveyed base ({uncertainty}, counted in U)")
-        } else {
-            format!(
-                "frame: the base as fitted ({uncertainty}): corrected commands are right only where the program's base is set to it"
-            )
         }
     }
 
@@ -88,6 +115,7 @@ mod tests {
             ),
             sd_mm: Some(0.02),
             sd_deg: Some(0.0003),
+            lever_sd_mm: None,
         };
         let lines = frame.lines();
         assert!(
@@ -101,12 +129,37 @@ mod tests {
                 "{line}"
             );
         }
+        assert_eq!(frame.uncertainty(), FrameUncertainty::default());
         frame.is_surveyed = true;
         assert_eq!(
             frame.lines(),
             [
-                "frame: the surveyed base (0.020 mm and 0.0003° as standard deviations, counted in U)"
+                "frame: the surveyed base (0.020 mm and 0.0003° as standard deviations, counted in U and corrections)"
             ]
+        );
+    }
+
+    #[test]
+    fn a_survey_counts_as_it_is_stated_and_says_where_it_is_not() {
+        let mut frame = StatedFrame {
+            is_surveyed: true,
+            tracker_from_base: Isometry3::identity(),
+            sd_mm: Some(0.02),
+            sd_deg: Some(0.18),
+            lever_sd_mm: Some(0.2),
+        };
+        let own = frame.uncertainty();
+        assert_eq!((own.origin_mm, own.lever_mm), (0.02, 0.2));
+        assert!((own.rotation_rad - std::f64::consts::PI / 1000.0).abs() < 1e-15);
+        assert!(frame.words().ends_with(
+            "0.200 mm of the tool beside the measured target, counted in U and corrections)"
+        ));
+        (frame.sd_mm, frame.sd_deg, frame.lever_sd_mm) = (None, None, None);
+        assert_eq!(frame.uncertainty(), FrameUncertainty::default());
+        assert!(
+            frame.words().contains("not counted in U and corrections"),
+            "{}",
+            frame.words()
         );
     }
 }

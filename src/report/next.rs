@@ -1,6 +1,7 @@
 //! What a user does with a run's result: the command that corrects targets by it, or what to do before it corrects any.
 //!
-//! Inputs are the verdict of the run, the base frame that it holds in and the tolerance; the output is shown by summary and page.
+//! Inputs are the verdict of the run, the base frame that it holds in, the tolerance, and whether its logs disagree with the stated
+//! set-up; the output is shown by summary and page.
 
 use super::frame::StatedFrame;
 use super::verdict::{Applied, ProductVerdict, RunVerdict};
@@ -12,6 +13,8 @@ use crate::grid::{Tolerance, Verdict};
 pub struct Next {
     /// What targets are corrected by.
     pub by: Applied,
+    /// Whether the set-up has to be checked before anything else, as logs of the run disagree with it.
+    pub checks_set_up: bool,
     /// Whether the program's base has to be set to the fitted one before.
     pub sets_base: bool,
     /// What to do before any target is corrected; `None` where the tolerance is met.
@@ -28,10 +31,16 @@ pub struct Instead {
 }
 
 impl Next {
-    /// What to do with a result of this verdict, which holds in `frame`.
-    pub fn of(verdict: &RunVerdict, frame: &StatedFrame, tolerance: &Tolerance) -> Self {
+    /// What to do with a result of this verdict, which holds in `frame`; `checks_set_up` where its logs disagree with the set-up.
+    pub fn of(
+        verdict: &RunVerdict,
+        frame: &StatedFrame,
+        tolerance: &Tolerance,
+        checks_set_up: bool,
+    ) -> Self {
         Self {
             by: verdict.applied(),
+            checks_set_up,
             sets_base: !frame.is_surveyed,
             instead: instead(verdict.headline(), tolerance),
         }
@@ -66,9 +75,14 @@ impl Next {
         } else {
             ""
         };
+        let first = if self.checks_set_up {
+            "check the set-up first, as the warning says, and run again; once it is sound: "
+        } else {
+            ""
+        };
         match &self.instead {
-            None => format!("{base}{targets}"),
-            Some(instead) => format!("{}; to {base}{targets} all the same", instead.words),
+            None => format!("{first}{base}{targets}"),
+            Some(instead) => format!("{first}{}; to {base}{targets} all the same", instead.words),
         }
     }
 }
@@ -181,8 +195,9 @@ mod tests {
             tracker_from_base: Isometry3::identity(),
             sd_mm: None,
             sd_deg: None,
+            lever_sd_mm: None,
         };
-        Next::of(&verdict, &frame, &TOLERANCE)
+        Next::of(&verdict, &frame, &TOLERANCE, false)
     }
 
     #[test]
@@ -200,6 +215,20 @@ mod tests {
                 .words()
                 .starts_with("set the program's base to the fitted one, then correct")
         );
+    }
+
+    #[test]
+    fn a_set_up_that_is_doubted_is_checked_before_anything_else() {
+        for (bound_mm, sound) in [(0.2, "correct targets"), (0.9, "measure more poses")] {
+            let doubted = Next {
+                checks_set_up: true,
+                ..next(Some(bound_mm), 80, 0.05, true)
+            };
+            let words = doubted.words();
+            let (first, then) = words.split_once(": ").expect("two parts");
+            assert!(first.starts_with("check the set-up first"), "{words}");
+            assert!(then.starts_with(sound), "{words}");
+        }
     }
 
     #[test]

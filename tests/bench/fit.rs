@@ -1,7 +1,7 @@
 //! What the fits cost: geometry alone, the full error model, its predictions, beside a dense Gaussian process.
 //!
 //! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
-//! the identification of 1000 stations, one more fit at the same poses, the training of the full error model on 800, on 200
+//! the identification of 1000 stations in every convention, one more fit at the same poses, the training of the full error model on 800, on 200
 //! and on 5000, one evaluation of the evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of
 //! the same short and long kernels on 200, of which a search of hyper-parameters needs tens, and predictions a second.
 //! Without `--bench` (as `cargo test` calls it) small sessions show that it works.
@@ -17,7 +17,7 @@ use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::{self, At, Calibration, FitSettings, Freedom, Observation, PoseModel as _};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::{JoinSettings, join};
-use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::kinematics::{Arm, Convention, RobotFile};
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 
 /// Reported joint angles about which poses are drawn, and how far to either side, degrees.
@@ -42,6 +42,15 @@ fn main() {
     let base = median_ms(repeats, || identified(&arm, stations).frames.len());
     let what = format!("identify: {} stations, {unknowns} unknowns", stations.len());
     row(&what, base, base);
+    for (convention, arm) in restated() {
+        let median = median_ms(repeats, || identified(&arm, stations).frames.len());
+        let unknowns = identified(&arm, stations).unknowns.len();
+        row(
+            &format!("the same, {convention}, {unknowns} unknowns"),
+            median,
+            base,
+        );
+    }
 
     let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
     row(&format!("full error model: {most} stations"), large, base);
@@ -89,11 +98,26 @@ fn main() {
     );
 }
 
-fn ur10() -> Arm {
+fn ur10_file() -> RobotFile {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/pipelines/robots/ur10.toml");
     let text = std::fs::read_to_string(path).expect("part of the project");
-    let file: RobotFile = toml::from_str(&text).expect("a robot file");
-    file.arm().expect("an arm")
+    toml::from_str(&text).expect("a robot file")
+}
+
+fn ur10() -> Arm {
+    ur10_file().arm().expect("an arm")
+}
+
+/// The same arm in every other convention, with the convention's word.
+fn restated() -> Vec<(&'static str, Arm)> {
+    let others = Convention::ALL
+        .into_iter()
+        .filter(|own| *own != Convention::StandardDh);
+    let arm = |convention: Convention| {
+        let file = ur10_file().restated(convention).expect("the same arm");
+        (convention.word(), file.arm().expect("an arm"))
+    };
+    others.map(arm).collect()
 }
 
 /// A simulated session, joined: observations with what their commands fell short of.

@@ -193,6 +193,7 @@ fn terms(columns: Columns, sample: &Sample) -> Columns {
             "controller_model",
             "absolute_accuracy_option",
             "reason",
+            "error_frame_lever_sd_mm",
         ])
 }
 

@@ -70,6 +70,7 @@ fn moved(target: &Target) -> Corrected {
         joints: None,
         correction: by,
         covariance: Matrix3::identity(),
+        of_frame: Matrix3::zeros(),
         iterations: 1,
         allowed: Vec::new(),
     }
@@ -359,6 +360,7 @@ fn tables_given_by_hand() {
                 table: table.clone(),
                 format,
                 out: None,
+                convention: None,
                 stations: Vec::new(),
             };
             if let Err(error) = export::run(&args) {

@@ -37,7 +37,9 @@ fn a_csv_of_targets_becomes_a_csv_of_commands() {
     assert_eq!(field(&csv, "wing, left", "y_mm"), "20.000000");
     assert_eq!(field(&csv, "wing, left", "z_mm"), "450.500000");
     assert_eq!(field(&csv, "wing, left", "correction_x_mm"), "-1.299401");
-    assert_eq!(field(&csv, "wing, left", "correction_sd_x_mm"), "0.020000");
+    // 0.02 mm of the nodes, 0.02 mm of the surveyed base and its 0.001° at 450.4 mm from the x axis, 0.0079 mm; along y at 875.5 mm.
+    assert_eq!(field(&csv, "wing, left", "correction_sd_x_mm"), "0.029357");
+    assert_eq!(field(&csv, "wing, left", "correction_sd_y_mm"), "0.032148");
     assert_eq!(field(&csv, "A", "target_y_mm"), "-20.250000");
     assert_eq!(field(&csv, "A", "table_id"), "t-1");
     assert_eq!(field(&csv, "A", "run"), "00ff");

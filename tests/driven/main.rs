@@ -15,7 +15,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
 use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{ErrorFrame, FitSettings};
+use posegrid::fit::{ErrorFrame, FitSettings, FrameUncertainty};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
 use posegrid::io::tables::outcome::JoinedSession;
@@ -165,6 +165,7 @@ impl Identified {
                 &found.training[0].joined.stations,
             ),
             validity: Validity::default(),
+            frame_uncertainty: FrameUncertainty::default(),
         };
         Self {
             arm,
@@ -224,7 +225,7 @@ impl Identified {
                 command: visit.command.as_ref()?.position,
                 attained: error_frame.attained_tool(&visit.joints, visit.one_reading()?)?,
                 stated: corrected.correction,
-                covariance: corrected.covariance,
+                variance_mm2: corrected.own_variance_mm2(),
                 turn: None,
             })
         };

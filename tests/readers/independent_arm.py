@@ -11,7 +11,14 @@ each joint's angle (sines and cosines of θ and 2θ) and in what gravity bends (
    and with the base fitted to all of these targets.
 
 A line is printed for each seed. The exit code is 1 where the table does not correct every target, where its mean error after, in the
-surveyed base, is more than `--most` times that of the identified arm, or where that is more than `--mean`.
+surveyed base, is more than `--most` times that of the identified arm, where that is more than `--mean`, or where fewer of all targets
+than the share `--inside` lie inside their own stated 95 % ellipsoids.
+
+With `--survey-off` the survey in the pipeline file is off by what it states of itself, drawn anew for each seed: one shift and one turn
+for all targets of a seed. All of them are off by nearly the same vector, so a seed's share is nearly one observation and no 95 % is to
+be had of each: of 40 seeds 36 had at least 95 % of their targets inside the table's ellipsoids, and the worst had 62 %. `--inside` is
+therefore asked of all targets of all seeds together, and of few seeds below 95 %: one such seed among five leaves 92 %. A right survey
+leaves nearly all inside, as it is better than it states.
 """
 
 import argparse
@@ -335,18 +342,22 @@ def write_targets(path, wanted):
 
 
 def left(arm, generator, wanted, commands, covariances=None):
-    """Mean distances from what is wanted, base surveyed and base fitted, once the arm has gone to commands; and the share of them
-    that is inside the 95 % ellipsoids of the stated covariances, base surveyed."""
+    """Mean distances from what is wanted, base surveyed and base fitted, once the arm has gone to commands; and with stated covariances
+    the squared distance of each, base surveyed, in standard deviations."""
     if len(commands) == 0:
-        return float("nan"), float("nan"), float("nan")
+        return float("nan"), float("nan"), np.array([])
     angles = joints_for(commands)
     attained = arm.tool_pose(angles + generator.normal(0, REPEATABILITY, angles.shape))[1]
-    inside = float("nan")
+    squared = np.array([])
     if covariances is not None:
         off = attained - wanted
         squared = np.einsum("ni,ni->n", off, np.linalg.solve(covariances, off[:, :, None])[:, :, 0])
-        inside = float((squared < CHI_SQUARE_95).mean())
-    return distance(attained, wanted), distance(fitted(attained, wanted), wanted), inside
+    return distance(attained, wanted), distance(fitted(attained, wanted), wanted), squared
+
+
+def inside(squared):
+    """The share inside the 95 % ellipsoids."""
+    return float((squared < CHI_SQUARE_95).mean())
 
 
 def distance(attained, wanted):
@@ -393,7 +404,7 @@ def loop(binary, folder, seed, options):
         numbers, commands, covariances = corrected(binary, table, targets, folder / f"{session}-{name}.csv")
         after[name], answered[name] = left(arm, generator, wanted[numbers], commands, covariances), len(numbers)
     chosen = re.search(r"^ *grid: (.*)$", said, re.M)
-    pair = lambda figures: f"{figures[0]:.3f} / {figures[1]:.3f}" + ("" if np.isnan(figures[2]) else f", {100 * figures[2]:.1f} % inside")
+    pair = lambda figures: f"{figures[0]:.3f} / {figures[1]:.3f}" + ("" if not len(figures[2]) else f", {100 * inside(figures[2]):.1f} % inside")
     print(
         f"| {seed} | {pair(before)} | {pair(after['compensation'])} | {pair(after['calibrations'])} "
         f"| {answered['compensation']} of {options.targets} | {answered['calibrations']} of {options.targets} | {stations} |"
@@ -408,7 +419,7 @@ def loop(binary, folder, seed, options):
         wrong.append(f"the table leaves {ratio:.2f} times what the identified arm leaves")
     if not after["calibrations"][0] <= options.mean:
         wrong.append(f"the identified arm leaves {after['calibrations'][0]:.3f} mm in the surveyed base")
-    return [f"seed {seed}: {problem}" for problem in wrong], after["calibrations"][2]
+    return [f"seed {seed}: {problem}" for problem in wrong], {name: figures[2] for name, figures in after.items()}
 
 
 def main():
@@ -420,6 +431,7 @@ def main():
     parser.add_argument("--pitch", type=float, default=120.0, help="pitch of the measured stations, mm")
     parser.add_argument("--most", type=float, default=1.3, help="largest ratio of what the table leaves to what the identified arm leaves")
     parser.add_argument("--mean", type=float, default=0.035, help="largest mean error in the surveyed base after `calibrations`, mm")
+    parser.add_argument("--inside", type=float, default=0.95, help="least share of all targets inside their 95 %% ellipsoids")
     parser.add_argument("--grid", action="append", default=[], help="a line for the [grid] section of the pipeline file")
     parser.add_argument("--survey-off", action="store_true", help="state a survey that is off by its own sd_mm and sd_deg")
     parser.add_argument("--verbose", action="store_true", help="print what each run says")
@@ -429,9 +441,15 @@ def main():
     print("mean error in mm, in the surveyed base / with the base fitted to the targets")
     print("| seed | uncorrected | after `compensation` | after `calibrations` | targets by the table | by the arm | stations | choice")
     done = [loop(options.binary.resolve(), folder, seed, options) for seed in options.seed or [1]]
-    wrong, inside = [problem for problems, _ in done for problem in problems], [share for _, share in done]
-    print(f"inside the 95 % ellipsoids, base surveyed: {100 * np.mean(inside):.1f} % of all targets, at least 95 % on "
-          f"{sum(share >= 0.95 for share in inside)} of {len(inside)} arms")
+    wrong = [problem for problems, _ in done for problem in problems]
+    for name in ("compensation", "calibrations"):
+        of_seeds = [squared[name] for _, squared in done]
+        together, enough = np.concatenate(of_seeds), sum(inside(squared) >= 0.95 for squared in of_seeds)
+        said = f"{100 * inside(together):.1f} % of all targets by `{name}`"
+        print(f"inside the 95 % ellipsoids, base surveyed: {said}, at least 95 % on {enough} of {len(done)} arms, "
+              f"mean squared distance {together.mean():.2f} (3 expected)")
+        if not inside(together) >= options.inside:
+            wrong.append(f"{said} are inside their 95 % ellipsoids, asked {100 * options.inside:.1f} %")
     for problem in wrong:
         print(problem, file=sys.stderr)
     return 1 if wrong else 0

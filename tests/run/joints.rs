@@ -204,6 +204,19 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
         let [table] = by_table.numbers(row, column);
         assert!((own - table).abs() < 1e-5, "{own} {table}");
         compared += 1;
+        // The survey, as both tables state it: 0.02 mm along three axes, and 0.0003° about the two across the way to the target.
+        let at = nodes[row].target;
+        let way_mm = at.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let turned_mm = 0.0003_f64.to_radians() * way_mm;
+        let survey_mm = (3.0 * 0.02_f64.powi(2) + 2.0 * turned_mm.powi(2)).sqrt();
+        for run in [&by_joints, &by_table] {
+            let [of_frame] = run.numbers(row, ["correction_frame_sd_mm"]);
+            assert!(
+                (of_frame - survey_mm).abs() < 2e-6,
+                "{of_frame} {survey_mm}"
+            );
+            assert!(own > of_frame, "the arm's own share is not lost");
+        }
     }
     assert!(compared > 0, "some nodes are commands of inner targets");
 }

@@ -5,6 +5,7 @@ mod bad_input;
 mod bad_output;
 mod belongs;
 mod cell;
+mod conventions;
 mod damaged;
 mod driven;
 mod export;

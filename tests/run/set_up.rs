@@ -88,12 +88,23 @@ fn a_small_disagreement_is_published_with_a_warning() {
     );
     let named = "[commanded] flange_from_tool is off by [0.0, 0.0, -4.0] mm";
     assert!(ended.results.contains(named), "{}", ended.results);
+    // It comes before what is to be done with the result, in the summary and on the page.
+    let first = "heck the set-up first, as the warning says";
+    assert!(
+        ended.results.contains(&format!("now: c{first}")),
+        "{}",
+        ended.results
+    );
     let page = files(&cell.path("lake/report"))
         .into_values()
         .next()
         .expect("a page");
     let page = String::from_utf8(page).expect("UTF-8");
     assert!(page.contains(named), "the page does not warn");
+    assert!(
+        page.contains(&format!("C{first}")),
+        "the page goes on as if nothing were"
+    );
 }
 
 #[test]

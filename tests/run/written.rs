@@ -11,7 +11,7 @@ use posegrid::io::schema::{self, Role};
 use posegrid::io::table;
 
 use super::cell::{Cell, ended, posegrid, undisturbed};
-use super::{damaged, driven, iso_9283, planned};
+use super::{conventions, damaged, driven, iso_9283, planned};
 
 /// Words that no run here writes: column, words, and where they are held instead, or what they wait for.
 const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
@@ -225,6 +225,7 @@ const RUNS: &[fn() -> Cell] = &[
     damaged_logs,
     plan,
     changes,
+    conventions::every_one,
 ];
 
 /// Runs the pipeline of a cell, which has a result, good or not.
@@ -357,11 +358,12 @@ fn few_stations() -> Cell {
     ran(cell, &[])
 }
 
-/// A grid in a box that the arm does not reach all of.
+/// A grid in a box that the arm does not reach all of; the tool is stated beside the measured target.
 fn beyond_reach() -> Cell {
     let steps = "steps_mm = [400]\nbox = { low_mm = [0, -1500, 0], high_mm = [3200, 1500, 2400] }";
     let cell = Cell::new()
         .with("steps_mm = [180, 240, 360]", steps)
+        .with("target_is_tool = true", "target_is_tool = false")
         .with_simulated("mon", &["--random-joints", "120"]);
     ran(cell, &[])
 }

@@ -68,6 +68,7 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             })
             .collect(),
         validity: Validity::default(),
+        frame_uncertainty: FrameUncertainty::default(),
     }
 }
 
@@ -132,6 +133,30 @@ fn the_identified_arm_attains_the_target_at_the_corrected_command() {
     assert!(commanded.rotation.angle_to(&nominal.rotation) < 1e-9);
     // 0.02 mm along each axis, whatever the frame.
     assert!((found.standard_deviation_norm() - 0.02 * 3.0_f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
+    let mut identified = cell();
+    let without = one(&identified, at_joints(JOINTS)).expect("inside");
+    identified.frame_uncertainty = FrameUncertainty {
+        origin_mm: 0.03,
+        rotation_rad: 1e-4,
+        lever_mm: 0.04,
+    };
+    let with = one(&identified, at_joints(JOINTS)).expect("inside");
+    assert_eq!(with.command, without.command);
+    // The axes of commands lie in (100, −50, 20) mm from the base's origin, and the form of the covariance is that of any turned axes.
+    let at = with.target.coords() - Vector3::new(100.0, -50.0, 20.0);
+    let across = Matrix3::identity() * at.norm_squared() - at * at.transpose();
+    let expected = Matrix3::identity() * 0.0025 + across * 1e-8;
+    let added = with.covariance - without.covariance;
+    assert!((added - expected).abs().max() < 1e-12, "{added}");
+    assert!((with.of_frame - expected).abs().max() < 1e-12);
+    assert!(
+        expected.trace() > 10.0 * without.covariance.trace(),
+        "not lost beside the model's"
+    );
 }
 
 #[test]

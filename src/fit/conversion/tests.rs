@@ -14,7 +14,7 @@ use crate::join::{
 use crate::kinematics::{Convention, LinkQuantity, RobotFile};
 use crate::units::Stamp;
 
-const FILES: [&str; 2] = [
+pub(crate) const FILES: [&str; 2] = [
     include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
     include_str!("../../../pipelines/robots/ur10.toml"),
 ];
@@ -39,19 +39,21 @@ fn irregular(place: usize) -> f64 {
 }
 
 /// The true arm: six errors at every joint, 0.2 mm and 0.2 mrad.
-struct Truth {
-    arm: Arm,
+pub(crate) struct Truth {
+    pub(crate) arm: Arm,
     offsets: Vec<f64>,
-    frames: Frames,
+    pub(crate) frames: Frames,
+    /// Moves the joints from where they are reported to where they are, and gives what is added to the seen position, mm.
+    pub(crate) beyond: fn(&mut [f64]) -> Vector3<f64>,
 }
 
 impl Truth {
-    fn new(text: &str, target_mm: [f64; 3]) -> Self {
+    pub(crate) fn new(text: &str, target_mm: [f64; 3]) -> Self {
         let urdf = file(text).restated(Convention::Urdf);
-        Self::of(urdf.expect("the same arm"), target_mm)
+        Self::of(&urdf.expect("the same arm"), target_mm)
     }
 
-    fn of(urdf: RobotFile, target_mm: [f64; 3]) -> Self {
+    fn of(urdf: &RobotFile, target_mm: [f64; 3]) -> Self {
         let arm = urdf.arm().expect("an arm");
         let parameters = arm.chain().parameters();
         let error =
@@ -67,6 +69,7 @@ impl Truth {
             arm,
             offsets,
             frames: frames.expect("one of each"),
+            beyond: |_| Vector3::zeros(),
         }
     }
 
@@ -82,17 +85,19 @@ impl Truth {
 
     fn station(&self, place: usize, poses: bool) -> Station {
         let joints = self.joints(place);
+        let mut actual = joints.clone();
+        let shift = (self.beyond)(&mut actual);
         let pair = self.frames.pair(SourceId::ONLY, TargetId::ONLY);
         let flange = self
             .arm
             .chain()
-            .forward(&self.arm.axes(&joints), &self.offsets);
+            .forward(&self.arm.axes(&actual), &self.offsets);
         let seen = pair.tracker_from_base.isometry() * flange * pair.flange_from_target.isometry();
         let noise = |first: usize| {
             Vector3::from_fn(|axis, _| irregular(17 * place + 3 * axis + first) / 0.58)
         };
         let point = MeanPoint {
-            position: (seen.translation.vector + noise(0) * NOISE_MM).into(),
+            position: (seen.translation.vector + noise(0) * NOISE_MM + shift).into(),
             scatter_mm: [0.0; 3],
             stated_covariance: None,
         };
@@ -121,7 +126,7 @@ impl Truth {
         }
     }
 
-    fn observed(&self, poses: bool) -> Vec<Observation> {
+    pub(crate) fn observed(&self, poses: bool) -> Vec<Observation> {
         let stations: Vec<Station> = (0..STATIONS)
             .map(|place| self.station(place, poses))
             .collect();
@@ -321,7 +326,7 @@ fn nearly_parallel_axes_are_well_conditioned_where_no_common_normal_is_needed() 
     ];
     for degrees in [0.1, 0.2, 0.4, 1.0, 5.0, 30.0] {
         let file = tilted(degrees);
-        let truth = Truth::of(file.clone(), [60.0, -35.0, 110.0]);
+        let truth = Truth::of(&file, [60.0, -35.0, 110.0]);
         let seen = truth.observed(false);
         let of = |convention| {
             file.restated(convention)

@@ -128,6 +128,9 @@ fn harmonics(
     settings: &FullSettings,
     joints: usize,
 ) -> Vec<usize> {
+    if settings.harmonics == 0 {
+        return vec![0; joints];
+    }
     let observations = problem.observations();
     let chains = problem.held(offsets);
     let views = observations

@@ -163,7 +163,8 @@ pub struct SavedPart {
 }
 
 /// Names of parts that can be left out.
-const PARTS: [&str; 6] = [
+const PARTS: [&str; 7] = [
+    "joint_curves",
     "gravity",
     "command_weight",
     "drift",

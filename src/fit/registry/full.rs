@@ -93,7 +93,7 @@ impl PoseModel for FullModel {
     }
 
     fn parts(&self) -> &'static [&'static str] {
-        &["geometry", "joint_curves"]
+        &["geometry"]
     }
 
     fn optional_parts(&self) -> &[PartEvidence] {

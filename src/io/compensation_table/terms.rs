@@ -3,6 +3,7 @@
 use super::{CommonError, TableFile, TableVerdict};
 use crate::compensation::Terms;
 use crate::grid::Interpolation;
+use crate::io::common::Corrects as _;
 
 impl TableFile<'_> {
     pub(super) fn terms(&self) -> Result<Terms, CommonError> {
@@ -23,6 +24,7 @@ impl TableFile<'_> {
             interpolation: first.interpolation,
             idw_power: self.idw_power(first.interpolation)?,
             validity: said.validity()?,
+            frame: first.stated_frame().uncertainty(),
         })
     }
 

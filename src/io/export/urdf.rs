@@ -13,11 +13,10 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
-use super::{ExportError, ExportErrorKind};
+use super::{ExportError, ExportErrorKind, controller_base, held_out};
 use crate::compensation::IdentifiedArm;
-use crate::fit::IdentifiedGeometry;
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::rpy;
 use crate::io::calibrations_table::{self, PublishedArm};
@@ -35,7 +34,8 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
-    Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces).as_bytes())?)
+    let dropped = held_out::dropped(path);
+    Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces, &dropped).as_bytes())?)
 }
 
 /// The chain between its joint variables.
@@ -52,18 +52,10 @@ impl Pieces {
         if axes_from_joints(&arm.arm) != nalgebra::DMatrix::identity(count, count) {
             return Err("has coupled joints");
         }
-        let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
-            return Err("has more than a geometry");
-        };
-        let frames = own.frames[arm.model.session].one();
-        let frames = frames.map_err(|_| "was seen by several instruments or at several targets")?;
-        let base_from_root =
-            arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
-        let target = frames.flange_from_target.isometry().translation.vector
-            - arm.frames.flange_from_target.isometry().translation.vector;
-        let cut = Self::cut(base_from_root, &own.chain)?;
+        let (base_from_root, chain, flange) = controller_base::carried(arm)?;
+        let cut = Self::cut(base_from_root, chain)?;
         Ok(Self {
-            flange: cut.flange * Translation3::from(target),
+            flange: cut.flange * flange,
             ..cut
         })
     }
@@ -98,11 +90,16 @@ impl Pieces {
     }
 }
 
-fn text(key: &RunKey, arm: &IdentifiedArm, error_frame: &StatedFrame, pieces: &Pieces) -> String {
+fn text(
+    key: &RunKey,
+    arm: &IdentifiedArm,
+    error_frame: &StatedFrame,
+    pieces: &Pieces,
+    dropped: &str,
+) -> String {
     let mut urdf = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     let remark = format!(
-        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. Not in it: joint curves, gear lines, \
-         gravity, drift; see table calibrations of that run. base_link is the controller's base, flange its flange, tool its \
+        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. {dropped} base_link is the controller's base, flange its flange, tool its \
          own tool point. Effort and velocity are not known and 0.",
         error_frame.words(),
         arm.arm.model(),

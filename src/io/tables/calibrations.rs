@@ -159,10 +159,12 @@ row! {
             error_frame_target_y_mm,
             error_frame_target_z_mm,
         ]: [f64; 3],
-        /// Standard deviation of that base's origin, mm; `None` where it is not stated.
+        /// Standard deviation of each coordinate of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of that base's rotation, degrees; `None` where it is not stated.
+        /// Standard deviation of that base's rotation about each axis, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
+        /// Standard deviation of each coordinate of the tool beside the measured target, mm; `None` where nothing was counted.
+        error_frame_lever_sd_mm: Option<f64>,
         /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
         /// Lowest reported angle of each joint, rad.
@@ -362,6 +364,7 @@ impl<'a> Identified<'a> {
                 .into(),
             error_frame_sd_mm: outcome.frame.sd_mm,
             error_frame_sd_deg: outcome.frame.sd_deg,
+            error_frame_lever_sd_mm: outcome.frame.lever_sd_mm,
             largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,

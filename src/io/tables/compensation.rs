@@ -121,10 +121,12 @@ row! {
             error_frame_base_qz,
             error_frame_base_qw,
         ]: [f64; 4],
-        /// Standard deviation of that base's origin, mm; `None` where it is not stated.
+        /// Standard deviation of each coordinate of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of that base's rotation, degrees; `None` where it is not stated.
+        /// Standard deviation of that base's rotation about each axis, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
+        /// Standard deviation of each coordinate of the tool beside the measured target, mm; `None` where nothing was counted.
+        error_frame_lever_sd_mm: Option<f64>,
         /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,
         /// The payload, kg, as the pipeline file states it.
@@ -230,6 +232,7 @@ fn shared(
         error_frame_base_turn: error_frame_base.1,
         error_frame_sd_mm: outcome.frame.sd_mm,
         error_frame_sd_deg: outcome.frame.sd_deg,
+        error_frame_lever_sd_mm: outcome.frame.lever_sd_mm,
         tool: text(&stated.tool),
         payload_kg: stated.payload_kg,
         mounting: text(&stated.mounting),

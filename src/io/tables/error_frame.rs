@@ -29,11 +29,11 @@ impl From<&StatedFrame> for ErrorFrameName {
 }
 
 /// The frame that the columns of a row state: the base's name, its origin in the tracker's frame (mm) and orientation (x y z w), and
-/// the standard deviations of both (mm, degrees).
+/// the standard deviations of both (mm, degrees) and of the lever to the tool (mm).
 pub(in crate::io) fn stated(
     name: ErrorFrameName,
     (origin, [x, y, z, w]): ([f64; 3], [f64; 4]),
-    [sd_mm, sd_deg]: [Option<f64>; 2],
+    [sd_mm, sd_deg, lever_sd_mm]: [Option<f64>; 3],
 ) -> StatedFrame {
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
     StatedFrame {
@@ -41,5 +41,6 @@ pub(in crate::io) fn stated(
         tracker_from_base: Isometry3::from_parts(Translation3::from(origin), rotation),
         sd_mm,
         sd_deg,
+        lever_sd_mm,
     }
 }

@@ -126,6 +126,12 @@ impl Outcome<'_> {
         started.flatten().collect()
     }
 
+    /// Whether the logs of some session disagree with the stated set-up.
+    pub fn doubts_set_up(&self) -> bool {
+        let mut sessions = self.training.iter().chain(&self.test);
+        sessions.any(|session| session.set_up.is_some())
+    }
+
     /// Errors of the last training session before correction, in the base that the results hold in: of the raw command where
     /// there are any, else of base + target on held-out blocks; `None` where neither could be found.
     pub fn before(&self) -> Option<&Accuracy> {

@@ -44,6 +44,8 @@ row! {
         correction_sd as [correction_sd_x_mm, correction_sd_y_mm, correction_sd_z_mm]: Option<[f64; 3]>,
         /// Root of the trace of its covariance, mm.
         correction_sd_mm: Option<f64>,
+        /// Root of the trace of the surveyed frame's share in that covariance, mm.
+        correction_frame_sd_mm: Option<f64>,
         /// Covariance of the correction, mm²: xx xy xz yy yz zz.
         correction_cov_mm2 as [
             correction_cov_xx_mm2,
@@ -233,6 +235,7 @@ fn of_target(target: &Target) -> CorrectedRow {
         correction: None,
         correction_sd: None,
         correction_sd_mm: None,
+        correction_frame_sd_mm: None,
         correction_cov_mm2: None,
         iterations: None,
         allowed: Vec::new(),
@@ -254,6 +257,7 @@ fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
         correction: Some(done.correction.into()),
         correction_sd: Some(done.standard_deviation().into()),
         correction_sd_mm: Some(done.standard_deviation_norm()),
+        correction_frame_sd_mm: Some(done.frame_deviation_norm()),
         correction_cov_mm2: Some(upper(&done.covariance)),
         iterations: Some(done.iterations),
         allowed: done

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Point3};
+use nalgebra::Point3;
 use serde::Deserialize;
 
 use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
@@ -35,11 +35,11 @@ struct DrivingRow {
     target_y_mm: Option<f64>,
     target_z_mm: Option<f64>,
     correction_cov_xx_mm2: Option<f64>,
-    correction_cov_xy_mm2: Option<f64>,
-    correction_cov_xz_mm2: Option<f64>,
     correction_cov_yy_mm2: Option<f64>,
-    correction_cov_yz_mm2: Option<f64>,
     correction_cov_zz_mm2: Option<f64>,
+    /// Files of earlier versions do not have it.
+    #[serde(default)]
+    correction_frame_sd_mm: Option<f64>,
 }
 
 /// Reads a file of corrected targets.
@@ -137,11 +137,9 @@ impl DrivingRow {
             target_y_mm,
             target_z_mm,
             correction_cov_xx_mm2: part(0),
-            correction_cov_xy_mm2: part(1),
-            correction_cov_xz_mm2: part(2),
             correction_cov_yy_mm2: part(3),
-            correction_cov_yz_mm2: part(4),
             correction_cov_zz_mm2: part(5),
+            correction_frame_sd_mm: row.correction_frame_sd_mm,
         }
     }
 
@@ -162,39 +160,33 @@ impl DrivingRow {
     fn numbers(&self) -> impl Iterator<Item = f64> {
         let command = [self.x_mm, self.y_mm, self.z_mm];
         let target = [self.target_x_mm, self.target_y_mm, self.target_z_mm];
-        let covariance = [
+        let uncertainty = [
             self.correction_cov_xx_mm2,
-            self.correction_cov_xy_mm2,
-            self.correction_cov_xz_mm2,
             self.correction_cov_yy_mm2,
-            self.correction_cov_yz_mm2,
             self.correction_cov_zz_mm2,
+            self.correction_frame_sd_mm,
         ];
         command
             .into_iter()
             .chain(target)
-            .chain(covariance)
+            .chain(uncertainty)
             .flatten()
     }
 
     /// The target with its command; `None` where it was refused.
     fn corrected(&self) -> Option<CorrectedTarget> {
         let point = |[x, y, z]: [Option<f64>; 3]| Some(Point3::new(x?, y?, z?));
-        let [xx, xy, xz] = [
+        let [xx, yy, zz] = [
             self.correction_cov_xx_mm2?,
-            self.correction_cov_xy_mm2?,
-            self.correction_cov_xz_mm2?,
-        ];
-        let [yy, yz, zz] = [
             self.correction_cov_yy_mm2?,
-            self.correction_cov_yz_mm2?,
             self.correction_cov_zz_mm2?,
         ];
+        let of_frame_mm = self.correction_frame_sd_mm.unwrap_or_default();
         Some(CorrectedTarget {
             name: self.target.clone(),
             target: point([self.target_x_mm, self.target_y_mm, self.target_z_mm])?,
             command: point([self.x_mm, self.y_mm, self.z_mm])?,
-            covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            variance_mm2: (xx + yy + zz - of_frame_mm.powi(2)).max(0.0),
         })
     }
 }
@@ -204,6 +196,8 @@ mod tests {
     use super::*;
     use crate::io::tables::words::CorrectingTable;
     use std::fs;
+
+    use nalgebra::Matrix3;
 
     use super::super::{CorrectedBy, corrected, write_csv, write_json};
     use crate::compensation::{Corrected, Reason, Refused, Target};
@@ -236,10 +230,8 @@ mod tests {
             file.targets[0].command - file.targets[0].target,
             nalgebra::Vector3::new(0.5, 0.0, 0.0)
         );
-        assert_eq!(
-            file.targets[0].covariance.diagonal(),
-            nalgebra::Vector3::new(4.0, 5.0, 6.0)
-        );
+        // 4 + 5 + 6; a file of an earlier version does not state the frame's share.
+        assert!((file.targets[0].variance_mm2 - 15.0).abs() < 1e-12);
     }
 
     #[test]
@@ -266,6 +258,7 @@ mod tests {
             joints: None,
             correction,
             covariance: Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 5e-4, -2e-5, 0.0, -2e-5, 6e-4),
+            of_frame: Matrix3::identity() * 3e-4,
             iterations: 2,
             allowed: Vec::new(),
         };
@@ -307,7 +300,10 @@ mod tests {
         assert_eq!((json.key, json.table), (parquet.key, parquet.table));
         let apart = json.targets[0].command - parquet.targets[0].command;
         assert!(apart.norm() < 2e-6, "{apart}");
-        assert_eq!(json.targets[0].covariance, parquet.targets[0].covariance);
+        // 15e-4, of which the surveyed frame has 9e-4.
+        for target in [&json.targets[0], &parquet.targets[0]] {
+            assert!((target.variance_mm2 - 6e-4).abs() < 1e-7, "{target:?}");
+        }
     }
 
     #[test]

@@ -79,6 +79,22 @@ fn nearly_parallel_axes_have_no_place_in_a_table() {
 }
 
 #[test]
+fn an_arm_alone_is_stated_again() {
+    // A saved model has no robot file any more.
+    for text in [SKEW, FILES[1]] {
+        let arm = read(text).arm().expect("an arm");
+        for convention in Convention::ALL {
+            let file = RobotFile::of_arm(&arm, convention).expect("the same arm");
+            let (mm, rad) = apart(&arm, &file.arm().expect("an arm"), 200);
+            assert!(
+                mm < 1e-8 && rad < 1e-12,
+                "{convention:?}: {mm:e} mm, {rad:e} rad"
+            );
+        }
+    }
+}
+
+#[test]
 fn an_arm_is_the_same_in_every_convention() {
     for text in FILES {
         let file = read(text);

@@ -272,7 +272,8 @@ mod tests {
         assert_eq!(
             told(KeyReference::robot(), text),
             [
-                "the top of the file needs source, convention",
+                "the top of the file needs source, convention (\"standard-dh\", \"md-h\", \"modified-dh\", \"s-model\", \"cpc\", \
+                 \"poe\", \"minimal-poe\" or \"urdf\")",
                 "[[joint]] 2 (line 11) needs a_mm, alpha_deg, sign and has alpha, which nothing reads",
             ]
         );

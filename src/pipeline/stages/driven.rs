@@ -35,7 +35,6 @@ fn stations(
     settings: &StageSettings,
 ) -> Vec<DrivenStation> {
     let base_from_command = &settings.base_from_command;
-    let command = base_from_command.rotation.to_rotation_matrix();
     let turns = commanded_turns(session, error_frame);
     let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let target = &by.file.targets[by.matched.of_command[place]?];
@@ -48,7 +47,7 @@ fn stations(
             command: pose.as_ref()?.position,
             attained: error_frame.attained_tool(&station.joints, reading)?,
             stated: base_from_command.rotation * stated,
-            covariance: command * target.covariance * command.inverse(),
+            variance_mm2: target.variance_mm2,
             turn: turns[place],
         })
     };

@@ -86,6 +86,6 @@ fn guard_mm(
     let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
     let from_base = |station: &GridStation| station.position.coords.norm();
     let reach_mm = stations.iter().map(from_base).fold(0.0, f64::max);
-    let by_survey_mm = stated::expanded_uncertainty_mm(settings, reach_mm);
+    let by_survey_mm = stated::uncertainty(settings).expanded_uncertainty_mm(reach_mm);
     (2.0 * by_tracker_mm.hypot(by_scale_mm)).hypot(by_survey_mm)
 }

@@ -11,7 +11,7 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::StageSettings;
-use crate::fit::{Calibration, ErrorFrame, FramePair, SurveyedBase};
+use crate::fit::{Calibration, ErrorFrame, FramePair, FrameUncertainty};
 use crate::geometry::Transform;
 use crate::kinematics::Arm;
 use crate::report::frame::StatedFrame;
@@ -70,17 +70,24 @@ pub(super) fn frame(
         tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
         sd_mm,
         sd_deg: sd_rad.map(f64::to_degrees),
+        lever_sd_mm: lever_sd_mm(settings),
     }
 }
 
-/// Expanded uncertainty (k = 2) that the survey of the base, and of the lever from target to tool, leave at a point at this
-/// distance from the base's origin, mm; 0 where the base is fitted.
-pub(super) fn expanded_uncertainty_mm(settings: &StageSettings, distance_mm: f64) -> f64 {
-    let survey = |base: &SurveyedBase| base.expanded_uncertainty_mm(distance_mm);
-    let Some(of_base) = settings.surveyed().map(survey) else {
-        return 0.0;
-    };
+/// The uncertainty that the survey of the base, and the lever from measured target to tool, leave at every point; zero where the base
+/// is fitted.
+pub(super) fn uncertainty(settings: &StageSettings) -> FrameUncertainty {
+    let base = settings.surveyed();
+    base.map_or_else(FrameUncertainty::default, |base| {
+        base.uncertainty(lever_sd_mm(settings))
+    })
+}
+
+/// Standard deviation of each coordinate of the stated lever from measured target to tool, mm; `None` where they are one point, where it
+/// is not stated, and where the base is fitted.
+fn lever_sd_mm(settings: &StageSettings) -> Option<f64> {
+    settings.surveyed()?;
     let is_tool = settings.target_is_tool == Some(true);
-    let known = settings.fit.target.filter(|_| !is_tool);
-    of_base.hypot(2.0 * known.map_or(0.0, |known| known.sd_mm))
+    let known = settings.fit.target.filter(|_| !is_tool)?;
+    Some(known.sd_mm)
 }

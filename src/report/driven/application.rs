@@ -93,7 +93,7 @@ impl Ways {
         Self {
             made: settled(&positions, made),
             errors: settled(&positions, &errors),
-            stated: stations.iter().map(|s| s.covariance.trace()).sum(),
+            stated: stations.iter().map(|s| s.variance_mm2).sum(),
             positions,
         }
     }
@@ -293,7 +293,7 @@ mod tests {
                 command,
                 attained: command + error(&command, 0.0) + moved,
                 stated: -error(&target, phase),
-                covariance: Matrix3::identity() * 1e-4,
+                variance_mm2: 3e-4,
                 turn: None,
             }
         };
@@ -328,7 +328,7 @@ mod tests {
             station.command = station.target + Vector3::new(0.01, 0.0, 0.0) * (i % 3) as f64;
             station.stated = station.command - station.target;
             station.attained = station.target + noise;
-            station.covariance = Matrix3::identity() * 0.1;
+            station.variance_mm2 = 0.3;
         }
         assert!(application(&all).is_sound());
     }

@@ -28,6 +28,7 @@ fn summary() -> Summary {
         findings: vec!["tolerance 0.5 mm: bad\u{1b}name".to_owned()],
         next: Next {
             by: Applied::Table,
+            checks_set_up: false,
             sets_base: false,
             instead: Some(Instead {
                 words: "measure more".to_owned(),

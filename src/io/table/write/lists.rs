@@ -1,8 +1,10 @@
 //! Lists of one length of numbers of which hardly two are equal, such as the angles of an arm → the pages of a column.
 //!
 //! Such columns hold by far the most bytes of all tables. Their numbers are in the file as they are in memory, and the
-//! levels of the lists repeat; the crate's writer, which examines each number, takes three times as long. It is used for
-//! the cases that it handles better: lists of other kinds, and numbers that repeat.
+//! levels of the lists repeat; the crate's writer examines each number. By it, the whole path from a log to its Parquet tables
+//! costs 7.7 % more CPU seconds (± 1.6 %; joints that always move) or 7.1 % (± 1.3 %; from rest to rest): 35 interleaved rounds
+//! of that step of `cargo bench --bench ingest`, and files 0.2 % larger. It is used for the cases that it handles better: lists
+//! of other kinds, and numbers that repeat.
 //!
 //! A page consists, by the format's `DATA_PAGE`, of repetition levels, definition levels and values. Both kinds of levels
 //! are runs of the format's hybrid of repeats and packed bits, after their length in four bytes.

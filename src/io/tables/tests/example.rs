@@ -296,6 +296,7 @@ fn outcome() -> Outcome<'static> {
             tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
             sd_mm: Some(0.01),
             sd_deg: Some(0.001),
+            lever_sd_mm: None,
         },
         error_frame,
         grids,

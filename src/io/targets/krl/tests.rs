@@ -39,6 +39,7 @@ fn moved(target: &Target, by: [f64; 3]) -> Corrected {
         joints: None,
         correction: Vector3::from(by),
         covariance: Matrix3::identity(),
+        of_frame: Matrix3::zeros(),
         iterations: 2,
         allowed: Vec::new(),
     }

@@ -1,0 +1,130 @@
+//! Whether joint curves hold up on blocks of the work space that are left out.
+//!
+//! A curve of 180 coefficients a joint can always be laid through the stations; where an arm's errors are not functions of its
+//! joints, as with cables, it predicts worse than geometry and gravity do. The evidence of a model that is wrong in this way does
+//! not say so, so the model is trained a second time without curves and gear lines, and the two are held against each other on
+//! blocks: each block's residuals as predicted from all others, in closed form at the sizes found.
+//!
+//! With `N` the block's noise, `H` the covariance that the model explains there and `r` its residuals, those left out are
+//! `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one observation.
+
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+
+use super::parts::PartEvidence;
+use super::rows::{Row, rows, sums};
+use super::settings::FullSettings;
+use super::train::{Settled, train};
+use crate::fit::holdout::{Blocks, FOLDS};
+use crate::fit::problem::Problem;
+
+impl Settled {
+    /// This model, or the one without curves and gear lines where that predicts left-out blocks better on the mean; with the
+    /// evidence of the curves.
+    pub(super) fn without_curves_that_fail(
+        self,
+        problem: &Problem<'_>,
+        start: DVector<f64>,
+        settings: &FullSettings,
+        up: Option<Vector3<f64>>,
+    ) -> (Self, Option<PartEvidence>) {
+        let plain = FullSettings {
+            harmonics: 0,
+            gear_lines: false,
+            ..settings.clone()
+        };
+        let Some(plain) = train(problem, start, &plain, up) else {
+            return (self, None);
+        };
+        let folds = folds(problem, &self.state.offsets);
+        let of = |model: &Self| model.mean_left_out(problem, &folds, up);
+        let (Some(with), Some(without)) = (of(&self), of(&plain)) else {
+            return (self, None);
+        };
+        let kept = with <= without;
+        let rows = 3 * problem.observations().len();
+        let evidence = PartEvidence {
+            name: "joint_curves",
+            // The log likelihood of left-out residuals, each model with residuals of its own size.
+            gain: rows as f64 * (without / with).ln(),
+            kept,
+        };
+        (if kept { self } else { plain }, Some(evidence))
+    }
+
+    /// Mean distance of measured and predicted positions over all observations, each predicted without its block, mm; `None` where
+    /// a block cannot be left out.
+    fn mean_left_out(
+        &self,
+        problem: &Problem<'_>,
+        folds: &[usize],
+        up: Option<Vector3<f64>>,
+    ) -> Option<f64> {
+        let rows = rows(problem, &self.state, up);
+        let (_, covariances) = sums(problem, &self.state, &rows, &self.prior_mean);
+        let mean = self.posterior.mean() + &self.prior_mean;
+        let mut total = 0.0;
+        for fold in 0..FOLDS {
+            let own: Vec<usize> = (0..rows.len())
+                .filter(|&place| folds[place] == fold)
+                .collect();
+            if !own.is_empty() {
+                total += self.left_out(&rows, &covariances, &mean, &own)?;
+            }
+        }
+        Some(total / rows.len().max(1) as f64)
+    }
+
+    /// Sum of the distances of one block's observations, each predicted without the block, mm.
+    fn left_out(
+        &self,
+        rows: &[Row],
+        covariances: &[DMatrix<f64>],
+        mean: &DVector<f64>,
+        own: &[usize],
+    ) -> Option<f64> {
+        let count = own.iter().map(|&place| rows[place].value.len()).sum();
+        let columns = rows[own[0]].rows.ncols();
+        let mut stacked = DMatrix::zeros(count, columns);
+        let mut left = DVector::zeros(count);
+        let mut noise = DMatrix::zeros(count, count);
+        let mut firsts = Vec::with_capacity(own.len());
+        let mut first = 0;
+        for &place in own {
+            let (row, size) = (&rows[place], rows[place].value.len());
+            stacked.rows_mut(first, size).copy_from(&row.rows);
+            left.rows_mut(first, size)
+                .copy_from(&(&row.value - &row.rows * mean));
+            noise
+                .view_mut((first, first), (size, size))
+                .copy_from(&covariances[place]);
+            firsts.push(first);
+            first += size;
+        }
+        let half = self.posterior.half(&stacked);
+        let open = &noise - half.tr_mul(&half);
+        let residual = noise * open.cholesky()?.solve(&left);
+        Some(
+            firsts
+                .iter()
+                .map(|&first| residual.rows(first, 3).norm())
+                .sum(),
+        )
+    }
+}
+
+/// The block of each observation, by its measured position in the base frame; all in one where a position was not measured.
+fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
+    let frames = problem.frames(offsets);
+    let position = |observation: &crate::fit::observation::Observation| {
+        let base = frames[observation.session].tracker_from_base(observation.source);
+        let measured = observation
+            .point()
+            .map_or_else(Point3::origin, |point| point.position);
+        base.isometry().inverse_transform_point(&measured)
+    };
+    let positions: Vec<Point3<f64>> = problem.observations().iter().map(position).collect();
+    Blocks::default().folds(&positions)
+}
+
+#[cfg(test)]
+mod tests;

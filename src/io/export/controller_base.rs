@@ -1,0 +1,107 @@
+//! The identified geometry as a controller has to have it: from its own base to its own flange.
+//!
+//! A fit moves base and flange by millimetres along directions that are not identifiable. Errors are stated in the error reference
+//! frame of base and target ([`crate::method::compensation`]), so the chain is carried there: this arm's tool point is where the
+//! geometry's compensation puts it.
+
+use std::path::Path;
+
+use nalgebra::{DVector, Isometry3, Translation3};
+
+use super::{ExportError, ExportErrorKind};
+use crate::compensation::IdentifiedArm;
+use crate::fit::IdentifiedGeometry;
+use crate::fit::conversion::Errors;
+use crate::io::calibrations_table::{self, PublishedArm};
+use crate::kinematics::{Axis, Chain, Element, Motion, Parameter};
+
+/// An identified geometry in the error reference frame.
+pub struct InControllerBase {
+    /// The run's arm.
+    pub published: PublishedArm,
+    /// The identified chain from the controller's base to its flange, mm.
+    pub chain: Chain,
+    /// The offsets of its parameters from the nominal arm, base and target in the error reference frame.
+    pub errors: Errors,
+}
+
+impl InControllerBase {
+    /// Reads a file of table `calibrations`.
+    pub fn read(path: &Path) -> Result<Self, ExportError> {
+        let (published, errors) = calibrations_table::read_geometry_errors(path)?;
+        let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
+        let (base, chain, flange) = carried(&published.arm).map_err(refused)?;
+        let errors = with_frames(errors, &base, &flange);
+        let chain = chain.extended(vec![Element::Fixed(base)], vec![Element::Fixed(flange)]);
+        Ok(Self {
+            published,
+            chain,
+            errors,
+        })
+    }
+}
+
+/// The base of the identified chain in the controller's base, the chain, and the controller's flange at its end.
+pub(super) fn carried(
+    arm: &IdentifiedArm,
+) -> Result<(Isometry3<f64>, &Chain, Isometry3<f64>), &'static str> {
+    let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
+        return Err("has more than a geometry");
+    };
+    let frames = own.frames[arm.model.session].one();
+    let frames = frames.map_err(|_| "was seen by several instruments or at several targets")?;
+    let base_from_root =
+        arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
+    let target = frames.flange_from_target.isometry().translation.vector
+        - arm.frames.flange_from_target.isometry().translation.vector;
+    Ok((
+        base_from_root,
+        &own.chain,
+        Translation3::from(target).into(),
+    ))
+}
+
+/// The errors with base and target as the error reference frame has them: the fit's own are counted from its own frames.
+fn with_frames(mut errors: Errors, base: &Isometry3<f64>, flange: &Isometry3<f64>) -> Errors {
+    let turns = moving_xyz(base);
+    for axis in Axis::ALL {
+        let place = axis as usize;
+        errors.set(
+            Parameter::Base(Motion::Translation(axis)),
+            base.translation.vector[place],
+        );
+        errors.set(Parameter::Base(Motion::Rotation(axis)), turns[place]);
+        errors.set(
+            Parameter::Target(Motion::Translation(axis)),
+            flange.translation.vector[place],
+        );
+    }
+    errors
+}
+
+/// Angles of `Rot(x,a) Rot(y,b) Rot(z,c)`, small ones.
+fn moving_xyz(isometry: &Isometry3<f64>) -> [f64; 3] {
+    let r = isometry.rotation.to_rotation_matrix();
+    [
+        (-r[(1, 2)]).atan2(r[(2, 2)]),
+        r[(0, 2)].clamp(-1.0, 1.0).asin(),
+        (-r[(0, 1)]).atan2(r[(0, 0)]),
+    ]
+}
+
+impl Errors {
+    /// Sets the offset of a parameter, adding the parameter, exactly known, where it is not among them.
+    fn set(&mut self, parameter: Parameter, offset: f64) {
+        if let Some(place) = self.parameters.iter().position(|own| *own == parameter) {
+            self.offsets[place] = offset;
+            return;
+        }
+        let size = self.parameters.len();
+        self.parameters.push(parameter);
+        self.offsets = DVector::from_iterator(
+            size + 1,
+            self.offsets.iter().copied().chain(std::iter::once(offset)),
+        );
+        self.covariance = std::mem::take(&mut self.covariance).resize(size + 1, size + 1, 0.0);
+    }
+}

@@ -1,0 +1,63 @@
+//! What a geometry alone leaves on held-out stations, and what the whole model leaves: the cost of the parts that an export drops.
+
+use std::path::Path;
+
+use crate::io::lake::read_given;
+use crate::io::schema;
+use crate::io::table::Row as _;
+use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
+use crate::io::tables::words::Role;
+use crate::report::{Angles, Model, Split};
+
+/// Mean errors on held-out blocks, mm.
+struct HeldOut {
+    geometric: f64,
+    full: f64,
+    n: usize,
+}
+
+/// A sentence on what is dropped and what that costs. The figures are in table `accuracy` of the same run, beside the file of
+/// table `calibrations` in its lake.
+pub fn dropped(calibrations: &Path) -> String {
+    let parts = "Not in it: joint curves, gear lines, gravity, drift and the difference of command and reported angle.";
+    match figures(calibrations) {
+        Some(HeldOut { geometric, full, n }) => format!(
+            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the whole model {full:.3} mm."
+        ),
+        None => format!(
+            "{parts} What that costs is in table accuracy of the run, which is not beside this file."
+        ),
+    }
+}
+
+fn figures(calibrations: &Path) -> Option<HeldOut> {
+    let table = read_given(&beside(calibrations)?, schema::find("accuracy").ok()?).ok()?;
+    let rows = AccuracyRow::read(&table);
+    let mean = |model: Model| {
+        let is_wanted = |row: &&AccuracyRow| {
+            (row.split, row.role, row.model, row.angles)
+                == (Split::Blocks, Role::HeldOut, model, Angles::Reported)
+                && (row.moment, row.quantity, row.name)
+                    == (
+                        BeforeAfter::After,
+                        FigureKind::PositionError,
+                        FigureName::Mean,
+                    )
+        };
+        let row = rows.iter().find(is_wanted)?;
+        Some((row.value?, row.n))
+    };
+    let ((geometric, n), (full, _)) = (mean(Model::Geometric)?, mean(Model::Full)?);
+    Some(HeldOut { geometric, full, n })
+}
+
+/// The file of table `accuracy` of the same run: a lake has TABLE/robot/session/run.
+fn beside(calibrations: &Path) -> Option<std::path::PathBuf> {
+    let session = calibrations.parent()?;
+    let robot = session.parent()?;
+    let lake = robot.parent()?.parent()?;
+    let same = Path::new(robot.file_name()?)
+        .join(session.file_name()?)
+        .join(calibrations.file_name()?);
+    Some(lake.join("accuracy").join(same))
+}

@@ -1,0 +1,129 @@
+//! The identified parameters as CSV, in any convention, with their standard errors.
+//!
+//! Inputs: the geometry of table `calibrations`. Output: a row for each parameter of the links, the base and the target, mm and
+//! degrees, after `#` lines with what the numbers are. The errors are carried from the robot file's convention into the wanted one
+//! with their covariance ([`crate::fit::conversion`]).
+
+use std::io::Write;
+use std::path::Path;
+
+use super::controller_base::InControllerBase;
+use super::{ExportError, ExportErrorKind, held_out};
+use crate::fit::conversion::{Carried, carried};
+use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
+
+/// Writes the parameters of a file of table `calibrations` in a convention; in the robot file's own without one.
+pub fn write(
+    path: &Path,
+    convention: Option<Convention>,
+    mut sink: impl Write,
+) -> Result<(), ExportError> {
+    let own = InControllerBase::read(path)?;
+    let from = &own.published.arm.arm;
+    let convention = convention.unwrap_or_else(|| from.convention());
+    let to = in_convention(from, convention).map_err(|kind| kind.at(path))?;
+    let target = own.published.arm.frames.flange_from_target.isometry();
+    let found = carried(from, &own.errors, &to, target);
+    for line in remarks(path, &own, convention, &found) {
+        writeln!(sink, "# {line}")?;
+    }
+    let mut csv = csv::Writer::from_writer(sink);
+    csv.write_record([
+        "parameter",
+        "belongs_to",
+        "joint",
+        "joint_name",
+        "quantity",
+        "unit",
+        "nominal",
+        "offset",
+        "identified",
+        "standard_error",
+    ])?;
+    for (place, parameter) in found.errors.parameters.iter().enumerate() {
+        let (offset, sd) = (
+            found.errors.offsets[place],
+            found.errors.covariance[(place, place)].max(0.0).sqrt(),
+        );
+        csv.write_record(row(&to, *parameter, offset, sd))?;
+    }
+    Ok(csv.flush()?)
+}
+
+/// The nominal arm in a convention; as its robot file states it where that is the convention.
+fn in_convention(arm: &Arm, convention: Convention) -> Result<Arm, ExportErrorKind> {
+    if convention == arm.convention() {
+        return Ok(arm.clone());
+    }
+    let other = RobotFile::of_arm(arm, convention).map_err(ExportErrorKind::Convention)?;
+    let other = other
+        .arm()
+        .map_err(|source| ExportErrorKind::Convention(source.into()))?;
+    Ok(other)
+}
+
+/// What the numbers are, line by line.
+fn remarks(
+    path: &Path,
+    own: &InControllerBase,
+    convention: Convention,
+    found: &Carried,
+) -> [String; 5] {
+    let key = &own.published.key;
+    [
+        format!(
+            "identified parameters of arm {:?}, robot {:?}, session {:?}, by posegrid run {}",
+            own.published.arm.arm.model(),
+            key.robot,
+            key.session,
+            key.run
+        ),
+        format!("convention: {} ({})", convention.word(), convention.name()),
+        format!(
+            "lengths in mm, angles in degrees; offset = identified - nominal; what base and target still have is in their rows; \
+             the conversion leaves {:.1e} mm and {:.1e} rad",
+            found.left_mm, found.left_rad
+        ),
+        own.published.error_frame.words(),
+        held_out::dropped(path),
+    ]
+}
+
+/// A parameter in the units of a robot file.
+fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
+    let (unit, scale) = if parameter.is_angle() {
+        ("deg", 1.0_f64.to_degrees())
+    } else {
+        ("mm", 1.0)
+    };
+    let (belongs_to, joint, quantity) = match parameter {
+        Parameter::Base(motion) => ("base", None, motion.name()),
+        Parameter::Link { joint, quantity } => ("link", Some(joint), quantity.name()),
+        Parameter::Target(motion) => ("target", None, motion.name()),
+    };
+    let nominal = nominal(arm, parameter);
+    let name = joint.and_then(|joint| arm.joints().get(joint - 1));
+    let number = |value: f64| format!("{:.10}", value * scale + 0.0);
+    [
+        parameter.to_string(),
+        belongs_to.to_owned(),
+        joint.map_or_else(String::new, |joint| joint.to_string()),
+        name.map_or_else(String::new, |joint| joint.name.clone()),
+        quantity.to_owned(),
+        unit.to_owned(),
+        number(nominal),
+        number(offset),
+        number(nominal + offset),
+        number(sd),
+    ]
+}
+
+fn nominal(arm: &Arm, wanted: Parameter) -> f64 {
+    let of = |element: &Element| match element {
+        Element::Free {
+            nominal, parameter, ..
+        } if *parameter == wanted => Some(*nominal),
+        _ => None,
+    };
+    arm.chain().elements().iter().find_map(of).unwrap_or(0.0)
+}
