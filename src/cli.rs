@@ -16,6 +16,7 @@ pub mod inspect;
 pub mod messages;
 pub mod plan;
 pub mod progress;
+pub mod robot;
 pub mod run;
 pub mod schema;
 pub mod simulate;
@@ -84,6 +85,7 @@ enum Command {
     History(history::HistoryArgs),
     Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
+    Robot(robot::RobotArgs),
     Schema(schema::SchemaArgs),
 }
 
@@ -107,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::History(args) => history::run(&args, bars),
         Command::Export(args) => export::main(&args, bars),
         Command::Verify(args) => verify::run(&args, bars),
+        Command::Robot(args) => shown(robot::show(&args), bars),
         Command::Schema(args) => shown(schema::show(&args), bars),
     })
 }

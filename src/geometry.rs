@@ -161,6 +161,19 @@ pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     )
 }
 
+/// Roll, pitch and yaw (rad) of `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`, which restore the rotation to the last digits.
+///
+/// Any yaw that makes the first element of the second row zero leaves `Rot(y, pitch) Rot(x, roll)`, so they do so too where the yaw
+/// itself is not determined: at a pitch of ±90°, but for rounding.
+pub fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+    let matrix = *rotation.to_rotation_matrix().matrix();
+    let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
+    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
+    let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
+    let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
+    [roll, pitch, yaw]
+}
+
 /// The rigid transform that maps `from` onto `to` with the least weighted sum of squared distances.
 ///
 /// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant corrected as in Umeyama 1991).
@@ -209,6 +222,24 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn roll_pitch_yaw_give_the_rotation_back_wherever_the_pitch_is() {
+        for step in 0..2000_u32 {
+            let part = |k: f64| (f64::from(step) * k).fract() * 6.3 - 3.15;
+            // Every other pitch lies within 1e-9 of ±90°.
+            let pitch = match step % 4 {
+                0 => std::f64::consts::FRAC_PI_2 - f64::from(step) * 5e-13,
+                1 => -std::f64::consts::FRAC_PI_2 + f64::from(step) * 5e-13,
+                _ => part(0.618_034),
+            };
+            let own = UnitQuaternion::from_euler_angles(part(0.414_214), pitch, part(0.732_051));
+            let [roll, pitch, yaw] = rpy(&own);
+            let again = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            let apart = own.to_rotation_matrix().matrix() - again.to_rotation_matrix().matrix();
+            assert!(apart.abs().max() < 1e-15 * 8.0, "step {step}: {apart}");
+        }
+    }
 
     #[test]
     fn align_finds_a_known_transform() {

@@ -11,6 +11,7 @@ pub mod log;
 pub mod log_writer;
 pub mod memory;
 pub mod message;
+pub mod robot;
 pub mod schema;
 pub mod store;
 pub mod table;

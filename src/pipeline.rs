@@ -11,6 +11,7 @@ pub mod keys;
 pub mod planning;
 mod promise;
 pub mod publish;
+pub mod robot_file;
 pub mod run;
 pub mod stages;
 pub mod summary;

@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::messages::Printable;
 use super::run::{near, work};
+use crate::geometry::rpy;
 use crate::kinematics::{Arm, Convention, Joint};
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
 use crate::units::to_step;
@@ -186,8 +187,7 @@ fn checkable(arm: &Arm) -> String {
 /// The nominal flange at reported angles, and the joints whose limits they exceed.
 fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     let flange = *arm.flange(reported).isometry();
-    let (roll, pitch, yaw) = flange.rotation.euler_angles();
-    let degrees = [roll, pitch, yaw].map(|angle| to_step(angle.to_degrees(), 1e-3));
+    let degrees = rpy(&flange.rotation).map(|angle| to_step(angle.to_degrees(), 1e-3));
     let mm = flange.translation.vector.map(|x| to_step(x, 1e-3));
     let any_slides = arm.joints().iter().any(|joint| joint.slides);
     let position = |(joint, &q): (&Joint, &f64)| {

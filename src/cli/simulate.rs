@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use thiserror::Error;
 
-use crate::io::input::{self, Bound, toml_problem};
+use super::robot::ArmFlags;
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
+use crate::io::robot::{self, Selection};
 use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
-use crate::kinematics::{Arm, ArmError, RobotFile};
-use crate::pipeline::keys::KeyReference;
-use crate::pipeline::keys::missing::{self, Incomplete};
+use crate::kinematics::Arm;
+use crate::pipeline::robot_file::{self, NoRobotFile};
 use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
 
 mod flags;
@@ -36,8 +36,10 @@ Example: the same arm in another session, driven by commands that a table correc
   posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out tuesday --arm 1 --seed 2 \\
     --home 0,-75,100,25,55,-15 --poses corrected.csv")]
 pub struct SimulateArgs {
-    /// Nominal arm: a robot file.
+    /// Nominal arm: a robot file, or a URDF
     pub robot: PathBuf,
+    #[command(flatten)]
+    arm_in_file: ArmFlags,
     /// Folder for the logs and the truth; made where it is missing.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -66,7 +68,7 @@ pub struct SimulateArgs {
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
     /// A file that cannot be read or written, with the problem.
-    #[error("{}: {kind}", path.display())]
+    #[error("{}{}: {kind}", path.display(), kind.on_line())]
     File {
         /// Path of the file or the folder.
         path: PathBuf,
@@ -91,14 +93,8 @@ pub enum SimulateFileError {
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
     /// The robot file is not one: place and cause.
-    #[error("{}", toml_problem(.0))]
-    Parse(Box<toml::de::Error>),
-    /// Several keys of the robot file are missing, or not known.
     #[error(transparent)]
-    Incomplete(Box<Incomplete>),
-    /// The robot file's arm is wrong.
-    #[error(transparent)]
-    Arm(ArmError),
+    NoRobot(NoRobotFile),
     /// A pose without joint angles.
     #[error(
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
@@ -119,6 +115,14 @@ pub enum SimulateFileError {
 }
 
 impl SimulateFileError {
+    /// The line of a fault in the robot file, to stand behind its name.
+    fn on_line(&self) -> String {
+        match self {
+            Self::NoRobot(fault) => fault.on_line(),
+            _ => String::new(),
+        }
+    }
+
     /// The error for this fault in the file at `path`.
     fn at(self, path: &Path) -> SimulateCommandError {
         SimulateCommandError::File {
@@ -168,7 +172,7 @@ const FILES: [&str; 4] = [
 
 /// Makes the session and writes its four files.
 pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError> {
-    let arm = read_arm(&args.robot)?;
+    let arm = read_arm(&args.robot, &args.arm_in_file.selection())?;
     let listed = args.poses.poses.as_deref().map(listed).transpose()?;
     let settings = args.settings(&arm, listed.as_deref())?;
     if let Some(path) = FILES
@@ -199,18 +203,10 @@ fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
     joints.collect()
 }
 
-fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
-    let text = input::text(path, Bound::SETTINGS)
-        .map_err(|source| SimulateFileError::Read(source).at(path))?;
-    let file: RobotFile = toml::from_str(&text).map_err(|source| {
-        let incomplete = missing::told_at_once(KeyReference::robot(), &text);
-        let parse = || SimulateFileError::Parse(Box::new(source));
-        let wrong =
-            incomplete.map_or_else(parse, |own| SimulateFileError::Incomplete(Box::new(own)));
-        wrong.at(path)
-    })?;
-    file.arm()
-        .map_err(|source| SimulateFileError::Arm(source).at(path))
+fn read_arm(path: &Path, selection: &Selection) -> Result<Arm, SimulateCommandError> {
+    let text = robot::text(path).map_err(|source| SimulateFileError::Read(source).at(path))?;
+    robot_file::arm(path, &text, selection)
+        .map_err(|source| SimulateFileError::NoRobot(source).at(path))
 }
 
 impl SimulateArgs {

@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use super::rpy;
 use crate::units::MM_PER_M;
 
 /// A frame in one form: the form's name and the text to enter.
@@ -20,7 +21,7 @@ pub fn forms(isometry: &Isometry3<f64>) -> [Typed; 4] {
 /// `{X …, Y …, Z …, A …, B …, C …}`: A, B and C about the moving z, y and x axes, degrees.
 fn kuka(isometry: &Isometry3<f64>) -> String {
     let at = isometry.translation.vector;
-    let (c, b, a) = isometry.rotation.euler_angles();
+    let [c, b, a] = rpy(&isometry.rotation);
     let [a, b, c] = [a, b, c].map(f64::to_degrees);
     let [x, y, z] = [at.x, at.y, at.z].map(mm);
     let [a, b, c] = [a, b, c].map(deg);

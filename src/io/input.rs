@@ -31,6 +31,11 @@ impl Bound {
         bytes: 1 << 20,
         advice: "a pipeline or robot file has some thousand bytes; is it the right file?",
     };
+    /// For a URDF, which has some hundred thousand bytes where it describes a whole humanoid.
+    pub const URDF: Self = Self {
+        bytes: 16 << 20,
+        advice: "a URDF has some hundred thousand bytes; is it the right file?",
+    };
     /// For targets where there is no pipeline file: as text about a million of them, which take less than a gigabyte.
     pub const TARGETS: Self = Self {
         bytes: 64 << 20,

@@ -7,14 +7,14 @@
 
 mod tables;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::arm::{Arm, Joint};
 use super::convention::{Convention, lines};
 use super::robot_file::{ArmError, JointFile, JointKind, Mimic, RobotFile};
 use super::screws::{Line, Screw, Screws};
-use crate::geometry::{EulerOrder, Placement};
+use crate::geometry::{EulerOrder, Placement, rpy};
 
 /// Numbers below this are rounding, mm or rad.
 const ROUNDING: f64 = 1e-12;
@@ -183,7 +183,9 @@ fn cpc(file: &mut RobotFile, screws: &Screws) {
     let nexts: Vec<Option<Line>> = nexts.map(Some).chain([None]).collect();
     for (joint, next) in file.joint.iter_mut().zip(nexts) {
         let line = next.unwrap_or_else(|| Line::z_of(&screws.flange));
-        let direction = frame.rotation.inverse() * line.direction;
+        // As it is written: near −z the turn to it changes with the last digit.
+        let direction = (frame.rotation.inverse() * line.direction.into_inner()).map(clean);
+        let direction = UnitVector3::new_normalize(direction);
         let turned = frame.rotation * lines::z_to(&direction);
         let (gamma, end) = if let Some(line) = next {
             (0.0, line.nearest_to(&frame.translation.vector.into()))
@@ -194,7 +196,7 @@ fn cpc(file: &mut RobotFile, screws: &Screws) {
         let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), gamma);
         let rotation = turned * about_z;
         let shift = rotation.inverse() * (end - Point3::from(frame.translation.vector));
-        joint.direction = Some(direction.into_inner().map(clean).into());
+        joint.direction = Some(direction.into_inner().into());
         joint.gamma_deg = Some(degrees(gamma));
         joint.shift_mm = Some(shift.map(clean).into());
         frame = Isometry3::from_parts(Translation3::from(end), rotation);
@@ -237,11 +239,10 @@ fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
 }
 
 fn stated(isometry: &Isometry3<f64>) -> Placement {
-    let (roll, pitch, yaw) = isometry.rotation.euler_angles();
     Placement {
         xyz_mm: isometry.translation.vector.map(clean).into(),
         quaternion_xyzw: None,
-        euler_deg: Some([roll, pitch, yaw].map(degrees)),
+        euler_deg: Some(rpy(&isometry.rotation).map(degrees)),
         euler_order: Some(EulerOrder::FixedXyz),
     }
 }

@@ -421,7 +421,7 @@ fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Element>,
 
 impl JointFile {
     /// Whether the controller reports the joint: it moves, and follows no other.
-    fn is_reported(&self) -> bool {
+    pub fn is_reported(&self) -> bool {
         self.kind != JointKind::Fixed && self.mimic.is_none()
     }
 

@@ -21,6 +21,7 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
 use super::keys::{KeyReference, missing};
+use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
@@ -29,9 +30,10 @@ use crate::geometry::Placement;
 use crate::ingest::Mapping;
 use crate::io::input::{self, Bound};
 use crate::io::log::Limits;
+use crate::io::robot::{self, Selection};
 use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
-use crate::kinematics::{Arm, RobotFile};
+use crate::kinematics::Arm;
 use crate::manifest;
 
 pub use error::ConfigurationError;
@@ -167,18 +169,12 @@ fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
             wanted: "a finite number".to_owned(),
         });
     }
-    toml::from_str(&text).map_err(|source| {
-        incomplete(path, KeyReference::pipeline(), &text).unwrap_or_else(|| wrong(source))
-    })
+    toml::from_str(&text).map_err(|source| incomplete(path, &text).unwrap_or_else(|| wrong(source)))
 }
 
 /// The error of a file with several keys that are missing or not known; `None` of another one.
-fn incomplete(
-    path: &Path,
-    reference: &'static KeyReference,
-    text: &str,
-) -> Option<ConfigurationError> {
-    let source = missing::told_at_once(reference, text)?;
+fn incomplete(path: &Path, text: &str) -> Option<ConfigurationError> {
+    let source = missing::told_at_once(KeyReference::pipeline(), text)?;
     Some(ConfigurationError::Incomplete {
         path: path.to_owned(),
         source: Box::new(source),
@@ -226,28 +222,19 @@ fn resolved(base: &Path, path: &Path) -> PathBuf {
     whole
 }
 
-fn read_arm(path: &Path, robot: &Path) -> Result<Arm, ConfigurationError> {
-    let text = input::text(robot, Bound::SETTINGS).map_err(|source| ConfigurationError::Robot {
+fn read_arm(
+    path: &Path,
+    robot_path: &Path,
+    selection: &Selection,
+) -> Result<Arm, ConfigurationError> {
+    let text = robot::text(robot_path).map_err(|source| ConfigurationError::Robot {
         path: path.to_owned(),
-        robot: robot.to_owned(),
+        robot: robot_path.to_owned(),
         source,
     })?;
-    let wrong = |source| ConfigurationError::RobotParse {
-        robot: robot.to_owned(),
+    robot_file::arm(robot_path, &text, selection).map_err(|source| ConfigurationError::RobotParse {
+        robot: robot_path.to_owned(),
         source: Box::new(source),
-    };
-    let file: RobotFile = toml::from_str(&text).map_err(|source| {
-        incomplete(robot, KeyReference::robot(), &text).unwrap_or_else(|| wrong(source))
-    })?;
-    file.arm().map_err(|source| {
-        let wrong = || ConfigurationError::Arm {
-            line: source
-                .joint()
-                .and_then(|joint| missing::line_of_joint(&text, joint)),
-            robot: robot.to_owned(),
-            source: Box::new(source.clone()),
-        };
-        incomplete(robot, KeyReference::robot(), &text).unwrap_or_else(wrong)
     })
 }
 

@@ -20,6 +20,7 @@ use crate::ingest::{
     PoseFields, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
+use crate::io::robot::Selection;
 use crate::join::{JoinSettings, ReadingKind};
 use crate::plan::section::PlanSection;
 use crate::report::locate::Locate;
@@ -88,6 +89,15 @@ pub struct RobotSection {
     /// The robot file, relative to the pipeline file. A run's inputs hold its digest.
     #[serde(skip_serializing)]
     pub file: PathBuf,
+    /// The link of a URDF that is the base. Absent: its root.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+    /// The link of a URDF that is the flange. Absent: the only link that ends a chain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip: Option<String>,
+    /// The controller's names of the reported joints, from base to flange. Absent: those of the robot file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Vec<String>>,
     /// The robot's name in the tables. Absent: `robot` of the logs' metadata record `session`.
     #[serde(skip_serializing)]
     pub name: Option<String>,
@@ -97,6 +107,17 @@ pub struct RobotSection {
     /// `[robot.valid_for]`: the conditions that the results are valid for.
     #[serde(default)]
     pub valid_for: Conditions,
+}
+
+impl RobotSection {
+    /// The arm in the robot file, and the names of its joints.
+    pub fn selection(&self) -> Selection {
+        Selection {
+            base: self.base.clone(),
+            tip: self.tip.clone(),
+            joints: self.joints.clone(),
+        }
+    }
 }
 
 /// `[input]`.

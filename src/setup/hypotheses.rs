@@ -122,13 +122,25 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
     all
 }
 
-/// Every ready robot file of another model in place of the stated one.
+/// Every ready robot file of another model in place of the stated one; models with one chain are one mistake.
 fn other_arms(stated: &SetUp, known: &[KnownArm]) -> Vec<Hypothesis> {
-    let other = |known: &KnownArm| {
+    let is_other = |known: &&KnownArm| known.arm.model() != stated.arm.model();
+    let others: Vec<&KnownArm> = known.iter().filter(is_other).collect();
+    let alike = |own: &KnownArm| {
+        let same = others
+            .iter()
+            .filter(|other| other.arm.chain() == own.arm.chain());
+        same.map(|other| other.arm.model()).collect::<Vec<_>>()
+    };
+    let other = |known: &&KnownArm| {
+        let models = alike(known);
+        if models.first() != Some(&known.arm.model()) {
+            return None;
+        }
         let mistake = format!(
             "the robot file is of another arm, {}: the logs are of {}",
             stated.arm.model(),
-            known.arm.model()
+            models.join(" or ")
         );
         let hypothesis = in_place_of(stated, known, mistake)?;
         Some(Hypothesis {
@@ -136,8 +148,7 @@ fn other_arms(stated: &SetUp, known: &[KnownArm]) -> Vec<Hypothesis> {
             ..hypothesis
         })
     };
-    let is_other = |known: &&KnownArm| known.arm.model() != stated.arm.model();
-    known.iter().filter(is_other).filter_map(other).collect()
+    others.iter().filter_map(other).collect()
 }
 
 /// The ready robot file of the same model, where the stated one has other numbers.

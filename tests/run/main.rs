@@ -19,6 +19,7 @@ mod nightly;
 mod one_verdict;
 mod page;
 mod planned;
+mod robot;
 mod same_work;
 mod set_up;
 mod split;

@@ -13,11 +13,12 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
 use super::{ExportError, ExportErrorKind, controller_base, held_out};
 use crate::compensation::IdentifiedArm;
 use crate::fit::saved::axes_from_joints;
+use crate::geometry::rpy;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
@@ -187,19 +188,6 @@ fn unlike(name: &str, joints: &[Joint]) -> String {
     own
 }
 
-/// Roll, pitch and yaw of `Rz(yaw) Ry(pitch) Rx(roll)`.
-///
-/// Any yaw that makes the first element of the second row zero leaves `Ry(pitch) Rx(roll)`, so the three angles restore the
-/// rotation to the last digits even where the yaw itself is not determined.
-fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
-    let matrix: Matrix3<f64> = *rotation.to_rotation_matrix().matrix();
-    let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
-    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
-    let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
-    let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
-    [roll, pitch, yaw]
-}
-
 /// The value of an attribute. XML has no form for most control characters.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -237,27 +225,11 @@ fn in_comment(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::UnitQuaternion;
+
     use super::*;
     use crate::geometry::isometry_from_rpy;
     use crate::kinematics::RobotFile;
-
-    #[test]
-    fn roll_pitch_yaw_give_the_rotation_back_wherever_the_pitch_is() {
-        for step in 0..2000_u32 {
-            let part = |k: f64| (f64::from(step) * k).fract() * 6.3 - 3.15;
-            // Every other pitch lies within 1e-9 of ±90°.
-            let pitch = match step % 4 {
-                0 => std::f64::consts::FRAC_PI_2 - f64::from(step) * 5e-13,
-                1 => -std::f64::consts::FRAC_PI_2 + f64::from(step) * 5e-13,
-                _ => part(0.618_034),
-            };
-            let own = UnitQuaternion::from_euler_angles(part(0.414_214), pitch, part(0.732_051));
-            let [roll, pitch, yaw] = rpy(&own);
-            let again = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
-            let apart = own.to_rotation_matrix().matrix() - again.to_rotation_matrix().matrix();
-            assert!(apart.abs().max() < 1e-15 * 8.0, "step {step}: {apart}");
-        }
-    }
 
     #[test]
     fn a_chain_cut_at_its_joints_is_the_same_chain() {

@@ -6,6 +6,7 @@
 
 use super::super::sin_cos::{BLOCK, Block, sin_cos};
 use super::read;
+use crate::geometry::rpy;
 use crate::kinematics::{Axis, Chain, Element, Motion};
 
 /// A chain at given offsets whose free parameters are unknowns.
@@ -57,7 +58,7 @@ impl BatchColumns {
             match element {
                 Element::Fixed(transform) => {
                     let [x, y, z] = transform.translation.vector.into();
-                    let (roll, pitch, yaw) = transform.rotation.euler_angles();
+                    let [roll, pitch, yaw] = rpy(&transform.rotation);
                     let shifts = [(Axis::X, x), (Axis::Y, y), (Axis::Z, z)];
                     let turns = [(Axis::Z, yaw), (Axis::Y, pitch), (Axis::X, roll)];
                     steps.extend(shifts.map(|(axis, by)| Step::of(Motion::Translation(axis), by)));

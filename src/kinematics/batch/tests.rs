@@ -48,6 +48,29 @@ fn odd_chain() -> Chain {
     ])
 }
 
+/// Constants whose pitch is a right angle but for rounding, where roll and yaw are one.
+fn upright_chain() -> Chain {
+    let right = |part: f64| {
+        let turn = Motion::Rotation(Axis::X).by(part) * Motion::Rotation(Axis::Z).by(0.4);
+        turn * (turn.inverse() * Motion::Rotation(Axis::Y).by(std::f64::consts::FRAC_PI_2))
+            * Motion::Rotation(Axis::X).by(part)
+    };
+    let joint = |joint| Element::Joint {
+        motion: Motion::Rotation(Axis::Z),
+        joint,
+        sign: 1.0,
+    };
+    Chain::new(vec![
+        Element::Fixed(right(0.7)),
+        joint(0),
+        free(Motion::Translation(Axis::X), 300.0),
+        Element::Fixed(right(-1.3).inverse()),
+        joint(1),
+        Element::Fixed(right(2.9)),
+        free(Motion::Translation(Axis::Z), 80.0),
+    ])
+}
+
 fn robots() -> Vec<Chain> {
     let files = [
         include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
@@ -81,7 +104,7 @@ fn pose_of(axes: &[Vec<f64>], i: usize) -> Vec<f64> {
 
 #[test]
 fn a_batch_equals_its_chain_within_a_picometre() {
-    let chains = robots().into_iter().chain([odd_chain()]);
+    let chains = robots().into_iter().chain([odd_chain(), upright_chain()]);
     for chain in chains {
         let axes = columns(chain.joint_count(), 150);
         let offsets = offsets(&chain);
@@ -104,7 +127,7 @@ fn a_batch_equals_its_chain_within_a_picometre() {
 
 #[test]
 fn columns_are_the_chains_own_differential() {
-    let chains = robots().into_iter().chain([odd_chain()]);
+    let chains = robots().into_iter().chain([odd_chain(), upright_chain()]);
     for chain in chains {
         let axes = columns(chain.joint_count(), 70);
         let offsets = offsets(&chain);

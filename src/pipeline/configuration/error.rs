@@ -9,9 +9,9 @@ use crate::geometry::PlacementError;
 use crate::io::input::toml_problem;
 use crate::io::store::StoreError;
 use crate::join::JoinError;
-use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
 use crate::pipeline::keys::missing::Incomplete;
+use crate::pipeline::robot_file::NoRobotFile;
 
 /// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
@@ -32,7 +32,7 @@ pub enum ConfigurationError {
         /// Where and why.
         source: Box<toml::de::Error>,
     },
-    /// Several keys of the pipeline file or the robot file are missing, or not known.
+    /// Several keys of the pipeline file are missing, or not known.
     #[error("{}: {source}", path.display())]
     Incomplete {
         /// The file.
@@ -90,23 +90,13 @@ pub enum ConfigurationError {
         /// Why.
         source: io::Error,
     },
-    /// The robot file is no robot file.
-    #[error("{}: {}", robot.display(), toml_problem(source))]
+    /// The robot file is no robot file, or its arm is invalid.
+    #[error("{}{}: {source}", robot.display(), source.on_line())]
     RobotParse {
         /// The robot file.
         robot: PathBuf,
         /// Where and why.
-        source: Box<toml::de::Error>,
-    },
-    /// The robot file's arm is invalid.
-    #[error("{}{}: {source}", robot.display(), on_line(*line))]
-    Arm {
-        /// The robot file.
-        robot: PathBuf,
-        /// The line where the joint begins that the fault is in.
-        line: Option<usize>,
-        /// Why.
-        source: Box<ArmError>,
+        source: Box<NoRobotFile>,
     },
     /// The folder with the sessions cannot be read.
     #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold the sessions", folder.display(), path.display())]
@@ -164,10 +154,6 @@ fn listed(names: &[String]) -> String {
     } else {
         names.join(", ")
     }
-}
-
-fn on_line(line: Option<usize>) -> String {
-    line.map_or_else(String::new, |line| format!(", line {line}"))
 }
 
 fn besides(left_out: &[String]) -> String {

@@ -27,7 +27,7 @@ pub fn read(path: &Path) -> Result<Files, ConfigurationError> {
     let file = super::read(path)?;
     let base = folder_of(path)?;
     let robot_file = resolved(&base, &file.robot.file);
-    let arm = read_arm(path, &robot_file)?;
+    let arm = read_arm(path, &robot_file, &file.robot.selection())?;
     checks::check(path, &file, arm.joints().len())?;
     Ok(Files {
         lake: placed_at(&base, &file.output.lake),

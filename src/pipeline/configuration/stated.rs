@@ -5,37 +5,10 @@ use nalgebra::{Isometry3, Vector3};
 use super::Placed;
 use crate::fit::ErrorBase;
 use crate::geometry::Placement;
+use crate::io::robot::ready::{READY, ReadyRobot};
 use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
 use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp};
-
-/// The ready robot files, by their names in `pipelines/robots`.
-const READY: [(&str, &str); 6] = [
-    (
-        "irb120.toml",
-        include_str!("../../../pipelines/robots/irb120.toml"),
-    ),
-    (
-        "kr210-r2700-extra.toml",
-        include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
-    ),
-    (
-        "ur10.toml",
-        include_str!("../../../pipelines/robots/ur10.toml"),
-    ),
-    (
-        "ur10e.toml",
-        include_str!("../../../pipelines/robots/ur10e.toml"),
-    ),
-    (
-        "ur5.toml",
-        include_str!("../../../pipelines/robots/ur5.toml"),
-    ),
-    (
-        "ur5e.toml",
-        include_str!("../../../pipelines/robots/ur5e.toml"),
-    ),
-];
 
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
@@ -77,14 +50,14 @@ impl StatedSetUp {
 
 /// The ready arms; a test reads every file.
 fn ready_arms() -> Vec<KnownArm> {
-    let arm = |(file, text): (&str, &str)| {
-        let arm = toml::from_str::<RobotFile>(text).ok()?.arm().ok()?;
+    let arm = |robot: &ReadyRobot| {
+        let arm = toml::from_str::<RobotFile>(robot.text).ok()?.arm().ok()?;
         Some(KnownArm {
-            file: file.to_owned(),
+            file: robot.file.to_owned(),
             arm,
         })
     };
-    READY.into_iter().filter_map(arm).collect()
+    READY.iter().filter_map(arm).collect()
 }
 
 /// The stated placements under other conventions.

@@ -1,0 +1,214 @@
+//! `posegrid robot FILE`: a robot file made from a URDF, in any convention, or its flange at joint positions; `--list`: the ready
+//! robots.
+
+mod list;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use thiserror::Error;
+
+use crate::io::input::{self, Bound};
+use crate::io::robot::poses::{self, PosesError};
+use crate::io::robot::ready::{READY, ReadyRobot};
+use crate::io::robot::{self, LeftOut, Selection, written};
+use crate::kinematics::{Arm, Convention, RestateError, RobotFile};
+use crate::pipeline::robot_file::{self, NoRobotFile};
+
+/// Make a robot file: from a URDF, in any convention, or one of the ready ones
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Examples:
+  posegrid robot --list                      # the ready robots
+  posegrid robot ur10e > robot.toml
+  posegrid robot my.urdf --base base_link --tip tool0 > robot.toml
+  posegrid robot my.urdf --base base_link --tip tool0 --joints joint_1,joint_2,joint_3,joint_4,joint_5,joint_6
+  posegrid robot robot.toml --convention modified-dh
+  posegrid robot robot.toml --at poses.csv   # is it right? The flange there, to compare with the pendant
+
+A xacro file is expanded first: xacro my.urdf.xacro > my.urdf. Meshes, inertias and transmissions of a URDF are left out; a joint
+that mimics another follows it. poses.csv has a column for each joint that the controller reports, by its name, in degrees, or mm
+for a joint that slides; the flange is in the base frame, in mm, its rotation as a quaternion.
+
+Exit codes: 0 done; 1 it could not be written to stdout; 2 bad usage, or the file is no robot file.")]
+pub struct RobotArgs {
+    /// A robot file, a URDF, or the name of a ready robot
+    #[arg(required_unless_present = "list")]
+    pub file: Option<PathBuf>,
+    /// List the ready robots
+    #[arg(long, conflicts_with_all = ["file", "base", "tip", "joints", "convention", "at"])]
+    pub list: bool,
+    /// The arm in the file
+    #[command(flatten)]
+    pub arm: ArmFlags,
+    /// State the arm in this convention
+    #[arg(long, value_name = "WORD", value_parser = conventions())]
+    pub convention: Option<Convention>,
+    /// Print the nominal flange at the joint positions of this CSV instead
+    #[arg(long, value_name = "CSV")]
+    pub at: Option<PathBuf>,
+}
+
+/// The arm in a file that may hold more, and the names of its joints.
+#[derive(Debug, Clone, Default, Args)]
+#[group(skip)]
+pub struct ArmFlags {
+    /// Of a URDF, the link that is the base; its root without it
+    #[arg(long, value_name = "LINK")]
+    pub base: Option<String>,
+    /// Of a URDF, the link that is the flange; needed where several links end a chain
+    #[arg(long, value_name = "LINK")]
+    pub tip: Option<String>,
+    /// The controller's names of the reported joints, from base to flange, with commas between
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub joints: Option<Vec<String>>,
+}
+
+impl ArmFlags {
+    /// The arm in the file, and the names of its joints.
+    pub fn selection(&self) -> Selection {
+        Selection {
+            base: self.base.clone(),
+            tip: self.tip.clone(),
+            joints: self.joints.clone(),
+        }
+    }
+}
+
+fn conventions() -> impl TypedValueParser<Value = Convention> {
+    let words = PossibleValuesParser::new(Convention::ALL.map(Convention::word));
+    words.try_map(|word| Convention::of_word(&word).ok_or("no convention"))
+}
+
+/// The reason why there is no robot file.
+#[derive(Debug, Error)]
+pub enum RobotCommandError {
+    /// Neither a file nor a ready robot.
+    #[error(
+        "there is no file {}, and no ready robot has that name: {}",
+        .0.display(), ready_names()
+    )]
+    Nothing(PathBuf),
+    /// A file with a fault.
+    #[error("{}{}: {kind}", path.display(), kind.on_line())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The fault.
+        kind: RobotProblem,
+    },
+}
+
+/// The fault in a file.
+#[derive(Debug, Error)]
+pub enum RobotProblem {
+    /// It cannot be read.
+    #[error("{0}")]
+    Read(#[from] io::Error),
+    /// It is no robot file.
+    #[error(transparent)]
+    NoRobot(#[from] NoRobotFile),
+    /// Its arm cannot be stated in the convention.
+    #[error(transparent)]
+    Restate(#[from] RestateError),
+    /// A value that TOML cannot hold.
+    #[error("{0}")]
+    Toml(#[from] toml::ser::Error),
+    /// The joint positions are wrong.
+    #[error(transparent)]
+    Poses(#[from] PosesError),
+}
+
+impl RobotProblem {
+    /// The line of a fault in the robot file, to stand behind its name.
+    fn on_line(&self) -> String {
+        match self {
+            Self::NoRobot(fault) => fault.on_line(),
+            _ => String::new(),
+        }
+    }
+
+    fn at(self, path: &Path) -> RobotCommandError {
+        RobotCommandError::File {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+}
+
+fn ready_names() -> String {
+    let names: Vec<&str> = READY.iter().map(ReadyRobot::name).collect();
+    names.join(", ")
+}
+
+/// The text that the command prints.
+pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
+    let Some(path) = args.file.as_deref().filter(|_| !args.list) else {
+        return Ok(list::ready());
+    };
+    let text = text(path)?;
+    let stated = args.stated(path, &text).map_err(|kind| kind.at(path))?;
+    let Some(poses) = &args.at else {
+        return args
+            .printed(path, text, &stated)
+            .map_err(|kind| kind.at(path));
+    };
+    let positions = input::text(poses, Bound::TARGETS);
+    let positions = positions.map_err(|source| RobotProblem::Read(source).at(poses))?;
+    poses::flanges(&stated.arm, &positions).map_err(|source| RobotProblem::Poses(source).at(poses))
+}
+
+/// The text of the file, or of the ready robot of that name.
+fn text(path: &Path) -> Result<String, RobotCommandError> {
+    let ready = path.to_str().and_then(ReadyRobot::find);
+    match (robot::text(path), ready) {
+        (Ok(text), _) => Ok(text),
+        (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
+            Ok(robot.text.to_owned())
+        }
+        (Err(error), None) if error.kind() == io::ErrorKind::NotFound => {
+            Err(RobotCommandError::Nothing(path.to_owned()))
+        }
+        (Err(error), _) => Err(RobotProblem::Read(error).at(path)),
+    }
+}
+
+/// A robot file as the arguments want it.
+struct Stated {
+    file: RobotFile,
+    arm: Arm,
+    left_out: Option<LeftOut>,
+}
+
+impl RobotArgs {
+    fn stated(&self, path: &Path, text: &str) -> Result<Stated, RobotProblem> {
+        let selection = self.arm.selection();
+        let robot::Read { file, left_out } = robot_file::read(path, text, &selection)?;
+        let mut stated = Stated {
+            arm: robot_file::arm_of(&file, text)?,
+            file,
+            left_out,
+        };
+        if let Some(convention) = self.convention {
+            stated.file = stated.file.restated(convention)?;
+            stated.arm = stated.file.arm().map_err(RestateError::from)?;
+        }
+        Ok(stated)
+    }
+
+    /// The robot file as TOML: its own text where nothing is changed.
+    fn printed(&self, path: &Path, text: String, stated: &Stated) -> Result<String, RobotProblem> {
+        let is_changed = self.arm.joints.is_some() || self.convention.is_some();
+        let Some(left_out) = &stated.left_out else {
+            return Ok(if is_changed {
+                written::toml(&stated.file)?
+            } else {
+                text
+            });
+        };
+        let source = path.file_name().unwrap_or_default().to_string_lossy();
+        Ok(written::comment(&source, left_out) + &written::toml(&stated.file)?)
+    }
+}

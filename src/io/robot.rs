@@ -1,0 +1,155 @@
+//! A robot file of either kind → [`RobotFile`]: TOML as it is written, or a chain of a URDF.
+//!
+//! 1. [`text`] reads the file, up to a bound;
+//! 2. [`read`] makes a robot file of the text, by what it begins with: a `<` begins a URDF ([`urdf`]);
+//! 3. [`written`] states a robot file as TOML;
+//! 4. [`poses`] reads joint positions, for the flange there.
+//!
+//! [`ready`] holds the robot files that are part of the program.
+
+pub mod poses;
+pub mod ready;
+pub mod urdf;
+pub mod written;
+
+use std::io;
+use std::path::Path;
+
+use thiserror::Error;
+
+use super::input::{self, Bound, toml_problem};
+use crate::kinematics::RobotFile;
+use urdf::UrdfError;
+
+pub use urdf::LeftOut;
+
+/// The part of a robot file that is the arm, and the names of its joints.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// The link of a URDF that is the base; its root where absent.
+    pub base: Option<String>,
+    /// The link of a URDF that is the flange; the last one where absent, if there is one only.
+    pub tip: Option<String>,
+    /// The controller's names of the reported joints, from base to flange; the file's own where absent.
+    pub joints: Option<Vec<String>>,
+}
+
+/// A robot file, and what was left out of the file that it was read from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Read {
+    /// The robot file.
+    pub file: RobotFile,
+    /// The chosen chain of a URDF and its other contents; `None` for TOML, which has no others.
+    pub left_out: Option<LeftOut>,
+}
+
+/// A reason why a text is no robot file.
+#[derive(Debug, Error)]
+pub enum RobotFault {
+    /// The TOML is no robot file.
+    #[error("{}", toml_problem(.0))]
+    Toml(Box<toml::de::Error>),
+    /// The URDF has no such chain.
+    #[error(transparent)]
+    Urdf(#[from] Box<UrdfError>),
+    /// Links chosen in a file that has none.
+    #[error(
+        "base and tip name links of a URDF, and this robot file is TOML, whose chain is the arm: take them out"
+    )]
+    NoLinks,
+    /// Other names than there are joints.
+    #[error(
+        "joints names {}, but the controller reports {}, from base to flange: {}; name each of them",
+        counted(*.found), counted(.joints.len()), .joints.join(", ")
+    )]
+    Names {
+        /// Number of names.
+        found: usize,
+        /// The reported joints as the file names them, quoted.
+        joints: Vec<String>,
+    },
+}
+
+fn counted(count: usize) -> String {
+    match count {
+        1 => "1 joint".to_owned(),
+        _ => format!("{count} joints"),
+    }
+}
+
+/// Reads the text of a robot file.
+///
+/// # Errors
+/// Those of [`input::text`].
+pub fn text(path: &Path) -> io::Result<String> {
+    let is_toml = path.extension().is_some_and(|ending| ending == "toml");
+    input::text(
+        path,
+        if is_toml {
+            Bound::SETTINGS
+        } else {
+            Bound::URDF
+        },
+    )
+}
+
+/// Makes a robot file of the text of the file at `path`.
+pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, RobotFault> {
+    let mut read = if is_urdf(path, text) {
+        let (file, left_out) = urdf::read(path, text, selection)?;
+        Read {
+            file,
+            left_out: Some(left_out),
+        }
+    } else {
+        let file = toml::from_str(text).map_err(|source| RobotFault::Toml(Box::new(source)))?;
+        if selection.base.is_some() || selection.tip.is_some() {
+            return Err(RobotFault::NoLinks);
+        }
+        Read {
+            file,
+            left_out: None,
+        }
+    };
+    if let Some(names) = &selection.joints {
+        rename(&mut read.file, names)?;
+    }
+    Ok(read)
+}
+
+/// Whether a text is meant to be a URDF.
+fn is_urdf(path: &Path, text: &str) -> bool {
+    let endings = ["urdf", "xacro", "xml"];
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let begins = text.trim_start_matches('\u{feff}').trim_start();
+    begins.starts_with('<') || ending.is_some_and(|own| endings.contains(&own))
+}
+
+/// Gives the reported joints other names.
+fn rename(file: &mut RobotFile, names: &[String]) -> Result<(), RobotFault> {
+    let reported = || file.joint.iter().filter(|joint| joint.is_reported());
+    let own: Vec<String> = reported().map(|joint| joint.name.clone()).collect();
+    if own.len() != names.len() {
+        return Err(RobotFault::Names {
+            found: names.len(),
+            joints: own.iter().map(|name| format!("{name:?}")).collect(),
+        });
+    }
+    let renamed = |name: &str| {
+        let place = own.iter().position(|own| own == name);
+        place.map(|place| names[place].clone())
+    };
+    for joint in &mut file.joint {
+        if let Some(mimic) = &mut joint.mimic {
+            if let Some(name) = renamed(&mimic.joint) {
+                mimic.joint = name;
+            }
+        } else if let Some(name) = renamed(&joint.name) {
+            joint.name = name;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+//! URDF → the chain from a base link to a tip link, as a [`RobotFile`] of convention `urdf`.
+//!
+//! 1. The XML becomes a tree of links (`tree`): every link but the root is the child of one joint.
+//! 2. The way from base to tip goes up to the link that both stand on and down from there; base and tip may be left out where
+//!    there is one root and one leaf.
+//! 3. Each joint of the way becomes a joint of the file (`chain`), with its numbers (`joint`) in mm and degrees.
+//!
+//! Links' shapes, inertias, transmissions and the like are counted and left out; so are joints beside the way, whose numbers are
+//! not read. A URDF is foreign text: there are no entities, no files that it could name, and bounds on its size.
+//! `roxmltree` reads the XML, since it gives the place of a fault; `urdf-rs` gives none.
+
+mod chain;
+mod error;
+mod joint;
+mod tree;
+
+use std::path::Path;
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::Selection;
+use crate::kinematics::RobotFile;
+use tree::Tree;
+
+pub use error::UrdfError;
+
+/// The most XML nodes of a file; a humanoid has ten thousand.
+const MOST_NODES: u32 = 2_000_000;
+
+/// The chosen chain of a URDF, and the contents that are no part of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The first link of the chain.
+    pub base: String,
+    /// The last link of the chain.
+    pub tip: String,
+    /// Kinds of element that nothing reads, each with its number.
+    pub elements: Vec<(&'static str, usize)>,
+    /// Number of joints beside the chain.
+    pub joints: usize,
+    /// Remarks on what a joint of the chain was taken for.
+    pub remarks: Vec<String>,
+}
+
+/// Reads the chosen chain of the URDF at `path`.
+pub fn read(
+    path: &Path,
+    text: &str,
+    selection: &Selection,
+) -> Result<(RobotFile, LeftOut), Box<UrdfError>> {
+    let options = ParsingOptions {
+        allow_dtd: false,
+        nodes_limit: MOST_NODES,
+        ..ParsingOptions::default()
+    };
+    let document =
+        Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))?;
+    let tree = Tree::of(&document)?;
+    let ends = tree.ends(selection)?;
+    let steps = tree.steps(&ends);
+    let source = path.file_name().unwrap_or_default().to_string_lossy();
+    let (file, remarks) = chain::robot_file(&tree, &steps, &ends, &source)?;
+    let left_out = LeftOut {
+        base: ends.base.to_owned(),
+        tip: ends.tip.to_owned(),
+        elements: unread(&document),
+        joints: tree.joints.len() - steps.len(),
+        remarks,
+    };
+    Ok((file, left_out))
+}
+
+/// Elements of the robot, and of its links, that nothing reads.
+fn unread(document: &Document<'_>) -> Vec<(&'static str, usize)> {
+    const UNREAD: [&str; 8] = [
+        "inertial",
+        "visual",
+        "collision",
+        "material",
+        "transmission",
+        "gazebo",
+        "sensor",
+        "ros2_control",
+    ];
+    let robot = document.root_element();
+    let own = robot.children().filter(Node::is_element);
+    let links = own.clone().filter(|node| node.has_tag_name("link"));
+    let parts: Vec<_> = own.chain(links.flat_map(|link| link.children())).collect();
+    let counted = UNREAD.map(|name| {
+        let is_it = |node: &&Node<'_, '_>| node.tag_name().name() == name;
+        (name, parts.iter().filter(is_it).count())
+    });
+    counted
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .collect()
+}
+
+/// The first child with that name, of the same XML namespace.
+fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    children(node, name).next()
+}
+
+fn children<'a, 'i>(node: Node<'a, 'i>, name: &str) -> impl Iterator<Item = Node<'a, 'i>> {
+    let space = node.tag_name().namespace();
+    node.children().filter(move |own| {
+        own.is_element() && own.tag_name().name() == name && own.tag_name().namespace() == space
+    })
+}
+
+/// The value of an attribute without a namespace.
+fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
+    let mut all = node.attributes();
+    let own = all.find(|own| own.namespace().is_none() && own.name() == name);
+    own.map(|own| own.value())
+}
+
+/// The line of a node, from 1.
+fn line(node: Node<'_, '_>) -> u32 {
+    node.document().text_pos_at(node.range().start).row
+}
+
+#[cfg(test)]
+mod tests;

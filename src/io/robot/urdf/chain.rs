@@ -1,0 +1,211 @@
+//! The joints on the way from base to tip → a robot file.
+//!
+//! Down a joint, from parent to child, the frame moves by `origin · motion(q)`: its tables are the URDF's numbers. Up a joint it
+//! moves by the inverse, `motion(−q) · origin⁻¹`: the axis is reversed, and the rest stands before the next joint or in `[flange]`.
+
+use std::collections::BTreeSet;
+
+use nalgebra::Isometry3;
+
+use super::error::UrdfError;
+use super::joint::{Following, mm};
+use super::tree::{Ends, Joint, Step, Tree};
+use crate::geometry::Placement;
+use crate::kinematics::robot_file::Mimic;
+use crate::kinematics::{Convention, JointFile, JointKind, RobotFile};
+use crate::units::MM_PER_M;
+
+/// The most joints of a robot file, those that do not move included.
+const MOST_JOINTS: usize = 64;
+
+/// The robot file of the joints on the way, with remarks; `source` is the URDF's file name.
+pub(super) fn robot_file(
+    tree: &Tree<'_, '_>,
+    steps: &[Step<'_, '_, '_>],
+    ends: &Ends<'_>,
+    source: &str,
+) -> Result<(RobotFile, Vec<String>), UrdfError> {
+    if steps.len() > MOST_JOINTS {
+        return Err(UrdfError::TooLong {
+            base: ends.base.to_owned(),
+            tip: ends.tip.to_owned(),
+            found: steps.len(),
+            most: MOST_JOINTS,
+        });
+    }
+    let mut remarks = Vec::new();
+    let mut joints = Vec::with_capacity(steps.len());
+    let mut left = None;
+    for step in steps {
+        let kind = step.joint.kind()?;
+        let mut joint = JointFile {
+            name: step.joint.name.to_owned(),
+            kind,
+            ..JointFile::default()
+        };
+        left = place(&mut joint, step, left)?;
+        if kind != JointKind::Fixed {
+            move_by(&mut joint, step, tree, steps)?;
+        }
+        if joint.kind != kind {
+            remarks.push(format!(
+                "joint {:?} states no limits (line {}) and was taken for one that turns without",
+                step.joint.name,
+                step.joint.line()
+            ));
+        }
+        joints.push(joint);
+    }
+    let model = match tree.robot {
+        "" => "robot without a name",
+        name => name,
+    };
+    let file = RobotFile {
+        model: model.to_owned(),
+        source: format!("URDF {source:?}, from {:?} to {:?}", ends.base, ends.tip),
+        convention: Convention::Urdf,
+        home_deg: None,
+        joint_map: None,
+        base: None,
+        flange: left.as_ref().map(quaternion),
+        joint: joints,
+    };
+    Ok((file, remarks))
+}
+
+/// States the joint's origin and axis; gives what is left of an inverted joint for the next one.
+fn place(
+    joint: &mut JointFile,
+    step: &Step<'_, '_, '_>,
+    before: Option<Isometry3<f64>>,
+) -> Result<Option<Isometry3<f64>>, UrdfError> {
+    let origin = step.joint.origin()?;
+    let moves = joint.kind != JointKind::Fixed;
+    let axis = if moves {
+        Some(step.joint.axis()?)
+    } else {
+        None
+    };
+    if !step.is_up {
+        joint.origin = Some(match before {
+            None => origin.placement(),
+            Some(before) => quaternion(&(before * origin.isometry())),
+        });
+        joint.axis = axis.map(Into::into);
+        return Ok(None);
+    }
+    let before = before.unwrap_or_else(Isometry3::identity);
+    let back = origin.isometry().inverse();
+    joint.axis = axis.map(|axis| (-axis).map(|x| x + 0.0).into());
+    if moves {
+        joint.origin = Some(quaternion(&before));
+        Ok(Some(back))
+    } else {
+        joint.origin = Some(quaternion(&(before * back)));
+        Ok(None)
+    }
+}
+
+/// The placement with its rotation as a quaternion.
+fn quaternion(isometry: &Isometry3<f64>) -> Placement {
+    Placement {
+        xyz_mm: isometry.translation.vector.map(|x| x + 0.0).into(),
+        quaternion_xyzw: Some(isometry.rotation.coords.map(|x| x + 0.0).into()),
+        euler_deg: None,
+        euler_order: None,
+    }
+}
+
+/// States the limits of a joint, or the joint that it follows.
+fn move_by(
+    joint: &mut JointFile,
+    step: &Step<'_, '_, '_>,
+    tree: &Tree<'_, '_>,
+    steps: &[Step<'_, '_, '_>],
+) -> Result<(), UrdfError> {
+    if let Some(following) = step.joint.following()? {
+        joint.mimic = Some(mimic(step.joint, following, tree, steps)?);
+        return Ok(());
+    }
+    if joint.kind == JointKind::Continuous {
+        return Ok(());
+    }
+    match (step.joint.limits()?, joint.kind) {
+        (Some(limits), JointKind::Prismatic) => joint.limits_mm = Some(limits.map(mm)),
+        (Some(limits), _) => joint.limits_deg = Some(limits.map(limit_deg)),
+        (None, JointKind::Prismatic) => {
+            return Err(UrdfError::Limits {
+                line: step.joint.line(),
+                joint: step.joint.name.to_owned(),
+                found: "no limits".to_owned(),
+                remedy: "a joint that slides needs <limit lower=\"…\" upper=\"…\"/>, in m",
+            });
+        }
+        (None, _) => joint.kind = JointKind::Continuous,
+    }
+    Ok(())
+}
+
+/// A limit in degrees, without the digits that a π of few digits leaves behind a whole number.
+fn limit_deg(limit: f64) -> f64 {
+    (limit.to_degrees() * 1e9).round() / 1e9
+}
+
+/// The joint of the way that a joint follows in the end, over any that follow in between; in mm and degrees.
+fn mimic(
+    own: &Joint<'_, '_>,
+    stated: Following<'_>,
+    tree: &Tree<'_, '_>,
+    steps: &[Step<'_, '_, '_>],
+) -> Result<Mimic, UrdfError> {
+    let refused = |follows: &str, problem| UrdfError::Mimic {
+        line: own.line(),
+        joint: own.name.to_owned(),
+        follows: follows.to_owned(),
+        problem,
+    };
+    let mut seen = BTreeSet::from([own.name]);
+    let mut following = stated;
+    loop {
+        let name = following.joint;
+        let Some(driver) = tree.joints.iter().find(|joint| joint.name == name) else {
+            return Err(refused(name, "is no joint of the URDF"));
+        };
+        if !seen.insert(driver.name) {
+            return Err(refused(name, "follows it in turn"));
+        }
+        let kind = driver.kind()?;
+        if kind == JointKind::Fixed {
+            return Err(refused(name, "is fixed"));
+        }
+        if let Some(next) = driver.following()? {
+            following = Following {
+                joint: next.joint,
+                multiplier: following.multiplier * next.multiplier,
+                offset: following.multiplier * next.offset + following.offset,
+            };
+            continue;
+        }
+        if !steps.iter().any(|step| step.joint.name == name) {
+            return Err(refused(name, "is not between base and tip"));
+        }
+        return Ok(in_mm(own.kind()?, kind, &following));
+    }
+}
+
+/// A joint's motion by another's: the file's m per rad and the like as mm per rad, the offset in mm or degrees.
+fn in_mm(own: JointKind, driver: JointKind, following: &Following<'_>) -> Mimic {
+    let slides = |kind| kind == JointKind::Prismatic;
+    let multiplier = match (slides(own), slides(driver)) {
+        (true, false) => following.multiplier * MM_PER_M,
+        (false, true) => following.multiplier / MM_PER_M,
+        _ => following.multiplier,
+    };
+    let stated = (following.offset != 0.0).then_some(following.offset);
+    Mimic {
+        joint: following.joint.to_owned(),
+        multiplier,
+        offset_deg: stated.filter(|_| !slides(own)).map(f64::to_degrees),
+        offset_mm: stated.filter(|_| slides(own)).map(mm),
+    }
+}

@@ -1,0 +1,263 @@
+//! The numbers of a joint, in the file's m and rad.
+
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use roxmltree::Node;
+
+use super::error::UrdfError;
+use super::tree::{Joint, expanded};
+use super::{attribute, child, line};
+use crate::geometry::{EulerOrder, Placement};
+use crate::kinematics::JointKind;
+use crate::units::MM_PER_M;
+
+/// A coordinate of an origin further away than this, m, is one in mm.
+const FAR_M: f64 = 50.0;
+/// An angle larger than two turns, rad, is one in degrees.
+const TWO_TURNS_RAD: f64 = 12.6;
+/// The first version whose origins may state quaternions.
+const WITH_QUATERNIONS: (u32, u32) = (1, 1);
+
+/// The joint's frame in its parent link's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Origin {
+    xyz_m: [f64; 3],
+    turn: Turn,
+}
+
+/// The rotation of an origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turn {
+    /// Roll, pitch, yaw, rad.
+    Rpy([f64; 3]),
+    Quaternion(UnitQuaternion<f64>),
+}
+
+/// A joint that follows another: `multiplier · other + offset`, in m and rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Following<'a> {
+    pub(super) joint: &'a str,
+    pub(super) multiplier: f64,
+    pub(super) offset: f64,
+}
+
+/// A length in m, mm: the decimal point of its shortest text moved by three, so that no digit is made up.
+pub(super) fn mm(metres: f64) -> f64 {
+    let text = format!("{metres:e}");
+    let moved = text.split_once('e').and_then(|(digits, power)| {
+        let power: i32 = power.parse().ok()?;
+        format!("{digits}e{}", power + 3).parse().ok()
+    });
+    moved.unwrap_or(metres * MM_PER_M)
+}
+
+impl Origin {
+    const NOWHERE: Self = Self {
+        xyz_m: [0.0; 3],
+        turn: Turn::Rpy([0.0; 3]),
+    };
+
+    /// The placement, mm and degrees.
+    pub(super) fn placement(&self) -> Placement {
+        let mut placement = Placement {
+            xyz_mm: self.xyz_m.map(mm),
+            quaternion_xyzw: None,
+            euler_deg: None,
+            euler_order: None,
+        };
+        match self.turn {
+            Turn::Rpy(angles) => {
+                placement.euler_deg = Some(angles.map(f64::to_degrees));
+                placement.euler_order = Some(EulerOrder::FixedXyz);
+            }
+            Turn::Quaternion(turn) => placement.quaternion_xyzw = Some(turn.coords.into()),
+        }
+        placement
+    }
+
+    /// The placement as an isometry, mm.
+    pub(super) fn isometry(&self) -> Isometry3<f64> {
+        let turn = match self.turn {
+            Turn::Rpy([roll, pitch, yaw]) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            Turn::Quaternion(turn) => turn,
+        };
+        Isometry3::from_parts(self.xyz_m.map(mm).into(), turn)
+    }
+}
+
+impl<'a> Joint<'a, '_> {
+    /// Its kind; an error where an arm has none such.
+    pub(super) fn kind(&self) -> Result<JointKind, UrdfError> {
+        let found = attribute(self.node, "type").unwrap_or_default();
+        match expanded(self.node, found)? {
+            "revolute" => Ok(JointKind::Revolute),
+            "continuous" => Ok(JointKind::Continuous),
+            "prismatic" => Ok(JointKind::Prismatic),
+            "fixed" => Ok(JointKind::Fixed),
+            _ => Err(UrdfError::Kind {
+                line: self.line(),
+                joint: self.name.to_owned(),
+                found: found.to_owned(),
+            }),
+        }
+    }
+
+    /// Its origin; that of its parent link where it states none.
+    pub(super) fn origin(&self) -> Result<Origin, UrdfError> {
+        let Some(origin) = child(self.node, "origin") else {
+            return Ok(Origin::NOWHERE);
+        };
+        let xyz_m = self.numbers(origin, "xyz", "three numbers in m")?;
+        if let Some(found) = xyz_m.filter(|xyz| xyz.iter().any(|m| m.abs() > FAR_M)) {
+            let wanted = "three numbers in m, and this is too far away for an arm; is it in mm?";
+            return Err(self.number(origin, "xyz", format!("{found:?}"), wanted));
+        }
+        Ok(Origin {
+            xyz_m: xyz_m.unwrap_or_default(),
+            turn: self.turn(origin)?,
+        })
+    }
+
+    fn turn(&self, origin: Node<'_, '_>) -> Result<Turn, UrdfError> {
+        let angles = self.numbers::<3>(origin, "rpy", "three numbers in rad")?;
+        let too_large = |angles: &[f64; 3]| angles.iter().any(|rad| rad.abs() > TWO_TURNS_RAD);
+        if let Some(found) = angles.filter(too_large) {
+            let wanted = "three numbers in rad, and this is more than two turns; is it in degrees?";
+            return Err(self.number(origin, "rpy", format!("{found:?}"), wanted));
+        }
+        let quaternion = self.numbers(origin, "quat_xyzw", "four numbers")?;
+        let Some([x, y, z, w]) = quaternion else {
+            return Ok(Turn::Rpy(angles.unwrap_or_default()));
+        };
+        let problem = if angles.is_some() {
+            Some("its origin has both rpy and quat_xyzw; take one of them out")
+        } else if self.version() < WITH_QUATERNIONS {
+            Some(
+                "its origin has quat_xyzw, which URDF has since version 1.1: write <robot version=\"1.1\">, or rpy instead",
+            )
+        } else {
+            None
+        };
+        let quaternion = Quaternion::new(w, x, y, z);
+        let unit = UnitQuaternion::try_new(quaternion, 1e-9);
+        match (problem, unit) {
+            (None, Some(unit)) => Ok(Turn::Quaternion(unit)),
+            (problem, _) => Err(UrdfError::Rotation {
+                line: line(origin),
+                joint: self.name.to_owned(),
+                problem: problem.unwrap_or("quat_xyzw is zero; give a rotation"),
+            }),
+        }
+    }
+
+    /// The version of the URDF; 1.0 where it states none.
+    fn version(&self) -> (u32, u32) {
+        let stated = attribute(self.node.document().root_element(), "version");
+        let parts = stated.and_then(|version| {
+            let (major, minor) = version.trim().split_once('.')?;
+            Some((major.parse().ok()?, minor.parse().ok()?))
+        });
+        parts.unwrap_or((1, 0))
+    }
+
+    /// Direction of its axis in its own frame; x where it states none.
+    pub(super) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
+        let stated = child(self.node, "axis");
+        let Some(axis) = stated else {
+            return Ok(Vector3::x());
+        };
+        let wanted = "three numbers that are not all zero";
+        let xyz = self
+            .numbers(axis, "xyz", wanted)?
+            .unwrap_or([1.0, 0.0, 0.0]);
+        let direction = Vector3::from(xyz);
+        let norm = direction.norm();
+        if norm.is_finite() && norm > 1e-9 {
+            Ok(direction)
+        } else {
+            Err(self.number(axis, "xyz", format!("{xyz:?}"), wanted))
+        }
+    }
+
+    /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
+    pub(super) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
+        let Some(limit) = child(self.node, "limit") else {
+            return Ok(None);
+        };
+        let wanted = "a finite number, in rad or m";
+        let [lower] = self.numbers(limit, "lower", wanted)?.unwrap_or_default();
+        let [upper] = self.numbers(limit, "upper", wanted)?.unwrap_or_default();
+        if lower == 0.0 && upper == 0.0 {
+            return Ok(None);
+        }
+        if lower < upper {
+            return Ok(Some([lower, upper]));
+        }
+        Err(UrdfError::Limits {
+            line: line(limit),
+            joint: self.name.to_owned(),
+            found: format!("limits from {lower} to {upper}"),
+            remedy: "the lower one comes first, and they differ; a joint that does not move is fixed",
+        })
+    }
+
+    /// The joint that it follows; `None` for one that is driven.
+    pub(super) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
+        let Some(mimic) = child(self.node, "mimic") else {
+            return Ok(None);
+        };
+        let joint = attribute(mimic, "joint").ok_or_else(|| UrdfError::Incomplete {
+            line: line(mimic),
+            element: format!("<mimic> of joint {:?}", self.name),
+            wanted: "joint",
+        })?;
+        let [multiplier] = self
+            .numbers(mimic, "multiplier", "a number")?
+            .unwrap_or([1.0]);
+        let [offset] = self
+            .numbers(mimic, "offset", "a number")?
+            .unwrap_or_default();
+        Ok(Some(Following {
+            joint: expanded(mimic, joint)?,
+            multiplier,
+            offset,
+        }))
+    }
+
+    /// The finite numbers of an attribute; `None` where it is not there.
+    fn numbers<const N: usize>(
+        &self,
+        node: Node<'_, '_>,
+        key: &str,
+        wanted: &'static str,
+    ) -> Result<Option<[f64; N]>, UrdfError> {
+        let Some(text) = attribute(node, key) else {
+            return Ok(None);
+        };
+        expanded(node, text)?;
+        let parsed: Option<Vec<f64>> = text
+            .split_whitespace()
+            .map(|number| number.parse().ok().filter(|x: &f64| x.is_finite()))
+            .collect();
+        let numbers = parsed.and_then(|all| <[f64; N]>::try_from(all).ok());
+        match numbers {
+            Some(numbers) => Ok(Some(numbers)),
+            None => Err(self.number(node, key, text.to_owned(), wanted)),
+        }
+    }
+
+    fn number(
+        &self,
+        node: Node<'_, '_>,
+        key: &str,
+        found: String,
+        wanted: &'static str,
+    ) -> UrdfError {
+        UrdfError::Number {
+            line: line(node),
+            joint: self.name.to_owned(),
+            key: format!("<{} {key}>", node.tag_name().name()),
+            found,
+            wanted,
+        }
+    }
+}

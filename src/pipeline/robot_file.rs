@@ -1,0 +1,71 @@
+//! A robot file as every command reads it: TOML or URDF, with all missing keys told at once, and a fault of the arm with its line.
+
+use std::path::Path;
+
+use thiserror::Error;
+
+use super::keys::KeyReference;
+use super::keys::missing::{self, Incomplete};
+use crate::io::robot::{self, Read, RobotFault, Selection};
+use crate::kinematics::{Arm, ArmError, RobotFile};
+
+/// A reason why a text is no robot file.
+#[derive(Debug, Error)]
+pub enum NoRobotFile {
+    /// Several keys are missing, or not known.
+    #[error(transparent)]
+    Incomplete(Box<Incomplete>),
+    /// Another fault.
+    #[error(transparent)]
+    Fault(RobotFault),
+    /// The arm is invalid.
+    #[error("{source}")]
+    Arm {
+        /// The line where the joint begins that the fault is in, from 1; `None` where it is none's, and in a URDF.
+        line: Option<usize>,
+        /// The fault.
+        source: Box<ArmError>,
+    },
+}
+
+impl NoRobotFile {
+    /// The line of the fault, to stand behind the file's name; empty where the fault names it itself, or has none.
+    pub fn on_line(&self) -> String {
+        match self {
+            Self::Arm {
+                line: Some(line), ..
+            } => format!(", line {line}"),
+            _ => String::new(),
+        }
+    }
+}
+
+/// Reads the text of the file at `path`.
+pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, NoRobotFile> {
+    robot::read(path, text, selection).map_err(|fault| match &fault {
+        RobotFault::Toml(_) => incomplete(text).unwrap_or(NoRobotFile::Fault(fault)),
+        _ => NoRobotFile::Fault(fault),
+    })
+}
+
+/// The arm in the text of the file at `path`.
+pub fn arm(path: &Path, text: &str, selection: &Selection) -> Result<Arm, NoRobotFile> {
+    let read = read(path, text, selection)?;
+    arm_of(&read.file, text)
+}
+
+/// The arm of a robot file that was read from this text.
+pub fn arm_of(file: &RobotFile, text: &str) -> Result<Arm, NoRobotFile> {
+    file.arm().map_err(|source| {
+        let joint = source.joint();
+        incomplete(text).unwrap_or_else(|| NoRobotFile::Arm {
+            line: joint.and_then(|joint| missing::line_of_joint(text, joint)),
+            source: Box::new(source.clone()),
+        })
+    })
+}
+
+fn incomplete(text: &str) -> Option<NoRobotFile> {
+    let own = missing::told_at_once(KeyReference::robot(), text)?;
+    Some(NoRobotFile::Incomplete(Box::new(own)))
+}
