@@ -18,6 +18,7 @@
 //! - [`inverse`](mod@inverse): joint angles that reach a pose.
 
 pub mod arm;
+mod arm_error;
 pub mod batch;
 pub mod chain;
 pub mod configuration;

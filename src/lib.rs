@@ -52,7 +52,7 @@
 //!   name is a value of [`io::tables::accuracy::FigureName`] and a word in `schemas/accuracy.toml` (a new version of the
 //!   schema, and a line in its `changes`).
 //! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
-//!   [`kinematics::arm::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
+//!   [`kinematics::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
 //!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that reads something else, a distance say, is a
 //!   variant of [`join::ReadingKind`], [`join::Value`] and [`fit::Measured`]; its residual, its rows and its covariance stand in

@@ -4,10 +4,10 @@
 
 use nalgebra::{DMatrix, Isometry3};
 
+use super::arm_error::ArmError;
 use super::chain::Chain;
 use super::convention::Convention;
 use super::parameter::{LinkQuantity, Parameter};
-use super::robot_file::ArmError;
 use super::twist::Twist;
 use crate::geometry::{Base, Flange, Transform};
 

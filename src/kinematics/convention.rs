@@ -4,10 +4,14 @@
 //! what may be wrong with the arm is a free parameter of the motion. Which directions belong to the arm and which only to the
 //! convention follows from the rank of the fit, not from the convention. Sources and formulas: [`crate::method::kinematics`].
 //!
-//! - [`table`]: four or six numbers a joint: standard and modified DH, Hayati's β, Stone's S-model.
-//! - [`lines`]: the joints' axes as lines: CPC, product of exponentials, URDF.
+//! - `table`: four or six numbers a joint: standard and modified DH, Hayati's β, Stone's S-model.
+//! - `lines`: the joints' axes as lines: CPC, product of exponentials, URDF.
 
 use serde::{Deserialize, Serialize};
+
+use super::chain::Element;
+use super::motion::Motion;
+use super::parameter::{LinkQuantity, Parameter};
 
 pub(super) mod lines;
 pub(super) mod table;
@@ -83,5 +87,43 @@ impl Convention {
         Self::ALL
             .into_iter()
             .find(|convention| convention.word() == word)
+    }
+}
+
+/// A joint that moves, as the elements of its link need it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moving {
+    /// The joint's number in parameters, from 1: that of its axis variable, or one after those for a joint that follows.
+    pub(super) number: usize,
+    /// Index of the axis variable that moves it, from 0.
+    pub(super) variable: usize,
+    /// Its motion per unit of that variable.
+    pub(super) factor: f64,
+    /// Whether it slides along its axis instead of turning about it.
+    pub(super) slides: bool,
+    /// Its motion where that variable is zero, rad or mm.
+    pub(super) shift: f64,
+}
+
+impl Moving {
+    /// The element of its variable.
+    const fn variable(&self, motion: Motion) -> Element {
+        Element::Joint {
+            motion,
+            joint: self.variable,
+            sign: self.factor,
+        }
+    }
+
+    /// A free element of its link.
+    const fn free(&self, motion: Motion, nominal: f64, quantity: LinkQuantity) -> Element {
+        Element::Free {
+            motion,
+            nominal,
+            parameter: Parameter::Link {
+                joint: self.number,
+                quantity,
+            },
+        }
     }
 }

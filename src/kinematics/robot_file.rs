@@ -1,11 +1,10 @@
 //! A robot file: a nominal arm as its maker states it, in one of the [conventions](super::convention), made into an arm.
 //!
 //! Every key of every convention stands in [`JointFile`]; which of them a joint has to have follows from the convention and the
-//! kind of joint ([`keys`]). A file with the wrong ones, or with numbers in other units than its keys say, is an error that
-//! names the joint ([`checks`]).
+//! kind of joint (`keys`). A file with the wrong ones, or with numbers in other units than its keys say, is an error that
+//! names the joint (`checks`).
 
 mod checks;
-mod error;
 mod keys;
 
 use nalgebra::{DMatrix, Isometry3, UnitVector3, Vector3};
@@ -14,12 +13,10 @@ use serde::{Deserialize, Serialize};
 use super::arm::{Arm, Joint, Nominal};
 use super::chain::{Chain, Element};
 use super::convention::table::{Parallel, TableLink};
-use super::convention::{Convention, lines};
-use super::motion::Motion;
-use super::parameter::{LinkQuantity, Parameter};
+use super::convention::{Convention, Moving, lines};
 use crate::geometry::Placement;
 
-pub use error::{ArmError, WrongKeys};
+pub use super::arm_error::{ArmError, WrongKeys};
 
 /// A nominal arm as `pipelines/robots/*.toml` states it.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -139,62 +136,6 @@ pub struct Mimic {
     pub offset_mm: Option<f64>,
 }
 
-/// A joint that moves, as the elements of its link need it.
-#[derive(Debug)]
-pub(super) struct Moving<'a> {
-    file: &'a JointFile,
-    /// The joint's number in parameters, from 1: that of its axis variable, or one after those for a joint that follows.
-    number: usize,
-    /// Index of the axis variable that moves it, from 0.
-    variable: usize,
-    /// Its motion per unit of that variable.
-    factor: f64,
-    /// Its motion where that variable is zero, rad or mm.
-    shift: f64,
-}
-
-impl Moving<'_> {
-    pub(super) fn slides(&self) -> bool {
-        self.file.kind == JointKind::Prismatic
-    }
-
-    /// The element of its variable.
-    pub(super) const fn variable(&self, motion: Motion) -> Element {
-        Element::Joint {
-            motion,
-            joint: self.variable,
-            sign: self.factor,
-        }
-    }
-
-    /// A free element of its link.
-    pub(super) const fn free(
-        &self,
-        motion: Motion,
-        nominal: f64,
-        quantity: LinkQuantity,
-    ) -> Element {
-        Element::Free {
-            motion,
-            nominal,
-            parameter: Parameter::Link {
-                joint: self.number,
-                quantity,
-            },
-        }
-    }
-
-    /// Its zero: the offset that the file states and the shift of the joint that it follows.
-    fn zero(&self) -> f64 {
-        let stated = if self.slides() {
-            self.file.offset_mm.unwrap_or(0.0)
-        } else {
-            self.file.offset_deg.unwrap_or(0.0).to_radians()
-        };
-        stated + self.shift
-    }
-}
-
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "serde passes a reference"
@@ -240,7 +181,7 @@ impl RobotFile {
                 before: before_it.unwrap_or(Parallel::No),
                 next: parallel[place],
             };
-            elements.extend(self.link(&joint, beside, &mut before)?);
+            elements.extend(self.link((file, &joint), beside, &mut before)?);
         }
         let flange = placement("flange", self.flange.as_ref())?;
         elements.extend(match self.convention {
@@ -254,20 +195,16 @@ impl RobotFile {
     }
 
     /// The joint with its number and the variable that moves it; `None` for one that does not move.
-    fn moving<'a>(
-        file: &'a JointFile,
-        reported: &[&JointFile],
-        followers: &mut usize,
-    ) -> Option<Moving<'a>> {
+    fn moving(file: &JointFile, reported: &[&JointFile], followers: &mut usize) -> Option<Moving> {
         let place = |name: &str| reported.iter().position(|joint| joint.name == name);
         let sign = f64::from(file.sign.unwrap_or(1));
         match (&file.mimic, file.kind) {
             (_, JointKind::Fixed) => None,
             (None, _) => place(&file.name).map(|variable| Moving {
-                file,
                 number: variable + 1,
                 variable,
                 factor: sign,
+                slides: file.slides(),
                 shift: 0.0,
             }),
             (Some(mimic), kind) => {
@@ -278,10 +215,10 @@ impl RobotFile {
                 };
                 *followers += 1;
                 place(&mimic.joint).map(|variable| Moving {
-                    file,
                     number: *followers,
                     variable,
                     factor: sign * mimic.multiplier,
+                    slides: file.slides(),
                     shift: sign * offset,
                 })
             }
@@ -291,11 +228,11 @@ impl RobotFile {
     /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of exponentials.
     fn link(
         &self,
-        joint: &Moving<'_>,
+        (file, joint): (&JointFile, &Moving),
         beside: Beside,
         before: &mut Isometry3<f64>,
     ) -> Result<Vec<Element>, ArmError> {
-        let file = joint.file;
+        let zero = file.zero() + joint.shift;
         Ok(match self.convention {
             Convention::StandardDh => file.table(joint).standard(joint, beside.next),
             Convention::MdH => file.table(joint).standard(joint, beside.next.keeping_d()),
@@ -306,7 +243,7 @@ impl RobotFile {
                 &unit(file.direction),
                 file.gamma_deg.unwrap_or(0.0).to_radians(),
                 file.shift_mm.unwrap_or_default(),
-                joint.zero(),
+                zero,
             ),
             Convention::Poe | Convention::MinimalPoe => {
                 let point = file
@@ -316,9 +253,9 @@ impl RobotFile {
                 let nominal = before.inverse() * frame;
                 *before = frame;
                 if self.convention == Convention::Poe {
-                    lines::placed(joint, nominal, joint.zero())
+                    lines::placed(joint, nominal, zero)
                 } else {
-                    lines::line(joint, nominal, joint.zero())
+                    lines::line(joint, nominal, zero)
                 }
             }
             Convention::Urdf => {
@@ -326,7 +263,7 @@ impl RobotFile {
                     nalgebra::Translation3::identity(),
                     lines::z_to(&unit(file.axis)),
                 );
-                let mut elements = lines::placed(joint, file.origin()? * along, joint.zero());
+                let mut elements = lines::placed(joint, file.origin()? * along, zero);
                 elements.push(Element::Fixed(along.inverse()));
                 elements
             }
@@ -336,10 +273,10 @@ impl RobotFile {
     /// The transform of a joint that does not move.
     fn constant(&self, file: &JointFile) -> Result<Element, ArmError> {
         let joint = Moving {
-            file,
             number: 0,
             variable: 0,
             factor: 0.0,
+            slides: false,
             shift: 0.0,
         };
         let elements = match self.convention {
@@ -425,9 +362,22 @@ impl JointFile {
         self.kind != JointKind::Fixed && self.mimic.is_none()
     }
 
+    fn slides(&self) -> bool {
+        self.kind == JointKind::Prismatic
+    }
+
+    /// What is added to the reported angle or position, rad or mm, where the convention has no table.
+    fn zero(&self) -> f64 {
+        if self.slides() {
+            self.offset_mm.unwrap_or(0.0)
+        } else {
+            self.offset_deg.unwrap_or(0.0).to_radians()
+        }
+    }
+
     /// The joint with its limits, rad or mm. A continuous joint without limits is taken to go a whole turn either way.
     fn joint(&self) -> Joint {
-        let slides = self.kind == JointKind::Prismatic;
+        let slides = self.slides();
         let [lower, upper] = if slides {
             self.limits_mm.unwrap_or([0.0, 0.0])
         } else {
@@ -443,9 +393,9 @@ impl JointFile {
     }
 
     /// The numbers of its link in a table, with the shift of the joint that it follows in the joint's own.
-    fn table(&self, joint: &Moving<'_>) -> TableLink {
+    fn table(&self, joint: &Moving) -> TableLink {
         let angle = |degrees: Option<f64>| degrees.unwrap_or(0.0).to_radians();
-        let (turned, slid) = if joint.slides() {
+        let (turned, slid) = if joint.slides {
             (0.0, joint.shift)
         } else {
             (joint.shift, 0.0)

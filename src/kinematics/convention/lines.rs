@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use super::super::chain::Element;
 use super::super::motion::{Axis, Motion};
 use super::super::parameter::LinkQuantity;
-use super::super::robot_file::Moving;
+use super::Moving;
 
 /// Small motions in the order of a link's elements.
 const SMALL: [(Motion, LinkQuantity); 6] = [
@@ -35,7 +35,7 @@ pub fn frame_along(point: Vector3<f64>, axis: &UnitVector3<f64>) -> Isometry3<f6
 
 /// The link to a joint's frame: the nominal way there, its six small motions, and the joint; `zero` is added to the joint's
 /// variable.
-pub fn placed(joint: &Moving<'_>, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
+pub fn placed(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
     let mut elements = vec![Element::Fixed(nominal)];
     elements.extend(SMALL.map(|(motion, quantity)| joint.free(motion, 0.0, quantity)));
     elements.extend(own(joint, zero));
@@ -43,11 +43,11 @@ pub fn placed(joint: &Moving<'_>, nominal: Isometry3<f64>, zero: f64) -> Vec<Ele
 }
 
 /// The link to a joint's frame with the small motions that change its axis: four for a line, two for the direction of a slide.
-pub fn line(joint: &Moving<'_>, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
+pub fn line(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
     let mut elements = vec![Element::Fixed(nominal)];
     let changes_axis = |quantity: LinkQuantity| match quantity {
         LinkQuantity::Rx | LinkQuantity::Ry => true,
-        LinkQuantity::X | LinkQuantity::Y => !joint.slides(),
+        LinkQuantity::X | LinkQuantity::Y => !joint.slides,
         _ => false,
     };
     let free = SMALL.into_iter().filter(|(_, own)| changes_axis(*own));
@@ -58,7 +58,7 @@ pub fn line(joint: &Moving<'_>, nominal: Isometry3<f64>, zero: f64) -> Vec<Eleme
 
 /// The joint, and CPC's link behind it: z turned to the next axis' direction, a turn γ about that and a shift.
 pub fn cpc(
-    joint: &Moving<'_>,
+    joint: &Moving,
     next: &UnitVector3<f64>,
     gamma: f64,
     [x, y, z]: [f64; 3],
@@ -81,8 +81,8 @@ pub fn cpc(
 }
 
 /// The joint's variable about or along z, with its zero.
-fn own(joint: &Moving<'_>, zero: f64) -> Vec<Element> {
-    let motion = if joint.slides() {
+fn own(joint: &Moving, zero: f64) -> Vec<Element> {
+    let motion = if joint.slides {
         Motion::Translation(Axis::Z)
     } else {
         Motion::Rotation(Axis::Z)

@@ -3,7 +3,7 @@
 use super::super::chain::Element;
 use super::super::motion::{Axis, Motion};
 use super::super::parameter::LinkQuantity;
-use super::super::robot_file::Moving;
+use super::Moving;
 
 const ABOUT_Z: Motion = Motion::Rotation(Axis::Z);
 const ALONG_Z: Motion = Motion::Translation(Axis::Z);
@@ -66,7 +66,7 @@ impl Parallel {
 
 impl TableLink {
     /// `Rot(z,θ+q) Trans(z,d) Trans(x,a) Rot(x,α) Rot(y,β)`.
-    pub fn standard(&self, joint: &Moving<'_>, next: Parallel) -> Vec<Element> {
+    pub fn standard(&self, joint: &Moving, next: Parallel) -> Vec<Element> {
         let mut elements = self.turn_and_shift(joint, next);
         elements.push(joint.free(ALONG_X, self.a, LinkQuantity::A));
         elements.push(joint.free(ABOUT_X, self.alpha, LinkQuantity::Alpha));
@@ -77,7 +77,7 @@ impl TableLink {
     }
 
     /// `Rot(x,α) Trans(x,a) Rot(y,β) Rot(z,θ+q) Trans(z,d)`, α and a of the link before the joint.
-    pub fn modified(&self, joint: &Moving<'_>, before: Parallel) -> Vec<Element> {
+    pub fn modified(&self, joint: &Moving, before: Parallel) -> Vec<Element> {
         let mut elements = vec![
             joint.free(ABOUT_X, self.alpha, LinkQuantity::Alpha),
             joint.free(ALONG_X, self.a, LinkQuantity::A),
@@ -90,7 +90,7 @@ impl TableLink {
     }
 
     /// Standard DH with `Rot(z,γ) Trans(z,b)` behind.
-    pub fn s_model(&self, joint: &Moving<'_>, next: Parallel) -> Vec<Element> {
+    pub fn s_model(&self, joint: &Moving, next: Parallel) -> Vec<Element> {
         let mut elements = self.standard(joint, next);
         elements.push(joint.free(ABOUT_Z, self.gamma, LinkQuantity::Gamma));
         elements.push(joint.free(ALONG_Z, self.b, LinkQuantity::B));
@@ -98,14 +98,14 @@ impl TableLink {
     }
 
     /// The joint's own turn and shift, of which one is its variable.
-    fn turn_and_shift(&self, joint: &Moving<'_>, parallel: Parallel) -> Vec<Element> {
+    fn turn_and_shift(&self, joint: &Moving, parallel: Parallel) -> Vec<Element> {
         let d = if parallel == Parallel::InPlaceOfD {
             Element::Fixed(ALONG_Z.by(self.d))
         } else {
             joint.free(ALONG_Z, self.d, LinkQuantity::D)
         };
         let turn = joint.free(ABOUT_Z, self.theta, LinkQuantity::Theta);
-        if joint.slides() {
+        if joint.slides {
             vec![turn, joint.variable(ALONG_Z), d]
         } else {
             vec![turn, joint.variable(ABOUT_Z), d]

@@ -1,9 +1,8 @@
 //! Checks of a robot file's values, before an arm is made of them.
 
 use super::super::convention::Convention;
-use super::error::WrongKeys;
 use super::keys;
-use super::{ArmError, JointFile, JointKind, RobotFile};
+use super::{ArmError, JointFile, JointKind, RobotFile, WrongKeys};
 
 /// The most joints of an arm.
 const MOST_JOINTS: usize = 16;

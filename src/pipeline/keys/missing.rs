@@ -52,7 +52,7 @@ pub fn told_at_once(reference: &'static KeyReference, text: &str) -> Option<Inco
     })
 }
 
-/// The line where the [[joint]] of that name begins, from 1; `None` where the file has none.
+/// The line where the table `joint` of that name begins, from 1; `None` where the file has none.
 pub fn line_of_joint(text: &str, name: &str) -> Option<usize> {
     let file = DeTable::parse(text).ok()?;
     let joints = tables(file.get_ref(), &["joint"], text);
