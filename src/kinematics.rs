@@ -18,12 +18,14 @@
 //! - [`inverse`](mod@inverse): joint angles that reach a pose.
 
 pub mod arm;
+mod axes;
 pub mod batch;
 pub mod chain;
 pub mod configuration;
 pub mod convention;
 pub mod held;
 pub mod inverse;
+mod joint;
 mod motion;
 pub mod parameter;
 pub mod restate;
@@ -33,6 +35,7 @@ mod sin_cos;
 mod twist;
 
 pub use arm::{Arm, Joint};
+pub use axes::Axes;
 pub use batch::{BatchChain, BatchColumns, Poses};
 pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};

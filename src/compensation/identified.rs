@@ -112,7 +112,7 @@ impl IdentifiedArm {
         targets.par_iter().map(one).collect()
     }
 
-    /// By how much an angle of a joint is beyond those measured, rad; negative inside.
+    /// By how much an angle of a joint is beyond those measured, rad (mm where it slides); negative inside.
     fn beyond_measured(&self, joint: usize, angle: f64) -> f64 {
         let [low, high] = self.measured[joint];
         (low - angle).max(angle - high)
@@ -131,8 +131,9 @@ impl IdentifiedArm {
             self.arm.axes(&unit)
         };
         let is_whole = |share: &f64| (share - share.round()).abs() < 1e-9;
-        let of = |joint| {
-            let repeats = moved(joint).iter().all(is_whole);
+        let of = |joint: usize| {
+            let turns_alone = !self.arm.joints()[joint].slides;
+            let repeats = turns_alone && moved(joint).iter().all(is_whole);
             repeats.then(|| TAU * f64::from(turns))
         };
         (0..joints).map(of).collect()
@@ -152,17 +153,22 @@ impl IdentifiedArm {
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
     fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
-        let beyond = |(joint, &angle): (usize, &f64)| (joint, self.beyond_measured(joint, angle));
+        // A mm of sliding counts as a mrad.
+        let beyond = |(joint, &angle): (usize, &f64)| {
+            let counted = self.arm.joints()[joint].counted();
+            (joint, counted * self.beyond_measured(joint, angle))
+        };
         let out = joints.iter().enumerate().map(beyond);
         let worst = out.max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((joint, beyond_rad)) if beyond_rad > RIM_RAD => {
-                let [low, high] = self.measured[joint].map(f64::to_degrees);
+                let own = &self.arm.joints()[joint];
                 Err(Reason::JointRange {
-                    joint: self.arm.joints()[joint].name.clone(),
-                    angle_deg: joints[joint].to_degrees(),
-                    beyond_deg: beyond_rad.to_degrees(),
-                    measured_deg: [low, high],
+                    joint: own.name.clone(),
+                    angle_deg: own.shown(joints[joint]),
+                    beyond_deg: own.shown(beyond_rad * own.per_radian()),
+                    measured_deg: self.measured[joint].map(|end| own.shown(end)),
+                    unit: own.sign_of_unit(),
                 })
             }
             _ => Ok(()),

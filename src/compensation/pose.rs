@@ -147,6 +147,14 @@ impl<'a> Poses<'a> {
         if given.angles.len() != own().len() {
             return Err(other());
         }
+        let stated = given.slides.iter().flatten();
+        let mut stated = self.identified.arm.joints().iter().zip(stated);
+        if let Some((joint, _)) = stated.find(|(joint, is_length)| joint.slides != **is_length) {
+            return Err(Reason::JointUnit {
+                joint: joint.name.clone(),
+                slides: joint.slides,
+            });
+        }
         if given.names.is_empty() {
             return Ok(given.angles.clone());
         }
@@ -235,7 +243,7 @@ impl<'a> Poses<'a> {
         let ranges = self.identified.measured.iter().zip(limits);
         let turned = |(q, ([low, high], joint)): (f64, (&[f64; 2], &crate::kinematics::Joint))| {
             let near = q + TAU * ((low.midpoint(*high) - q) / TAU).round();
-            let allowed = (joint.lower..=joint.upper).contains(&near);
+            let allowed = !joint.slides && (joint.lower..=joint.upper).contains(&near);
             if allowed { near } else { q }
         };
         joints.into_iter().zip(ranges).map(turned).collect()
@@ -249,9 +257,9 @@ pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
     beyond.map_or(Ok(()), |(joint, angle)| {
         Err(Reason::Arm(InverseError::LimitReached {
             joint: joint.name.clone(),
-            angle_deg: angle.to_degrees(),
-            lower_deg: joint.lower.to_degrees(),
-            upper_deg: joint.upper.to_degrees(),
+            angle_deg: joint.shown(*angle),
+            lower_deg: joint.shown(joint.lower),
+            upper_deg: joint.shown(joint.upper),
         }))
     })
 }

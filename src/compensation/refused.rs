@@ -101,6 +101,16 @@ pub enum Reason {
         /// The names of the arm's joints.
         expected: Vec<String>,
     },
+    /// A joint's value in the unit of the other kind of joint.
+    #[error(
+        "states joint {joint:?} {}", if *slides { "as an angle, and it slides: give it in mm, as q1_mm for the first joint" } else { "in mm, and it turns: give it in rad or deg" }
+    )]
+    JointUnit {
+        /// The joint's name.
+        joint: String,
+        /// Whether it slides.
+        slides: bool,
+    },
     /// Position and joint angles that contradict each other.
     #[error(
         "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \
@@ -112,19 +122,21 @@ pub enum Reason {
     },
     /// Joint angles that were not measured.
     #[error(
-        "needs joint {joint:?} at {angle_deg:.3}°, {beyond_deg:.3}° beyond the {:.3}° to {:.3}° that were measured: the \
+        "needs joint {joint:?} at {angle_deg:.3}{unit}, {beyond_deg:.3}{unit} beyond the {:.3}{unit} to {:.3}{unit} that were measured: the \
          model has no information there; measure there, or reach the target with angles inside",
         measured_deg[0], measured_deg[1]
     )]
     JointRange {
         /// The joint's name.
         joint: String,
-        /// The angle needed, degrees.
+        /// The angle needed, degrees; mm for a joint that slides, as all that follows.
         angle_deg: f64,
         /// Distance of the angle from the measured range, degrees.
         beyond_deg: f64,
         /// The measured range, degrees.
         measured_deg: [f64; 2],
+        /// The unit behind these numbers: "°", or " mm".
+        unit: &'static str,
     },
     /// The nominal arm cannot reach the target.
     #[error("is not for this arm: {0}")]

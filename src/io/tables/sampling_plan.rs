@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::Isometry3;
 
-use super::words::xyzw;
+use super::words::{joint_units, xyzw};
 use crate::io::table::{row, words};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
@@ -25,6 +25,8 @@ row! {
         repeats: Option<usize>,
         /// The joints in the order of `joints_rad`.
         joint_names: Arc<[String]>,
+        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
+        joint_units: Option<Arc<[String]>>,
         /// Joint angles of the nominal arm, rad.
         joints_rad: Vec<f64>,
         /// Position of the target in the frame of commands, mm.
@@ -103,6 +105,7 @@ pub fn rows(
 ) -> Vec<VisitRow> {
     let names = arm.joints().iter().map(|joint| joint.name.clone());
     let joint_names: Arc<[String]> = names.collect();
+    let joint_units = joint_units(arm.joints());
     let visits = plan.session.visits.iter().enumerate();
     let row = |(place, visit): (usize, &PlannedVisit)| {
         let pose = command_from_base * visit.command.base_from_target;
@@ -113,6 +116,7 @@ pub fn rows(
             purpose: visit.purpose.into(),
             repeats: repeats(visit.purpose),
             joint_names: Arc::clone(&joint_names),
+            joint_units: joint_units.clone(),
             joints_rad: joints.clone(),
             position: pose.translation.vector.into(),
             orientation: xyzw(&pose.rotation),

@@ -148,7 +148,7 @@ impl From<&Reason> for RefusedFor {
             | Reason::Arm(InverseError::ConfigurationChanged { .. }) => Self::Configuration,
             Reason::NoPosition => Self::NoPosition,
             Reason::NoOrientation => Self::NoOrientation,
-            Reason::Joints { .. } => Self::Joints,
+            Reason::Joints { .. } | Reason::JointUnit { .. } => Self::Joints,
             Reason::Apart { .. } => Self::Apart,
             Reason::JointRange { .. } => Self::JointRange,
             Reason::Arm(InverseError::NotReachable { .. }) => Self::OutOfReach,
