@@ -11,6 +11,7 @@ use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
+use crate::units::MM_PER_M;
 
 row! {
     /// A planned visit, with the promise of the whole plan.
@@ -162,7 +163,10 @@ fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {
 /// The promise of a published plan, which every row states; the first is asked.
 pub fn promise(key: &RunKey, visits: Vec<VisitRow>) -> PlanPromise {
     let first = visits.first();
+    let units = first.and_then(|row| row.joint_units.as_ref());
+    let counted = |unit: &String| if unit == "mm" { 1.0 / MM_PER_M } else { 1.0 };
     PlanPromise {
+        counted: units.map_or_else(Vec::new, |units| units.iter().map(counted).collect()),
         plan: key.run.clone(),
         promise: Promise {
             mean_mm: first.and_then(|row| row.promised_mean_mm),
