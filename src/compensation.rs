@@ -61,8 +61,10 @@ pub struct Target {
 pub struct TargetJoints {
     /// The joints' names in the angles' order; empty for the order of the arm.
     pub names: Vec<String>,
-    /// The angles, rad.
+    /// The angles, rad; mm of joints that slide.
     pub angles: Vec<f64>,
+    /// Which of them the file states in mm; `None` where it states none of their units.
+    pub slides: Option<Vec<bool>>,
 }
 
 /// A target with its corrected command.

@@ -19,12 +19,14 @@
 
 pub mod arm;
 mod arm_error;
+mod axes;
 pub mod batch;
 pub mod chain;
 pub mod configuration;
 pub mod convention;
 pub mod held;
 pub mod inverse;
+mod joint;
 mod motion;
 pub mod parameter;
 pub mod restate;
@@ -34,6 +36,7 @@ mod sin_cos;
 mod twist;
 
 pub use arm::{Arm, Joint};
+pub use axes::Axes;
 pub use batch::{BatchChain, BatchColumns, Poses};
 pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};

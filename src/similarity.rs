@@ -13,6 +13,8 @@ pub mod variogram;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::units::MM_PER_M;
+
 pub use empirical::Bin;
 pub use variogram::{Shape, VariogramModel};
 
@@ -22,9 +24,13 @@ pub use variogram::{Shape, VariogramModel};
 pub struct SimilaritySettings {
     /// Bins up to half of the largest separation.
     pub bins: usize,
-    /// Weight of each joint's chord `2 sin(Δq/2)` in the joint-space separation. Absent: 1 for every joint.
+    /// Weight of each joint's chord `2 sin(Δq/2)` in the joint-space separation; of a joint that slides, of its distance, a mm of
+    /// which counts as a mrad. Absent: 1 for every joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_weights: Option<Vec<f64>>,
+    /// Whether each joint slides, as the arm says; empty where all turn.
+    #[serde(skip)]
+    pub slides: Vec<bool>,
 }
 
 impl Default for SimilaritySettings {
@@ -32,6 +38,7 @@ impl Default for SimilaritySettings {
         Self {
             bins: 15,
             joint_weights: None,
+            slides: Vec::new(),
         }
     }
 }
@@ -110,7 +117,9 @@ pub fn semivariograms(
         .joint_weights
         .clone()
         .unwrap_or_else(|| vec![1.0; joint_count]);
-    let joint = |a: &ErrorSample, b: &ErrorSample| joint_separation(&a.joints, &b.joints, &weights);
+    let joint = |a: &ErrorSample, b: &ErrorSample| {
+        joint_separation(&a.joints, &b.joints, &weights, &settings.slides)
+    };
     let cartesian = |a: &ErrorSample, b: &ErrorSample| (a.position - b.position).norm();
     let mut found = in_space(
         Space::Joint,
@@ -123,13 +132,21 @@ pub fn semivariograms(
     found
 }
 
-/// `√Σ (w_j 2 sin(Δq_j/2))²`: the chord repeats after a full turn, as the error does.
-fn joint_separation(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
+/// `√Σ (w_j 2 sin(Δq_j/2))²`: the chord repeats after a full turn, as the error does. A joint that slides has its plain distance in m.
+fn joint_separation(a: &[f64], b: &[f64], weights: &[f64], slides: &[bool]) -> f64 {
+    let slides = slides.iter().copied().chain(std::iter::repeat(false));
     let chords = a
         .iter()
         .zip(b)
         .zip(weights)
-        .map(|((a, b), weight)| weight * 2.0 * (0.5 * (a - b)).sin());
+        .zip(slides)
+        .map(|(((a, b), weight), slides)| {
+            if slides {
+                weight * (a - b) / MM_PER_M
+            } else {
+                weight * 2.0 * (0.5 * (a - b)).sin()
+            }
+        });
     chords.map(|chord| chord * chord).sum::<f64>().sqrt()
 }
 

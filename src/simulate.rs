@@ -24,7 +24,7 @@ mod visits;
 use thiserror::Error;
 
 use crate::ingest::{CommandSamples, JointAngles, JointSamples, Recording};
-use crate::kinematics::{Arm, InverseError};
+use crate::kinematics::{Arm, InverseError, Joint};
 use crate::units::{Controller, Stamp};
 
 pub use curve::{GearLine, JointCurve};
@@ -152,7 +152,7 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
     let view = tracker::View::new(arm, settings, &errors, &timeline);
     let (readings, counts) = view.readings();
     let recording = Recording {
-        joints: joint_samples(settings, &timeline),
+        joints: joint_samples(arm, settings, &timeline),
         commands: command_samples(settings, &timeline),
         readings,
         temperatures: view.temperatures(),
@@ -161,13 +161,14 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
     Ok(Simulated { recording, truth })
 }
 
-fn joint_samples(settings: &SimulateSettings, timeline: &Timeline) -> JointSamples {
+fn joint_samples(arm: &Arm, settings: &SimulateSettings, timeline: &Timeline) -> JointSamples {
     let stamps = samples(settings.motion.joint_rate_hz, timeline.end_s());
     let mut angles = JointAngles::of(settings.home.len());
     for &t in &stamps {
         let reported = timeline.state(t).reported;
-        let angle = |angle| rounded(angle, ANGLE_RESOLUTION);
-        angles.push(reported.into_iter().map(angle));
+        let angle =
+            |(angle, joint): (f64, &Joint)| rounded(angle, ANGLE_RESOLUTION * joint.per_radian());
+        angles.push(reported.into_iter().zip(arm.joints()).map(angle));
     }
     JointSamples {
         stamps: stamps.iter().map(|&t| stamp(settings, t)).collect(),

@@ -93,6 +93,7 @@ fn fresh(count: usize) -> Vec<(Target, Vec<f64>)> {
             side * (0.5 + share(row, joint, 7_f64.sqrt()))
         };
         let joints = TargetJoints {
+            slides: None,
             names: Vec::new(),
             angles: (0..6).map(between).collect(),
         };

@@ -154,6 +154,7 @@ pub fn run(
         targets: &targets,
         outcomes: &outcomes,
         table_id: by.table_id,
+        units: source.units(&targets),
     };
     let bytes = written
         .bytes(form)

@@ -20,7 +20,7 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Word as _;
-use crate::io::targets::write_csv;
+use crate::io::targets::{JointUnits, write_csv};
 use crate::io::whole_file::{self, write_whole};
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
 use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
@@ -132,7 +132,8 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     if let Some(path) = &args.csv {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
         let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), CsvCause> {
-            Ok(write_csv(&table, AngleUnit::Deg, sink)?)
+            let units = JointUnits::of(&planning.arm, AngleUnit::Deg);
+            Ok(write_csv(&table, units, sink)?)
         };
         write_whole(path, write).map_err(|source| PlanCommandError::Write {
             path: path.clone(),

@@ -13,6 +13,7 @@ use clap::Args;
 use thiserror::Error;
 
 use super::robot::ArmFlags;
+use crate::ingest::Recording;
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
 use crate::io::robot::{self, Selection};
 use crate::io::targets::{self, TargetsError};
@@ -215,7 +216,7 @@ impl SimulateArgs {
         arm: &Arm,
         listed: Option<&[Vec<f64>]>,
     ) -> Result<SimulateSettings, SimulateError> {
-        let home = self.poses.home();
+        let home = self.poses.home(arm)?;
         let places = |cell: &_| self.poses.places(arm, cell, listed);
         let settings = self.errors.settings(self.seed, home, places)?;
         Ok(SimulateSettings {
@@ -234,7 +235,8 @@ impl SimulateArgs {
         let Simulated { recording, truth } = simulated;
         let [controller, tracker, json, stations] = FILES.map(|file| self.out.join(file));
         written(&controller, |sink| {
-            Ok(write_controller_log(sink, recording, &names, &session)?)
+            let logged = logged(arm, recording);
+            Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
         written(&tracker, |sink| {
             Ok(write_tracker_log(sink, recording, &session)?)
@@ -270,6 +272,17 @@ impl SimulateArgs {
         let pairs = pairs.into_iter().chain(plan);
         pairs.map(|(key, value)| (key.to_owned(), value)).collect()
     }
+}
+
+/// The recording with positions of joints that slide in m, the unit of ROS.
+fn logged(arm: &Arm, recording: &Recording) -> Recording {
+    let mut logged = recording.clone();
+    let angles = &mut logged.joints.angles;
+    for row in 0..angles.len() {
+        let values = angles.row_mut(row).iter_mut().zip(arm.joints());
+        values.for_each(|(value, joint)| *value /= joint.per_radian());
+    }
+    logged
 }
 
 /// Writes a file under a temporary name and renames it: a file with its own name is whole.

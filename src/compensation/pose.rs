@@ -150,6 +150,14 @@ impl<'a> Poses<'a> {
         if given.angles.len() != own().len() {
             return Err(other());
         }
+        let stated = given.slides.iter().flatten();
+        let mut stated = self.identified.arm.joints().iter().zip(stated);
+        if let Some((joint, _)) = stated.find(|(joint, is_length)| joint.slides != **is_length) {
+            return Err(Reason::JointUnit {
+                joint: joint.name.clone(),
+                slides: joint.slides,
+            });
+        }
         if given.names.is_empty() {
             return Ok(given.angles.clone());
         }

@@ -101,6 +101,16 @@ pub enum Reason {
         /// The names of the arm's joints.
         expected: Vec<String>,
     },
+    /// A joint's value in the unit of the other kind of joint.
+    #[error(
+        "states joint {joint:?} {}", if *slides { "as an angle, and it slides: give it in mm, as q1_mm for the first joint" } else { "in mm, and it turns: give it in rad or deg" }
+    )]
+    JointUnit {
+        /// The joint's name.
+        joint: String,
+        /// Whether it slides.
+        slides: bool,
+    },
     /// Position and joint angles that contradict each other.
     #[error(
         "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \

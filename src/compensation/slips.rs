@@ -68,9 +68,15 @@ fn with_angles(
     may: impl Fn(&[f64]) -> bool,
 ) -> Option<Target> {
     let joints = target.joints.as_ref()?;
+    // A position has no such slip, and says nothing of one.
+    let slides = joints.slides.iter().flatten().copied();
+    if slides.clone().any(|slides| slides) {
+        return None;
+    }
     let angles: Vec<f64> = joints.angles.iter().copied().map(meant).collect();
     may(&angles).then(|| Target {
         joints: Some(TargetJoints {
+            slides: joints.slides.clone(),
             names: joints.names.clone(),
             angles,
         }),
@@ -102,6 +108,7 @@ mod tests {
     fn at(angles: [f64; 2]) -> Target {
         Target {
             joints: Some(TargetJoints {
+                slides: None,
                 names: Vec::new(),
                 angles: angles.to_vec(),
             }),

@@ -15,6 +15,7 @@ use super::visits::{self, Dwell};
 use crate::figures::median;
 use crate::join::Station;
 use crate::kinematics::Arm;
+use crate::units::MM_PER_M;
 
 /// The frames in which the controller states its commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +46,8 @@ pub struct Commanded {
     pub trust: Trust,
     /// For each station, the index of the station that names its pose: visits of one pose have the same.
     pub visits: Vec<usize>,
+    /// Radians that one unit of each joint's variable counts as.
+    pub counted: Vec<f64>,
 }
 
 /// Commanded minus reported axis variables of one station, rad.
@@ -99,7 +102,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         .map(|station| pose(station, frames))
         .collect();
     let Some(flange_from_tool) = frames.flange_from_tool else {
-        return without_orientations(stations, poses);
+        return without_orientations(stations, poses, arm.counted());
     };
     let turns: Vec<Option<Vector3<f64>>> = stations
         .iter()
@@ -107,7 +110,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         .map(|(station, pose)| turn(station, pose.as_ref()?, arm, &flange_from_tool))
         .collect();
     let Some(constant) = constant_turn(&turns) else {
-        return without_orientations(stations, poses);
+        return without_orientations(stations, poses, arm.counted());
     };
     let scatter = median(
         &turns
@@ -138,22 +141,29 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
                 Trust::NoOrientations => None,
             }
         });
+    let counted = arm.counted();
     Commanded {
         settling_errors: settling_errors.collect(),
-        visits: visits::poses(&dwells(stations, &poses, trust)),
+        visits: visits::poses(&dwells(stations, &poses, trust, &counted)),
         poses,
         trust,
+        counted,
     }
 }
 
 /// Commands without orientations, which have no settling errors.
-fn without_orientations(stations: &[Station], poses: Vec<Option<CommandedPose>>) -> Commanded {
+fn without_orientations(
+    stations: &[Station],
+    poses: Vec<Option<CommandedPose>>,
+    counted: Vec<f64>,
+) -> Commanded {
     let trust = Trust::NoOrientations;
     Commanded {
         settling_errors: vec![None; poses.len()],
-        visits: visits::poses(&dwells(stations, &poses, trust)),
+        visits: visits::poses(&dwells(stations, &poses, trust, &counted)),
         poses,
         trust,
+        counted,
     }
 }
 
@@ -163,6 +173,7 @@ pub fn dwells<'s>(
     stations: &'s [Station],
     poses: &[Option<CommandedPose>],
     trust: Trust,
+    counted: &'s [f64],
 ) -> Vec<Dwell<'s>> {
     let stated = |pose: &CommandedPose| CommandedPose {
         orientation: pose
@@ -173,6 +184,7 @@ pub fn dwells<'s>(
     let dwell = |(station, pose): (&'s Station, &Option<CommandedPose>)| Dwell {
         command: pose.as_ref().map(stated),
         joints: &station.joints,
+        counted,
     };
     stations.iter().zip(poses).map(dwell).collect()
 }
@@ -240,7 +252,12 @@ fn settling_error(
         .copy_from(&((pose.position - tool) / POSITION_MM));
     away.fixed_rows_mut::<3>(3)
         .copy_from(&(differential.end.rotation * turn / turn_rad));
-    let ridge = DMatrix::identity(axes.len(), axes.len()) / SETTLING_ERROR_RAD.powi(2);
+    let slides = arm.chain().slides();
+    let expected = slides.iter().map(|slides| {
+        let per_radian = if *slides { MM_PER_M } else { 1.0 };
+        1.0 / (SETTLING_ERROR_RAD * per_radian).powi(2)
+    });
+    let ridge = DMatrix::from_diagonal(&DVector::from_iterator(axes.len(), expected));
     let factor = (rows.tr_mul(&rows) + ridge)
         .cholesky()
         .expect("a ridge makes it positive definite");

@@ -164,6 +164,14 @@ impl<'a> Problem<'a> {
             .sum()
     }
 
+    /// Whether each axis variable is the position of a joint that slides; empty without a session.
+    pub(in crate::fit) fn slides(&self) -> Vec<bool> {
+        let mut channels = self.channels.each().iter();
+        channels
+            .next()
+            .map_or_else(Vec::new, |own| own.chain.slides())
+    }
+
     /// Each channel's measurement chain, from the source's frame to the target, at `offsets`.
     pub fn held(&self, offsets: &DVector<f64>) -> PerChannel<HeldChain> {
         PerChannel::new(&self.starts, |channel| {

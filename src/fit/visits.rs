@@ -35,8 +35,18 @@ const ONE_STAND_RAD: f64 = 0.1 / 180.0 * std::f64::consts::PI;
 pub struct Dwell<'d> {
     /// Its command; absent where it has none.
     pub command: Option<CommandedPose>,
-    /// Reported joint angles, rad.
+    /// Reported joint angles, rad; mm where a joint slides.
     pub joints: &'d [f64],
+    /// Radians that one unit of each joint's variable counts as; 1 beyond its end.
+    pub counted: &'d [f64],
+}
+
+impl Dwell<'_> {
+    /// The joints as angles: a mm of sliding counts as a mrad.
+    fn angles(&self) -> impl Iterator<Item = f64> {
+        let counted = self.counted.iter().copied().chain(std::iter::repeat(1.0));
+        self.joints.iter().zip(counted).map(|(q, own)| q * own)
+    }
 }
 
 /// For each dwell, the index of the dwell that names its pose.
@@ -45,7 +55,7 @@ pub fn poses(dwells: &[Dwell<'_>]) -> Vec<usize> {
     let commanded = |place: &usize| dwells[*place].command.is_some();
     let (with, without): (Vec<usize>, Vec<usize>) = (0..dwells.len()).partition(commanded);
     let mut by_command = Firsts::new(ONE_POSITION_MM, |dwell| Some(dwell.command?.position.x));
-    let mut by_joints = Firsts::new(ONE_STAND_RAD, |dwell| dwell.joints.first().copied());
+    let mut by_joints = Firsts::new(ONE_STAND_RAD, |dwell| dwell.angles().next());
     for place in with {
         poses[place] = by_command.of(dwells, place, alike);
         if poses[place] == place {
@@ -128,7 +138,7 @@ fn alike(a: &Dwell<'_>, b: &Dwell<'_>) -> bool {
 
 /// Whether no joint of two dwells differs by more than `rad`.
 fn stand_within(a: &Dwell<'_>, b: &Dwell<'_>, rad: f64) -> bool {
-    let mut joints = a.joints.iter().zip(b.joints);
+    let mut joints = a.angles().zip(b.angles());
     a.joints.len() == b.joints.len() && joints.all(|(a, b)| (a - b).abs() <= rad)
 }
 
@@ -151,6 +161,7 @@ mod tests {
             .map(|(command, joints)| Dwell {
                 command: *command,
                 joints,
+                counted: &[],
             })
             .collect();
         poses(&dwells)

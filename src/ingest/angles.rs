@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::slice::ChunksExact;
 
-/// A row of joint angles for each sample, in the arm's order; in rad, except in decoded blocks (the log's unit).
+/// A row of joint angles for each sample, in the arm's order; in rad, in mm where a joint slides,
+/// except in decoded blocks (the log's unit).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointAngles {
     joints: usize,
@@ -103,12 +104,18 @@ impl JointAngles {
         picked
     }
 
-    /// Multiplies all angles of the rows from `first` on by `factor`.
-    pub(super) fn scale_from(&mut self, first: usize, factor: f64) {
+    /// Multiplies each joint's value in the rows from `first` on by its factor.
+    pub(super) fn scale_from(&mut self, first: usize, factors: &[f64]) {
+        let changes = |&factor: &f64| (factor - 1.0).abs() > 0.0;
+        if !factors.iter().any(changes) {
+            return;
+        }
         let places = self.places(first..self.len());
-        self.values[places]
-            .iter_mut()
-            .for_each(|angle| *angle *= factor);
+        for row in self.values[places].chunks_exact_mut(self.joints.max(1)) {
+            for (value, factor) in row.iter_mut().zip(factors) {
+                *value *= factor;
+            }
+        }
     }
 
     /// Keeps the first `rows` rows only.
@@ -152,9 +159,9 @@ mod tests {
         assert_eq!(angles.of_joint(1), [-1.0, -2.0, -3.0]);
         assert_eq!(angles.of_rows(1..3), [2.0, -2.0, 3.0, -3.0]);
         assert_eq!(angles.picked(&[2, 0]).all(), [3.0, -3.0, 1.0, -1.0]);
-        angles.scale_from(2, 10.0);
+        angles.scale_from(2, &[10.0, 100.0]);
         angles.evict(1);
-        assert_eq!(angles.all(), [2.0, -2.0, 30.0, -30.0]);
+        assert_eq!(angles.all(), [2.0, -2.0, 30.0, -300.0]);
         angles.truncate(1);
         assert_eq!(angles.rows().count(), 1);
     }

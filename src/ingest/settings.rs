@@ -27,6 +27,9 @@ pub struct ControllerSettings {
     pub time: TimeSource,
     /// Unit of the joint angles.
     pub unit: AngleUnit,
+    /// Unit of the positions of joints that slide; absent for an arm without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_unit: Option<LengthUnit>,
     /// Paths of the fields in a message; empty for a common message type.
     #[serde(skip_serializing_if = "JointFields::is_empty")]
     pub fields: JointFields,
@@ -116,6 +119,28 @@ pub struct Mapping {
     pub tracker: TrackerSettings,
     /// Names under which the controller reports the arm's joints, in the arm's order.
     pub joints: Vec<String>,
+    /// Whether each of these joints slides; empty where none does.
+    pub slides: Vec<bool>,
+}
+
+impl Mapping {
+    /// What a logged value of each joint is multiplied by: rad of an angle, mm of a position.
+    pub(super) fn factors(&self) -> Vec<f64> {
+        let lengths = self.controller.length_unit.map_or(1.0, LengthUnit::to_mm);
+        let of_joint = |joint: usize| match self.slides.get(joint) {
+            Some(true) => lengths,
+            Some(false) | None => self.controller.unit.to_rad(),
+        };
+        (0..self.joints.len()).map(of_joint).collect()
+    }
+
+    /// Radians that one unit of each joint's variable counts as where the arm's stop is detected; empty where every joint turns.
+    ///
+    /// A mm of sliding counts as a mrad: what moves a point one metre away from the axis equally far.
+    pub fn counted(&self) -> Vec<f64> {
+        let counted = |&slides: &bool| if slides { 1.0 / MM_PER_M } else { 1.0 };
+        self.slides.iter().map(counted).collect()
+    }
 }
 
 impl AngleUnit {
@@ -145,6 +170,7 @@ struct ControllerFile {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<AngleUnit>,
+    length_unit: Option<LengthUnit>,
     #[serde(default)]
     fields: JointFields,
 }
@@ -219,6 +245,7 @@ impl TryFrom<ControllerFile> for ControllerSettings {
             unit: file
                 .unit
                 .ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
+            length_unit: file.length_unit,
             fields: file.fields,
         })
     }
@@ -256,6 +283,15 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             ignore_orientation: file.ignore_orientation,
             fields: file.fields,
             frame: file.frame,
+        })
+    }
+}
+
+impl fmt::Display for LengthUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::M => "m",
+            Self::Mm => "mm",
         })
     }
 }

@@ -21,12 +21,16 @@ use super::tables::compensation::NodeRow;
 pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
+use crate::ingest::AngleUnit;
+use crate::io::targets::JointUnits;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 
 /// A compensation table as a run published it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PublishedTable {
+    /// Units of the joints in a text, degrees where they turn.
+    pub units: JointUnits,
     /// The run that made it.
     pub key: RunKey,
     /// Whether its step meets the pipeline's tolerance.
@@ -99,6 +103,7 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
         key: common::key(path, &published)?,
         verdict: file.verdict()?,
         error_frame: first.stated_frame(),
+        units: joint_units(first),
         measured: said.joint_ranges(first.joint_names.len())?,
         flange_from_target: Position::claim(
             said.position("flange_from_target", |row| row.flange_from_target)?,
@@ -108,6 +113,12 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
             source,
         })?,
     })
+}
+
+/// Units of the joints in a text, degrees where they turn.
+fn joint_units(row: &NodeRow) -> JointUnits {
+    let units = row.joint_units.iter().flat_map(|units| units.iter());
+    JointUnits::new(AngleUnit::Deg, units.map(|unit| unit == "mm").collect())
 }
 
 /// A file that keeps the schema, with at least one row.

@@ -29,9 +29,9 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
-use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
+pub use angles::JointUnits;
 pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
 pub use error::{RowProblem, TargetsError, TargetsErrorKind};
 pub use krl::DataList;
@@ -66,8 +66,8 @@ pub struct Targets {
     pub targets: Vec<Target>,
     /// Columns of the file with values that no correction uses.
     pub unused: Vec<String>,
-    /// The unit of joint angles in the file.
-    pub angle_unit: AngleUnit,
+    /// The units of joint angles in the file.
+    pub units: JointUnits,
     /// The text around the targets, where the file is a data list; otherwise `None`.
     pub list: Option<DataList>,
 }
@@ -87,7 +87,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let Rows {
         placed,
         unused,
-        angle_unit,
+        units,
         list,
     } = rows(path)?;
     if placed.is_empty() {
@@ -108,7 +108,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     Ok(Targets {
         targets,
         unused,
-        angle_unit,
+        units,
         list,
     })
 }
@@ -142,7 +142,7 @@ struct Rows {
     placed: Vec<(Place, Row)>,
     /// Columns that no correction uses.
     unused: Vec<String>,
-    angle_unit: AngleUnit,
+    units: JointUnits,
     list: Option<DataList>,
 }
 

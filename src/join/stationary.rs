@@ -10,6 +10,9 @@
 //!    (Below the flicker of a quantised column the number is constant too: the ladder begins above it, `quantum`.)
 //!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower (`plateau`).
 //!
+//! Columns of different units (joints that turn and joints that slide) are compared in what a unit of each counts as
+//! ([`Finder::count_as`]): a mm of sliding as a mrad.
+//!
 //! The samples are processed once, in order of time, and none is kept (`finder`): the stretches of every threshold that may
 //! be chosen are found at the same time.
 

@@ -6,6 +6,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::axes::{Axes, AxisJoint};
 use super::motion::Motion;
 use super::parameter::Parameter;
 use super::twist::{Twist, UnitMotion};
@@ -146,6 +147,41 @@ impl Chain {
         axes.into_iter()
             .map(|axis| axis.unwrap_or(nowhere))
             .collect()
+    }
+
+    /// Origins and directions of the joints at `q` with `offsets`, in the root frame.
+    pub fn axes(&self, q: &[f64], offsets: &[f64]) -> Axes {
+        let mut joints = Vec::with_capacity(self.joints);
+        self.walk(q, offsets, |element, frame| {
+            if let Element::Joint {
+                motion,
+                joint,
+                sign,
+            } = element
+            {
+                joints.push(AxisJoint {
+                    variable: *joint,
+                    slides: matches!(motion, Motion::Translation(_)),
+                    factor: *sign,
+                    origin: frame.translation.vector.into(),
+                    axis: frame.rotation * motion.axis(),
+                });
+            }
+        });
+        Axes::of(joints, self.joints)
+    }
+
+    /// Whether the first joint of each axis variable slides.
+    pub fn slides(&self) -> Vec<bool> {
+        let first = |variable: usize| {
+            let mut joints = self.elements.iter();
+            joints.find_map(|element| match element {
+                Element::Joint { motion, joint, .. } if *joint == variable => Some(motion),
+                _ => None,
+            })
+        };
+        let slides = |variable| matches!(first(variable), Some(Motion::Translation(_)));
+        (0..self.joints).map(slides).collect()
     }
 
     /// The end and its twists at the axis variables `q` with `offsets` added to the free parameters.

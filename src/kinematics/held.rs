@@ -5,6 +5,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use super::axes::{Axes, AxisJoint};
 use super::chain::{Chain, Element};
 use super::motion::{Axis, Motion};
 use super::twist::{Twist, UnitMotion};
@@ -36,8 +37,8 @@ pub struct ChainView {
     pub unknowns: Vec<(usize, Twist)>,
     /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
-    /// Origin and direction of the first joint of each axis variable.
-    pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
+    /// Origins and directions of the joints.
+    pub axes: Axes,
 }
 
 impl HeldChain {
@@ -119,24 +120,21 @@ impl HeldChain {
                 .map(|(unknown, motion)| (unknown, motion.carried_to(&end)))
                 .collect(),
             joints: self.joint_twists(&axes, &end),
-            axes: self.first_of_each(axes),
+            axes: self.axes(&axes),
         }
     }
 
-    /// Of axes in the order of the chain, the first of each variable; in the order of the variables.
-    fn first_of_each(
-        &self,
-        axes: Vec<(Point3<f64>, Vector3<f64>)>,
-    ) -> Vec<(Point3<f64>, Vector3<f64>)> {
-        let variables = || self.segments.iter().filter_map(|segment| segment.joint);
-        if variables().map(|(_, joint, _)| joint).eq(0..axes.len()) {
-            return axes;
-        }
-        let first = |variable: usize| variables().position(|(_, joint, _)| joint == variable);
-        let nowhere = (Point3::origin(), Vector3::z());
-        (0..self.joints)
-            .map(|variable| first(variable).map_or(nowhere, |place| axes[place]))
-            .collect()
+    /// The joints, from their axes in the order of the chain.
+    fn axes(&self, axes: &[(Point3<f64>, Vector3<f64>)]) -> Axes {
+        let joints = self.segments.iter().filter_map(|segment| segment.joint);
+        let joint = |((motion, variable, factor), (origin, axis)): (_, &(_, _))| AxisJoint {
+            variable,
+            slides: matches!(motion, Motion::Translation(_)),
+            factor,
+            origin: *origin,
+            axis: *axis,
+        };
+        Axes::of(joints.zip(axes).map(joint).collect(), self.joints)
     }
 
     fn joint_twists(&self, axes: &[(Point3<f64>, Vector3<f64>)], end: &Vector3<f64>) -> Vec<Twist> {

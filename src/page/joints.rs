@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use crate::io::tables::joint_errors::JointErrorRow;
+use crate::io::tables::words::Unit;
 use crate::report::chart::{Axis, Chart, Marks, Series};
 
 /// Most points of a curve: of a curve in whole degrees every second or third is drawn.
@@ -14,8 +15,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     if rows.is_empty() {
         return None;
     }
-    let reach = rows.iter().flat_map(|row| span(row)[1..].to_vec());
-    let reach = reach.fold(0.0, |reach: f64, value| reach.max(value.abs()));
+    let reach = |of: bool| {
+        let own = rows.iter().filter(|row| slides(row) == of);
+        let reach = own.flat_map(|row| span(row)[1..].to_vec());
+        reach.fold(0.0, |reach: f64, value| reach.max(value.abs()))
+    };
+    let reach = [reach(false), reach(true)];
     Some(html! {
         p {
             "Deviation of each joint at its angle, without its constant offset, all joints on one scale. The band is two "
@@ -26,10 +31,13 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-fn figure(rows: &[JointErrorRow], reach: f64) -> Markup {
+/// A joint's curve; `reach` is that of all joints that turn (mrad), and of all that slide (mm).
+fn figure(rows: &[JointErrorRow], reach: [f64; 2]) -> Markup {
     let name = rows.first().map_or_else(String::new, |row| {
         format!("Joint {}, {}", row.joint, row.joint_name)
     });
+    let slides = rows.first().is_some_and(slides);
+    let reach = reach[usize::from(slides)];
     let every = rows.len().div_ceil(MOST).max(1);
     let drawn: Vec<&JointErrorRow> = rows.iter().step_by(every).collect();
     let is_first = |row: &&JointErrorRow| row.measured;
@@ -52,8 +60,12 @@ fn figure(rows: &[JointErrorRow], reach: f64) -> Markup {
         description:
             "Deviation of the joint over its angle, with a band of two standard deviations."
                 .to_owned(),
-        x: Axis::new("joint angle", "°"),
-        y: Axis::new("deviation", "mrad").including(&[-reach, reach]),
+        x: if slides {
+            Axis::new("joint position", "mm")
+        } else {
+            Axis::new("joint angle", "°")
+        },
+        y: Axis::new("deviation", if slides { "mm" } else { "mrad" }).including(&[-reach, reach]),
         series: vec![
             Series::new("", vec![band, line(&|row| row.measured)]).looking(0),
             Series::new("", beyond).looking(4),
@@ -63,15 +75,30 @@ fn figure(rows: &[JointErrorRow], reach: f64) -> Markup {
     html! { figure { (chart.svg()) figcaption { (name) } } }
 }
 
-/// Angle in degrees and deviation in mrad.
+/// Whether the joint slides, so that the row is in mm.
+fn slides(row: &JointErrorRow) -> bool {
+    row.joint_unit == Some(Unit::Mm)
+}
+
+/// A deviation in mrad; in mm of a joint that slides.
+fn deviation(row: &JointErrorRow, value: f64) -> f64 {
+    if slides(row) { value } else { mrad(value) }
+}
+
+/// Angle in degrees and deviation in mrad; both in mm of a joint that slides.
 fn point(row: &JointErrorRow) -> [f64; 2] {
-    [row.angle_rad.to_degrees(), mrad(row.curve_rad)]
+    let place = if slides(row) {
+        row.angle_rad
+    } else {
+        row.angle_rad.to_degrees()
+    };
+    [place, deviation(row, row.curve_rad)]
 }
 
 /// Angle, and two standard deviations down and up.
 fn span(row: &JointErrorRow) -> [f64; 3] {
     let [x, y] = point(row);
-    let half = 2.0 * mrad(row.sd_rad);
+    let half = 2.0 * deviation(row, row.sd_rad);
     [x, y - half, y + half]
 }
 

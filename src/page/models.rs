@@ -69,15 +69,21 @@ fn part_rows(calibration: &CalibrationRow) -> Markup {
 
 /// The conditions that a model is valid for: name and value.
 fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
-    let degrees =
-        |angles: &[f64]| -> Vec<f64> { angles.iter().copied().map(f64::to_degrees).collect() };
+    let slides = |joint: usize| {
+        let units = row.joint_units.as_ref();
+        units.is_some_and(|units| units.get(joint).is_some_and(|unit| unit == "mm"))
+    };
     // A minus sign is wider than a hyphen.
-    let range =
-        |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°").replace('-', "\u{2212}");
-    let joints = degrees(&row.joint_lower_rad)
-        .into_iter()
-        .zip(degrees(&row.joint_upper_rad))
-        .map(range);
+    let range = |(joint, (low, high)): (usize, (&f64, &f64))| {
+        let range = if slides(joint) {
+            format!("{low:.1} mm to {high:.1} mm")
+        } else {
+            format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees())
+        };
+        range.replace('-', "\u{2212}")
+    };
+    let ends = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
+    let joints = ends.enumerate().map(range);
     let joints = row
         .joint_names
         .iter()

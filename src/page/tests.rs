@@ -210,6 +210,7 @@ fn joint_errors(name: &str) -> Vec<JointErrorRow> {
     let at = |degree: i32| JointErrorRow {
         joint: 1,
         joint_name: name.into(),
+        joint_unit: None,
         angle_rad: f64::from(degree).to_radians(),
         error_rad: 1e-4 * f64::from(degree).sin(),
         sd_rad: 5e-5,
@@ -288,6 +289,7 @@ fn calibration(name: &str) -> CalibrationRow {
         convention: Convention::StandardDh,
         parallel_joints: Vec::new(),
         joint_names: vec![name.to_owned()],
+        joint_units: None,
         model_kind: Model::Geometric,
         parts: Vec::new(),
         parts_dropped: Vec::new(),

@@ -35,6 +35,7 @@ use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;
 use crate::manifest;
+use crate::similarity::SimilaritySettings;
 
 pub use error::ConfigurationError;
 pub use files::Files;
@@ -132,7 +133,7 @@ impl Configuration {
             settings: manifest::canonical(&file)?,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
-            stages: stages(&file, &placed),
+            stages: stages(&file, &placed, &arm),
             set_up: StatedSetUp::new(&file, &placed, &arm),
             arm,
             valid_for: file.robot.valid_for,
@@ -251,10 +252,17 @@ fn mapping(file: &PipelineFile, arm: &Arm) -> Mapping {
             .iter()
             .map(|joint| joint.name.clone())
             .collect(),
+        slides: slides(arm),
     }
 }
 
-fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
+/// Whether each joint slides; empty where none does.
+fn slides(arm: &Arm) -> Vec<bool> {
+    let slides = arm.joints().iter().map(|joint| joint.slides);
+    slides.filter(|_| arm.has_slides()).collect()
+}
+
+fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
     let fit = &file.fit.geometric;
     StageSettings {
         noise: file.noise(),
@@ -267,7 +275,10 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
             .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
         base: placed.base,
         target_is_tool: placed.target_is_tool,
-        similarity: file.similarity.clone(),
+        similarity: SimilaritySettings {
+            slides: slides(arm),
+            ..file.similarity.clone()
+        },
         grid: file.grid.clone(),
         tolerance: file.tolerance,
         locate: file.report.locate,

@@ -102,7 +102,6 @@ impl KnownArm {
             axes: (0..count)
                 .map(|joint| self.axis(joint, count, drawn))
                 .collect(),
-            period_turns: f64::from(self.model.layout().period_turns()),
             approach: self.approach(count, drawn),
             repeatability_rad: joints_rad,
         }
@@ -123,6 +122,7 @@ impl KnownArm {
         let gravity = of(Block::Gravity).into_iter();
         AxisError {
             constant_rad,
+            curve_unit: self.model.layout().curve_unit(joint),
             curves: vec![curve(&of(Block::Curve(joint))), curve(own)],
             lines: self
                 .model

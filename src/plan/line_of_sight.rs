@@ -80,17 +80,19 @@ pub enum Part {
 pub enum Unsuitable {
     /// A joint would be beyond a limit, or too near.
     #[error(
-        "joint {joint:?} is at {angle_deg:.3}°, allowed are {lower_deg:.3}° to {upper_deg:.3}°"
+        "joint {joint:?} is at {angle_deg:.3}{unit}, allowed are {lower_deg:.3}{unit} to {upper_deg:.3}{unit}"
     )]
     BeyondLimit {
         /// Name of the joint.
         joint: String,
-        /// Angle of the joint, degrees.
+        /// Angle of the joint, degrees; mm of one that slides, as all that follows.
         angle_deg: f64,
         /// Lowest angle allowed, margin included, degrees.
         lower_deg: f64,
         /// Highest angle allowed, margin included, degrees.
         upper_deg: f64,
+        /// The unit behind these numbers: "°", or " mm".
+        unit: &'static str,
     },
     /// The arm has no configurations, but the constraints need one.
     #[error(
@@ -196,13 +198,16 @@ pub fn verdict(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Result<(
 
 fn within_limits(arm: &Arm, joints: &[f64], margin_rad: f64) -> Result<(), Unsuitable> {
     for (joint, &angle) in arm.joints().iter().zip(joints) {
-        let (lower, upper) = (joint.lower + margin_rad, joint.upper - margin_rad);
+        // A mm of sliding counts as a mrad.
+        let margin = margin_rad * joint.per_radian();
+        let (lower, upper) = (joint.lower + margin, joint.upper - margin);
         if !(lower..=upper).contains(&angle) {
             return Err(Unsuitable::BeyondLimit {
                 joint: joint.name.clone(),
-                angle_deg: angle.to_degrees(),
-                lower_deg: lower.to_degrees(),
-                upper_deg: upper.to_degrees(),
+                angle_deg: joint.shown(angle),
+                lower_deg: joint.shown(lower),
+                upper_deg: joint.shown(upper),
+                unit: joint.sign_of_unit(),
             });
         }
     }

@@ -141,7 +141,9 @@ impl Site<'_> {
     fn ordered(&self, poses: &[Commanded]) -> Vec<Commanded> {
         let settings = self.settings;
         let joints: Vec<Vec<f64>> = poses.iter().map(|pose| pose.joints.clone()).collect();
-        let speeds = vec![settings.population.motion.speed_rad_s; settings.home.len()];
+        let speed = settings.population.motion.speed_rad_s;
+        let own = self.arm.joints().iter();
+        let speeds: Vec<f64> = own.map(|own| speed * own.per_radian()).collect();
         let order = visiting_order(&joints, &settings.home, &speeds);
         order
             .into_iter()

@@ -15,7 +15,7 @@ use crate::simulate::settings::{
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlanSection {
-    /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees. Where `[grid]` states no
+    /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees (mm of a joint that slides). Where `[grid]` states no
     /// orientation, the target's orientation there is the table's.
     pub home_deg: Vec<f64>,
     /// Intended place of the tracker: the arm's base in its frame, to the decimetre.

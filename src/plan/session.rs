@@ -10,6 +10,7 @@ use super::robots::stations;
 use super::settings::PlanSettings;
 use super::steps::test_poses;
 use super::{PlanError, Trial, line_of_sight};
+use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// The design of the session's own poses.
@@ -87,12 +88,14 @@ impl Session {
             command,
             choice: None,
         }));
-        Ok(Self::ordered(&visits, settings))
+        Ok(Self::ordered(arm, &visits, settings))
     }
 
-    fn ordered(visits: &[PlannedVisit], settings: &PlanSettings) -> Self {
+    fn ordered(arm: &Arm, visits: &[PlannedVisit], settings: &PlanSettings) -> Self {
         let joints: Vec<Vec<f64>> = visits.iter().map(|v| v.command.joints.clone()).collect();
-        let speeds = vec![settings.population.motion.speed_rad_s; settings.home.len()];
+        let speed = settings.population.motion.speed_rad_s;
+        let joints_of_arm = arm.joints().iter();
+        let speeds: Vec<f64> = joints_of_arm.map(|own| speed * own.per_radian()).collect();
         let order = visiting_order(&joints, &settings.home, &speeds);
         // Drift is checked on identification poses: verification poses are measured once.
         let (early, rest): (Vec<usize>, Vec<usize>) = {

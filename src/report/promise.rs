@@ -31,6 +31,8 @@ pub struct PlanPromise {
     pub plan: String,
     /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
+    /// Radians that one unit of each joint's variable counts as; 1 beyond its end.
+    pub counted: Vec<f64>,
     /// The promise.
     pub promise: Promise,
 }
@@ -105,7 +107,10 @@ impl PromiseKept {
 impl PlanPromise {
     /// Compares the promise with stations at the verification poses.
     pub fn held_against(&self, stations: &[Verified]) -> PromiseKept {
-        let visited = self.verify.iter().filter_map(|pose| at(pose, stations));
+        let visited = self
+            .verify
+            .iter()
+            .filter_map(|pose| at(pose, stations, &self.counted));
         let visited: BTreeSet<usize> = visited.collect();
         let mut by_pose = PoseErrors::default();
         for (visit, station) in stations.iter().enumerate() {
@@ -147,20 +152,23 @@ impl PlanPromise {
     }
 }
 
-/// Whether joint angles (rad) are those of one pose.
-pub fn is_same_pose(one: &[f64], other: &[f64]) -> bool {
-    one.len() == other.len() && apart(one, other) <= SAME_POSE_RAD
+/// Whether joint angles (rad; mm where a joint slides) are those of one pose; `counted` are the radians that one unit of each joint
+/// counts as, 1 beyond its end.
+pub fn is_same_pose(one: &[f64], other: &[f64], counted: &[f64]) -> bool {
+    one.len() == other.len() && apart(one, other, counted) <= SAME_POSE_RAD
 }
 
 /// The largest difference of a joint, rad.
-fn apart(one: &[f64], other: &[f64]) -> f64 {
-    let joints = one.iter().zip(other);
-    joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+fn apart(one: &[f64], other: &[f64], counted: &[f64]) -> f64 {
+    let counted = counted.iter().copied().chain(std::iter::repeat(1.0));
+    let joints = one.iter().zip(other).zip(counted);
+    let apart = joints.map(|((a, b), counted)| (a - b).abs() * counted);
+    apart.fold(0.0, f64::max)
 }
 
 /// The pose of the station nearest to a planned pose; `None` where no station is there.
-fn at(pose: &[f64], stations: &[Verified]) -> Option<usize> {
-    let away = |station: &Verified| apart(&station.joints, pose);
+fn at(pose: &[f64], stations: &[Verified], counted: &[f64]) -> Option<usize> {
+    let away = |station: &Verified| apart(&station.joints, pose, counted);
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     (away(nearest) <= SAME_POSE_RAD).then_some(nearest.pose)
 }
@@ -173,6 +181,7 @@ mod tests {
         PlanPromise {
             plan: "00ff".to_owned(),
             verify: (0..20).map(|i| vec![f64::from(i) * 0.1, 0.5]).collect(),
+            counted: Vec::new(),
             promise: Promise {
                 mean_mm: Some(0.1),
                 bound_mm: Some(0.2),

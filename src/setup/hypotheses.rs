@@ -82,11 +82,38 @@ pub(super) fn of_the_join(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hy
     all
 }
 
+/// The positions of joints that slide in another unit; `None` for an arm without one.
+fn positions(stated: &SetUp, factor: f64, unit: &str) -> Option<Hypothesis> {
+    if !stated.arm.has_slides() {
+        return None;
+    }
+    let mut joints_from_reported = stated.joints_from_reported.clone();
+    let columns = joints_from_reported.column_iter_mut();
+    for (mut column, joint) in columns.zip(stated.arm.joints()) {
+        if joint.slides {
+            column *= factor;
+        }
+    }
+    let set_up = SetUp {
+        joints_from_reported,
+        ..stated.clone()
+    };
+    let mistake = format!("the reported positions of joints that slide are in {unit}");
+    let edit = format!("[controller] length_unit = \"{unit}\"");
+    Some(Hypothesis::new(mistake, edit, set_up))
+}
+
 /// Every stream in another unit.
 fn units(stated: &SetUp) -> Vec<Hypothesis> {
     let angle = |unit: &str, factor: f64| {
+        let mut joints_from_reported = stated.joints_from_reported.clone();
+        let joints = stated.arm.joints().iter();
+        let columns = joints_from_reported.column_iter_mut().zip(joints);
+        for (mut column, _) in columns.filter(|(_, joint)| !joint.slides) {
+            column *= factor;
+        }
         let set_up = SetUp {
-            joints_from_reported: &stated.joints_from_reported * factor,
+            joints_from_reported,
             ..stated.clone()
         };
         let mistake = format!("the reported joint angles are in {unit}");
@@ -98,6 +125,7 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
     ];
     for (factor, wider) in [(MM_PER_M, true), (1.0 / MM_PER_M, false)] {
         let unit = if wider { "m" } else { "mm" };
+        all.extend(positions(stated, factor, unit));
         let reading = SetUp {
             reading_scale: factor,
             ..stated.clone()

@@ -5,15 +5,13 @@ use nalgebra::{Point3, Vector3};
 use serde::Serialize;
 
 use super::curve::{GearLine, JointCurve};
-use crate::units::MM_PER_M;
+use crate::kinematics::Axes;
 
 /// Errors of every axis beyond geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisErrors {
     /// The errors of each axis, in the arm's order.
     pub axes: Vec<AxisError>,
-    /// Period of the curves, in turns.
-    pub period_turns: f64,
     /// Approach-direction offset of each joint; `None` when the model does not have it.
     pub approach: Option<Vec<ApproachOffset>>,
     /// Repeatability of each joint from visit to visit, a standard deviation, rad.
@@ -23,9 +21,11 @@ pub struct AxisErrors {
 /// Errors of one axis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisError {
-    /// Constant part, rad.
+    /// Constant part, rad; mm where the joint slides, as are the curves.
     pub constant_rad: f64,
-    /// Curves, to be summed, as functions of the angle divided by the period.
+    /// What the axis variable is divided by before its curves: turns of their period, or mm per rad where the joint slides.
+    pub curve_unit: f64,
+    /// Curves, to be summed, as functions of the angle divided by `curve_unit`.
     pub curves: Vec<JointCurve>,
     /// Gear lines.
     pub lines: Vec<GearLine>,
@@ -52,27 +52,25 @@ impl AxisErrors {
             let curves = error
                 .curves
                 .iter()
-                .map(|curve| curve.at(q / self.period_turns));
+                .map(|curve| curve.at(q / error.curve_unit));
             let lines = error.lines.iter().map(|line| line.at(*q));
             error.constant_rad + curves.chain(lines).sum::<f64>()
         };
         self.axes.iter().zip(axes).map(off).collect()
     }
 
-    /// Deflection of each axis under weight, rad: `origins` are the axes' (origin, direction), then the target's, mm.
+    /// Deflection of each axis under weight, rad (mm where it slides): `joints` are those of the chain, then the target, mm.
     pub(super) fn deflections(
         &self,
-        origins: &[(Point3<f64>, Vector3<f64>)],
+        joints: &Axes,
         target: Point3<f64>,
         up: &Vector3<f64>,
     ) -> Vec<f64> {
         let of_axis = |(place, error): (usize, &AxisError)| {
-            let (origin, axis) = &origins[place];
-            let later = origins[place + 1..].iter().map(|(origin, _)| *origin);
-            let masses = later.chain([target]);
-            masses
+            let forces = joints.forces(place, target, -up);
+            forces
                 .zip(&error.gives_way)
-                .map(|(mass, way)| way * axis.dot(&(mass - origin).cross(&-up)) / MM_PER_M)
+                .map(|(force, way)| way * force)
                 .sum()
         };
         self.axes.iter().enumerate().map(of_axis).collect()

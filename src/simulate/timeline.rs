@@ -7,7 +7,7 @@ use super::random::{Ingredient, Stream};
 use super::settings::SimulateSettings;
 use super::true_arm::ArmErrors;
 use super::{ANGLE_RESOLUTION, rounded};
-use crate::kinematics::Arm;
+use crate::kinematics::{Arm, Joint};
 use crate::units::{NS_PER_S, round_ns};
 
 /// A joint that moves less than this keeps the side of its backlash, rad.
@@ -57,7 +57,7 @@ impl Timeline {
         errors: &ArmErrors,
         commanded: &[Commanded],
     ) -> Self {
-        let mut visits = Visits::new(settings, arm.joints().len());
+        let mut visits = Visits::new(settings, arm);
         let mut pauses = Stream::new(settings.seed, Ingredient::Pauses);
         let motion = &settings.motion;
         let mut stops: Vec<Stop> = Vec::with_capacity(commanded.len());
@@ -71,7 +71,7 @@ impl Timeline {
                 off,
                 repeated,
             } = visits.next(from, &command.joints, errors);
-            let turn = largest_turn(from, &reported);
+            let turn = largest_turn(arm, from, &reported);
             let start_s = departs_s + ticks(motion.move_s + turn / motion.speed_rad_s);
             let pause = motion.dwell_s + pauses.between(0.0, motion.dwell_spread_s);
             stops.push(Stop {
@@ -154,15 +154,18 @@ struct Visits<'a> {
     repeatability: Stream,
     /// Direction of each joint's last move.
     direction: Vec<f64>,
+    /// Units of each joint's variable that count as one radian.
+    per_radian: Vec<f64>,
 }
 
 impl<'a> Visits<'a> {
-    fn new(settings: &'a SimulateSettings, joints: usize) -> Self {
+    fn new(settings: &'a SimulateSettings, arm: &Arm) -> Self {
         Self {
             settings,
             stops_short: Stream::new(settings.seed, Ingredient::StopsShort),
             repeatability: Stream::new(settings.seed, Ingredient::Repeatability),
-            direction: vec![0.0; joints],
+            direction: vec![0.0; arm.joints().len()],
+            per_radian: arm.joints().iter().map(Joint::per_radian).collect(),
         }
     }
 
@@ -174,17 +177,22 @@ impl<'a> Visits<'a> {
             .normals(commanded.len(), 1.0)
             .into_iter()
             .enumerate()
-            .map(|(joint, own)| own * errors.repeatability_rad(joint, settings.repeatability_rad))
+            .map(|(joint, own)| {
+                let expected = settings.repeatability_rad * self.per_radian[joint];
+                own * errors.repeatability_rad(joint, expected)
+            })
             .collect::<Vec<_>>();
         let mut reported = Vec::with_capacity(commanded.len());
         let mut off = Vec::with_capacity(commanded.len());
         for (joint, &command) in commanded.iter().enumerate() {
             let moved = command - from[joint];
-            if moved.abs() > LEAST_MOVE_RAD {
+            let per_radian = self.per_radian[joint];
+            if moved.abs() > LEAST_MOVE_RAD * per_radian {
                 self.direction[joint] = moved.signum();
             }
-            let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5);
-            let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
+            let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5) * per_radian;
+            let reported_at = command - self.direction[joint] * short;
+            let reports = rounded(reported_at, ANGLE_RESOLUTION * per_radian);
             let nearer = settings.nearer_command;
             let beside =
                 errors.true_minus_reported(joint, command - reports, self.direction[joint], nearer);
@@ -208,10 +216,13 @@ fn ticks(t_s: f64) -> f64 {
     (t_s / TICK_S).round().max(1.0) * TICK_S
 }
 
-fn largest_turn(from: &[f64], to: &[f64]) -> f64 {
+/// The largest move of a joint, rad; 1000 mm of one that slides count as a rad.
+fn largest_turn(arm: &Arm, from: &[f64], to: &[f64]) -> f64 {
+    let joints = arm.joints().iter().map(Joint::counted);
     from.iter()
         .zip(to)
-        .map(|(a, b)| (a - b).abs())
+        .zip(joints)
+        .map(|((a, b), counted)| (a - b).abs() * counted)
         .fold(0.0, f64::max)
 }
 

@@ -4,6 +4,8 @@
 //! (backlash, settling error, repeatability). Then each axis deflects under gravity: `compliance · torque`, the torque of point
 //! masses halfway between neighbouring joint origins, and of a payload at the target ([`crate::method::error_model`]).
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;
 
@@ -12,7 +14,7 @@ use super::identified::AxisErrors;
 use super::random::{Ingredient, Stream};
 use super::settings::{GeometryErrors, Gravity, SimulateSettings};
 use crate::geometry::isometry_from_rpy;
-use crate::kinematics::Arm;
+use crate::kinematics::{Arm, Joint};
 
 /// Each link weighs this share of the one before it.
 const LINK_SHARE: f64 = 0.6;
@@ -24,11 +26,11 @@ const PAYLOAD_SHARE: f64 = 0.2;
 pub struct ArmErrors {
     /// Offsets of the free parameters (mm, rad), in the chain's order.
     pub offsets: Vec<f64>,
-    /// One error curve for each joint.
+    /// One error curve for each joint; where it slides, in m over its position as a share of twice its travel, as an angle.
     pub curves: Vec<JointCurve>,
     /// One gear line for each joint.
     pub gear_lines: Vec<GearLine>,
-    /// Backlash of each joint, rad.
+    /// Backlash of each joint, rad; mm where it slides.
     pub backlash_rad: Vec<f64>,
     /// Compliance of each axis, rad per (unit of mass · mm).
     pub compliance: Vec<f64>,
@@ -70,7 +72,10 @@ impl ArmErrors {
                 .map(|_| GearLine::draw(&mut lines, errors.gear_line_rad))
                 .collect(),
             backlash_rad: (0..joints)
-                .map(|_| errors.backlash_rad * backlash.between(0.5, 1.5))
+                .zip(arm.joints())
+                .map(|(_, joint)| {
+                    errors.backlash_rad * backlash.between(0.5, 1.5) * joint.per_radian()
+                })
                 .collect(),
             compliance: compliance(arm, settings, &masses, &mut stream(Ingredient::Gravity)),
             masses,
@@ -132,12 +137,12 @@ impl ArmErrors {
     /// True pose of the measured target in the base frame when the controller reports `joints` (rad); `visit` (rad) is the
     /// error that differs from visit to visit.
     pub fn base_from_target(&self, arm: &Arm, joints: &[f64], visit: &[f64]) -> Isometry3<f64> {
-        let actual: Vec<f64> = (0..joints.len())
-            .map(|j| {
-                let q = joints[j];
-                q + self.curves[j].at(q) + self.gear_lines[j].at(q) + visit[j]
-            })
-            .collect();
+        let beside = |(j, joint): (usize, &Joint)| {
+            let q = joints[j];
+            let curve = joint.per_radian() * self.curves[j].at(q / curve_unit(joint));
+            q + curve + self.line(j, joint, q) + visit[j]
+        };
+        let actual: Vec<f64> = arm.joints().iter().enumerate().map(beside).collect();
         let mut axes = arm.axes(&actual);
         let flange_from_target =
             isometry_from_rpy(self.flange_from_target_mm, self.flange_from_target_rpy);
@@ -153,13 +158,22 @@ impl ArmErrors {
         arm.chain().forward(&axes, &self.offsets) * flange_from_target
     }
 
+    /// Error of a gear at `q`, rad; 0 for a joint that slides, which has none.
+    fn line(&self, place: usize, joint: &Joint, q: f64) -> f64 {
+        if joint.slides {
+            0.0
+        } else {
+            self.gear_lines[place].at(q)
+        }
+    }
+
     /// Adds the identified errors of the axes at `reported` axis variables to `axes`.
     fn add(&self, identified: &AxisErrors, arm: &Arm, reported: &[f64], axes: &mut [f64]) {
         let chain = arm.chain();
         let end = chain.forward(reported, &self.offsets);
         let target = end * Point3::from(self.flange_from_target_mm);
-        let origins = chain.joint_axes(reported, &self.offsets);
-        let way = identified.deflections(&origins, target, &Vector3::from(self.up));
+        let joints = chain.axes(reported, &self.offsets);
+        let way = identified.deflections(&joints, target, &Vector3::from(self.up));
         let off = identified.unloaded(reported).into_iter().zip(way);
         for (axis, (unloaded, way)) in axes.iter_mut().zip(off) {
             *axis += unloaded + way;
@@ -192,6 +206,16 @@ impl ArmErrors {
                 differential.joints[joint].angular.dot(&(links + payload))
             })
             .collect()
+    }
+}
+
+/// What the variable of `joint` is divided by before its error curve: 1, or the mm per rad of twice the travel where it slides, so
+/// that both ends are as far apart as they can be.
+pub(super) fn curve_unit(joint: &Joint) -> f64 {
+    if joint.slides {
+        2.0 * (joint.upper - joint.lower) / TAU
+    } else {
+        1.0
     }
 }
 

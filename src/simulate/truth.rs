@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::settings::SimulateSettings;
 use super::timeline::{Stop, ns};
 use super::tracker::{TrueReadingCounts, View};
-use super::true_arm::ArmErrors;
+use super::true_arm::{ArmErrors, curve_unit};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, Stamp};
 
@@ -61,9 +61,9 @@ pub struct TrueParameter {
 pub struct TrueCurve {
     /// The joint's name.
     pub joint: String,
-    /// Reported angles, rad.
+    /// Reported angles, rad; mm where the joint slides.
     pub angles_rad: Vec<f64>,
-    /// Errors at these angles, rad.
+    /// Errors at these angles, rad; mm where the joint slides.
     pub errors_rad: Vec<f64>,
 }
 
@@ -292,7 +292,10 @@ fn curves(arm: &Arm, errors: &ArmErrors) -> Vec<TrueCurve> {
             .collect();
         TrueCurve {
             joint: joint.name.clone(),
-            errors_rad: angles.iter().map(|&q| curve.at(q)).collect(),
+            errors_rad: angles
+                .iter()
+                .map(|&q| joint.per_radian() * curve.at(q / curve_unit(joint)))
+                .collect(),
             angles_rad: angles,
         }
     };

@@ -158,6 +158,7 @@ fn mapping() -> Mapping {
             topic: controller.to_owned(),
             time,
             unit: AngleUnit::Rad,
+            length_unit: None,
             fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
@@ -176,6 +177,7 @@ fn mapping() -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         },
+        slides: Vec::new(),
         joints: JOINTS.map(str::to_owned).to_vec(),
     }
 }

@@ -227,6 +227,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
             topic: "/joint_states".to_owned(),
             time: TimeSource::Header,
             unit: AngleUnit::Rad,
+            length_unit: None,
             fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
@@ -245,6 +246,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         },
+        slides: Vec::new(),
         joints: arm
             .joints()
             .iter()

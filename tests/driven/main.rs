@@ -184,6 +184,7 @@ impl Identified {
             .map(|station| Target {
                 name: format!("hole {}", station.number),
                 joints: Some(TargetJoints {
+                    slides: None,
                     names: vec![],
                     angles: station.commanded.clone(),
                 }),
@@ -336,6 +337,7 @@ fn targets_of(corrected: &[Corrected]) -> Vec<Target> {
     let target = |corrected: &Corrected| Target {
         name: String::new(),
         joints: Some(TargetJoints {
+            slides: None,
             names: vec![],
             angles: corrected
                 .joints

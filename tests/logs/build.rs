@@ -246,6 +246,7 @@ pub fn mapping() -> Mapping {
             topic: "/joints".to_owned(),
             time,
             unit: AngleUnit::Rad,
+            length_unit: None,
             fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
@@ -264,6 +265,7 @@ pub fn mapping() -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         },
+        slides: Vec::new(),
         joints: vec!["a".to_owned(), "b".to_owned()],
     }
 }

@@ -44,6 +44,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
             topic: "/joint_states".to_owned(),
             time,
             unit: AngleUnit::Rad,
+            length_unit: None,
             fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
@@ -62,6 +63,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         },
+        slides: Vec::new(),
         joints: joints.map(|joint| format!("{joint}_joint")).to_vec(),
     }
 }

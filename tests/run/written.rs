@@ -36,6 +36,11 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/compensate/main.rs and src/compensation/tests.rs: tables made for it, with a hole, with a jump and with a smaller largest error",
     ),
     (
+        "joint_errors.joint_unit",
+        &["mm"],
+        "tests/any_arm.rs: an arm on a track",
+    ),
+    (
         "grid_steps.angles",
         &["reported", "weighted"],
         "steps are judged from commands alone: to go from the schema",
@@ -83,9 +88,13 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
         "grid_steps.phases",
         "no grid is decimated: to go from the schema",
     ),
+    ("calibrations.joint_units", ALL_TURN),
+    ("compensation.joint_units", ALL_TURN),
+    ("sampling_plan.joint_units", ALL_TURN),
     ("logs.stated_cov_", NO_COVARIANCE),
     ("stations.stated_cov_", NO_COVARIANCE),
 ];
+const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
 const NO_COVARIANCE: &str = "the simulated tracker states none; tests/logs/encodings reads them, tests/tables.rs writes them";
 
 /// What was found in the files read so far.

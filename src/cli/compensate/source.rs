@@ -11,7 +11,7 @@ use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
-use crate::io::targets::{CorrectedBy, Targets};
+use crate::io::targets::{CorrectedBy, JointUnits, Targets};
 
 /// The source of a correction.
 #[derive(Debug)]
@@ -35,6 +35,14 @@ impl Source {
                     |name| format!("table {name:?}"),
                 ),
             }),
+        }
+    }
+
+    /// The units of joint angles in a result in text: those of the targets, mm where the arm's joint slides.
+    pub(super) fn units(&self, targets: &Targets) -> JointUnits {
+        match self {
+            Self::Table(_) => targets.units.clone(),
+            Self::Arm(arm) => JointUnits::of(&arm.arm.arm, targets.units.angle()),
         }
     }
 
@@ -87,8 +95,8 @@ impl Source {
         outcomes: &mut [Result<Corrected, Refused>],
     ) {
         let may = |slip: &Slip| match slip {
-            Slip::RadiansAsDegrees => targets.angle_unit == AngleUnit::Deg,
-            Slip::DegreesAsRadians => targets.angle_unit == AngleUnit::Rad,
+            Slip::RadiansAsDegrees => targets.units.angle() == AngleUnit::Deg,
+            Slip::DegreesAsRadians => targets.units.angle() == AngleUnit::Rad,
             Slip::MetresAsMillimetres => true,
         };
         for slip in Slip::ALL.into_iter().filter(may) {
@@ -159,9 +167,13 @@ impl Source {
             }
         };
         let configurations = configurations.unwrap_or_default();
+        let units = match self {
+            Self::Table(own) => own.units.clone(),
+            Self::Arm(own) => JointUnits::of(&own.arm.arm, AngleUnit::Deg),
+        };
         format!(
             "{configurations}measured with joints {}, the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
-            ranges(joints),
+            ranges(joints, &units),
             target.x,
             target.y,
             target.z
@@ -262,9 +274,14 @@ impl Source {
     }
 }
 
-/// Lowest and highest angle of each joint.
-fn ranges(spans: &[[f64; 2]]) -> String {
-    let range =
-        |&[low, high]: &[f64; 2]| format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees());
-    spans.iter().map(range).collect::<Vec<_>>().join(", ")
+/// Lowest and highest angle of each joint, degrees; mm where it slides.
+fn ranges(spans: &[[f64; 2]], units: &JointUnits) -> String {
+    let range = |(joint, &[low, high]): (usize, &[f64; 2])| {
+        if units.slides().get(joint) == Some(&true) {
+            return format!("{low:.1} mm to {high:.1} mm");
+        }
+        format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees())
+    };
+    let ranges = spans.iter().enumerate().map(range);
+    ranges.collect::<Vec<_>>().join(", ")
 }

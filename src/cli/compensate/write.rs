@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::{CompensateArgs, CompensateCommandError, WriteCause};
 use crate::compensation::{Corrected, Refused};
-use crate::ingest::AngleUnit;
 use crate::io::table::{self, Table};
-use crate::io::targets::{self, Form, Targets};
+use crate::io::targets::{self, Form, JointUnits, Targets};
 use crate::io::whole_file::write_whole;
 
 /// The result to write.
@@ -17,6 +16,8 @@ pub(super) struct Written<'a> {
     pub(super) targets: &'a Targets,
     pub(super) outcomes: &'a [Result<Corrected, Refused>],
     pub(super) table_id: &'a str,
+    /// Units of joint angles in a text.
+    pub(super) units: JointUnits,
 }
 
 /// Path of the file next to a data list that holds, for each target, the columns that the list cannot.
@@ -86,10 +87,6 @@ impl CompensateArgs {
 }
 
 impl Written<'_> {
-    fn unit(&self) -> AngleUnit {
-        self.targets.angle_unit
-    }
-
     /// The whole result in its form.
     pub(super) fn bytes(&self, form: Form) -> Result<Vec<u8>, WriteCause> {
         if let (Form::Krl, Some(list)) = (form, &self.targets.list) {
@@ -102,8 +99,8 @@ impl Written<'_> {
 
     fn form(&self, form: Form, mut sink: impl Write) -> Result<(), WriteCause> {
         match form {
-            Form::Csv | Form::Krl => Ok(targets::write_csv(self.result, self.unit(), sink)?),
-            Form::Json => Ok(targets::write_json(self.result, self.unit(), sink)?),
+            Form::Csv | Form::Krl => Ok(targets::write_csv(self.result, self.units.clone(), sink)?),
+            Form::Json => Ok(targets::write_json(self.result, self.units.clone(), sink)?),
             Form::Parquet => {
                 let bytes = table::write(self.result, Vec::new())?;
                 Ok(sink.write_all(&bytes)?)

@@ -5,6 +5,7 @@ use std::io::Write;
 
 use super::{CsvCause, PlanArgs, PlanCommandError, new_csv};
 use crate::io::whole_file::write_whole;
+use crate::kinematics::Joint;
 use crate::pipeline::planning::Located;
 use crate::plan::compare::Expected;
 
@@ -40,8 +41,12 @@ fn words(located: &Located, args: &PlanArgs) -> String {
         key.session
     );
     for (place, pose) in plan.poses.iter().enumerate() {
-        let joints = pose.joints.iter();
-        let joints: Vec<String> = joints.map(|q| format!("{:.3}", q.to_degrees())).collect();
+        let joints = pose.joints.iter().zip(located.arm.joints());
+        let value = |(q, joint): (&f64, &Joint)| {
+            let unit = if joint.slides { " mm" } else { "" };
+            format!("{:.3}{unit}", joint.shown(*q))
+        };
+        let joints: Vec<String> = joints.map(value).collect();
         writeln!(text, "  p{place:<3} joints {}°", joints.join(" ")).expect("a string");
     }
     let share = 100.0 * located.settings.tolerance.share;
@@ -87,16 +92,19 @@ fn words(located: &Located, args: &PlanArgs) -> String {
 /// The poses in their order: names, joint angles in degrees, and the reflector's nominal pose in the base frame.
 fn csv(located: &Located, sink: impl Write) -> Result<(), CsvCause> {
     let mut writer = csv::Writer::from_writer(sink);
-    let joints = located.arm.joints().len();
+    let joints = located.arm.joints();
     let header = ["target", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
-    let names = (1..=joints).map(|joint| format!("q{joint}_deg"));
+    let names = (1..)
+        .zip(joints)
+        .map(|(place, joint)| format!("q{place}_{}", joint.unit()));
     writer.write_record(header.map(str::to_owned).into_iter().chain(names))?;
     for (place, pose) in located.plan.poses.iter().enumerate() {
         let target = located.command_from_base * pose.base_from_target;
         let (position, turn) = (target.translation.vector, target.rotation.coords);
         let lengths = position.iter().map(|mm| format!("{mm:.6}"));
         let turns = turn.iter().map(|part| format!("{part:.12}"));
-        let angles = pose.joints.iter().map(|q| format!("{:.9}", q.to_degrees()));
+        let angles = pose.joints.iter().zip(joints);
+        let angles = angles.map(|(q, joint)| format!("{:.9}", joint.shown(*q)));
         let name = std::iter::once(format!("p{place}"));
         writer.write_record(name.chain(lengths).chain(turns).chain(angles))?;
     }

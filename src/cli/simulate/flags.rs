@@ -6,7 +6,7 @@ use clap::Args;
 use nalgebra::{Isometry3, Vector3};
 
 use crate::geometry::isometry_from_rpy;
-use crate::kinematics::Arm;
+use crate::kinematics::{Arm, Joint};
 use crate::simulate::settings::{Cell, SimulateSettings, TrackerErrors};
 use crate::simulate::{Poses, SimulateError};
 
@@ -15,7 +15,7 @@ use crate::simulate::{Poses, SimulateError};
 #[group(skip)]
 #[command(next_help_heading = "Where to measure")]
 pub(super) struct PoseFlags {
-    /// Reported joint angles at the start, degrees: their arm configuration is the session's.
+    /// Reported joint angles at the start, degrees (mm for a joint that slides): their arm configuration is the session's.
     #[arg(long, value_name = "Q1,Q2,…", value_parser = list, allow_hyphen_values = true)]
     home: List,
     /// Size of the box to measure in, mm.
@@ -42,15 +42,36 @@ pub(super) struct PoseFlags {
     /// Random joint configurations: how far each joint goes to either side of home, degrees.
     #[arg(long, value_name = "DEG", value_parser = finite, default_value_t = 40.0)]
     spread_deg: f64,
+    /// Random joint configurations: how far a joint that slides goes to either side of home, mm.
+    #[arg(long, value_name = "MM", value_parser = finite, default_value_t = 400.0)]
+    spread_mm: f64,
 }
 
 impl PoseFlags {
-    pub(super) fn home(&self) -> Vec<f64> {
-        self.home
-            .0
-            .iter()
-            .map(|degrees| degrees.to_radians())
-            .collect()
+    /// The joints at the start, rad or mm; [`SimulateError::Length`] unless there is one value for each joint.
+    pub(super) fn home(&self, arm: &Arm) -> Result<Vec<f64>, SimulateError> {
+        let joints = arm.joints();
+        if self.home.0.len() != joints.len() {
+            return Err(SimulateError::Length {
+                what: "--home",
+                joints: joints.len(),
+                found: self.home.0.len(),
+            });
+        }
+        let values = joints.iter().zip(&self.home.0);
+        Ok(values.map(|(joint, value)| joint.read(*value)).collect())
+    }
+
+    /// How far each joint goes to either side of home, rad or mm.
+    fn spread(&self, arm: &Arm) -> Vec<f64> {
+        let spread = |joint: &Joint| {
+            if joint.slides {
+                self.spread_mm
+            } else {
+                self.spread_deg.to_radians()
+            }
+        };
+        arm.joints().iter().map(spread).collect()
     }
 
     /// Where to measure; `listed` are the joint angles of [`Self::poses`].
@@ -60,24 +81,22 @@ impl PoseFlags {
         cell: &Cell,
         listed: Option<&[Vec<f64>]>,
     ) -> Result<Poses, SimulateError> {
-        let home = self.home();
         if let Some(joints) = listed {
             let joints = joints.to_vec();
             return Ok(Poses::Listed { joints });
         }
-        if home.len() != arm.joints().len() {
-            return Err(SimulateError::Length {
-                what: "--home",
-                joints: arm.joints().len(),
-                found: home.len(),
-            });
-        }
+        let home = self.home(arm)?;
         if let Some(count) = self.random_joints {
-            let spread = self.spread_deg.to_radians();
+            let spread = self.spread(arm);
+            let about = |side: f64| {
+                let joints = home.iter().zip(&spread);
+                joints.map(|(q, spread)| q + side * spread).collect()
+            };
+            let (lower, upper) = (about(-1.0), about(1.0));
             return Ok(Poses::Joints {
                 count,
-                lower: home.iter().map(|q| q - spread).collect(),
-                upper: home.iter().map(|q| q + spread).collect(),
+                lower,
+                upper,
             });
         }
         let flange_from_target =

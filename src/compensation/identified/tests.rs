@@ -93,6 +93,7 @@ fn at_joints(degrees: [f64; 6]) -> Target {
     Target {
         name: "rivet 7".to_owned(),
         joints: Some(TargetJoints {
+            slides: None,
             names: Vec::new(),
             angles: radians(degrees),
         }),

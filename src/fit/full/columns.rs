@@ -1,5 +1,7 @@
 //! The columns that a training starts with, and the prior variances of geometry and frames.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DVector, Point3, Vector3};
 
 use super::design::gravity_columns;
@@ -29,7 +31,8 @@ pub(super) fn layout(
     let sessions = problem.starts().len();
     let observations = problem.observations();
     let joints = observations.first().map_or(0, |o| o.axes.len());
-    let mut layout = Layout::new(settings.curve_period_turns);
+    let mut layout =
+        Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
@@ -48,10 +51,12 @@ pub(super) fn layout(
     if settings.session_scale_ppm > 0.0 {
         (0..sessions).for_each(|session| layout.push(Block::Scale(session), 1));
     }
-    for (joint, harmonics) in harmonics(problem, offsets, settings, joints)
-        .into_iter()
-        .enumerate()
-    {
+    let harmonics = harmonics(problem, offsets, settings, joints);
+    for (joint, harmonics) in harmonics.into_iter().enumerate() {
+        let harmonics = layout
+            .slide_period_mm(joint)
+            .filter(|_| harmonics > 0)
+            .map_or(harmonics, |period_mm| slide_harmonics(settings, period_mm));
         layout.push(Block::Curve(joint), 2 * harmonics);
         for session in (0..sessions).filter(|_| sessions > 1) {
             layout.push(
@@ -119,6 +124,40 @@ fn command_weights(
 /// Number of harmonics of a coarse curve or of a joint that hardly moves the target.
 pub(super) const fn few_harmonics(settings: &FullSettings) -> usize {
     FEW_HARMONICS * settings.curve_period_turns as usize
+}
+
+/// Period of the curve of each axis variable that slides, mm, `None` where it turns; empty where all turn.
+///
+/// A curve lives on a circle. Twice the measured range and two long lengths around, the ends of the range are so far apart that
+/// neither says anything of the other: on the range the kernel is that of plain distance.
+fn slide_periods_mm(problem: &Problem<'_>, settings: &FullSettings) -> Vec<Option<f64>> {
+    let slides = problem.slides();
+    if !slides.contains(&true) {
+        return Vec::new();
+    }
+    let period_mm = |(joint, slides): (usize, bool)| {
+        let positions = problem.observations().iter().map(|o| o.axes[joint]);
+        let outermost = positions.fold(None, |seen: Option<[f64; 2]>, position| {
+            let [low, high] = seen.unwrap_or([position; 2]);
+            Some([low.min(position), high.max(position)])
+        });
+        let range_mm = outermost.map_or(0.0, |[low, high]| high - low);
+        slides.then_some(2.0 * (range_mm + settings.slide_length_mm[1]))
+    };
+    slides.into_iter().enumerate().map(period_mm).collect()
+}
+
+/// Number of harmonics of the curve of a joint that slides: as fine beside its short length as a turning joint's beside its own.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a positive count below twice the harmonics of a joint that turns"
+)]
+fn slide_harmonics(settings: &FullSettings, period_mm: f64) -> usize {
+    let short_rad = TAU * settings.slide_length_mm[0] / period_mm;
+    let all = settings.harmonics as f64;
+    let wanted = all * settings.short_length_deg.to_radians() / short_rad;
+    wanted.ceil().clamp(1.0, 2.0 * all) as usize
 }
 
 /// Number of harmonics of each joint: all for joints that move the target, fewer for those that hardly do.

@@ -76,7 +76,7 @@ impl Components {
             fixed: vec![0.0; layout.size()],
         };
         for (block, columns) in layout.blocks() {
-            components.add(block, columns, unknowns, settings, span);
+            components.add(layout, (block, columns), unknowns, settings, span);
         }
         components
     }
@@ -159,8 +159,8 @@ impl Components {
 
     fn add(
         &mut self,
-        block: Block,
-        columns: Range<usize>,
+        layout: &Layout,
+        (block, columns): (Block, Range<usize>),
         unknowns: &[f64],
         settings: &FullSettings,
         span: f64,
@@ -173,7 +173,10 @@ impl Components {
                 self.fixed[columns].fill(s.command_weight_sd.powi(2));
             }
             Block::Scale(_) => self.fixed[columns].fill((1e-6 * s.session_scale_ppm).powi(2)),
-            Block::Gravity => self.join(Part::Gravity, s.gravity_sd, columns, even),
+            Block::Gravity => {
+                let profile = gravity_profile(layout, s, columns.len());
+                self.join(Part::Gravity, s.gravity_sd, columns, profile);
+            }
             Block::ApproachOffset => self.join(
                 Part::ApproachOffset,
                 s.approach_offset_sd_rad,
@@ -197,21 +200,25 @@ impl Components {
                 self.join(Part::Drift, s.drift_sd_mm, columns, profile);
             }
             Block::Curve(joint) => {
-                let short = Kernel::Matern52(length(s, s.short_length_deg));
-                let long = Kernel::SquaredExponential(length(s, s.long_length_deg));
+                let ([short, long], sd) = curve_sizes(layout, s, joint);
+                let (short, long) = (Kernel::Matern52(short), Kernel::SquaredExponential(long));
                 for (part, kernel) in [
                     (Part::ShortCurve(joint), short),
                     (Part::LongCurve(joint), long),
                 ] {
                     let profile = pairs(&kernel.variances(columns.len() / 2)[1..]);
-                    self.join(part, s.curve_sd_rad, columns.clone(), profile);
+                    self.join(part, sd, columns.clone(), profile);
                 }
             }
-            Block::SessionCurve { .. } => {
-                let kernel = Kernel::SquaredExponential(length(s, s.session_length_deg));
+            Block::SessionCurve { joint, .. } => {
+                let (length, share) = session_curve_sizes(layout, s, joint);
+                let kernel = Kernel::SquaredExponential(length);
                 let variances = kernel.variances((columns.len() - 1) / 2);
                 let mut profile = vec![variances[0]];
                 profile.extend(pairs(&variances[1..]));
+                for variance in &mut profile {
+                    *variance *= share;
+                }
                 self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
             }
             Block::Line { joint, cycles } => {
@@ -240,6 +247,47 @@ impl Components {
             weight,
         });
     }
+}
+
+/// Lengths of the short and the long kernel of a joint's curve on its circle, rad, and the expected size of each, rad or mm.
+fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64; 2], f64) {
+    if layout.slide_period_mm(joint).is_none() {
+        let lengths = [settings.short_length_deg, settings.long_length_deg];
+        return (
+            lengths.map(|deg| length(settings, deg)),
+            settings.curve_sd_rad,
+        );
+    }
+    let unit = layout.curve_unit(joint);
+    let lengths = settings.slide_length_mm.map(|length_mm| length_mm / unit);
+    (lengths, settings.slide_sd_mm)
+}
+
+/// Length of the kernel of a curve's change between sessions on its circle, rad, and the share of the part's variance that a column
+/// has: a slide's change is to its curve as that of a joint that turns.
+fn session_curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> (f64, f64) {
+    if layout.slide_period_mm(joint).is_none() {
+        return (length(settings, settings.session_length_deg), 1.0);
+    }
+    let share = settings.session_length_deg / settings.long_length_deg;
+    let length_mm = share * settings.slide_length_mm[1];
+    let sizes = settings.slide_sd_mm / settings.curve_sd_rad;
+    (length_mm / layout.curve_unit(joint), sizes * sizes)
+}
+
+/// Shares of gravity's variance, a row for each joint: 1 where it turns; where it slides, its deflection in mm under the weight it
+/// carries has the expected size of a slide.
+fn gravity_profile(layout: &Layout, settings: &FullSettings, columns: usize) -> Vec<f64> {
+    let slide = (settings.slide_sd_mm / settings.gravity_sd).powi(2);
+    let mut profile = vec![1.0; columns];
+    let joints = layout.slide_periods_mm().len();
+    let rows = (0..joints).flat_map(|joint| vec![joint; joints - joint]);
+    for (share, joint) in profile.iter_mut().zip(rows) {
+        if layout.slide_period_mm(joint).is_some() {
+            *share = slide;
+        }
+    }
+    profile
 }
 
 /// A kernel's length (rad) on the circle of the curves' period: shorter for a period of several turns.

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::FullModel;
 use super::layout::Block;
 
-/// The error of one joint at one angle.
+/// The error of one joint at one angle; in mm throughout where the joint slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointError {
     /// Axis variable, rad.
@@ -26,18 +26,19 @@ impl JointError {
 }
 
 impl FullModel {
-    /// After how many turns of a joint its error curve repeats.
+    /// After how many turns of a joint that turns its error curve repeats.
     pub const fn curve_period_turns(&self) -> u32 {
         self.layout.period_turns()
     }
 
-    /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad).
+    /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad; mm where
+    /// the joint slides).
     ///
     /// It excludes the joint's constant offset, which is the geometry's θ.
     pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
         let mut curve = DMatrix::zeros(angles.len(), self.layout.size());
         let mut lines = curve.clone();
-        let period = f64::from(self.layout.period_turns());
+        let period = self.layout.curve_unit(joint);
         for (block, columns) in self.layout.blocks() {
             match block {
                 Block::Curve(own) if own == joint => {

@@ -10,8 +10,7 @@ use super::tabulated::Tabulated;
 use crate::fit::commanded::SettlingError;
 use crate::fit::observation::measured::moved;
 use crate::join::ReadingKind;
-use crate::kinematics::Twist;
-use crate::units::MM_PER_M;
+use crate::kinematics::{Axes, Twist};
 
 /// Settling error from which on the approach-direction offset is complete, rad. Widths of 40 to
 /// 110 µrad fit equally well.
@@ -25,16 +24,16 @@ pub struct PoseView<'a> {
     /// The target's motion per unit of each axis variable.
     pub joints: &'a [Twist],
     /// Origin and direction of each joint axis.
-    pub axes: &'a [(Point3<f64>, Vector3<f64>)],
+    pub axes: &'a Axes,
     /// Position of the target, mm.
     pub end: Point3<f64>,
     /// Direction of up, a unit vector; `None` where the mounting is not known.
     pub up: Option<Vector3<f64>>,
     /// The base frame's axes.
     pub base: Matrix3<f64>,
-    /// Axis variables, rad.
+    /// Axis variables, rad; mm where a joint slides.
     pub angles: &'a [f64],
-    /// Commanded minus reported axis variables, rad; `None` where it is not known.
+    /// Commanded minus reported axis variables, rad (mm where a joint slides); `None` where it is not known.
     pub settling_error: Option<&'a SettlingError>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
@@ -55,14 +54,10 @@ impl PoseView<'_> {
         let count = kind.rows();
         let mut rows = DMatrix::zeros(count, layout.size());
         let all = rows.as_mut_slice();
-        self.walk(
-            layout.blocks(),
-            layout.period_turns(),
-            &mut |column, twist, amount| {
-                let own = column * count..(column + 1) * count;
-                moved(kind, twist, amount, &mut all[own]);
-            },
-        );
+        self.walk(layout.blocks(), layout, &mut |column, twist, amount| {
+            let own = column * count..(column + 1) * count;
+            moved(kind, twist, amount, &mut all[own]);
+        });
         rows
     }
 
@@ -71,13 +66,9 @@ impl PoseView<'_> {
     pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
         let mut moved = Vector3::zeros();
         let blocks = layout.blocks().filter(|(block, _)| !block.is_curve());
-        self.walk(
-            blocks,
-            layout.period_turns(),
-            &mut |column, twist, amount| {
-                moved += twist.linear * (amount * mean[column]);
-            },
-        );
+        self.walk(blocks, layout, &mut |column, twist, amount| {
+            moved += twist.linear * (amount * mean[column]);
+        });
         let errors = curves.at(self.session, self.angles);
         errors
             .zip(self.joints)
@@ -88,7 +79,7 @@ impl PoseView<'_> {
     fn walk(
         &self,
         blocks: impl Iterator<Item = (Block, Range<usize>)>,
-        period: u32,
+        layout: &Layout,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
         for (block, columns) in blocks {
@@ -100,7 +91,7 @@ impl PoseView<'_> {
                 }
                 Block::Gravity => self.gravity(columns.start, each),
                 Block::CommandWeight => self.command_weight(columns, self.sent(), each),
-                Block::ApproachOffset => self.approach_offset(columns, each),
+                Block::ApproachOffset => self.approach_offset(columns, layout, each),
                 Block::SessionCommandWeight(session) if self.session == Some(session) => {
                     self.command_weight(columns, self.sent(), each);
                 }
@@ -114,10 +105,10 @@ impl PoseView<'_> {
                 Block::Scale(session) if self.session == Some(session) => {
                     self.scale(columns.start, each);
                 }
-                Block::Curve(joint) => self.curve(columns, joint, period, each),
+                Block::Curve(joint) => self.curve(columns, joint, layout, each),
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, period, each);
+                    self.curve(columns.start + 1..columns.end, joint, layout, each);
                 }
                 Block::Line { joint, cycles } => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
@@ -133,18 +124,13 @@ impl PoseView<'_> {
         }
     }
 
-    /// `J_j · z_j·((o_k − o_j) × (−up))`, lengths in m.
+    /// `J_j` times the generalised force of the variable: `z_j·((o_k − o_j) × (−up))` for a joint that turns, lengths in m.
     fn gravity(&self, first: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(up) = self.up else { return };
         let mut column = first;
-        for (joint, (origin, axis)) in self.axes.iter().enumerate() {
-            let masses = self.axes[joint + 1..]
-                .iter()
-                .map(|(origin, _)| *origin)
-                .chain([self.end]);
-            for mass in masses {
-                let torque = axis.dot(&(mass - origin).cross(&-up)) / MM_PER_M;
-                each(column, &self.joints[joint], torque);
+        for (joint, twist) in self.joints.iter().enumerate() {
+            for force in self.axes.forces(joint, self.end, -up) {
+                each(column, twist, force);
                 column += 1;
             }
         }
@@ -176,9 +162,18 @@ impl PoseView<'_> {
         }
     }
 
-    fn approach_offset(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let settling_errors = self.joints.iter().zip(self.sent());
-        for (column, (twist, settling_error)) in columns.zip(settling_errors) {
+    /// The offset of joints that turn; its saturation is an angle.
+    fn approach_offset(
+        &self,
+        columns: Range<usize>,
+        layout: &Layout,
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
+        let settling_errors = self.joints.iter().zip(self.sent()).enumerate();
+        for (column, (joint, (twist, settling_error))) in columns.zip(settling_errors) {
+            if layout.slide_period_mm(joint).is_some() {
+                continue;
+            }
             each(
                 column,
                 twist,
@@ -221,10 +216,10 @@ impl PoseView<'_> {
         &self,
         columns: Range<usize>,
         joint: usize,
-        period_turns: u32,
+        layout: &Layout,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
-        let (sin, cos) = (self.angles[joint] / f64::from(period_turns)).sin_cos();
+        let (sin, cos) = (self.angles[joint] / layout.curve_unit(joint)).sin_cos();
         let (mut sin_k, mut cos_k) = (sin, cos);
         for pair in 0..columns.len() / 2 {
             each(columns.start + 2 * pair, &self.joints[joint], cos_k);

@@ -1,5 +1,6 @@
 //! The columns of the error model, block by block.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// One part of the model that owns a run of columns.
@@ -24,7 +25,7 @@ pub enum Block {
     /// Scale of one session, its instrument's length unit relative to the arm's lengths: the target's shift away from the
     /// middle of the session's stations, as a share of its distance from there.
     Scale(usize),
-    /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::period_turns`].
+    /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::curve_unit`].
     Curve(usize),
     /// Change of one joint's curve in one session.
     SessionCurve {
@@ -67,6 +68,7 @@ pub struct Layout {
     blocks: Vec<(Block, Range<usize>)>,
     size: usize,
     period_turns: u32,
+    slide_periods_mm: Vec<Option<f64>>,
 }
 
 impl Layout {
@@ -80,16 +82,44 @@ impl Layout {
             blocks: Vec::new(),
             size: 0,
             period_turns,
+            slide_periods_mm: Vec::new(),
         }
     }
 
-    /// Period of joint curves, in turns: the k-th pair of a curve is `cos, sin` of `k q` over this.
+    /// This layout for an arm whose axis variables slide: the period of each one's curve, mm; `None` where it turns. Empty where
+    /// all turn.
+    #[must_use]
+    pub fn with_slides(mut self, periods_mm: Vec<Option<f64>>) -> Self {
+        self.slide_periods_mm = periods_mm;
+        self
+    }
+
+    /// The period of each sliding axis variable's curve, mm; `None` where it turns. Empty where all turn.
+    pub fn slide_periods_mm(&self) -> &[Option<f64>] {
+        &self.slide_periods_mm
+    }
+
+    /// The period of a sliding axis variable's curve, mm; `None` where it turns.
+    pub fn slide_period_mm(&self, joint: usize) -> Option<f64> {
+        self.slide_periods_mm.get(joint).copied().flatten()
+    }
+
+    /// What an axis variable is divided by before its curve is taken on a circle of one turn: turns, or mm per rad where it slides.
+    pub fn curve_unit(&self, joint: usize) -> f64 {
+        let slides = self.slide_period_mm(joint);
+        slides.map_or(f64::from(self.period_turns), |period_mm| period_mm / TAU)
+    }
+
+    /// Period of curves of joints that turn, in turns: the k-th pair of a curve is `cos, sin` of `k q` over this.
     pub const fn period_turns(&self) -> u32 {
         self.period_turns
     }
 
-    /// Appends a block of `columns` columns.
+    /// Appends a block of `columns` columns; not a gear line of a joint that slides, which has no turns.
     pub fn push(&mut self, block: Block, columns: usize) {
+        if matches!(block, Block::Line { joint, .. } if self.slide_period_mm(joint).is_some()) {
+            return;
+        }
         self.blocks.push((block, self.size..self.size + columns));
         self.size += columns;
     }

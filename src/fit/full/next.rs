@@ -193,7 +193,8 @@ impl FullModel {
         settings: &FullSettings,
         warm_up: WarmUp,
     ) -> (Layout, Columns) {
-        let mut layout = Layout::new(self.layout.period_turns());
+        let mut layout = Layout::new(self.layout.period_turns())
+            .with_slides(self.layout.slide_periods_mm().to_vec());
         let unknowns = problem.unknowns().iter();
         let mut columns: Columns = unknowns
             .map(|own| self.next_unknown(own, mounting))

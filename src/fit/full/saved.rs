@@ -51,6 +51,9 @@ pub struct SavedFull {
     pub factor: String,
     /// Period of joint curves, in turns.
     pub curve_period_turns: NonZeroU32,
+    /// Period of the curve of each joint that slides, mm, null where it turns; absent where all turn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub slide_periods_mm: Vec<Option<f64>>,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighted stations; 0 for none.
@@ -117,7 +120,8 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
-    /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1.
+    /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1; of `2π k q / slide_periods_mm` where it
+    /// slides.
     Curve {
         /// The joint.
         joint: usize,
@@ -194,6 +198,7 @@ impl FullModel {
             factor: encode(self.posterior.factor.lower()),
             curve_period_turns: NonZeroU32::new(self.layout.period_turns())
                 .expect("a layout's curves repeat after a turn or more"),
+            slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
             span_stations: self.span,
             student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
@@ -278,12 +283,34 @@ impl SavedFull {
             self.arm.joints.len(),
             self.repeatability.joints_rad2.len(),
         )?;
-        let mut layout = Layout::new(self.curve_period_turns.get());
+        let mut layout =
+            Layout::new(self.curve_period_turns.get()).with_slides(self.slide_periods_mm()?);
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block.block(), block.columns);
         }
         Ok(layout)
+    }
+
+    /// The period of each sliding joint's curve; an error unless exactly the joints that slide have one, above 0.
+    fn slide_periods_mm(&self) -> Result<Vec<Option<f64>>, SavedError> {
+        let slides = self.arm.joints.iter().map(|joint| joint.slides);
+        let fits = |(slides, period): (bool, &Option<f64>)| {
+            period.is_some_and(|mm| mm.is_finite() && mm > 0.0) == slides
+        };
+        let periods = &self.slide_periods_mm;
+        let fitting = if periods.is_empty() {
+            slides.filter(|slides| !slides).count()
+        } else {
+            slides.zip(periods).filter(|own| fits(*own)).count()
+        };
+        let joints = self.arm.joints.len();
+        same_length(
+            "joints with a curve's period of their kind",
+            joints,
+            fitting,
+        )?;
+        Ok(periods.clone())
     }
 
     /// The middle of each session's stations, mm.

@@ -5,6 +5,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::fit::observation::TrackerUncertainty;
 
+/// Usual lengths of a slide's kernels, mm: a pinion's turn, and the rails' pieces.
+const SLIDE_LENGTH_MM: [f64; 2] = [100.0, 800.0];
+/// Usual size of a slide's kernels, mm.
+const SLIDE_SD_MM: f64 = 0.1;
+
+/// Whether the lengths are left at their default: then they are not written, and runs of arms without slides stay what they were.
+fn is_usual_length(lengths_mm: &[f64; 2]) -> bool {
+    *lengths_mm == SLIDE_LENGTH_MM
+}
+
+/// Whether the size is left at its default; then it is not written.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_usual_size(size_mm: &f64) -> bool {
+    (*size_mm - SLIDE_SD_MM).abs() == 0.0
+}
+
 /// Settings of the full error model.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
@@ -34,6 +53,12 @@ pub struct FullSettings {
     pub harmonics: usize,
     /// Expected size of each kernel of the joint curves, rad.
     pub curve_sd_rad: f64,
+    /// Lengths of the short and the long kernel of the curve of a joint that slides, mm.
+    #[serde(skip_serializing_if = "is_usual_length")]
+    pub slide_length_mm: [f64; 2],
+    /// Expected size of each kernel of the curve of a joint that slides, and of its deflection under the weight it carries, mm.
+    #[serde(skip_serializing_if = "is_usual_size")]
+    pub slide_sd_mm: f64,
     /// Expected compliance, rad per m of lever.
     pub gravity_sd: f64,
     /// Expected size of a gear line, rad.
@@ -92,6 +117,8 @@ impl Default for FullSettings {
             curve_period_turns: 1,
             harmonics: 90,
             curve_sd_rad: 0.4e-3,
+            slide_length_mm: SLIDE_LENGTH_MM,
+            slide_sd_mm: SLIDE_SD_MM,
             gravity_sd: 0.4e-3,
             line_sd_rad: 15e-6,
             line_threshold: 10.0,

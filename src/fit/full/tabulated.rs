@@ -17,7 +17,8 @@ const ENTRIES: usize = 4096;
 pub struct Tabulated {
     common: Vec<Curve>,
     own: Vec<Vec<Curve>>,
-    period: f64,
+    /// Period of each joint's curve, rad; mm where it slides.
+    periods: Vec<f64>,
 }
 
 /// One joint's curve over a period.
@@ -56,13 +57,15 @@ impl Tabulated {
             }
         }
         Self {
-            common,
             own,
-            period: TAU * f64::from(layout.period_turns()),
+            periods: (0..common.len())
+                .map(|joint| TAU * layout.curve_unit(joint))
+                .collect(),
+            common,
         }
     }
 
-    /// The error of each joint (rad) at `angles` (axis variables, rad), in one session or common to all.
+    /// The error of each joint at `angles` (axis variables), both rad, mm where a joint slides; in one session or common to all.
     pub fn at<'t>(
         &'t self,
         session: Option<usize>,
@@ -71,8 +74,8 @@ impl Tabulated {
         let curves = session.map_or(&self.common, |session| &self.own[session]);
         curves
             .iter()
-            .zip(angles)
-            .map(|(curve, angle)| curve.at(angle / self.period))
+            .zip(angles.iter().zip(&self.periods))
+            .map(|(curve, (angle, period))| curve.at(angle / period))
     }
 }
 

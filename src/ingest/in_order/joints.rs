@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use super::super::rows::{Place, RowFault, Rows};
-use super::super::{AngleUnit, DecodedJoints, JointAngles, Mapping, SpanClock};
+use super::super::{DecodedJoints, JointAngles, Mapping, SpanClock};
 use super::{Buffer, reordered};
 
-/// Joint samples, in rad.
+/// Joint samples, in rad; in mm for joints that slide.
 #[derive(Debug)]
 pub struct JointBuffer {
-    unit: AngleUnit,
+    /// What a logged value of each joint is multiplied by.
+    factors: Vec<f64>,
     stamps: Vec<i64>,
     angles: JointAngles,
 }
@@ -18,13 +19,13 @@ impl JointBuffer {
     /// An empty buffer for the arm's joints, in the units of the mapping.
     pub fn of(mapping: &Mapping) -> Self {
         Self {
-            unit: mapping.controller.unit,
+            factors: mapping.factors(),
             stamps: Vec::new(),
             angles: JointAngles::of(mapping.joints.len()),
         }
     }
 
-    /// Stamps (ns) of some samples, and their angles (rad) row after row.
+    /// Stamps (ns) of some samples, and their angles (rad; mm where a joint slides) row after row.
     pub fn rows(&self, rows: Range<usize>) -> (&[i64], &[f64]) {
         (&self.stamps[rows.clone()], self.angles.of_rows(rows))
     }
@@ -52,9 +53,7 @@ impl Buffer for JointBuffer {
         let before = self.stamps.len();
         rows.append(&block.stamps, &mut self.stamps);
         rows.append_angles(&block.angles, &mut self.angles);
-        if self.unit != AngleUnit::Rad {
-            self.angles.scale_from(before, self.unit.to_rad());
-        }
+        self.angles.scale_from(before, &self.factors);
         true
     }
 

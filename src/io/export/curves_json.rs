@@ -1,4 +1,5 @@
-//! The error curve of each joint as JSON: angle, error and its standard deviation, in rad, on whole degrees.
+//! The error curve of each joint as JSON: angle, error and its standard deviation, in rad, on whole degrees; in
+//! mm, every 10 mm, for a joint that slides, which says `"unit": "mm"`.
 //!
 //! A controller or an off-line program that corrects joint angles subtracts `error_rad` at the angle that it is about to
 //! command. The curve is relative to the identified geometry, and does not contain the constant offsets of joints.
@@ -16,12 +17,10 @@ use crate::io::common;
 use crate::io::lake::read_given;
 use crate::io::schema;
 use crate::io::table::Row as _;
-use crate::io::tables::joint_errors::JointErrorRow;
+use crate::io::tables::joint_errors::{JointErrorRow, points};
+use crate::io::tables::words::Unit;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
-
-/// Distance beyond the measured angles at which the curve ends, degrees, as in table `joint_errors`.
-const BEYOND_DEG: f64 = 15.0;
 
 /// The document.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -52,6 +51,9 @@ struct ValidFor {
 struct Curve {
     joint: usize,
     name: String,
+    /// "mm" where the joint slides: then all its values are in mm; left out where they are in rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<&'static str>,
     /// Lowest and highest angle among the points within the measured range; null where there are none.
     measured_rad: Option<[f64; 2]>,
     angle_rad: Vec<f64>,
@@ -88,6 +90,7 @@ pub fn of_joint_errors(path: &Path, sink: impl Write) -> Result<(), ExportError>
             joints.push(Curve {
                 joint: row.joint,
                 name: row.joint_name.to_string(),
+                unit: (row.joint_unit == Some(Unit::Mm)).then_some("mm"),
                 ..Curve::default()
             });
         }
@@ -143,12 +146,14 @@ impl Curve {
 }
 
 fn curve(model: &FullModel, arm: &Arm, joint: usize, [low, high]: [f64; 2]) -> Curve {
+    let own = &arm.joints()[joint];
     let mut curve = Curve {
         joint: joint + 1,
-        name: arm.joints()[joint].name.clone(),
+        name: own.name.clone(),
+        unit: own.slides.then_some("mm"),
         ..Curve::default()
     };
-    for error in model.joint_errors(joint, &degrees(low, high)) {
+    for error in model.joint_errors(joint, &points(own.slides, low, high)) {
         let measured = (low..=high).contains(&error.angle);
         curve.push(error.angle, error.error(), error.sd, measured);
     }
@@ -167,16 +172,4 @@ fn axis_ranges(arm: &Arm, joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
         }
     }
     ranges
-}
-
-/// Whole degrees around `low` to `high` (rad), in rad.
-fn degrees(low: f64, high: f64) -> Vec<f64> {
-    let first = (low.to_degrees() - BEYOND_DEG).floor();
-    let last = (high.to_degrees() + BEYOND_DEG).ceil();
-    std::iter::successors(Some(first), |degree| Some(degree + 1.0))
-        .take_while(|degree| *degree <= last)
-        // A range wider than sixteen turns is an error in the data.
-        .take(10_000)
-        .map(f64::to_radians)
-        .collect()
 }

@@ -68,12 +68,12 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
             common(path, &table, column)?
         )?;
     }
-    Ok(write_columns(&table, &of_nodes, AngleUnit::Deg, sink)?)
+    Ok(write_columns(&table, &of_nodes, &published.units, sink)?)
 }
 
 /// The value that a column has in every row, as JSON.
 fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, ExportError> {
-    let cells = |row| column.cells(row, AngleUnit::Deg);
+    let cells = |row| column.cells(row, &AngleUnit::Deg.into());
     let first = cells(0);
     if let Some(row) = (1..table.rows()).find(|&row| cells(row) != first) {
         let column = column.name().to_owned();

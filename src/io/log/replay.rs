@@ -92,6 +92,7 @@ pub fn read_session(
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
     let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {
+        finder.count_as(mapping.counted());
         let beside = sink.take();
         source.replay(&mut Detecting { finder, beside })
     })?;

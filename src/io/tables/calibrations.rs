@@ -1,9 +1,11 @@
 //! `calibrations`: each identified model, complete, with its determinacy and the conditions that it is valid for.
 
+use std::sync::Arc;
+
 use super::PublishContext;
 use super::error_frame::ErrorFrameName;
 use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
-use super::words::{TableVerdict, placement};
+use super::words::{TableVerdict, joint_units, placement};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
@@ -28,6 +30,8 @@ row! {
         parallel_joints: Vec<String>,
         /// The joints, by the controller's names.
         joint_names: Vec<String>,
+        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
+        joint_units: Option<Arc<[String]>>,
         /// The model.
         model_kind: Model,
         /// Its parts.
@@ -314,6 +318,7 @@ impl<'a> Identified<'a> {
             convention: arm.convention(),
             parallel_joints: owned(parallel),
             joint_names: owned(names.iter().copied()),
+            joint_units: joint_units(arm.joints()),
             model_kind: self.model,
             parts: owned(self.parts(true)),
             parts_dropped: owned(self.parts(false)),

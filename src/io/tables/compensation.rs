@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::error_frame::ErrorFrameName;
 use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
-use super::words::{TableVerdict, placement, upper, xyzw};
+use super::words::{TableVerdict, joint_units, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
 use crate::io::common::corrects;
@@ -40,6 +40,8 @@ row! {
         configuration: Option<Arc<str>>,
         /// The joints, by the controller's names.
         joint_names: Arc<[String]>,
+        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
+        joint_units: Option<Arc<[String]>>,
         /// Joint angles of the nominal arm there, rad.
         joints_rad: Option<Vec<f64>>,
         /// The error in the frame of commands, mm; `None` where the node is refused.
@@ -200,6 +202,7 @@ fn shared(
         turn: xyzw(&(command_from_base.rotation * chosen.orientation)),
         configuration: text(&configuration),
         joint_names: joints.iter().map(|joint| joint.name.clone()).collect(),
+        joint_units: joint_units(joints),
         joints_rad: None,
         error: None,
         error_cov_mm2: None,
@@ -286,6 +289,8 @@ struct Support<'a> {
     tools: Vec<Point3<f64>>,
     /// Lowest and highest reported angle of each joint, rad.
     ranges: Vec<(f64, f64)>,
+    /// Radians that one unit of each joint's variable counts as.
+    counted: Vec<f64>,
 }
 
 impl<'a> Support<'a> {
@@ -300,6 +305,7 @@ impl<'a> Support<'a> {
             tools: stations.iter().map(tool).collect(),
             stations,
             ranges: joint_ranges(outcome, context.arm.joints().len()),
+            counted: context.arm.counted(),
         }
     }
 
@@ -308,7 +314,8 @@ impl<'a> Support<'a> {
         NodeRow {
             joints_rad: joints.map(<[f64]>::to_vec),
             nearest_station_mm: Some(node.nearest_mm).filter(|mm| mm.is_finite()),
-            nearest_station_rad: joints.and_then(|joints| nearest_rad(joints, &self.stations)),
+            nearest_station_rad: joints
+                .and_then(|joints| nearest_rad(joints, &self.stations, &self.counted)),
             stations_near: self.near(number),
             within_joint_ranges: joints.map(|joints| self.is_within(joints)),
             ..row
@@ -332,14 +339,15 @@ impl<'a> Support<'a> {
     }
 }
 
-/// The largest joint difference to the station for which it is smallest, rad.
-fn nearest_rad(joints: &[f64], stations: &[&Station]) -> Option<f64> {
+/// The largest joint difference to the station for which it is smallest, rad; a mm of sliding counts as a mrad.
+fn nearest_rad(joints: &[f64], stations: &[&Station], counted: &[f64]) -> Option<f64> {
     let apart = |station: &&Station| {
         let differences = station
             .joints
             .iter()
             .zip(joints)
-            .map(|(a, b)| (a - b).abs());
+            .zip(counted)
+            .map(|((a, b), counted)| (a - b).abs() * counted);
         differences.fold(0.0, f64::max)
     };
     stations.iter().map(apart).min_by(f64::total_cmp)

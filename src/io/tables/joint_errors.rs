@@ -1,9 +1,10 @@
-//! `joint_errors`: the error curve of each joint with its standard deviation, on a grid of whole degrees.
+//! `joint_errors`: the error curve of each joint with its standard deviation, on a grid of whole degrees, or of 10 mm for one that slides.
 
 use std::sync::Arc;
 
 use super::PublishContext;
 use super::validity::learnt_from;
+use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::curves::JointError;
 use crate::io::table::row;
@@ -11,6 +12,12 @@ use crate::io::tables::outcome::Outcome;
 
 /// Distance beyond the measured angles at which the curve ends, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;
+/// Distance beyond the measured positions of a joint that slides at which its curve ends, mm.
+const BEYOND_MM: f64 = 100.0;
+/// Step of the positions of a joint that slides, mm.
+const EVERY_MM: f64 = 10.0;
+/// The most points of a curve: a range wider than sixteen turns or a hundred metres is an error in the data.
+const MOST: usize = 10_000;
 
 row! {
     /// The error of a joint at one angle.
@@ -19,7 +26,9 @@ row! {
         joint: usize,
         /// Name of the joint by the controller.
         joint_name: Arc<str>,
-        /// Its angle, rad.
+        /// Unit of the row's values: mm where the joint slides; `None`, for rad, in older files.
+        joint_unit: Option<Unit>,
+        /// Its angle, rad; mm where it slides, as all that follows.
         angle_rad: f64,
         /// Curve and gear lines together, rad.
         error_rad: f64,
@@ -54,10 +63,12 @@ fn of_model(
         let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
             (low.min(q), high.max(q))
         });
-        let name: Arc<str> = context.arm.joints()[joint].name.as_str().into();
+        let own = &context.arm.joints()[joint];
+        let (name, slides): (Arc<str>, bool) = (own.name.as_str().into(), own.slides);
         let row = move |error: JointError| JointErrorRow {
             joint: joint + 1,
             joint_name: Arc::clone(&name),
+            joint_unit: Some(if slides { Unit::Mm } else { Unit::Rad }),
             angle_rad: error.angle,
             error_rad: error.error(),
             sd_rad: error.sd,
@@ -65,11 +76,31 @@ fn of_model(
             gear_lines_rad: error.gear_lines,
             measured: (low..=high).contains(&error.angle),
         };
-        full.joint_errors(joint, &degrees(low, high))
+        full.joint_errors(joint, &points(slides, low, high))
             .into_iter()
             .map(row)
     };
     (0..context.arm.joints().len()).flat_map(of_joint).collect()
+}
+
+/// Where the curve of a joint is given, from `low` to `high` and beyond, rad or mm; none where nothing was measured.
+pub fn points(slides: bool, low: f64, high: f64) -> Vec<f64> {
+    if slides {
+        positions(low, high)
+    } else {
+        degrees(low, high)
+    }
+}
+
+/// Multiples of [`EVERY_MM`] around `low` to `high`, mm; none where nothing was measured.
+fn positions(low: f64, high: f64) -> Vec<f64> {
+    let first = ((low - BEYOND_MM) / EVERY_MM).floor();
+    let last = ((high + BEYOND_MM) / EVERY_MM).ceil();
+    std::iter::successors(Some(first), |place| Some(place + 1.0))
+        .take_while(|place| *place <= last)
+        .take(MOST)
+        .map(|place| place * EVERY_MM)
+        .collect()
 }
 
 /// Whole degrees around `low` to `high` (rad), in rad; none where nothing was measured.
@@ -78,6 +109,7 @@ fn degrees(low: f64, high: f64) -> Vec<f64> {
     let last = (high.to_degrees() + BEYOND_DEG).ceil();
     std::iter::successors(Some(first), |degree| Some(degree + 1.0))
         .take_while(|degree| *degree <= last)
+        .take(MOST)
         .map(f64::to_radians)
         .collect()
 }

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use nalgebra::Isometry3;
 
-use super::words::xyzw;
+use super::words::{joint_units, xyzw};
 use crate::io::table::{row, words};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
+use crate::units::MM_PER_M;
 
 row! {
     /// A planned visit, with the promise of the whole plan.
@@ -25,6 +26,8 @@ row! {
         repeats: Option<usize>,
         /// The joints in the order of `joints_rad`.
         joint_names: Arc<[String]>,
+        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
+        joint_units: Option<Arc<[String]>>,
         /// Joint angles of the nominal arm, rad.
         joints_rad: Vec<f64>,
         /// Position of the target in the frame of commands, mm.
@@ -103,6 +106,7 @@ pub fn rows(
 ) -> Vec<VisitRow> {
     let names = arm.joints().iter().map(|joint| joint.name.clone());
     let joint_names: Arc<[String]> = names.collect();
+    let joint_units = joint_units(arm.joints());
     let visits = plan.session.visits.iter().enumerate();
     let row = |(place, visit): (usize, &PlannedVisit)| {
         let pose = command_from_base * visit.command.base_from_target;
@@ -113,6 +117,7 @@ pub fn rows(
             purpose: visit.purpose.into(),
             repeats: repeats(visit.purpose),
             joint_names: Arc::clone(&joint_names),
+            joint_units: joint_units.clone(),
             joints_rad: joints.clone(),
             position: pose.translation.vector.into(),
             orientation: xyzw(&pose.rotation),
@@ -158,7 +163,10 @@ fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {
 /// The promise of a published plan, which every row states; the first is asked.
 pub fn promise(key: &RunKey, visits: Vec<VisitRow>) -> PlanPromise {
     let first = visits.first();
+    let units = first.and_then(|row| row.joint_units.as_ref());
+    let counted = |unit: &String| if unit == "mm" { 1.0 / MM_PER_M } else { 1.0 };
     PlanPromise {
+        counted: units.map_or_else(Vec::new, |units| units.iter().map(counted).collect()),
         plan: key.run.clone(),
         promise: Promise {
             mean_mm: first.and_then(|row| row.promised_mean_mm),

@@ -1,5 +1,7 @@
 //! Enumerations ↔ the words that the schemas allow, each pair once; and the columns of frames and covariances.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 
 use crate::fit::Identifiability;
@@ -7,6 +9,7 @@ use crate::fit::scale::ScaleVerdict;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
 use crate::io::table::{Word, words};
+use crate::kinematics::Joint;
 use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
@@ -190,6 +193,14 @@ pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
         Verdict::NotShown(reason) => Some(reason),
         Verdict::Meets | Verdict::DoesNotMeet => None,
     }
+}
+
+/// The unit of each joint's variable; `None` where all turn.
+pub(in crate::io) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
+    let unit = |joint: &Joint| if joint.slides { Unit::Mm } else { Unit::Rad };
+    let slides = joints.iter().any(|joint| joint.slides);
+    let units = joints.iter().map(|joint| unit(joint).word().to_owned());
+    slides.then(|| units.collect())
 }
 
 /// The quaternion x y z w.

@@ -1,12 +1,103 @@
-//! The columns of joint angles in a CSV file: `q1_rad`, `q2_rad`, … or `q1_deg`, `q2_deg`, … in the arm's order.
+//! The columns of joint angles in a CSV file: `q1_rad`, `q2_rad`, … or `q1_deg`, `q2_deg`, … in the arm's order, and `q1_mm` for a
+//! joint that slides.
 
+use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
+use crate::kinematics::Arm;
+
+/// Units of an arm's joints in a text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JointUnits {
+    /// The unit of those that turn.
+    angle: AngleUnit,
+    /// Whether each joint slides, and so is in mm; empty where all turn.
+    slides: Vec<bool>,
+}
+
+impl From<AngleUnit> for JointUnits {
+    /// Units of an arm whose joints all turn.
+    fn from(angle: AngleUnit) -> Self {
+        Self {
+            angle,
+            slides: Vec::new(),
+        }
+    }
+}
+
+impl JointUnits {
+    /// Units for the joints that slide, and for those that turn; none slides where `slides` ends.
+    pub const fn new(angle: AngleUnit, slides: Vec<bool>) -> Self {
+        Self { angle, slides }
+    }
+
+    /// Units for the joints of `arm`, those that turn in `angle`.
+    pub fn of(arm: &Arm, angle: AngleUnit) -> Self {
+        Self::new(
+            angle,
+            arm.joints().iter().map(|joint| joint.slides).collect(),
+        )
+    }
+
+    /// The unit of the joints that turn.
+    pub const fn angle(&self) -> AngleUnit {
+        self.angle
+    }
+
+    /// Whether each joint slides; empty where all turn.
+    pub fn slides(&self) -> &[bool] {
+        &self.slides
+    }
+
+    fn slides_at(&self, joint: usize) -> bool {
+        self.slides.get(joint).copied().unwrap_or(false)
+    }
+
+    /// The ending of the name of a joint's column (from 0), which states its unit.
+    pub(super) fn suffix(&self, joint: usize) -> &'static str {
+        if self.slides_at(joint) {
+            "mm"
+        } else {
+            suffix(self.angle)
+        }
+    }
+
+    /// A joint's value (from 0) in its unit as rad or mm.
+    fn inside(&self, joint: usize, value: f64) -> f64 {
+        match self.angle {
+            AngleUnit::Deg if !self.slides_at(joint) => value.to_radians(),
+            AngleUnit::Deg | AngleUnit::Rad => value,
+        }
+    }
+
+    /// Joints with these values in their units, in the arm's order.
+    pub(super) fn joints(&self, values: &[f64]) -> TargetJoints {
+        let values = values.iter().enumerate();
+        let slides = (0..values.len()).map(|joint| self.slides_at(joint));
+        TargetJoints {
+            names: Vec::new(),
+            slides: Some(slides.collect()),
+            angles: values
+                .map(|(joint, value)| self.inside(joint, *value))
+                .collect(),
+        }
+    }
+
+    /// A joint's value (from 0), rad or mm, in its unit as text: to the nanometre, or to a ten-millionth of a degree or finer; a
+    /// micrometre is some 20 millionths of a degree.
+    pub(super) fn shown(&self, joint: usize, value: f64) -> String {
+        match self.angle {
+            _ if self.slides_at(joint) => format!("{value:.6}"),
+            AngleUnit::Rad => format!("{value:.10}"),
+            AngleUnit::Deg => format!("{:.8}", value.to_degrees()),
+        }
+    }
+}
 
 /// The columns of joint angles that a first line names, in the joints' order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AngleColumns {
-    /// Unit of the angles.
-    pub(super) unit: AngleUnit,
+    /// Units of the joints.
+    pub(super) units: JointUnits,
     /// Their places in a line, in the joints' order.
     pub(super) places: Vec<usize>,
 }
@@ -15,49 +106,44 @@ impl AngleColumns {
     /// The columns among `names`; `None` where there are none, an error where they do not belong together.
     pub(super) fn of(names: &[String]) -> Result<Option<Self>, String> {
         let named = names.iter().enumerate();
-        let mut found: Vec<(usize, AngleUnit, usize)> = named
+        let mut found: Vec<(usize, Option<AngleUnit>, usize)> = named
             .filter_map(|(place, name)| parsed(name).map(|(joint, unit)| (joint, unit, place)))
             .collect();
         found.sort_unstable_by_key(|&(joint, _, place)| (joint, place));
-        let Some(&(_, unit, _)) = found.first() else {
+        if found.is_empty() {
             return Ok(None);
-        };
-        if found.iter().any(|(_, other, _)| *other != unit) {
+        }
+        let mut units = found.iter().filter_map(|(_, unit, _)| *unit);
+        let angle = units.next().unwrap_or(AngleUnit::Rad);
+        if units.any(|other| other != angle) {
             return Err("some are in radians and some in degrees; give all in one unit".to_owned());
         }
         let missing = (1..).zip(&found).find(|(joint, own)| own.0 != *joint);
         if let Some((joint, _)) = missing {
             return Err(format!(
                 "q{joint}_{} is not there, and the joints are counted from 1",
-                suffix(unit)
+                suffix(angle)
             ));
         }
+        let slides: Vec<bool> = found.iter().map(|(_, unit, _)| unit.is_none()).collect();
         let places = found.into_iter().map(|(_, _, place)| place).collect();
-        Ok(Some(Self { unit, places }))
+        let slides = if slides.contains(&true) {
+            slides
+        } else {
+            Vec::new()
+        };
+        Ok(Some(Self {
+            units: JointUnits::new(angle, slides),
+            places,
+        }))
     }
 }
 
 /// The ending of a column's name that states its unit.
-pub(super) const fn suffix(unit: AngleUnit) -> &'static str {
+const fn suffix(unit: AngleUnit) -> &'static str {
     match unit {
         AngleUnit::Rad => "rad",
         AngleUnit::Deg => "deg",
-    }
-}
-
-/// An angle in a unit as radians.
-pub(super) fn radians(angle: f64, unit: AngleUnit) -> f64 {
-    match unit {
-        AngleUnit::Rad => angle,
-        AngleUnit::Deg => angle.to_radians(),
-    }
-}
-
-/// Radians in a unit, as text, to a ten-millionth of a degree or finer; a micrometre is some 20 millionths of a degree.
-pub(super) fn shown(angle_rad: f64, unit: AngleUnit) -> String {
-    match unit {
-        AngleUnit::Rad => format!("{angle_rad:.10}"),
-        AngleUnit::Deg => format!("{:.8}", angle_rad.to_degrees()),
     }
 }
 
@@ -66,12 +152,13 @@ pub(super) fn is_angle(name: &str) -> bool {
     parsed(name).is_some()
 }
 
-/// Joint (from 1) and unit of a column of this name.
-fn parsed(name: &str) -> Option<(usize, AngleUnit)> {
+/// Joint (from 1) and unit of a column of this name; no unit of angles for a joint that slides.
+fn parsed(name: &str) -> Option<(usize, Option<AngleUnit>)> {
     let (joint, unit) = name.strip_prefix('q')?.split_once('_')?;
     let unit = match unit {
-        "rad" => AngleUnit::Rad,
-        "deg" => AngleUnit::Deg,
+        "rad" => Some(AngleUnit::Rad),
+        "deg" => Some(AngleUnit::Deg),
+        "mm" => None,
         _ => return None,
     };
     Some((joint.parse().ok()?, unit))
@@ -90,11 +177,27 @@ mod tests {
     fn columns_are_found_by_number_wherever_they_stand() {
         let found = of(&["target", "q2_deg", "note", "q1_deg"]).unwrap();
         let expected = AngleColumns {
-            unit: AngleUnit::Deg,
+            units: AngleUnit::Deg.into(),
             places: vec![3, 1],
         };
         assert_eq!(found, Some(expected));
-        assert_eq!(of(&["target", "q_rad", "qx", "q1_mm"]), Ok(None));
+        assert_eq!(of(&["target", "q_rad", "qx", "q1_m"]), Ok(None));
+    }
+
+    #[test]
+    fn joints_that_slide_are_in_mm_beside_angles() {
+        let found = of(&["q1_mm", "q2_deg"]).unwrap().expect("columns");
+        assert_eq!(
+            found.units,
+            JointUnits::new(AngleUnit::Deg, vec![true, false])
+        );
+        assert!((found.units.inside(0, 90.0) - 90.0).abs() < 1e-12);
+        assert!((found.units.inside(1, 90.0) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert_eq!(found.units.shown(0, 1500.0), "1500.000000");
+        assert_eq!(
+            [0, 1, 2].map(|joint| found.units.suffix(joint)),
+            ["mm", "deg", "deg"]
+        );
     }
 
     #[test]

@@ -151,7 +151,7 @@ impl From<&Reason> for RefusedFor {
             ) => Self::Configuration,
             Reason::NoPosition => Self::NoPosition,
             Reason::NoOrientation => Self::NoOrientation,
-            Reason::Joints { .. } => Self::Joints,
+            Reason::Joints { .. } | Reason::JointUnit { .. } => Self::Joints,
             Reason::Apart { .. } => Self::Apart,
             Reason::JointRange { .. } => Self::JointRange,
             Reason::Arm(InverseError::NotReachable { .. } | InverseError::Orientation { .. }) => {

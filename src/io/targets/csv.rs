@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::angles::{self, AngleColumns};
+use super::angles::AngleColumns;
 use super::{
     Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, formula, names,
 };
@@ -32,11 +32,12 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         let row = header.row(&record);
         rows.push((place, row.map_err(|problem| problem.at(path, place))?));
     }
-    let angle_unit = header.angles.as_ref().map_or(AngleUnit::Rad, |a| a.unit);
+    let units = header.angles.as_ref();
+    let units = units.map_or_else(|| AngleUnit::Rad.into(), |own| own.units.clone());
     Ok(Rows {
         placed: rows,
         unused: header.unused(),
-        angle_unit,
+        units,
         list: None,
     })
 }
@@ -160,7 +161,7 @@ impl Cells<'_> {
 
     /// The joint angles; an error where only some are given.
     fn joints(self) -> Result<Option<TargetJoints>, RowProblem> {
-        let Some(AngleColumns { unit, places }) = &self.header.angles else {
+        let Some(AngleColumns { units, places }) = &self.header.angles else {
             return Ok(None);
         };
         let angle = |&place: &usize| Ok(self.number_at(place)?.ok_or(place));
@@ -173,11 +174,7 @@ impl Cells<'_> {
         let angles = angles.map_err(|place| RowProblem::PartOfJoints {
             missing: self.header.columns[place].clone(),
         })?;
-        let radians = |angle| angles::radians(angle, *unit);
-        Ok(Some(TargetJoints {
-            names: Vec::new(),
-            angles: angles.into_iter().map(radians).collect(),
-        }))
+        Ok(Some(units.joints(&angles)))
     }
 }
 
@@ -226,7 +223,7 @@ mod tests {
         assert_eq!(joints.angles, [-90_f64, 180.0].map(f64::to_radians));
         assert_eq!(found.targets[0].position, None);
         assert_eq!(
-            (found.angle_unit, found.unused.len()),
+            (found.units.angle(), found.unused.len()),
             (AngleUnit::Deg, 0),
             "columns of angles are used"
         );

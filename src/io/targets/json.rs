@@ -10,7 +10,7 @@ use std::path::Path;
 
 use serde::de::DeserializeSeed as _;
 
-use super::angles::{self, AngleColumns};
+use super::angles::{AngleColumns, JointUnits};
 use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
@@ -36,7 +36,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows {
         placed: found.placed,
         unused: found.unused.into_iter().collect(),
-        angle_unit: found.unit.unwrap_or(AngleUnit::Rad),
+        units: found.units.unwrap_or_else(|| AngleUnit::Rad.into()),
         list: None,
     })
 }
@@ -46,7 +46,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
 struct Found {
     placed: Vec<(Place, Row)>,
     unused: BTreeSet<String>,
-    unit: Option<AngleUnit>,
+    units: Option<JointUnits>,
     /// The fault, and its row; without a row it is a fault of the document.
     wrong: Option<(Option<Place>, RowProblem)>,
 }
@@ -92,10 +92,10 @@ impl Found {
     fn joints(&mut self, keys: &mut Keys) -> Result<Option<TargetJoints>, RowProblem> {
         let names: Vec<String> = keys.0.iter().map(|(key, _)| key.clone()).collect();
         let columns = AngleColumns::of(&names).map_err(RowProblem::Angles)?;
-        let Some(AngleColumns { unit, places }) = columns else {
+        let Some(AngleColumns { units, places }) = columns else {
             return Ok(None);
         };
-        self.unit.get_or_insert(unit);
+        self.units.get_or_insert_with(|| units.clone());
         let mut angles = Vec::with_capacity(places.len());
         for &place in &places {
             angles.push(keys.number(&names[place])?.ok_or(place));
@@ -107,11 +107,7 @@ impl Found {
         let angles = angles.map_err(|place| RowProblem::PartOfJoints {
             missing: names[place].clone(),
         })?;
-        let radians = |angle| angles::radians(angle, unit);
-        Ok(Some(TargetJoints {
-            names: Vec::new(),
-            angles: angles.into_iter().map(radians).collect(),
-        }))
+        Ok(Some(units.joints(&angles)))
     }
 }
 

@@ -109,7 +109,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows {
         placed: rows,
         unused: Vec::new(),
-        angle_unit: AngleUnit::Deg,
+        units: AngleUnit::Deg.into(),
         list: Some(list),
     })
 }

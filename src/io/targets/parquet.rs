@@ -57,7 +57,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows {
         placed: placed.collect::<Result<_, TargetsError>>()?,
         unused: Vec::new(),
-        angle_unit: AngleUnit::Rad,
+        units: AngleUnit::Rad.into(),
         list: None,
     })
 }
@@ -76,7 +76,11 @@ fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
                 angles: angles.len(),
             });
         }
-        Ok(TargetJoints { names, angles })
+        Ok(TargetJoints {
+            names,
+            angles,
+            slides: None,
+        })
     });
     Ok(Row {
         target: row.target,

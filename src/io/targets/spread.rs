@@ -3,8 +3,7 @@
 use arrow::array::{Array as _, ArrayRef, AsArray as _};
 use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
-use super::angles::{shown, suffix};
-use crate::ingest::AngleUnit;
+use super::angles::JointUnits;
 use crate::io::schema::{ColumnSchema, ColumnType};
 use crate::io::table::Table;
 use crate::units::WallTime;
@@ -59,24 +58,25 @@ impl<'t> Spread<'t> {
     }
 
     /// The names of the columns that it becomes.
-    pub(crate) fn names(&self, unit: AngleUnit) -> Vec<String> {
+    pub(crate) fn names(&self, units: &JointUnits) -> Vec<String> {
         match self.angles() {
-            Some(before) => (1..=self.columns)
-                .map(|joint| format!("{before}q{joint}_{}", suffix(unit)))
+            Some(before) => (0..self.columns)
+                .map(|joint| format!("{before}q{}_{}", joint + 1, units.suffix(joint)))
                 .collect(),
             None => vec![self.schema.name.clone()],
         }
     }
 
     /// Its values in a row, one for each name.
-    pub(crate) fn cells(&self, row: usize, unit: AngleUnit) -> Vec<Cell> {
+    pub(crate) fn cells(&self, row: usize, units: &JointUnits) -> Vec<Cell> {
         let mut cells = if self.array.is_null(row) {
             Vec::new()
         } else if self.angles().is_some() {
             let list = self.array.as_list::<i32>().value(row);
             let angles = list.as_primitive::<Float64Type>().values().iter();
+            let angles = angles.enumerate();
             angles
-                .map(|&angle| Cell::Number(shown(angle, unit)))
+                .map(|(joint, &angle)| Cell::Number(units.shown(joint, angle)))
                 .collect()
         } else {
             vec![cell(self.array, self.schema, row)]

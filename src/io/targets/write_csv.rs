@@ -2,31 +2,35 @@
 
 use std::io::Write;
 
+use super::angles::JointUnits;
 use super::formula;
 use super::spread::{Cell, Spread};
-use crate::ingest::AngleUnit;
 use crate::io::table::Table;
 
-/// Writes a table as CSV: lengths to the nanometre, joint angles in `unit`, other numbers exactly, an empty cell where a
+/// Writes a table as CSV: lengths to the nanometre, joint angles in `units`, other numbers exactly, an empty cell where a
 /// value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
 ///
-/// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` and so on, as many as its longest row
+/// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` (`…q1_mm` where it slides) and so on, as many as its longest row
 /// has; other lists are one column, their elements apart by blanks. Lists that may be absent and that no row has are left out.
-pub fn write_csv(table: &Table, unit: AngleUnit, sink: impl Write) -> Result<(), csv::Error> {
-    write_columns(table, &Spread::all(table), unit, sink)
+pub fn write_csv(
+    table: &Table,
+    units: impl Into<JointUnits>,
+    sink: impl Write,
+) -> Result<(), csv::Error> {
+    write_columns(table, &Spread::all(table), &units.into(), sink)
 }
 
 /// Writes some columns of a table as CSV.
 pub(crate) fn write_columns(
     table: &Table,
     columns: &[Spread<'_>],
-    unit: AngleUnit,
+    units: &JointUnits,
     sink: impl Write,
 ) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(sink);
-    writer.write_record(columns.iter().flat_map(|column| column.names(unit)))?;
+    writer.write_record(columns.iter().flat_map(|column| column.names(units)))?;
     for row in 0..table.rows() {
-        let cells = columns.iter().flat_map(|column| column.cells(row, unit));
+        let cells = columns.iter().flat_map(|column| column.cells(row, units));
         writer.write_record(cells.map(field))?;
     }
     Ok(writer.flush()?)

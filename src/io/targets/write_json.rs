@@ -2,21 +2,26 @@
 
 use std::io::{self, Write};
 
+use super::angles::JointUnits;
 use super::spread::{Cell, Spread};
-use crate::ingest::AngleUnit;
 use crate::io::table::Table;
 
-/// Writes a table as JSON: lengths to the nanometre, joint angles in `unit`, other numbers exactly, null where a value is
+/// Writes a table as JSON: lengths to the nanometre, joint angles in `units`, other numbers exactly, null where a value is
 /// absent.
 ///
-/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists that may be absent and that no row has are left out.
-pub fn write_json(table: &Table, unit: AngleUnit, mut sink: impl Write) -> io::Result<()> {
+/// Joint angles have a key each, `…q1_rad` or `…q1_deg` (`…q1_mm` where it slides) and so on; other lists are arrays. Lists that may be absent and that no row has are left out.
+pub fn write_json(
+    table: &Table,
+    units: impl Into<JointUnits>,
+    mut sink: impl Write,
+) -> io::Result<()> {
+    let units = units.into();
     let columns = Spread::all(table);
-    let names: Vec<String> = columns.iter().flat_map(|c| c.names(unit)).collect();
+    let names: Vec<String> = columns.iter().flat_map(|c| c.names(&units)).collect();
     sink.write_all(b"[")?;
     for row in 0..table.rows() {
         sink.write_all(if row == 0 { b"\n{" } else { b",\n{" })?;
-        let cells = columns.iter().flat_map(|column| column.cells(row, unit));
+        let cells = columns.iter().flat_map(|column| column.cells(row, &units));
         for (place, (name, cell)) in names.iter().zip(cells).enumerate() {
             let comma = if place == 0 { "" } else { ", " };
             write!(sink, "{comma}{}: {}", text(name), value(&cell))?;

@@ -31,6 +31,8 @@ pub struct Finder {
     samples: Samples,
     quanta: Quanta,
     ranges: Ranges,
+    /// What one unit of each column counts as; empty where all columns count alike.
+    counted: Vec<f64>,
     pace: Option<Pace>,
     first_ns: i64,
 }
@@ -69,6 +71,7 @@ impl Finder {
             },
             quanta: Quanta::of(columns),
             ranges: Ranges::default(),
+            counted: Vec::new(),
             pace: None,
             first_ns: 0,
         }
@@ -76,7 +79,15 @@ impl Finder {
 
     /// Drops all samples so far, before they are replayed.
     pub fn restart(&mut self) {
+        let counted = std::mem::take(&mut self.counted);
         *self = Self::new(self.samples.columns, &self.rule);
+        self.counted = counted;
+    }
+
+    /// States what one unit of each column counts as, for columns of different units; before any sample. Motions and thresholds
+    /// are in the unit that they count as, means in each column's own.
+    pub fn count_as(&mut self, counted: Vec<f64>) {
+        self.counted = counted;
     }
 
     /// Takes the next samples: stamps that do not decrease, and the first sample's values, then the second's.
@@ -136,7 +147,8 @@ impl Finder {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {
             let count = |rung| pace.levels.lengths(self.ladder.rungs()[rung]).count();
-            self.ladder.choose(self.quanta.largest(), pace.top, count)
+            let quantum = self.quanta.largest(&self.counted);
+            self.ladder.choose(quantum, pace.top, count)
         })
     }
 
@@ -167,8 +179,14 @@ impl Finder {
         self.ranges.begin(end.saturating_sub(pace.next));
         for pair in 0..samples.sums.len() {
             let values = pairs::of(&self.values, samples.columns, pair);
-            self.ranges
-                .widen(values, pace.window, (pace.next == 0, is_last));
+            let ends = (pace.next == 0, is_last);
+            if self.counted.is_empty() {
+                self.ranges.widen(values, pace.window, ends);
+            } else {
+                let [a, b] = pairs::places(samples.columns, pair).map(|place| self.counted[place]);
+                let values = values.map(|value| [a * value[0], b * value[1]]);
+                self.ranges.widen(values, pace.window, ends);
+            }
         }
         pace.mark_breaks(samples, &mut self.ranges);
         let ranges = &self.ranges.of_windows;

@@ -49,10 +49,15 @@ pub const fn count(columns: usize) -> usize {
     columns.div_ceil(2)
 }
 
+/// The columns of a pair; an incomplete pair has its column twice.
+pub fn places(columns: usize, pair: usize) -> [usize; 2] {
+    [2 * pair, (2 * pair + 1).min(columns - 1)]
+}
+
 /// One pair of the columns at each sample, from values stored sample after sample; an incomplete pair has its
 /// column twice.
 pub fn of(values: &[f64], columns: usize, pair: usize) -> impl Iterator<Item = Pair> {
-    let (a, b) = (2 * pair, (2 * pair + 1).min(columns - 1));
+    let [a, b] = places(columns, pair);
     let samples = values.chunks_exact(columns);
     samples.map(move |sample| [sample[a], sample[b]])
 }

@@ -90,10 +90,14 @@ impl Quanta {
         }
     }
 
-    /// The largest quantum; 0 where no column is quantised.
-    pub fn largest(&self) -> f64 {
-        let quanta = self.of_columns.iter().map(Steps::quantum);
-        quanta.fold(0.0, f64::max)
+    /// The largest quantum; 0 where no column is quantised. `counted` is what one unit of each column counts as; empty where all
+    /// columns count alike.
+    pub fn largest(&self, counted: &[f64]) -> f64 {
+        let counted = counted.iter().copied().chain(std::iter::repeat(1.0));
+        let quanta = self.of_columns.iter().zip(counted);
+        quanta.fold(0.0, |largest, (steps, counted)| {
+            largest.max(counted * steps.quantum())
+        })
     }
 }
 
@@ -132,7 +136,7 @@ mod tests {
     fn quantum(column: &[f64]) -> f64 {
         let mut quanta = Quanta::of(1);
         column.chunks(5).for_each(|values| quanta.push(values));
-        quanta.largest()
+        quanta.largest(&[])
     }
 
     #[test]
@@ -151,7 +155,7 @@ mod tests {
         for fine in fine {
             quanta.push(&[fine * 1e-5, 7.0 + 1e-3 * (2.0 - fine)]);
         }
-        assert!((quanta.largest() - 1e-3).abs() < 1e-9);
+        assert!((quanta.largest(&[]) - 1e-3).abs() < 1e-9);
         assert!((quanta.of_columns[0].quantum() - 1e-5).abs() < 1e-12);
     }
 

@@ -75,6 +75,8 @@ pub struct Point {
 pub struct Curve {
     /// Number of the joint, from 1.
     pub joint: usize,
+    /// Whether it slides: then its points are in mm over mm, and not in rad.
+    pub slides: bool,
     /// The curve in the first session.
     pub first: Vec<[f64; 3]>,
     /// The curve in the newest session.

@@ -22,15 +22,21 @@ pub(super) fn curves(content: &Content) -> Option<Markup> {
 }
 
 fn figure(curve: &Curve) -> Markup {
+    let slides = curve.slides;
+    let (per_place, per_error) = if slides {
+        (1.0, 1.0)
+    } else {
+        (1.0_f64.to_degrees(), 1e3)
+    };
     let drawn = |name: &str, points: &[[f64; 3]]| {
         let line = points
             .iter()
-            .map(|[angle, error, _]| [angle.to_degrees(), 1e3 * error]);
+            .map(|[angle, error, _]| [angle * per_place, per_error * error]);
         let band = points.iter().map(|[angle, error, sd]| {
             [
-                angle.to_degrees(),
-                1e3 * (error - 2.0 * sd),
-                1e3 * (error + 2.0 * sd),
+                angle * per_place,
+                per_error * (error - 2.0 * sd),
+                per_error * (error + 2.0 * sd),
             ]
         });
         Series::band(name, line.collect(), band.collect())
@@ -39,8 +45,12 @@ fn figure(curve: &Curve) -> Markup {
         title: format!("Error curve of joint {}", curve.joint),
         description: "Deviation of the joint over its angle in the first and the newest session."
             .to_owned(),
-        x: Axis::new("joint angle", "°"),
-        y: Axis::new("deviation", "mrad"),
+        x: if slides {
+            Axis::new("joint position", "mm")
+        } else {
+            Axis::new("joint angle", "°")
+        },
+        y: Axis::new("deviation", if slides { "mm" } else { "mrad" }),
         series: vec![drawn("first", &curve.first), drawn("newest", &curve.newest)],
         limits: Vec::new(),
     };

@@ -41,6 +41,7 @@ fn content() -> Content {
         ],
         series: vec![series("after full mean", true), series("base_x", false)],
         curves: vec![Curve {
+            slides: false,
             joint: 1,
             first: vec![[0.0, 1e-4, 1e-5], [0.5, 2e-4, 1e-5]],
             newest: vec![[0.0, 1e-4, 1e-5], [0.5, 2e-4, 1e-5]],

@@ -113,12 +113,19 @@ fn counts(content: &Content) -> Markup {
     }
 }
 
+/// Whether a joint (from 0) slides, so that its values are in mm.
+fn slides(content: &Content, joint: usize) -> bool {
+    let units = content.visits.first();
+    let units = units.and_then(|visit| visit.joint_units.as_ref());
+    units.is_some_and(|units| units.get(joint).is_some_and(|unit| unit == "mm"))
+}
+
 fn rows(content: &Content) -> Markup {
     let joints = content.visits.iter().take(1);
     let joints = joints.flat_map(|first| first.joint_names.iter());
     let head = html! {
         th { "Target" } th.word { "Purpose" }
-        @for joint in joints { th { (joint) ", °" } }
+        @for (place, joint) in joints.enumerate() { th { (joint) @if slides(content, place) { ", mm" } @else { ", °" } } }
         @for axis in AXES { th { (axis) ", mm" } }
         th { "Chosen as" }
     };
@@ -127,7 +134,9 @@ fn rows(content: &Content) -> Markup {
             tr {
                 th scope="row" { (visit.target) }
                 td.word { (words::purpose(visit.purpose)) @if let Some(first) = repeated(content, visit) { ", of " (first) } }
-                @for angle in &visit.joints_rad { td { (fixed(angle.to_degrees(), 3)) } }
+                @for (place, value) in visit.joints_rad.iter().enumerate() {
+                    td { (fixed(if slides(content, place) { *value } else { value.to_degrees() }, 3)) }
+                }
                 @for place in visit.position { td { (fixed(place, 1)) } }
                 td { @match visit.chosen_as { Some(place) => (place), None => "–" } }
             }

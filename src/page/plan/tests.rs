@@ -105,6 +105,7 @@ fn visit(pose: usize, purpose: VisitPurpose, joint: &str) -> VisitRow {
         purpose,
         repeats: (purpose == VisitPurpose::DriftCheck).then_some(0),
         joint_names: [joint, joint].map(str::to_owned).into(),
+        joint_units: None,
         joints_rad: vec![0.1 * t, -0.5],
         position: [1000.0 + 10.0 * t, -5.0 * t, 700.0],
         orientation: [0.0, 0.0, 0.0, 1.0],

@@ -13,6 +13,7 @@ use crate::ingest::WrongFields;
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
+use crate::kinematics::Arm;
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
 use crate::report::locate::{LEAST_STATIONS, Locate};
 use crate::similarity::SimilaritySettings;
@@ -48,6 +49,32 @@ pub(super) fn check(
         });
     }
     Ok(())
+}
+
+/// Checks that the unit of positions is stated where `arm` has a joint that slides, and nowhere else.
+pub(super) fn length_unit(
+    path: &Path,
+    file: &PipelineFile,
+    arm: &Arm,
+) -> Result<(), ConfigurationError> {
+    let slide = arm.joints().iter().find(|joint| joint.slides);
+    let (found, wanted) = match (slide, file.controller.length_unit) {
+        (Some(joint), None) => (
+            "absent".to_owned(),
+            format!(
+                "\"m\" (ROS) or \"mm\": joint {:?} slides, no log states the unit of its position, and it has no default",
+                joint.name
+            ),
+        ),
+        (None, Some(unit)) => (
+            unit.to_string(),
+            "left out: no joint of this arm slides (kind = \"prismatic\" in the robot file)"
+                .to_owned(),
+        ),
+        _ => return Ok(()),
+    };
+    let key = "[controller] length_unit".to_owned();
+    Err(told(path, Wrong { key, found, wanted }))
 }
 
 /// The error of an invalid value in the file at `path`.
@@ -187,6 +214,9 @@ fn full(full: &FullSettings) -> Check {
         ("short_length_deg", full.short_length_deg),
         ("long_length_deg", full.long_length_deg),
         ("curve_sd_rad", full.curve_sd_rad),
+        ("slide_length_mm", full.slide_length_mm[0]),
+        ("slide_length_mm", full.slide_length_mm[1]),
+        ("slide_sd_mm", full.slide_sd_mm),
         ("gravity_sd", full.gravity_sd),
         ("line_sd_rad", full.line_sd_rad),
         ("drift_sd_mm", full.drift_sd_mm),

@@ -29,6 +29,7 @@ pub fn read(path: &Path) -> Result<Files, ConfigurationError> {
     let robot_file = resolved(&base, &file.robot.file);
     let arm = read_arm(path, &robot_file, &file.robot.selection())?;
     checks::check(path, &file, arm.joints().len())?;
+    checks::length_unit(path, &file, &arm)?;
     Ok(Files {
         lake: placed_at(&base, &file.output.lake),
         file,

@@ -13,6 +13,8 @@ use crate::report::Model;
 
 /// Step of the angles at which joint curves are given, degrees.
 const EVERY_DEG: f64 = 15.0;
+/// Step of the positions at which the curve of a joint that slides is given, mm.
+const EVERY_MM: f64 = 200.0;
 
 /// The figures of each session; and, as text, the figures that could not be read.
 pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {
@@ -86,8 +88,12 @@ fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String>
 
 fn joint_curves(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String> {
     let is_given = |row: &JointErrorRow| {
-        let degrees = row.angle_rad.to_degrees();
-        let off = degrees - EVERY_DEG * (degrees / EVERY_DEG).round();
+        let (place, every) = if row.joint_unit == Some(Unit::Mm) {
+            (row.angle_rad, EVERY_MM)
+        } else {
+            (row.angle_rad.to_degrees(), EVERY_DEG)
+        };
+        let off = place - every * (place / every).round();
         row.measured && off.abs() < 1e-6
     };
     let figure = |row: JointErrorRow| Figure {
@@ -97,7 +103,7 @@ fn joint_curves(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, Strin
         angle_rad: Some(row.angle_rad),
         value: row.error_rad,
         sd: Some(row.sd_rad),
-        unit: Unit::Rad,
+        unit: row.joint_unit.unwrap_or(Unit::Rad),
         charted: None,
     };
     let rows: Vec<JointErrorRow> = read(lake, session)?;

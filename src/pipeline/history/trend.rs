@@ -6,6 +6,7 @@ use super::RobotHistory;
 use crate::history::FALSE_ALARM;
 use crate::io::table::Word as _;
 use crate::io::tables::past::{Figure, Kind, PastSession};
+use crate::io::tables::words::Unit;
 use crate::manifest::VERSION;
 use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
 use crate::page::history::html;
@@ -83,8 +84,15 @@ fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
         .flatten()
         .filter(|figure| figure.kind == Kind::JointCurve);
     let joints = joints.filter_map(|figure| figure.joint).max().unwrap_or(0);
+    let slides = |joint: usize| {
+        let mut all = figures.iter().flatten();
+        all.any(|own| {
+            own.kind == Kind::JointCurve && own.joint == Some(joint) && own.unit == Unit::Mm
+        })
+    };
     let curve = |joint| Curve {
         joint,
+        slides: slides(joint),
         first: of(figures.first(), joint),
         newest: of(figures.last().filter(|_| figures.len() > 1), joint),
     };

@@ -78,7 +78,8 @@ impl<'p> Placed<'p> {
         let home: Vec<f64> = section
             .home_deg
             .iter()
-            .map(|deg| deg.to_radians())
+            .zip(arm.joints())
+            .map(|(value, joint)| joint.read(*value))
             .collect();
         let at_home = arm.flange(&home).isometry() * self.flange_from_target;
         let orientation = file

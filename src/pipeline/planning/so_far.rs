@@ -101,10 +101,11 @@ impl Planning {
         let poses = VisitRow::read(&lake.read("sampling_plan", &key)?);
         let joined = self.read_session(path, session, progress)?;
         let stations = &joined.joined.stations;
+        let counted = self.arm.counted();
         let is_verify = |station: &Station| {
             let own = poses
                 .iter()
-                .find(|pose| is_same_pose(&pose.joints_rad, &station.joints));
+                .find(|pose| is_same_pose(&pose.joints_rad, &station.joints, &counted));
             own.is_some_and(|pose| pose.purpose == VisitPurpose::Verify)
         };
         let measured = |station: &&Station| station.pairing == Pairing::Paired;
@@ -123,7 +124,7 @@ impl Planning {
             .filter(|pose| {
                 !stations
                     .iter()
-                    .any(|s| is_same_pose(&pose.joints_rad, &s.joints))
+                    .any(|s| is_same_pose(&pose.joints_rad, &s.joints, &counted))
             })
             .collect();
         let next = self.next(&model, &region, &left, &promise);

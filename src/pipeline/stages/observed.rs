@@ -71,7 +71,12 @@ fn dwells(training: &[JoinedSession]) -> Vec<Dwell<'_>> {
 fn dwells_of(session: &JoinedSession) -> impl Iterator<Item = Dwell<'_>> {
     let commanded = &session.commanded;
     let stations = &session.joined.stations;
-    let dwells = commanded::dwells(stations, &commanded.poses, commanded.trust);
+    let dwells = commanded::dwells(
+        stations,
+        &commanded.poses,
+        commanded.trust,
+        &commanded.counted,
+    );
     let readings = stations.iter().map(|station| station.measured().len());
     let measured = dwells.into_iter().zip(readings);
     measured.flat_map(|(dwell, readings)| std::iter::repeat_n(dwell, readings))

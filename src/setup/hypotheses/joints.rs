@@ -77,6 +77,11 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
         for second in first + 1..count {
             let mut order: Vec<usize> = (0..count).collect();
             order.swap(first, second);
+            // A position in an angle's place is another log's channel, not a slip of the order.
+            let joints = stated.arm.joints();
+            if joints[first].slides != joints[second].slides {
+                continue;
+            }
             let names = [first, second].map(|joint| name(stated, joint));
             all.push(ordered(
                 &order,
@@ -84,7 +89,7 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
             ));
         }
     }
-    if count > 3 {
+    if count > 3 && !stated.arm.has_slides() {
         let reverse: Vec<usize> = (0..count).rev().collect();
         all.push(ordered(
             &reverse,
@@ -106,6 +111,14 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
         else {
             continue;
         };
+        if stated
+            .arm
+            .joints()
+            .get(joint - 1)
+            .is_none_or(|own| own.slides)
+        {
+            continue;
+        }
         for angle in [FRAC_PI_2, -FRAC_PI_2, PI] {
             let mut offsets = vec![0.0; parameters.len()];
             offsets[place] = angle;
@@ -127,7 +140,11 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
 fn couplings(stated: &SetUp) -> Vec<Hypothesis> {
     let count = stated.arm.joints().len();
     let mut all = Vec::new();
+    let joints = stated.arm.joints();
     for second in 1..count {
+        if joints[second].slides || joints[second - 1].slides {
+            continue;
+        }
         for share in [1.0, -1.0] {
             let mut map = DMatrix::identity(count, count);
             map[(second, second - 1)] = share;

@@ -24,7 +24,7 @@ fn an_array_of_objects_is_read_by_its_keys() {
     assert!((joints.angles[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
     assert_eq!(found.targets[1].tool.as_deref(), Some("drill"));
     assert_eq!(found.unused, ["note"]);
-    assert_eq!(found.angle_unit, AngleUnit::Deg);
+    assert_eq!(found.units.angle(), AngleUnit::Deg);
 }
 
 #[test]

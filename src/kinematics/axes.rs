@@ -1,0 +1,111 @@
+//! The joints of a chain at one pose as gravity sees them: how far a weight sinks per unit of an axis variable.
+//!
+//! The generalised force of a variable is the velocity of the weight's point per unit of the variable, times the direction of down.
+//! For a joint that turns that is `z·((p − o) × down)`, for one that slides `z·down`; a variable with several joints (one that
+//! follows another) has the sum over those between the base and the weight.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::units::MM_PER_M;
+
+/// Origins and directions of a chain's joints at one pose, in the root frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axes {
+    /// Origin (mm) and direction of the first joint of each axis variable.
+    pub first: Vec<(Point3<f64>, Vector3<f64>)>,
+    /// Every joint in the chain's order; empty where every variable has one joint, which turns, in the variables' order.
+    pub(super) joints: Vec<AxisJoint>,
+}
+
+/// One joint of a chain at one pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct AxisJoint {
+    /// Index of its axis variable, from 0.
+    pub(super) variable: usize,
+    /// Whether it slides.
+    pub(super) slides: bool,
+    /// Its motion per unit of the variable; in [`Axes`], per unit of the variable's first joint.
+    pub(super) factor: f64,
+    /// Its origin, mm.
+    pub(super) origin: Point3<f64>,
+    /// Its direction.
+    pub(super) axis: Vector3<f64>,
+}
+
+impl Axes {
+    /// The joints of a chain with `variables` axis variables, in the chain's order.
+    pub(super) fn of(mut joints: Vec<AxisJoint>, variables: usize) -> Self {
+        let nowhere = (Point3::origin(), Vector3::z());
+        let first = |variable: usize| joints.iter().find(|joint| joint.variable == variable);
+        let firsts: Vec<_> = (0..variables).map(first).collect();
+        let place = |first: Option<&AxisJoint>| first.map_or(nowhere, |own| (own.origin, own.axis));
+        let places = firsts.iter().copied().map(place).collect();
+        let signs: Vec<f64> = firsts
+            .iter()
+            .map(|own| own.map_or(1.0, |own| own.factor))
+            .collect();
+        let is_plain =
+            |(place, joint): (usize, &AxisJoint)| !joint.slides && joint.variable == place;
+        if joints.iter().enumerate().all(is_plain) {
+            joints.clear();
+        }
+        for joint in &mut joints {
+            joint.factor /= signs[joint.variable];
+        }
+        Self {
+            first: places,
+            joints,
+        }
+    }
+
+    /// Generalised force of a unit weight at the origin of each later variable's first joint and, last, at `end` (mm), in the
+    /// sense of the first joint of `variable`: a lever in m where that joint turns, a share of the weight where it slides.
+    pub fn forces(
+        &self,
+        variable: usize,
+        end: Point3<f64>,
+        down: Vector3<f64>,
+    ) -> impl Iterator<Item = f64> {
+        let later = self.first.iter().enumerate().skip(variable + 1);
+        let weights = later.map(|(place, (origin, _))| (Some(place), *origin));
+        let weights = weights.chain([(None, end)]);
+        weights.map(move |(place, weight)| self.force(variable, place, &weight, &down))
+    }
+
+    /// Generalised force of a weight that moves with what is before the first joint of the variable `place`, or with the end.
+    fn force(
+        &self,
+        variable: usize,
+        place: Option<usize>,
+        weight: &Point3<f64>,
+        down: &Vector3<f64>,
+    ) -> f64 {
+        if self.joints.is_empty() {
+            let (origin, axis) = &self.first[variable];
+            return axis.dot(&(weight - origin).cross(down)) / MM_PER_M;
+        }
+        let before = |joint: &&AxisJoint| Some(joint.variable) != place;
+        let own = self.joints.iter().take_while(before);
+        let own = own.filter(|joint| joint.variable == variable);
+        let sunk: f64 = own.map(|joint| joint.sinks(weight, down)).sum();
+        let mut joints = self.joints.iter();
+        let slides = joints.find(|joint| joint.variable == variable);
+        if slides.is_some_and(|joint| joint.slides) {
+            sunk
+        } else {
+            sunk / MM_PER_M
+        }
+    }
+}
+
+impl AxisJoint {
+    /// How far a weight sinks per unit of the variable's first joint, mm per rad or mm per mm.
+    fn sinks(&self, weight: &Point3<f64>, down: &Vector3<f64>) -> f64 {
+        let moved = if self.slides {
+            self.axis
+        } else {
+            self.axis.cross(&(weight - self.origin))
+        };
+        self.factor * moved.dot(down)
+    }
+}
