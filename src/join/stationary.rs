@@ -238,6 +238,24 @@ mod tests {
     }
 
     #[test]
+    fn columns_of_two_units_are_compared_by_what_they_count_as() {
+        // An angle that is still throughout, and a position in mm with the steps of the angle before, a thousandfold.
+        let (stamps_ns, column) = steps();
+        let values = column.iter().flat_map(|value| [1000.0 * value, 0.5]);
+        let values: Vec<f64> = values.collect();
+        let mut finder = Finder::new(2, &RULE);
+        finder.count_as(vec![1e-3, 1.0]);
+        finder.push(&stamps_ns, &values);
+        let counted = finder.finish().expect("no stretch is dropped");
+        let alone = find_stationary(&stamps_ns, &column, 1, &RULE);
+        assert_eq!(counted.stretches.len(), alone.stretches.len());
+        assert!((counted.threshold / alone.threshold - 1.0).abs() < 1e-9);
+        // Means stay in each column's own unit.
+        let (own, mm) = (&alone.stretches[3].means, &counted.stretches[3].means);
+        assert!((mm[0] - 1000.0 * own[0]).abs() < 1e-9 && (mm[1] - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
     fn nothing_and_one_sample_have_no_plateau() {
         assert!(find_stationary(&[], &[], 2, &RULE).stretches.is_empty());
         let one = find_stationary(&[5], &[1.0], 1, &RULE);

@@ -109,3 +109,59 @@ impl AxisJoint {
         self.factor * moved.dot(down)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+
+    use crate::kinematics::{Axis, Chain, Element, Motion};
+
+    /// A lift, a shoulder, an elbow, and a joint that turns back with the shoulder by half.
+    fn chain() -> Chain {
+        let joint = |motion, joint, sign| Element::Joint {
+            motion,
+            joint,
+            sign,
+        };
+        let shift = |x, y, z| Element::Fixed(Isometry3::translation(x, y, z));
+        Chain::new(vec![
+            joint(Motion::Translation(Axis::Z), 0, 1.0),
+            shift(0.0, 100.0, 300.0),
+            joint(Motion::Rotation(Axis::Y), 1, -1.0),
+            shift(400.0, 0.0, 50.0),
+            joint(Motion::Rotation(Axis::Y), 1, 0.5),
+            shift(200.0, 30.0, 0.0),
+            joint(Motion::Rotation(Axis::X), 2, 1.0),
+            shift(0.0, 150.0, 80.0),
+        ])
+    }
+
+    #[test]
+    fn a_force_is_the_work_of_a_weight_per_unit_of_the_variable() {
+        let chain = chain();
+        let q = [120.0, 0.7, -0.4];
+        let up = Vector3::new(0.1, -0.2, 0.97).normalize();
+        let end = |q: &[f64]| chain.forward(q, &[]).translation.vector;
+        let origin = |q: &[f64]| chain.joint_axes(q, &[])[2].0.coords;
+        let axes = chain.axes(&q, &[]);
+        let sinks = |variable: usize, point: &dyn Fn(&[f64]) -> Vector3<f64>| {
+            let at = |step: f64| {
+                let mut moved = q;
+                moved[variable] += step;
+                point(&moved).dot(&-up)
+            };
+            (at(1e-4) - at(-1e-4)) / 2e-4
+        };
+        // Of the lift: weights at the shoulder, at the wrist and at the end, each a share of the weight.
+        let lift: Vec<f64> = axes.forces(0, end(&q).into(), -up).collect();
+        assert_eq!(lift.len(), 3);
+        assert!((lift[1] - sinks(0, &origin)).abs() < 1e-9);
+        assert!((lift[2] - sinks(0, &end)).abs() < 1e-9);
+        // Of the shoulder, in the sense of its first joint, which counts the other way; levers in m.
+        let shoulder: Vec<f64> = axes.forces(1, end(&q).into(), -up).collect();
+        assert!((shoulder[0] + sinks(1, &origin) / 1000.0).abs() < 1e-9);
+        assert!((shoulder[1] + sinks(1, &end) / 1000.0).abs() < 1e-9);
+        let wrist: Vec<f64> = axes.forces(2, end(&q).into(), -up).collect();
+        assert!((wrist[0] - sinks(2, &end) / 1000.0).abs() < 1e-9);
+    }
+}

@@ -282,7 +282,7 @@ mod tests {
         for (twist, whole) in view.joints.iter().zip(&whole.joints) {
             assert!(apart(twist, whole) < 1e-10);
         }
-        for (own, whole) in view.axes.iter().zip(chain.joint_axes(&q, &offsets)) {
+        for (own, whole) in view.axes.first.iter().zip(chain.joint_axes(&q, &offsets)) {
             assert!((own.0 - whole.0).norm() + (own.1 - whole.1).norm() < 1e-11);
         }
     }

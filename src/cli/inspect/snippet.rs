@@ -55,7 +55,9 @@ impl Section {
     /// The lines to fill in with values that no log states.
     const fn to_fill_in(self) -> &'static str {
         match self {
-            Self::Controller => "",
+            Self::Controller => {
+                "# length_unit = \"m\"  # m or mm: only for an arm with a joint that slides\n"
+            }
             Self::Commanded => {
                 "# base_from_command = { xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] }  # where the frame of the \
                  commands lies in the robot file's base frame\n\

@@ -151,3 +151,27 @@ impl Layout {
         self.blocks.iter().filter_map(cycles).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slide_has_its_own_circle_and_no_gear_lines() {
+        let mut layout = Layout::new(2).with_slides(vec![Some(5000.0), None]);
+        assert!((layout.curve_unit(0) * TAU - 5000.0).abs() < 1e-9);
+        assert!((layout.curve_unit(1) - 2.0).abs() < 1e-15);
+        for joint in [0, 1] {
+            layout.push(
+                Block::Line {
+                    joint,
+                    cycles: 30.0,
+                },
+                2,
+            );
+        }
+        assert!(layout.lines(0).is_empty());
+        assert_eq!(layout.lines(1), [30.0]);
+        assert_eq!(layout.size(), 2);
+    }
+}

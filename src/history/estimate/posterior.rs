@@ -136,6 +136,15 @@ fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedEr
         .collect()
 }
 
+/// Whether a column of gravity, by its place among them, is the deflection of a joint that slides, in mm.
+fn is_of_a_slide(model: &FullModel, place: usize) -> bool {
+    let periods = model.layout().slide_periods_mm();
+    let rows = periods.iter().enumerate();
+    let mut columns =
+        rows.flat_map(|(joint, period)| vec![period.is_some(); periods.len() - joint]);
+    columns.nth(place).unwrap_or(false)
+}
+
 /// Columns of the model that are compared between sessions, with their places; dropped parts have no scale and are left out.
 fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
     let mut shared = Vec::new();
@@ -147,9 +156,11 @@ fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
                 shared.extend(own.zip(model.unknowns().iter().map(parameter)));
             }
             Block::Gravity => {
-                shared.extend(own.map(|place| (place, Column::Gravity(place - first))));
+                let turns = own.filter(|place| !is_of_a_slide(model, place - first));
+                shared.extend(turns.map(|place| (place, Column::Gravity(place - first))));
             }
-            Block::Curve(joint) => {
+            // The period of a slide's curve is that of its session's range: coefficients of two sessions are of other functions.
+            Block::Curve(joint) if model.layout().slide_period_mm(joint).is_none() => {
                 let coefficient = |place| Column::Curve {
                     joint: joint + 1,
                     coefficient: place - first,

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::DMatrix;
 
 use super::Hypothesis;
-use crate::kinematics::{LinkQuantity, Parameter};
+use crate::kinematics::{Element, LinkQuantity, Parameter};
 use crate::setup::set_up::SetUp;
 
 /// Order, signs, zeros and coupling of the joints.
@@ -99,6 +99,25 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
     all
 }
 
+/// The reported joint (from 0) that moves the chain's joint of this number (from 1); `None` where that one slides, or follows another.
+fn reported(stated: &SetUp, number: usize) -> Option<usize> {
+    let moving = |element: &Element| match element {
+        Element::Joint { joint, .. } => Some(*joint),
+        Element::Fixed(_) | Element::Free { .. } => None,
+    };
+    let moving: Vec<usize> = stated
+        .arm
+        .chain()
+        .elements()
+        .iter()
+        .filter_map(moving)
+        .collect();
+    let own = *moving.get(number.checked_sub(1)?)?;
+    let follows = moving[..number - 1].contains(&own);
+    let slides = stated.arm.joints().get(own)?.slides;
+    (!follows && !slides).then_some(own)
+}
+
 /// A joint whose zero is right angles away.
 fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
     let parameters = stated.arm.chain().parameters();
@@ -111,18 +130,13 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
         else {
             continue;
         };
-        if stated
-            .arm
-            .joints()
-            .get(joint - 1)
-            .is_none_or(|own| own.slides)
-        {
+        let Some(joint) = reported(stated, joint) else {
             continue;
-        }
+        };
         for angle in [FRAC_PI_2, -FRAC_PI_2, PI] {
             let mut offsets = vec![0.0; parameters.len()];
             offsets[place] = angle;
-            let name = name(stated, joint - 1);
+            let name = name(stated, joint);
             let degrees = angle.to_degrees();
             let mistake = format!("the zero of {name} is {degrees:+.0}° away");
             let edit = format!("robot file, [[joint]] {name}: offset_deg {degrees:+.0}");
