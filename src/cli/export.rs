@@ -13,7 +13,8 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::export::{
-    ExportError, ExportErrorKind, curves_json, nodes_csv, parameters_csv, residuals_mcap, urdf,
+    ExportError, ExportErrorKind, curves_json, nodes_csv, parameters_csv, residuals_mcap, ur_calibration,
+    urdf,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
@@ -32,6 +33,9 @@ Each format is made from a table of a run:
   parameters
         from calibrations: the identified parameters as CSV with standard errors, in the robot file's convention or in
         another one (--convention modified-dh)
+  ur-calibration
+        from calibrations of a Universal Robots arm: the YAML that ur_description takes as kinematics_params, in place of
+        the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
 
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
@@ -69,6 +73,8 @@ pub enum ExportFormat {
     Mcap,
     /// The identified parameters in any convention, with standard errors
     Parameters,
+    /// The calibration file of a UR's ROS description
+    UrCalibration,
 }
 
 /// The convention of that word.
@@ -142,6 +148,7 @@ impl ExportArgs {
             (ExportFormat::Parameters, Some("calibrations")) => {
                 parameters_csv::write(path, self.convention, sink)
             }
+            (ExportFormat::UrCalibration, Some("calibrations")) => ur_calibration::write(path, sink),
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
             }
@@ -166,6 +173,7 @@ impl ExportFormat {
             Self::Urdf => "urdf",
             Self::Mcap => "mcap",
             Self::Parameters => "parameters",
+            Self::UrCalibration => "ur-calibration",
         }
     }
 
@@ -173,7 +181,7 @@ impl ExportFormat {
         match self {
             Self::Csv => "\"compensation\"",
             Self::Json => "\"calibrations\" or \"joint_errors\"",
-            Self::Urdf | Self::Parameters => "\"calibrations\"",
+            Self::Urdf | Self::Parameters | Self::UrCalibration => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
         }
     }

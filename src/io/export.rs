@@ -4,6 +4,7 @@
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
 //! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
+//! - [`ur_calibration`]: the identified geometry as the calibration file of a UR's ROS description, from `calibrations`;
 //! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
 //! Names come from logs and pipeline files: each is written so that it can only be read as a name.
@@ -12,8 +13,10 @@ pub mod controller_base;
 pub mod curves_json;
 mod held_out;
 pub mod nodes_csv;
+pub mod origins;
 pub mod parameters_csv;
 pub mod residuals_mcap;
+pub mod ur_calibration;
 pub mod urdf;
 
 use std::io;
@@ -29,6 +32,7 @@ use super::schema::SchemaError;
 use super::table::FileError;
 use super::whole_file::told;
 use crate::kinematics::RestateError;
+use origins::OriginsError;
 
 /// The reason why a table is not exported.
 #[derive(Debug, Error)]
@@ -138,6 +142,8 @@ pub enum ExportErrorKind {
     NoUrdf(&'static str),
     /// An arm that the wanted convention cannot state.
     Convention(RestateError),
+    /// An arm that is not one of Universal Robots: why, or `None` for one without six axes.
+    NoUr(Option<OriginsError>),
     /// The file is in no lake.
     NoLake,
     /// The stations are of another run.
@@ -183,6 +189,7 @@ impl ExportErrorKind {
                 "{path}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`"
             ),
             Self::Convention(source) => format!("{path}: {source}"),
+            Self::NoUr(source) => format!("{path}: {}", ur_calibration::no_ur(source.as_ref())),
             Self::NoLake => format!(
                 "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
                  it: give the run's file of table \"stations\" by --stations"

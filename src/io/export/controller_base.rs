@@ -39,6 +39,15 @@ impl InControllerBase {
             errors,
         })
     }
+
+    /// The offsets with the flange itself as the target: none of them turns the target on the flange.
+    pub(super) fn flange_errors(&self) -> Errors {
+        let mut errors = self.errors.clone();
+        for axis in Axis::ALL {
+            errors.set(Parameter::Target(Motion::Rotation(axis)), 0.0);
+        }
+        errors
+    }
 }
 
 /// The base of the identified chain in the controller's base, the chain, and the controller's flange at its end.

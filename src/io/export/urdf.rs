@@ -166,7 +166,7 @@ fn push_joint(
 }
 
 /// Three numbers, without a negative zero.
-fn three(numbers: [f64; 3]) -> String {
+pub(super) fn three(numbers: [f64; 3]) -> String {
     let [a, b, c] = numbers.map(|number| number + 0.0);
     format!("{a} {b} {c}")
 }
@@ -191,7 +191,7 @@ fn unlike(name: &str, joints: &[Joint]) -> String {
 ///
 /// Any yaw that makes the first element of the second row zero leaves `Ry(pitch) Rx(roll)`, so the three angles restore the
 /// rotation to the last digits even where the yaw itself is not determined.
-fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+pub(super) fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let matrix: Matrix3<f64> = *rotation.to_rotation_matrix().matrix();
     let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
     let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
@@ -201,7 +201,7 @@ fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
 }
 
 /// The value of an attribute. XML has no form for most control characters.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -223,7 +223,7 @@ const fn is_no_character(letter: char) -> bool {
 }
 
 /// A text inside a comment, which two hyphens would end.
-fn in_comment(text: &str) -> String {
+pub(super) fn in_comment(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         if letter == '-' && out.ends_with('-') {
