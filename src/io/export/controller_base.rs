@@ -40,13 +40,25 @@ impl InControllerBase {
         })
     }
 
-    /// The offsets with the flange itself as the target: none of them turns the target on the flange.
+    /// The errors of the flange: those of the target's orientation on it are none of the arm's.
     pub(super) fn flange_errors(&self) -> Errors {
-        let mut errors = self.errors.clone();
-        for axis in Axis::ALL {
-            errors.set(Parameter::Target(Motion::Rotation(axis)), 0.0);
+        let is_flange = |place: &usize| {
+            let parameter = self.errors.parameters[*place];
+            !matches!(parameter, Parameter::Target(Motion::Rotation(_)))
+        };
+        let kept: Vec<usize> = (0..self.errors.parameters.len())
+            .filter(is_flange)
+            .collect();
+        let places = kept.iter();
+        Errors {
+            parameters: places.map(|&place| self.errors.parameters[place]).collect(),
+            offsets: self.errors.offsets.select_rows(&kept),
+            covariance: self
+                .errors
+                .covariance
+                .select_rows(&kept)
+                .select_columns(&kept),
         }
-        errors
     }
 }
 

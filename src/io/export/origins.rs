@@ -74,7 +74,9 @@ pub enum OriginsError {
         arm: String,
     },
     /// A joint that turns for one that slides.
-    #[error("joint {chain:?} of the chain turns where joint {arm:?} of the run slides, or the other way round")]
+    #[error(
+        "joint {chain:?} of the chain turns where joint {arm:?} of the run slides, or the other way round"
+    )]
     OtherMotion {
         /// The chain's joint.
         chain: String,
@@ -100,7 +102,9 @@ pub enum OriginsError {
         constant: &'static str,
     },
     /// The two chains could not be brought together.
-    #[error("the chain's origins leave {mm:.1e} mm of the identified geometry; this is a defect of posegrid, please report it")]
+    #[error(
+        "the chain's origins leave {mm:.1e} mm of the identified geometry; this is a defect of posegrid, please report it"
+    )]
     Left {
         /// The largest distance left, mm.
         mm: f64,
@@ -150,7 +154,8 @@ impl Origins {
         };
         if let Some(fixed) = chain.get(last + 1) {
             let behind = chain[last + 2..].iter();
-            let behind: Isometry3<f64> = behind.fold(Isometry3::identity(), |end, joint| end * joint.origin);
+            let behind: Isometry3<f64> =
+                behind.fold(Isometry3::identity(), |end, joint| end * joint.origin);
             self.joints[last + 1] = Some(fixed.origin * behind * rest * behind.inverse());
             return self;
         }
@@ -213,10 +218,13 @@ fn nominal(run: &Arm, chain: &[ChainJoint]) -> Result<Arm, OriginsError> {
         });
     }
     let mut own = run.joints().iter();
-    let joint = chain.iter().enumerate().map(|(place, joint)| match joint.moves {
-        None => Ok(fixed(place, joint)),
-        Some(moves) => moving_joint(joint, moves, own.next()),
-    });
+    let joint = chain
+        .iter()
+        .enumerate()
+        .map(|(place, joint)| match joint.moves {
+            None => Ok(fixed(place, joint)),
+            Some(moves) => moving_joint(joint, moves, own.next()),
+        });
     let file = RobotFile {
         model: run.model().to_owned(),
         source: "a chain of joint origins".to_owned(),

@@ -37,6 +37,18 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces, &dropped).as_bytes())?)
 }
 
+/// Names and origins of the joints of the URDF, mm, or why there is none.
+pub(super) fn placed(arm: &IdentifiedArm) -> Result<Vec<(String, Isometry3<f64>)>, &'static str> {
+    let pieces = Pieces::of(arm)?;
+    let joints = arm.arm.joints();
+    let own = joints.iter().zip(&pieces.joints);
+    let own = own.map(|(joint, (origin, _))| (joint.name.clone(), *origin));
+    let ends = pieces
+        .ends(arm)
+        .map(|(child, origin)| (fixed_name(child, joints), origin));
+    Ok(own.chain(ends).collect())
+}
+
 /// The chain between its joint variables.
 struct Pieces {
     /// Origin and axis of each joint.
@@ -57,6 +69,14 @@ impl Pieces {
             flange: cut.flange * flange,
             ..cut
         })
+    }
+
+    /// What stands fixed behind the last joint: names of links and their origins, mm.
+    fn ends(&self, arm: &IdentifiedArm) -> [(&'static str, Isometry3<f64>); 2] {
+        [
+            ("flange", self.flange),
+            ("tool", *arm.flange_from_tool.isometry()),
+        ]
     }
 
     /// A chain after `before`, cut at its joint variables.
@@ -128,12 +148,8 @@ fn text(
         );
         parent = child;
     }
-    let placed = [
-        ("flange", pieces.flange),
-        ("tool", *arm.flange_from_tool.isometry()),
-    ];
-    for (child, origin) in placed {
-        let name = unlike(&format!("{child}_joint"), joints);
+    for (child, origin) in pieces.ends(arm) {
+        let name = fixed_name(child, joints);
         push_joint(&mut urdf, &name, "fixed", [&parent, child], &origin, "");
         child.clone_into(&mut parent);
     }
@@ -178,9 +194,9 @@ fn limit(joint: &Joint) -> String {
     )
 }
 
-/// A name that no joint has.
-fn unlike(name: &str, joints: &[Joint]) -> String {
-    let mut own = name.to_owned();
+/// The name of the fixed joint to a link: one that no joint of the arm has.
+fn fixed_name(child: &str, joints: &[Joint]) -> String {
+    let mut own = format!("{child}_joint");
     while joints.iter().any(|joint| joint.name == own) {
         own.push('_');
     }
