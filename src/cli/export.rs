@@ -43,6 +43,10 @@ Each format is made from a table of a run:
         from calibrations of a Universal Robots arm: the YAML that ur_description takes as kinematics_params, in place of
         the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
 
+A geometry leaves joint curves, gear lines, gravity, drift and the difference of command and reported angle out; each file
+says what that costs. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
+is none here: take parameters --convention standard-dh, or corrected commands (posegrid compensate).
+
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf

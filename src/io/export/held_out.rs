@@ -33,10 +33,10 @@ pub fn dropped(calibrations: &Path) -> String {
 fn figures(calibrations: &Path) -> Option<HeldOut> {
     let table = read_given(&beside(calibrations)?, schema::find("accuracy").ok()?).ok()?;
     let rows = AccuracyRow::read(&table);
-    let mean = |model: Model| {
+    let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
             (row.split, row.role, row.model, row.angles)
-                == (Split::Blocks, Role::HeldOut, model, Angles::Reported)
+                == (Split::Blocks, Role::HeldOut, model, angles)
                 && (row.moment, row.quantity, row.name)
                     == (
                         BeforeAfter::After,
@@ -47,7 +47,10 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
         let row = rows.iter().find(is_wanted)?;
         Some((row.value?, row.n))
     };
-    let ((geometric, n), (full, _)) = (mean(Model::Geometric)?, mean(Model::Full)?);
+    let (geometric, n) = mean(Model::Geometric, Angles::Reported)?;
+    // With commands in the logs, the whole model takes the angles between command and report.
+    let full = mean(Model::Full, Angles::Weighted).or_else(|| mean(Model::Full, Angles::Reported));
+    let (full, _) = full?;
     Some(HeldOut { geometric, full, n })
 }
 

@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::controller_base::InControllerBase;
-use crate::fit::conversion::{carried, measured, spread};
+use crate::fit::conversion::{Errors, carried, measured, spread};
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::Placement;
 use crate::kinematics::{
@@ -114,10 +114,14 @@ pub enum OriginsError {
 impl Origins {
     /// The origins with which the chain is the identified geometry.
     pub fn of(own: &InControllerBase, chain: &[ChainJoint]) -> Result<Self, OriginsError> {
-        let from = &own.published.arm.arm;
+        Self::carrying(&own.published.arm.arm, &own.flange_errors(), chain)
+    }
+
+    /// The origins with which the chain is `from` with those errors of its links, its base and its flange.
+    fn carrying(from: &Arm, errors: &Errors, chain: &[ChainJoint]) -> Result<Self, OriginsError> {
         let to = nominal(from, chain)?;
         same_arm(from, &to, chain)?;
-        let found = carried(from, &own.flange_errors(), &to, &Isometry3::identity());
+        let found = carried(from, errors, &to, &Isometry3::identity());
         if found.left_mm > 1e-7 {
             return Err(OriginsError::Left { mm: found.left_mm });
         }
