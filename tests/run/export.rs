@@ -723,7 +723,7 @@ fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
         accuracy.f64("value").value(row)
     };
     let cost = format!(
-        "held-out stations the geometry alone leaves a mean error of {:.3} mm, the whole model {:.3} mm.",
+        "held-out stations the geometry alone leaves a mean error of {:.3} mm, the full error model {:.3} mm.",
         figure("geometric", "reported"),
         figure("full", "weighted")
     );
@@ -850,11 +850,11 @@ fn a_corrected_urdf_is_the_file_with_other_origins_and_the_identified_arm() {
         back.replace_range(place, old);
     }
     assert_eq!(back, before);
-    // The changes are those of an arm with errors, not another way to write it.
+    // The changes are those of an arm with errors, not another way to write it: one tool orientation leaves base and target millimetres.
     let changed = urdf_joints(&exported.results);
     for (was, is) in urdf_joints(&before).iter().zip(&changed) {
         let off = was.origin - is.origin;
-        assert!(off.abs().max() < 5e-3, "{}: {off}", was.name);
+        assert!(off.abs().max() < 0.02, "{}: {off}", was.name);
     }
 }
 

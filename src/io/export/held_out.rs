@@ -1,4 +1,4 @@
-//! What a geometry alone leaves on held-out stations, and what the whole model leaves: the cost of the parts that an export drops.
+//! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the parts that an export drops.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub fn dropped(calibrations: &Path) -> String {
     let parts = "Not in it: joint curves, gear lines, gravity, drift and the difference of command and reported angle.";
     match figures(calibrations) {
         Some(HeldOut { geometric, full, n }) => format!(
-            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the whole model {full:.3} mm."
+            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the full error model {full:.3} mm."
         ),
         None => format!(
             "{parts} What that costs is in table accuracy of the run, which is not beside this file."
@@ -48,7 +48,7 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
         Some((row.value?, row.n))
     };
     let (geometric, n) = mean(Model::Geometric, Angles::Reported)?;
-    // With commands in the logs, the whole model takes the angles between command and report.
+    // With commands in the logs, the full error model takes the angles between command and report.
     let full = mean(Model::Full, Angles::Weighted).or_else(|| mean(Model::Full, Angles::Reported));
     let (full, _) = full?;
     Some(HeldOut { geometric, full, n })
