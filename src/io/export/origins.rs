@@ -13,7 +13,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::controller_base::InControllerBase;
-use crate::fit::conversion::{Errors, carried, measured, spread};
+use crate::fit::conversion::{Errors, carried, measured, spread_joints};
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::Placement;
 use crate::kinematics::{
@@ -291,7 +291,7 @@ fn stated(isometry: &Isometry3<f64>) -> Placement {
 /// Refuses a chain that is another arm than the run's nominal one.
 fn same_arm(run: &Arm, chain: &Arm, joints: &[ChainJoint]) -> Result<(), OriginsError> {
     let pairs: Vec<[Isometry3<f64>; 2]> = (0..POSES)
-        .map(|place| spread(run, place))
+        .map(|place| spread_joints(run, place))
         .map(|q| [run, chain].map(|arm| *arm.flange(&q).isometry()))
         .collect();
     let (mm, rad) = apart(pairs.iter().map(|[own, other]| (*own, *other)));

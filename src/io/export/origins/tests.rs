@@ -149,7 +149,7 @@ fn seven_axes_and_axes_that_slide_are_the_arm_with_its_errors() {
         let origins = Origins::carrying(&arm, &errors, &chain).unwrap();
         assert!(origins.rest.is_none());
         for place in 100..150 {
-            let q = spread(&arm, place);
+            let q = spread_joints(&arm, place);
             let off = end(&chain, &origins, &q).to_homogeneous()
                 - truth(&arm, &errors, &q).to_homogeneous();
             assert!(off.abs().max() < 1e-7, "{}: {off}", arm.model());
@@ -192,7 +192,7 @@ fn without_a_fixed_joint_behind_the_last_axis_what_is_left_lies_across_it() {
     assert!(rest.translation.vector.dot(&axis).abs() < 1e-9);
     assert!(rest.rotation.scaled_axis().dot(&axis).abs() < 1e-9);
     for place in 100..150 {
-        let q = spread(&arm, place);
+        let q = spread_joints(&arm, place);
         let off =
             end(&chain, &origins, &q).to_homogeneous() - truth(&arm, &errors, &q).to_homogeneous();
         assert!(off.abs().max() < 1e-7, "{off}");
