@@ -1016,7 +1016,7 @@ fn xacro_properties_are_the_origins_of_the_corrected_urdf() {
     }
 }
 
-/// A cell with one session of a UR10e, its errors drawn anew.
+/// A cell with one session of an arm of Universal Robots.
 fn ur_cell() -> Cell {
     let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/pipelines/robots/ur10e.toml");
     let cell = Cell::new().with("robots/kr210-r2700-extra.toml", robot);
@@ -1139,4 +1139,58 @@ fn the_calibration_of_a_ur_is_the_identified_arm_but_for_what_it_says() {
     assert!(yaml.contains("\n  hash: calib_posegrid_"));
     // Another arm has no such file.
     self::export("calibrations", "ur-calibration").expect(2, &["is not one of Universal Robots"]);
+}
+
+#[test]
+fn joint_offsets_alone_are_the_nearest_to_the_identified_geometry_and_say_what_they_leave() {
+    let exported = export("calibrations", "joint-offsets");
+    exported.expect(0, &["they do not carry the geometry"]);
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .from_reader(exported.results.as_bytes());
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    let number = |row: &csv::StringRecord, column: usize| row[column].parse::<f64>().unwrap();
+    let offsets: Vec<f64> = rows.iter().map(|row| number(row, 3).to_radians()).collect();
+    assert!(
+        rows.iter()
+            .all(|row| &row[2] == "deg" && number(row, 4) >= 0.0)
+    );
+    assert_eq!(offsets.len(), 6);
+    let published = calibrations_table::read_geometry(&file("calibrations")).unwrap();
+    let arm = &published.arm;
+    let joints = urdf_joints(&export("calibrations", "urdf").results);
+    let names = arm.arm.joints().iter().map(|joint| joint.name.clone());
+    let names: Vec<String> = names.collect();
+    let squares = |offsets: &[f64]| {
+        let one = |number: u32| {
+            let ranges = (2_u32..).zip(&arm.measured);
+            let q: Vec<f64> = ranges
+                .map(|(joint, [lower, upper])| {
+                    let share = (f64::from(number) * f64::from(joint).sqrt().sqrt()).fract();
+                    lower + share * (upper - lower)
+                })
+                .collect();
+            let named = names.iter().cloned().zip(q.iter().copied()).collect();
+            let wanted = in_mm(forward(&joints, "tool", &named));
+            let moved: Vec<f64> = q
+                .iter()
+                .zip(offsets)
+                .map(|(q, offset)| q + offset)
+                .collect();
+            let flange = arm.arm.flange(&moved);
+            let tool = flange.isometry() * arm.flange_from_tool.isometry();
+            let at: Vector3<f64> = wanted.fixed_view::<3, 1>(0, 3).into();
+            (at - tool.translation.vector).norm_squared()
+        };
+        (1..300).map(one).sum::<f64>()
+    };
+    let best = squares(&offsets);
+    assert!(best < squares(&[0.0; 6]), "no better than none");
+    for joint in 0..5 {
+        for by in [-1e-3, 1e-3] {
+            let mut other = offsets.clone();
+            other[joint] += by;
+            assert!(squares(&other) > best, "joint {} {by}", joint + 1);
+        }
+    }
 }
