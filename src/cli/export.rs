@@ -15,8 +15,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
-    ExportError, ExportErrorKind, corrected_urdf, curves_json, joint_offsets, nodes_csv,
-    parameters_csv, residuals_mcap, ur_calibration, urdf, xacro,
+    ExportError, ExportErrorKind, corrected_urdf, curves_json, nodes_csv, parameters_csv,
+    residuals_mcap, ur_calibration, urdf, xacro,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
@@ -39,16 +39,13 @@ Each format is made from a table of a run:
   parameters
         from calibrations: the identified parameters as CSV with standard errors, in the robot file's convention or in
         another one (--convention modified-dh)
-  joint-offsets
-        from calibrations: CSV of the offset of each joint's zero, degrees in the controller's counting, with standard
-        errors: what mastering can hold of the geometry, and how much it leaves
   ur-calibration
         from calibrations of a Universal Robots arm: the YAML that ur_description takes as kinematics_params, in place of
         the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
 
 A geometry leaves joint curves, gear lines, gravity, drift and the difference of command and reported angle out; each file
 says what that costs. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
-is none here: take parameters --convention standard-dh, joint-offsets, or corrected commands (posegrid compensate).
+is none here: take parameters --convention standard-dh, or corrected commands (posegrid compensate).
 
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
@@ -101,8 +98,6 @@ pub enum ExportFormat {
     UrCalibration,
     /// Origins of joints as xacro properties
     Xacro,
-    /// What mastering can hold of the identified geometry
-    JointOffsets,
 }
 
 /// The convention of that word.
@@ -194,7 +189,6 @@ impl ExportArgs {
             (ExportFormat::Parameters, Some("calibrations")) => {
                 parameters_csv::write(path, self.convention, sink)
             }
-            (ExportFormat::JointOffsets, Some("calibrations")) => joint_offsets::write(path, sink),
             (ExportFormat::UrCalibration, Some("calibrations")) => {
                 ur_calibration::write(path, sink)
             }
@@ -231,7 +225,6 @@ impl ExportFormat {
             Self::Parameters => "parameters",
             Self::UrCalibration => "ur-calibration",
             Self::Xacro => "xacro",
-            Self::JointOffsets => "joint-offsets",
         }
     }
 
@@ -239,11 +232,7 @@ impl ExportFormat {
         match self {
             Self::Csv => "\"compensation\"",
             Self::Json => "\"calibrations\" or \"joint_errors\"",
-            Self::Urdf
-            | Self::Parameters
-            | Self::UrCalibration
-            | Self::Xacro
-            | Self::JointOffsets => "\"calibrations\"",
+            Self::Urdf | Self::Parameters | Self::UrCalibration | Self::Xacro => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
         }
     }

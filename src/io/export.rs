@@ -3,7 +3,6 @@
 //! - [`nodes_csv`]: a compensation table as CSV, one row per node, after `#` lines with the values of the whole table;
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
 //! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
-//! - [`joint_offsets`]: what mastering can hold of the identified geometry, as CSV, from `calibrations`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
 //! - [`corrected_urdf`]: a URDF with the identified geometry in the origins of its joints, from `calibrations`;
 //! - [`xacro`]: origins of joints as xacro properties, from `calibrations`;
@@ -16,7 +15,6 @@ pub mod controller_base;
 pub mod corrected_urdf;
 pub mod curves_json;
 mod held_out;
-pub mod joint_offsets;
 pub mod nodes_csv;
 pub mod origins;
 pub mod parameters_csv;
