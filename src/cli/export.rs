@@ -12,8 +12,11 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
+use crate::io::export::corrected_urdf::GivenUrdf;
+use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
-    ExportError, ExportErrorKind, curves_json, nodes_csv, parameters_csv, residuals_mcap, urdf,
+    ExportError, ExportErrorKind, corrected_urdf, curves_json, nodes_csv, parameters_csv,
+    residuals_mcap, ur_calibration, urdf, xacro,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
@@ -26,16 +29,28 @@ Each format is made from a table of a run:
   csv   from compensation: one row per node, joint angles in degrees; values of the whole table come before them
         in lines that begin with #
   json  from calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
-  urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool
+  urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool; or, with --urdf,
+        --base and --tip, your own URDF with other origins of the arm's joints and nothing else changed: joint offsets
+        are in the origins
+  xacro from calibrations: joint origins as xacro properties NAME_xyz and NAME_rpy, for the joints of --urdf or those of
+        --format urdf; a description includes the file and has <origin xyz=\"${NAME_xyz}\" rpy=\"${NAME_rpy}\"/>
   mcap  from residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
         for Foxglove; at the times that table stations of the same run has
   parameters
         from calibrations: the identified parameters as CSV with standard errors, in the robot file's convention or in
         another one (--convention modified-dh)
+  ur-calibration
+        from calibrations of a Universal Robots arm: the YAML that ur_description takes as kinematics_params, in place of
+        the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
+
+A geometry leaves joint curves, gear lines, gravity, drift and the difference of command and reported angle out; each file
+says what that costs. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
+is none here: take parameters --convention standard-dh, or corrected commands (posegrid compensate).
 
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
+  posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --urdf kr210.urdf --base base_link --tip tool0 --out corrected.urdf
   posegrid export lake/residuals/kr210/monday/0a1b….parquet --format mcap --out residuals.mcap
 
 Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made from it.")]
@@ -51,6 +66,16 @@ pub struct ExportArgs {
     /// For parameters: convention to state them in; that of the robot file without it.
     #[arg(long, value_name = "WORD", value_parser = convention)]
     pub convention: Option<Convention>,
+    /// For urdf and xacro: a URDF of the nominal arm. With urdf it comes out again with other origins of the arm's joints,
+    /// joint offsets included, and nothing else changed; with xacro its joints name the properties.
+    #[arg(long, value_name = "FILE", requires_all = ["base", "tip"])]
+    pub urdf: Option<PathBuf>,
+    /// The link of --urdf that is the controller's base.
+    #[arg(long, value_name = "LINK", requires = "urdf")]
+    pub base: Option<String>,
+    /// The link of --urdf that is the controller's flange.
+    #[arg(long, value_name = "LINK", requires = "urdf")]
+    pub tip: Option<String>,
     /// For mcap: the run's files of table stations, where TABLE is not in its lake.
     #[arg(long, value_name = "FILE")]
     pub stations: Vec<PathBuf>,
@@ -69,6 +94,10 @@ pub enum ExportFormat {
     Mcap,
     /// The identified parameters in any convention, with standard errors
     Parameters,
+    /// The calibration file of a UR's ROS description
+    UrCalibration,
+    /// Origins of joints as xacro properties
+    Xacro,
 }
 
 /// The convention of that word.
@@ -125,6 +154,15 @@ pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
 }
 
 impl ExportArgs {
+    fn given_urdf(&self) -> Option<GivenUrdf<'_>> {
+        let ends = Ends {
+            base: self.base.as_deref()?,
+            tip: self.tip.as_deref()?,
+        };
+        let path = self.urdf.as_deref()?;
+        Some(GivenUrdf { path, ends })
+    }
+
     fn make(&self, sink: &mut Vec<u8>) -> Result<(), ExportError> {
         let path: &Path = &self.table;
         if !self.stations.is_empty() && self.format != ExportFormat::Mcap {
@@ -133,14 +171,26 @@ impl ExportArgs {
         if self.convention.is_some() && self.format != ExportFormat::Parameters {
             return Err(ExportError::NoUseForConvention(self.format.name()));
         }
+        if self.urdf.is_some() && !matches!(self.format, ExportFormat::Urdf | ExportFormat::Xacro) {
+            return Err(ExportError::NoUseForUrdf(self.format.name()));
+        }
         let held = table::head(path)?.table;
         match (self.format, held.as_deref()) {
             (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
             (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
             (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
-            (ExportFormat::Urdf, Some("calibrations")) => urdf::write(path, sink),
+            (ExportFormat::Urdf, Some("calibrations")) => match self.given_urdf() {
+                None => urdf::write(path, sink),
+                Some(given) => corrected_urdf::write(path, &given, sink).map(told),
+            },
+            (ExportFormat::Xacro, Some("calibrations")) => {
+                xacro::write(path, self.given_urdf().as_ref(), sink)
+            }
             (ExportFormat::Parameters, Some("calibrations")) => {
                 parameters_csv::write(path, self.convention, sink)
+            }
+            (ExportFormat::UrCalibration, Some("calibrations")) => {
+                ur_calibration::write(path, sink)
             }
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
@@ -158,6 +208,13 @@ impl ExportArgs {
     }
 }
 
+/// Tells what stands nowhere in the file.
+fn told(remarks: Vec<String>) {
+    for remark in remarks {
+        tracing::info!("{}", Printable(&remark));
+    }
+}
+
 impl ExportFormat {
     const fn name(self) -> &'static str {
         match self {
@@ -166,6 +223,8 @@ impl ExportFormat {
             Self::Urdf => "urdf",
             Self::Mcap => "mcap",
             Self::Parameters => "parameters",
+            Self::UrCalibration => "ur-calibration",
+            Self::Xacro => "xacro",
         }
     }
 
@@ -173,7 +232,7 @@ impl ExportFormat {
         match self {
             Self::Csv => "\"compensation\"",
             Self::Json => "\"calibrations\" or \"joint_errors\"",
-            Self::Urdf | Self::Parameters => "\"calibrations\"",
+            Self::Urdf | Self::Parameters | Self::UrCalibration | Self::Xacro => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
         }
     }

@@ -60,8 +60,12 @@ pub fn carried(
     let offsets = errors.of(&own);
     let parameters = other.parameters();
     let poses = |first: usize| {
-        (first..first + POSES)
-            .map(|place| (from.axes(&joints(from, place)), to.axes(&joints(to, place))))
+        (first..first + POSES).map(|place| {
+            (
+                from.axes(&spread_joints(from, place)),
+                to.axes(&spread_joints(to, place)),
+            )
+        })
     };
     let poses: [Vec<_>; 2] = [poses(0).collect(), poses(POSES).collect()];
     let sizes = DVector::from_iterator(parameters.len(), parameters.iter().map(cost));
@@ -149,7 +153,7 @@ fn cost(parameter: &Parameter) -> f64 {
 }
 
 /// `(six small motions of the base) · arm · (three shifts) · flange_from_target · (three turns)`, as a fit has it.
-fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
+pub fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
     let free = |of: fn(Motion) -> Parameter, motion| Element::Free {
         motion,
         nominal: 0.0,
@@ -165,8 +169,8 @@ fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
     arm.extended(before, after)
 }
 
-/// Joint positions spread over the ranges: an irrational step per joint.
-fn joints(arm: &Arm, place: usize) -> Vec<f64> {
+/// Joint positions spread over the ranges, rad or mm: an irrational step per joint, another pose for each `place`.
+pub fn spread_joints(arm: &Arm, place: usize) -> Vec<f64> {
     const PRIMES: [f64; 16] = [
         2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
     ];

@@ -4,17 +4,25 @@
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
 //! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
+//! - [`corrected_urdf`]: a URDF with the identified geometry in the origins of its joints, from `calibrations`;
+//! - [`xacro`]: origins of joints as xacro properties, from `calibrations`;
+//! - [`ur_calibration`]: the identified geometry as the calibration file of a UR's ROS description, from `calibrations`;
 //! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
 //! Names come from logs and pipeline files: each is written so that it can only be read as a name.
 
 pub mod controller_base;
+pub mod corrected_urdf;
 pub mod curves_json;
 mod held_out;
 pub mod nodes_csv;
+pub mod origins;
 pub mod parameters_csv;
 pub mod residuals_mcap;
+pub mod ur_calibration;
 pub mod urdf;
+pub mod urdf_chain;
+pub mod xacro;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -29,6 +37,8 @@ use super::schema::SchemaError;
 use super::table::FileError;
 use super::whole_file::told;
 use crate::kinematics::RestateError;
+use origins::OriginsError;
+use urdf_chain::UrdfChainError;
 
 /// The reason why a table is not exported.
 #[derive(Debug, Error)]
@@ -97,6 +107,11 @@ pub enum ExportError {
     /// A convention is given for a format that does not use it.
     #[error("--convention is for --format parameters; {0} has none: leave it out")]
     NoUseForConvention(&'static str),
+    /// A URDF is given for a format that does not use it.
+    #[error(
+        "--urdf, --base and --tip are for --format urdf and xacro; {0} has no use for them: leave them out"
+    )]
+    NoUseForUrdf(&'static str),
     /// The MCAP writer failed.
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
@@ -138,6 +153,16 @@ pub enum ExportErrorKind {
     NoUrdf(&'static str),
     /// An arm that the wanted convention cannot state.
     Convention(RestateError),
+    /// An arm that is not one of Universal Robots: why, or `None` for one without six axes.
+    NoUr(Option<OriginsError>),
+    /// A URDF without the chain that is asked for.
+    NoChain(UrdfChainError),
+    /// A chain that is not the run's arm.
+    OtherChain(OriginsError),
+    /// The file cannot be read.
+    NotRead(io::Error),
+    /// The file is not text.
+    NotUtf8,
     /// The file is in no lake.
     NoLake,
     /// The stations are of another run.
@@ -183,6 +208,11 @@ impl ExportErrorKind {
                 "{path}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`"
             ),
             Self::Convention(source) => format!("{path}: {source}"),
+            Self::NoUr(source) => format!("{path}: {}", ur_calibration::no_ur(source.as_ref())),
+            Self::NoChain(source) => format!("{path} {source}"),
+            Self::OtherChain(source) => format!("{path}: {source}"),
+            Self::NotRead(source) => format!("{path}: {source}"),
+            Self::NotUtf8 => format!("{path} is no UTF-8 text; save it as UTF-8"),
             Self::NoLake => format!(
                 "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
                  it: give the run's file of table \"stations\" by --stations"

@@ -81,7 +81,7 @@ impl Truth {
 
     /// Joint angles of a station, within the middle three quarters of the ranges.
     fn joints(&self, place: usize) -> Vec<f64> {
-        let own = joints(&self.arm, place);
+        let own = spread_joints(&self.arm, place);
         let within = |(joint, q): (&crate::kinematics::Joint, &f64)| {
             let middle = 0.5 * (joint.lower + joint.upper);
             middle + 0.75 * (q - middle)

@@ -39,6 +39,27 @@ impl InControllerBase {
             errors,
         })
     }
+
+    /// The errors of the flange: those of the target's orientation on it are none of the arm's.
+    pub(super) fn flange_errors(&self) -> Errors {
+        let is_flange = |place: &usize| {
+            let parameter = self.errors.parameters[*place];
+            !matches!(parameter, Parameter::Target(Motion::Rotation(_)))
+        };
+        let kept: Vec<usize> = (0..self.errors.parameters.len())
+            .filter(is_flange)
+            .collect();
+        let places = kept.iter();
+        Errors {
+            parameters: places.map(|&place| self.errors.parameters[place]).collect(),
+            offsets: self.errors.offsets.select_rows(&kept),
+            covariance: self
+                .errors
+                .covariance
+                .select_rows(&kept)
+                .select_columns(&kept),
+        }
+    }
 }
 
 /// The base of the identified chain in the controller's base, the chain, and the controller's flange at its end.

@@ -1,4 +1,4 @@
-//! What a geometry alone leaves on held-out stations, and what the whole model leaves: the cost of the parts that an export drops.
+//! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the parts that an export drops.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ pub fn dropped(calibrations: &Path) -> String {
     let parts = "Not in it: joint curves, gear lines, gravity, drift and the difference of command and reported angle.";
     match figures(calibrations) {
         Some(HeldOut { geometric, full, n }) => format!(
-            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the whole model {full:.3} mm."
+            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the full error model {full:.3} mm."
         ),
         None => format!(
             "{parts} What that costs is in table accuracy of the run, which is not beside this file."
@@ -33,10 +33,10 @@ pub fn dropped(calibrations: &Path) -> String {
 fn figures(calibrations: &Path) -> Option<HeldOut> {
     let table = read_given(&beside(calibrations)?, schema::find("accuracy").ok()?).ok()?;
     let rows = AccuracyRow::read(&table);
-    let mean = |model: Model| {
+    let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
             (row.split, row.role, row.model, row.angles)
-                == (Split::Blocks, Role::HeldOut, model, Angles::Reported)
+                == (Split::Blocks, Role::HeldOut, model, angles)
                 && (row.moment, row.quantity, row.name)
                     == (
                         BeforeAfter::After,
@@ -47,7 +47,10 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
         let row = rows.iter().find(is_wanted)?;
         Some((row.value?, row.n))
     };
-    let ((geometric, n), (full, _)) = (mean(Model::Geometric)?, mean(Model::Full)?);
+    let (geometric, n) = mean(Model::Geometric, Angles::Reported)?;
+    // With commands in the logs, the full error model takes the angles between command and report.
+    let full = mean(Model::Full, Angles::Weighted).or_else(|| mean(Model::Full, Angles::Reported));
+    let (full, _) = full?;
     Some(HeldOut { geometric, full, n })
 }
 

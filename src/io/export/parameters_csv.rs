@@ -1,11 +1,15 @@
 //! The identified parameters as CSV, in any convention, with their standard errors.
 //!
 //! Inputs: the geometry of table `calibrations`. Output: a row for each parameter of the links, the base and the target, mm and
-//! degrees, after `#` lines with what the numbers are. The errors are carried from the robot file's convention into the wanted one
+//! degrees, after `#` lines with what the numbers are. Rows of the target are those of the flange: its shift and its turn behind the
+//! last link. In another convention than the robot file's, the nominal arm as a robot file of that convention stands before the
+//! rows too, with the constants that no row has: signs, base and flange. The errors are carried from the robot file's convention into the wanted one
 //! with their covariance ([`crate::fit::conversion`]).
 
 use std::io::Write;
 use std::path::Path;
+
+use nalgebra::Isometry3;
 
 use super::controller_base::InControllerBase;
 use super::{ExportError, ExportErrorKind, held_out};
@@ -22,9 +26,11 @@ pub fn write(
     let from = &own.published.arm.arm;
     let convention = convention.unwrap_or_else(|| from.convention());
     let to = in_convention(from, convention).map_err(|kind| kind.at(path))?;
-    let target = own.published.arm.frames.flange_from_target.isometry();
-    let found = carried(from, &own.errors, &to, target);
+    let found = carried(from, &own.flange_errors(), &to, &Isometry3::identity());
     for line in remarks(path, &own, convention, &found) {
+        writeln!(sink, "# {line}")?;
+    }
+    for line in nominal_file(from, convention) {
         writeln!(sink, "# {line}")?;
     }
     let mut csv = csv::Writer::from_writer(sink);
@@ -60,6 +66,19 @@ fn in_convention(arm: &Arm, convention: Convention) -> Result<Arm, ExportErrorKi
         .arm()
         .map_err(|source| ExportErrorKind::Convention(source.into()))?;
     Ok(other)
+}
+
+/// Lines of the nominal arm as a robot file of another convention than its own.
+fn nominal_file(arm: &Arm, convention: Convention) -> Vec<String> {
+    if convention == arm.convention() {
+        return vec!["nominal: as the robot file of the run states it".to_owned()];
+    }
+    let file = RobotFile::of_arm(arm, convention).ok();
+    let text = file.and_then(|file| toml::to_string(&file).ok());
+    let mut lines = vec!["nominal, as a robot file of this convention:".to_owned()];
+    let text = text.unwrap_or_default();
+    lines.extend(text.lines().map(|line| format!("  {line}")));
+    lines
 }
 
 /// What the numbers are, line by line.

@@ -38,6 +38,18 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces, &dropped).as_bytes())?)
 }
 
+/// Names and origins of the joints of the URDF, mm, or why there is none.
+pub(super) fn placed(arm: &IdentifiedArm) -> Result<Vec<(String, Isometry3<f64>)>, &'static str> {
+    let pieces = Pieces::of(arm)?;
+    let joints = arm.arm.joints();
+    let own = joints.iter().zip(&pieces.joints);
+    let own = own.map(|(joint, (origin, _))| (joint.name.clone(), *origin));
+    let ends = pieces
+        .ends(arm)
+        .map(|(child, origin)| (fixed_name(child, joints), origin));
+    Ok(own.chain(ends).collect())
+}
+
 /// The chain between its joint variables.
 struct Pieces {
     /// Origin and axis of each joint.
@@ -58,6 +70,14 @@ impl Pieces {
             flange: cut.flange * flange,
             ..cut
         })
+    }
+
+    /// What stands fixed behind the last joint: names of links and their origins, mm.
+    fn ends(&self, arm: &IdentifiedArm) -> [(&'static str, Isometry3<f64>); 2] {
+        [
+            ("flange", self.flange),
+            ("tool", *arm.flange_from_tool.isometry()),
+        ]
     }
 
     /// A chain after `before`, cut at its joint variables.
@@ -129,12 +149,8 @@ fn text(
         );
         parent = child;
     }
-    let placed = [
-        ("flange", pieces.flange),
-        ("tool", *arm.flange_from_tool.isometry()),
-    ];
-    for (child, origin) in placed {
-        let name = unlike(&format!("{child}_joint"), joints);
+    for (child, origin) in pieces.ends(arm) {
+        let name = fixed_name(child, joints);
         push_joint(&mut urdf, &name, "fixed", [&parent, child], &origin, "");
         child.clone_into(&mut parent);
     }
@@ -167,7 +183,7 @@ fn push_joint(
 }
 
 /// Three numbers, without a negative zero.
-fn three(numbers: [f64; 3]) -> String {
+pub(super) fn three(numbers: [f64; 3]) -> String {
     let [a, b, c] = numbers.map(|number| number + 0.0);
     format!("{a} {b} {c}")
 }
@@ -179,9 +195,9 @@ fn limit(joint: &Joint) -> String {
     )
 }
 
-/// A name that no joint has.
-fn unlike(name: &str, joints: &[Joint]) -> String {
-    let mut own = name.to_owned();
+/// The name of the fixed joint to a link: one that no joint of the arm has.
+fn fixed_name(child: &str, joints: &[Joint]) -> String {
+    let mut own = format!("{child}_joint");
     while joints.iter().any(|joint| joint.name == own) {
         own.push('_');
     }
@@ -189,7 +205,7 @@ fn unlike(name: &str, joints: &[Joint]) -> String {
 }
 
 /// The value of an attribute. XML has no form for most control characters.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -211,7 +227,7 @@ const fn is_no_character(letter: char) -> bool {
 }
 
 /// A text inside a comment, which two hyphens would end.
-fn in_comment(text: &str) -> String {
+pub(super) fn in_comment(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         if letter == '-' && out.ends_with('-') {

@@ -110,6 +110,7 @@ fn at(angles: &[f64]) -> Target {
         name: "rivet 7".to_owned(),
         joints: Some(TargetJoints {
             names: Vec::new(),
+            slides: None,
             angles: angles.to_vec(),
         }),
         ..Target::default()

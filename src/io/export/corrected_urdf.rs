@@ -1,0 +1,157 @@
+//! A URDF with the identified geometry in it: the file as it is, with other origins for the joints of its arm.
+//!
+//! Inputs: the geometry of table `calibrations`, the URDF and the two links in it that are the controller's base and flange. Output:
+//! the same bytes but for attributes `xyz` and `rpy` of the `<origin>` of each joint of the arm that moves, and of the first fixed
+//! joint behind the last of them. Joint offsets are in the origins, so joint angles stay those that the controller reports; axes,
+//! limits, links, comments and spaces stay. Nothing is added that says so, which leaves a difference of origins alone; and a URDF
+//! that was corrected is refused, since it is no longer the nominal arm.
+
+use std::fs;
+use std::io::Write;
+use std::ops::Range;
+use std::path::Path;
+
+use nalgebra::Isometry3;
+use roxmltree::Node;
+
+use super::controller_base::InControllerBase;
+use super::origins::{ChainJoint, Origins};
+use super::urdf::three;
+use super::urdf_chain::{self, Ends, Step, part};
+use super::{ExportError, ExportErrorKind, held_out};
+use crate::geometry::rpy;
+use crate::units::MM_PER_M;
+
+/// A URDF, and its links that are the controller's base and flange.
+#[derive(Debug, Clone, Copy)]
+pub struct GivenUrdf<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// The two links.
+    pub ends: Ends<'a>,
+}
+
+/// Writes the URDF with the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
+pub fn write(
+    path: &Path,
+    given: &GivenUrdf<'_>,
+    mut sink: impl Write,
+) -> Result<Vec<String>, ExportError> {
+    let own = InControllerBase::read(path)?;
+    let text = read(given.path)?;
+    let refused = |source| ExportErrorKind::NoChain(source).at(given.path);
+    let document = urdf_chain::document(&text).map_err(refused)?;
+    let steps = urdf_chain::steps(&document, given.ends).map_err(refused)?;
+    let origins = origins(&own, &steps, given.path)?;
+    let changed = steps.iter().zip(&origins.joints);
+    let edits =
+        changed.filter_map(|(step, origin)| Some(edits(&text, step.node, origin.as_ref()?)));
+    let corrected = edited(&text, edits.flatten().collect());
+    sink.write_all(corrected.as_bytes())?;
+    Ok(remarks(&own, &steps, &origins, &held_out::dropped(path)))
+}
+
+/// The text of a URDF.
+pub(super) fn read(path: &Path) -> Result<String, ExportError> {
+    let text = fs::read(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))?;
+    String::from_utf8(text).map_err(|_| ExportErrorKind::NotUtf8.at(path))
+}
+
+/// The origins with which the URDF at `path` is the identified geometry.
+pub(super) fn origins(
+    own: &InControllerBase,
+    steps: &[Step<'_, '_>],
+    path: &Path,
+) -> Result<Origins, ExportError> {
+    let chain: Vec<ChainJoint> = steps.iter().map(|step| step.joint.clone()).collect();
+    Origins::of(own, &chain).map_err(|source| ExportErrorKind::OtherChain(source).at(path))
+}
+
+/// A text in the place of another.
+type Edit = (Range<usize>, String);
+
+/// Changes of a joint's text that give it another origin, mm.
+fn edits(text: &str, joint: Node<'_, '_>, origin: &Isometry3<f64>) -> Vec<Edit> {
+    let numbers = [
+        ("xyz", three((origin.translation.vector / MM_PER_M).into())),
+        ("rpy", three(rpy(&origin.rotation))),
+    ];
+    let Some(node) = part(joint, "origin") else {
+        return new_origin(text, joint, &numbers).into_iter().collect();
+    };
+    // A missing attribute comes behind the other one, or behind the name of the element.
+    let start = node.range().start;
+    let name = text[start..].find(|end: char| end.is_whitespace() || matches!(end, '/' | '>'));
+    let name = start + name.unwrap_or_default();
+    let behind = node
+        .attributes()
+        .map(|own| own.range().end)
+        .max()
+        .unwrap_or(name);
+    let edit = |(name, value): (&str, String)| match node.attribute_node(name) {
+        Some(own) => (own.range_value(), value),
+        None => (behind..behind, format!(" {name}=\"{value}\"")),
+    };
+    numbers.into_iter().map(edit).collect()
+}
+
+/// An origin before the first element of a joint that has none.
+fn new_origin(text: &str, joint: Node<'_, '_>, numbers: &[(&str, String); 2]) -> Option<Edit> {
+    let first = joint.first_element_child()?.range().start;
+    let before = &text[..first];
+    let indent = before.trim_end_matches([' ', '\t', '\r', '\n']).len();
+    let [(_, xyz), (_, rpy)] = numbers;
+    let origin = format!("<origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>{}", &before[indent..]);
+    Some((first..first, origin))
+}
+
+/// The text with the edits in it.
+fn edited(text: &str, mut edits: Vec<Edit>) -> String {
+    edits.sort_by_key(|(place, _)| place.start);
+    let (mut out, mut done) = (String::with_capacity(text.len()), 0);
+    for (place, value) in edits {
+        out.push_str(&text[done..place.start]);
+        out.push_str(&value);
+        done = place.end;
+    }
+    out.push_str(&text[done..]);
+    out
+}
+
+/// What changed and what is left out.
+fn remarks(
+    own: &InControllerBase,
+    steps: &[Step<'_, '_>],
+    origins: &Origins,
+    dropped: &str,
+) -> Vec<String> {
+    let key = &own.published.key;
+    let changed = steps.iter().zip(&origins.joints);
+    let changed = changed.filter(|(_, origin)| origin.is_some());
+    let names: Vec<&str> = changed.map(|(step, _)| step.joint.name.as_str()).collect();
+    let mut lines = vec![
+        format!(
+            "origins of {} are the identified geometry of robot {:?}, session {:?}, run {}; joint offsets are in them, and nothing else changed",
+            names.join(", "),
+            key.robot,
+            key.session,
+            key.run
+        ),
+        own.published.error_frame.words(),
+        dropped.to_owned(),
+    ];
+    lines.extend(origins.rest.as_ref().map(|rest| {
+        format!(
+            "no fixed joint stands behind the last one that moves, so that the flange is {:.4} mm and {:.6} deg off the tip: add to the tool \
+             xyz=\"{}\" rpy=\"{}\" (m, rad)",
+            rest.translation.vector.norm(),
+            rest.rotation.angle().to_degrees(),
+            three((rest.translation.vector / MM_PER_M).into()),
+            three(rpy(&rest.rotation))
+        )
+    }));
+    lines
+}
+
+#[cfg(test)]
+mod tests;

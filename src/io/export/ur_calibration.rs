@@ -1,0 +1,137 @@
+//! The identified geometry of a Universal Robots arm as the calibration file of its ROS description.
+//!
+//! Inputs: the geometry of table `calibrations`. Output: YAML that package `ur_description` takes as its `kinematics_params`: for
+//! each of the six links the frame of its joint in the one before, m and rad, each joint about z. Sources: files
+//! `config/*/default_kinematics.yaml`, `urdf/inc/ur_common.xacro` and `urdf/ur_macro.xacro` of
+//! `UniversalRobots/Universal_Robots_ROS2_Description`, and `ur_calibration` of `Universal_Robots_ROS2_Driver`. Steps:
+//! 1. the six frames of a nominal UR follow from the lines of the run's nominal axes; an arm that they are not the whole of is no UR;
+//! 2. the identified errors become the least motions of those frames ([`super::origins`]);
+//! 3. the description has its flange, `tool0`, in the sixth frame itself. A flange that stands off axis 6, or tilted against it, is
+//!    stated in a comment: it belongs to the tool.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::Isometry3;
+
+use super::controller_base::InControllerBase;
+use super::origins::{ChainJoint, Origins, OriginsError, about_z};
+use super::urdf::three;
+use super::{ExportError, ExportErrorKind, held_out};
+use crate::geometry::isometry_from_rpy;
+use crate::geometry::rpy;
+use crate::kinematics::{Arm, Screws};
+
+/// Names of the links whose joints the file places.
+const LINKS: [&str; 6] = [
+    "shoulder",
+    "upper_arm",
+    "forearm",
+    "wrist_1",
+    "wrist_2",
+    "wrist_3",
+];
+
+/// Writes the geometry in a file of table `calibrations`.
+pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
+    let own = InControllerBase::read(path)?;
+    let no_ur = |source| ExportErrorKind::NoUr(source).at(path);
+    let chain = chain(&own.published.arm.arm).ok_or_else(|| no_ur(None))?;
+    let origins = Origins::of(&own, &chain).map_err(|source| no_ur(Some(source)))?;
+    let yaml = text(&own, &origins, &held_out::dropped(path));
+    Ok(sink.write_all(yaml.as_bytes())?)
+}
+
+/// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between each two.
+fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
+    let none = vec![0.0; arm.chain().parameters().len()];
+    let screws = Screws::of(arm.chain(), &none);
+    let points: Vec<_> = screws.axes.iter().map(|screw| screw.line.point).collect();
+    let [_, lift, elbow, wrist_1, wrist_2, wrist_3] = points[..] else {
+        return None;
+    };
+    let flange = screws.flange.translation.vector;
+    let right = std::f64::consts::FRAC_PI_2;
+    let frames = [
+        ([0.0, 0.0, lift.z], 0.0),
+        ([0.0, 0.0, 0.0], right),
+        ([elbow.x, 0.0, 0.0], 0.0),
+        ([wrist_1.x - elbow.x, 0.0, -wrist_2.y], 0.0),
+        ([0.0, wrist_3.z - lift.z, 0.0], right),
+        ([0.0, wrist_2.y - flange.y, 0.0], -right),
+    ];
+    let joint = |(name, (xyz, roll)): (&str, ([f64; 3], f64))| ChainJoint {
+        name: name.to_owned(),
+        origin: isometry_from_rpy(xyz, [roll, 0.0, 0.0]),
+        moves: Some(about_z()),
+    };
+    Some(LINKS.into_iter().zip(frames).map(joint).collect())
+}
+
+fn text(own: &InControllerBase, origins: &Origins, dropped: &str) -> String {
+    let key = &own.published.key;
+    let mut yaml = String::new();
+    for remark in remarks(own, origins.rest.as_ref(), dropped) {
+        let _ = writeln!(yaml, "# {remark}");
+    }
+    yaml.push_str("kinematics:\n");
+    for (link, origin) in LINKS.iter().zip(&origins.joints) {
+        let origin = origin.unwrap_or_else(Isometry3::identity);
+        let at = origin.translation.vector / 1000.0;
+        let [roll, pitch, yaw] = rpy(&origin.rotation);
+        let _ = writeln!(yaml, "  {link}:");
+        let keys = ["x", "y", "z", "roll", "pitch", "yaw"];
+        for (key, value) in keys.into_iter().zip([at.x, at.y, at.z, roll, pitch, yaw]) {
+            let _ = writeln!(yaml, "    {key}: {}", value + 0.0);
+        }
+    }
+    let _ = writeln!(yaml, "  hash: calib_posegrid_{}", key.run);
+    yaml
+}
+
+/// What the file is and what it leaves out, a line each.
+fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, dropped: &str) -> Vec<String> {
+    let key = &own.published.key;
+    let mut lines = vec![
+        format!(
+            "identified kinematics of arm {:?}, robot {:?}, session {:?}, by posegrid run {}",
+            own.published.arm.arm.model(),
+            key.robot,
+            key.session,
+            key.run
+        ),
+        "for ur_description (kinematics_params): metres and radians, roll pitch yaw about fixed x y z, base = the controller's base"
+            .to_owned(),
+        "hash: of this run, not the controller's. The driver compares it with that of the factory calibration and reports that they differ"
+            .to_owned(),
+        own.published.error_frame.words(),
+        dropped.to_owned(),
+    ];
+    lines.extend(rest.map(left));
+    lines
+}
+
+/// The flange in the sixth frame, which the file cannot say.
+fn left(rest: &Isometry3<f64>) -> String {
+    let at = rest.translation.vector;
+    format!(
+        "not in the six frames: the flange stands {:.4} mm off axis 6 and {:.6} deg tilted against it; add it to the tool: \
+         tool0 to flange xyz=\"{}\" rpy=\"{}\" (m, rad)",
+        at.norm(),
+        rest.rotation.angle().to_degrees(),
+        three((at / 1000.0).into()),
+        three(rpy(&rest.rotation))
+    )
+}
+
+/// An arm that is no UR, for a person.
+pub(super) fn no_ur(source: Option<&OriginsError>) -> String {
+    let why = source.map_or_else(|| "it has not six axes".to_owned(), ToString::to_string);
+    format!(
+        "the arm is not one of Universal Robots, as ur_description has them ({why}); use --format urdf or --format xacro"
+    )
+}
+
+#[cfg(test)]
+mod tests;
