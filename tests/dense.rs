@@ -8,7 +8,7 @@ use posegrid::fit::full::layout::{Block, Layout};
 use posegrid::fit::full::regression::Sums;
 use posegrid::fit::full::spectrum::Kernel;
 use posegrid::join::ReadingKind;
-use posegrid::kinematics::Twist;
+use posegrid::kinematics::{Axes, Twist};
 
 mod common;
 
@@ -38,7 +38,7 @@ fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
     let view = PoseView {
         unknowns: &[],
         joints: twists,
-        axes: &[],
+        axes: &Axes::default(),
         end: Point3::origin(),
         up: None,
         base: Matrix3::identity(),

@@ -18,6 +18,7 @@ use crate::manifest::RunKey;
 ///     .key(&key)
 ///     .same("joint", 1_u64)
 ///     .same("joint_name", "shoulder_pan_joint")
+///     .same("joint_unit", "rad")
 ///     .column("angle_rad", curve.map(|(angle, _)| angle))
 ///     .group(["error_rad", "curve_rad"], curve.map(|(_, error)| [error; 2]))
 ///     .same("sd_rad", 2.0e-5)

@@ -196,6 +196,7 @@ mod tests {
             .key(&RunKey::new("ur10", "grid", run))
             .same("joint", 1_u64)
             .same("joint_name", "shoulder_pan_joint")
+            .same("joint_unit", "rad")
             .column("angle_rad", angles)
             .column("error_rad", [2e-4; N])
             .column("curve_rad", curve)

@@ -80,7 +80,7 @@ pub struct Head {
 /// # let path = folder.path().join("curve.parquet");
 /// # let curve = Columns::new(schema::find("joint_errors")?, 1)
 /// #     .key(&RunKey::new("ur10", "2020-11-09", "00ff"))
-/// #     .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("angle_rad", 0.5)
+/// #     .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("joint_unit", "rad").same("angle_rad", 0.5)
 /// #     .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5)
 /// #     .same("gear_lines_rad", 0.0).same("measured", true).finish()?;
 /// # table::write(&curve, std::fs::File::create(&path)?)?;
@@ -424,6 +424,7 @@ mod tests {
             .key(&RunKey::new("ur10", "grid", "00ff"))
             .same("joint", 1_u64)
             .same("joint_name", "shoulder_pan_joint")
+            .same("joint_unit", "rad")
             .column("angle_rad", order)
             .column("error_rad", order.map(|angle| angle / 1e3))
             .column("curve_rad", order.map(|angle| angle / 1e3))
@@ -460,10 +461,11 @@ mod tests {
             "{other}"
         );
         let mut next = curve([-1.0, 0.0, 1.0]).schema().clone();
-        next.version = 2;
+        next.version = 3;
+        next.reads_from = None;
         let older = refusal(&bytes, Box::leak(Box::new(next)));
         assert!(
-            older.contains("version 1 of table \"joint_errors\", this program reads version 2"),
+            older.contains("version 2 of table \"joint_errors\", this program reads version 3"),
             "{older}"
         );
         let schema = schema::find("joint_errors").unwrap();
