@@ -362,6 +362,9 @@ fn tables_given_by_hand() {
                 out: None,
                 convention: None,
                 stations: Vec::new(),
+                urdf: None,
+                base: None,
+                tip: None,
             };
             if let Err(error) = export::run(&args) {
                 outcome += &told(&error);
