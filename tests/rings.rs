@@ -12,7 +12,7 @@ const MAY_USE: &[(&str, &str)] = &[
     // Core.
     ("units", ""),
     ("geometry", "units"),
-    ("kinematics", "geometry"),
+    ("kinematics", "geometry units"),
     ("linalg", ""),
     ("figures", ""),
     ("progress", ""),

@@ -12,6 +12,7 @@ use crate::fit::observation::Observation;
 use crate::fit::observation::measured::moved;
 use crate::join::ReadingKind;
 use crate::kinematics::Twist;
+use crate::units::MM_PER_M;
 
 /// Variances of the repeatability.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,12 +34,13 @@ const PASSES: usize = 12;
 const PRIOR: f64 = 2.0;
 
 impl Repeatability {
-    /// The expected sizes for an arm of `joints` joints.
-    pub fn expected(settings: &FullSettings, joints: usize) -> Self {
+    /// The expected sizes for the joints of `slides`: a joint that slides repeats a mm as another repeats a mrad.
+    pub fn expected(settings: &FullSettings, slides: &[bool]) -> Self {
+        let size = |slides: &bool| settings.joint_noise_rad * if *slides { MM_PER_M } else { 1.0 };
         Self {
             position: settings.noise_mm.powi(2),
             orientation: (2.0 * settings.joint_noise_rad).powi(2),
-            joints: vec![settings.joint_noise_rad.powi(2); joints],
+            joints: slides.iter().map(|own| size(own).powi(2)).collect(),
         }
     }
 

@@ -118,7 +118,7 @@ impl State {
         let joints = observations.first().map_or(0, |o| o.axes.len());
         Self {
             components,
-            repeatability: Repeatability::expected(settings, joints),
+            repeatability: Repeatability::expected(settings, &problem.slides()[..joints]),
             tails: Tails::Normal,
             weights: vec![1.0; observations.len()],
             middles: middles(problem),
