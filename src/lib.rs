@@ -51,8 +51,9 @@
 //! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], where its
 //!   name is a value of [`io::tables::accuracy::FigureName`] and a word in `schemas/accuracy.toml` (a new version of the
 //!   schema, and a line in its `changes`).
-//! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
-//!   [`kinematics::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
+//! - *An arm*: a file in `pipelines/robots/` and its line in [`io::robot::ready`]. Another convention of links is a variant of
+//!   [`kinematics::Convention`], the elements it makes, and its numbers from the lines of the axes in [`kinematics::restate`];
+//!   nothing behind [`kinematics::Chain`] changes.
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
 //!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that reads something else, a distance say, is a
 //!   variant of [`join::ReadingKind`], [`join::Value`] and [`fit::Measured`]; its residual, its rows and its covariance stand in

@@ -306,6 +306,11 @@ impl Cell {
         );
         let ended = posegrid(&["compensate", &table, &file, "--out", &out]);
         println!("{}", ended.told);
+        if places.len() < 3 {
+            // Two joints cannot move a point in three directions: every target is refused with that reason.
+            ended.expect(&[1], &["t0", "the pose is not reachable"]);
+            return;
+        }
         ended.expect(&[0, 3], &["40 targets: "]);
         let corrected = fs::read_to_string(&out).expect("corrected targets");
         let header = corrected.lines().next().expect("a header");

@@ -21,7 +21,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("join", "figures geometry ingest kinematics units"),
     ("setup", "figures geometry join kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),
-    ("similarity", ""),
+    ("similarity", "units"),
     ("grid", "figures fit join kinematics progress"),
     ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join kinematics units"),

@@ -92,6 +92,7 @@ fn sample_table(sample: &Sample) -> Table {
         )
         .same("configuration", Some("shoulder+ elbow- wrist+"))
         .same("joint_names", &["a1", "a2", "a3", "a4", "a5", "a6"][..])
+        .absent(["joint_units"])
         .column(
             "joints_rad",
             nodes
