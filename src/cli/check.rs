@@ -137,15 +137,6 @@ const fn remark_on_parallel(convention: Convention) -> &'static str {
     }
 }
 
-/// A joint's position as the controller reports it: degrees, or mm where it slides.
-fn as_reported(joint: &Joint, position: f64) -> f64 {
-    if joint.slides {
-        position
-    } else {
-        position.to_degrees()
-    }
-}
-
 /// The arm with the name and range of each joint, and the convention of its link.
 fn arm(arm: &Arm) -> String {
     let parameters = arm.chain().parameters();
@@ -161,8 +152,8 @@ fn arm(arm: &Arm) -> String {
         } else {
             ""
         };
-        let unit = if joint.slides { " mm" } else { "°" };
-        let [lower, upper] = [joint.lower, joint.upper].map(|limit| as_reported(joint, limit));
+        let unit = joint.sign_of_unit();
+        let [lower, upper] = [joint.lower, joint.upper].map(|limit| joint.shown(limit));
         writeln!(
             text,
             "  {} {:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {}{remark}",
@@ -189,14 +180,10 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     let flange = *arm.flange(reported).isometry();
     let degrees = rpy(&flange.rotation).map(|angle| to_step(angle.to_degrees(), 1e-3));
     let mm = flange.translation.vector.map(|x| to_step(x, 1e-3));
-    let any_slides = arm.joints().iter().any(|joint| joint.slides);
+    let any_slides = arm.has_slides();
     let position = |(joint, &q): (&Joint, &f64)| {
-        let unit = match (any_slides, joint.slides) {
-            (false, _) => "",
-            (true, false) => "°",
-            (true, true) => " mm",
-        };
-        format!("{:.0}{unit}", to_step(as_reported(joint, q), 1.0))
+        let unit = if any_slides { joint.sign_of_unit() } else { "" };
+        format!("{:.0}{unit}", to_step(joint.shown(q), 1.0))
     };
     let positions: Vec<String> = arm.joints().iter().zip(reported).map(position).collect();
     let degrees_at_end = if any_slides { "" } else { "°" };

@@ -123,7 +123,16 @@ impl IdentifiedArm {
 
     /// By how much a joint's value may be beyond those measured and counts as measured, rad or mm.
     fn rim(&self, joint: usize) -> f64 {
-        RIM_RAD * JointVariable::of(&self.arm)[joint].scale(LEVER_MM)
+        RIM_RAD * self.per_radian(joint)
+    }
+
+    /// Units of a joint's variable that count as one radian of a joint that turns.
+    fn per_radian(&self, joint: usize) -> f64 {
+        if self.arm.joints()[joint].slides {
+            LEVER_MM
+        } else {
+            1.0
+        }
     }
 
     /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a linear joint, and for one
@@ -153,21 +162,18 @@ impl IdentifiedArm {
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
     pub(super) fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
-        let variables = JointVariable::of(&self.arm);
-        let beyond = |joint: usize| {
-            let scale = variables[joint].scale(LEVER_MM);
-            self.beyond_measured(joint, joints[joint]) / scale
-        };
+        let beyond =
+            |joint: usize| self.beyond_measured(joint, joints[joint]) / self.per_radian(joint);
         let out = (0..joints.len()).map(|joint| (joint, beyond(joint)));
         match out.max_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((joint, furthest)) if furthest > RIM_RAD => {
-                let own = variables[joint];
+                let own = &self.arm.joints()[joint];
                 Err(Reason::JointRange {
-                    joint: self.arm.joints()[joint].name.clone(),
+                    joint: own.name.clone(),
                     value: own.shown(joints[joint]),
                     beyond: own.shown(self.beyond_measured(joint, joints[joint])),
                     measured: self.measured[joint].map(|value| own.shown(value)),
-                    unit: own.unit(),
+                    unit: own.sign_of_unit(),
                 })
             }
             _ => Ok(()),

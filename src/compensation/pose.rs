@@ -280,11 +280,10 @@ impl<'a> Poses<'a> {
 
 /// Refuses joint angles that are not within the arm's limits, naming the first joint that is beyond.
 pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
-    let variables = JointVariable::of(arm);
-    let mut joints = arm.joints().iter().zip(joints).zip(variables);
-    let beyond = joints.find(|((joint, value), _)| !(joint.lower..=joint.upper).contains(value));
-    beyond.map_or(Ok(()), |((joint, value), variable)| {
-        Err(Reason::Arm(InverseError::beyond(joint, variable, *value)))
+    let mut joints = arm.joints().iter().zip(joints);
+    let beyond = joints.find(|(joint, value)| !(joint.lower..=joint.upper).contains(value));
+    beyond.map_or(Ok(()), |(joint, value)| {
+        Err(Reason::Arm(InverseError::beyond(joint, *value)))
     })
 }
 

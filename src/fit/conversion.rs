@@ -9,10 +9,14 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3};
 
-use crate::kinematics::{Arm, Axis, Chain, Element, Motion, Parameter};
+use super::FramePair;
+use super::problem::measurement_chain;
+use crate::geometry::Transform;
+use crate::kinematics::inverse::spread;
+use crate::kinematics::{Arm, Chain, Parameter};
 
 /// Poses that the two conventions are compared at, and as many others for what is left.
-const POSES: usize = 80;
+const POSES: u32 = 80;
 /// An angle of this size counts as much as a length of 1 mm.
 const RAD_PER_MM: f64 = 1e-3;
 /// An offset of base or target counts as much as a link's that is larger by the inverse of this.
@@ -59,7 +63,7 @@ pub fn carried(
     );
     let offsets = errors.of(&own);
     let parameters = other.parameters();
-    let poses = |first: usize| {
+    let poses = |first: u32| {
         (first..first + POSES).map(|place| {
             (
                 from.axes(&spread_joints(from, place)),
@@ -152,33 +156,21 @@ fn cost(parameter: &Parameter) -> f64 {
     share * size(parameter)
 }
 
-/// `(six small motions of the base) · arm · (three shifts) · flange_from_target · (three turns)`, as a fit has it.
+/// The chain of a fit with the base where the root is: `(six small motions of the base) · arm · (three shifts) · flange_from_target ·
+/// (three turns)`.
 pub fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
-    let free = |of: fn(Motion) -> Parameter, motion| Element::Free {
-        motion,
-        nominal: 0.0,
-        parameter: of(motion),
-    };
-    let shifts = |of| Axis::ALL.map(|axis| free(of, Motion::Translation(axis)));
-    let turns = |of| Axis::ALL.map(|axis| free(of, Motion::Rotation(axis)));
-    let mut before = Vec::from(shifts(Parameter::Base));
-    before.extend(turns(Parameter::Base));
-    let mut after = Vec::from(shifts(Parameter::Target));
-    after.push(Element::Fixed(*flange_from_target));
-    after.extend(turns(Parameter::Target));
-    arm.extended(before, after)
+    let frames = FramePair::only(
+        Transform::claim(Isometry3::identity()),
+        Transform::claim(*flange_from_target),
+    );
+    measurement_chain(arm, &frames, true)
 }
 
-/// Joint positions spread over the ranges, rad or mm: an irrational step per joint, another pose for each `place`.
-pub fn spread_joints(arm: &Arm, place: usize) -> Vec<f64> {
-    const PRIMES: [f64; 16] = [
-        2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
-    ];
-    let position = |(joint, prime): (&crate::kinematics::Joint, f64)| {
-        let share = ((place + 1) as f64 * prime.sqrt()).fract();
-        joint.lower + (joint.upper - joint.lower) * share
-    };
-    arm.joints().iter().zip(PRIMES).map(position).collect()
+/// Joint positions spread over the ranges, rad or mm, another pose for each `place`.
+pub fn spread_joints(arm: &Arm, place: u32) -> Vec<f64> {
+    let joints = arm.joints().iter();
+    let ranges: Vec<_> = joints.map(|joint| [joint.lower, joint.upper]).collect();
+    spread(place, &ranges)
 }
 
 /// Target of `one` minus target of `other` at each pose: three rows of mm, three of rad over [`RAD_PER_MM`].

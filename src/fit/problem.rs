@@ -375,7 +375,7 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
 }
 
 /// `tracker_from_base · (six small motions) · arm · (three small shifts) · flange_from_target · (three small turns)`.
-fn measurement_chain(arm: &Chain, frames: &FramePair, turned: bool) -> Chain {
+pub(super) fn measurement_chain(arm: &Chain, frames: &FramePair, turned: bool) -> Chain {
     let free = |of: fn(Motion) -> Parameter, motion| Element::Free {
         motion,
         nominal: 0.0,

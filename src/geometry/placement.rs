@@ -64,6 +64,17 @@ impl Placement {
         ))
     }
 
+    /// The placement of an isometry in mm, its rotation as a quaternion.
+    pub fn of(isometry: &Isometry3<f64>) -> Self {
+        Self {
+            // No negative zero.
+            xyz_mm: isometry.translation.vector.map(|x| x + 0.0).into(),
+            quaternion_xyzw: Some(isometry.rotation.coords.map(|x| x + 0.0).into()),
+            euler_deg: None,
+            euler_order: None,
+        }
+    }
+
     /// Placements with these numbers under the other conventions that they may have been written in, each with its words: another order of
     /// the angles, angles in radians, a quaternion with its scalar first. Those that make no rotation are left out.
     pub fn other_conventions(&self) -> Vec<(String, Isometry3<f64>)> {

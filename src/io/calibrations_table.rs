@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::common::{self, Common, CommonError, Corrects as _};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
-use super::table::{FileError, Row as _, Word as _};
+use super::table::{FileError, Row as _, Table, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
@@ -81,83 +81,84 @@ pub enum CalibrationsTableError {
 
 /// Reads the arm that a run identified, with the best model it has.
 pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_model(path, &Model::serving().collect::<Vec<_>>())
+    CalibrationsFile::read(path)?.arm(&Model::serving().collect::<Vec<_>>())
 }
 
 /// Reads the arm that a run identified, with the geometry alone.
 pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_model(path, &[Model::Geometric])
+    CalibrationsFile::read(path)?.arm(&[Model::Geometric])
 }
 
 /// Reads the arm with its identified geometry, and the offsets of its parameters with their covariance.
 pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), CalibrationsTableError> {
-    let arm = read_geometry(path)?;
-    let table = read_given(path, schema::find("calibrations")?)?;
-    let file = CalibrationsFile {
-        path,
-        rows: CalibrationRow::read(&table),
-    };
+    let file = CalibrationsFile::read(path)?;
     let model = Model::Geometric;
+    let arm = file.arm(&[model])?;
     let row = file.row(model).ok_or_else(|| file.absent(model))?;
     let saved = SavedCalibration::read(&row.model).and_then(|saved| saved.errors());
     Ok((arm, saved.map_err(|source| file.wrong(model, source))?))
 }
 
-/// Reads the arm with the first of the `wanted` models that there is.
-fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
-    let table = read_given(path, schema::find("calibrations")?)?;
-    let file = CalibrationsFile {
-        path,
-        rows: CalibrationRow::read(&table),
-    };
-    let base_target = Model::BaseTarget;
-    let base = file
-        .head(base_target)?
-        .ok_or_else(|| file.absent(base_target))?;
-    let wrong = |source| file.wrong(base_target, source);
-    let arm = base.arm.arm().map_err(wrong)?;
-    let said = file.said();
-    let key = common::key(path, &table)?;
-    let model = file.first(wanted, &base)?;
-    let verdict = file.row(model.model).map(|row| row.verdict);
-    let first = file
-        .rows
-        .first()
-        .expect("a table that was read has the row base_target");
-    let error_frame = first.stated_frame();
-    let arm = IdentifiedArm {
-        // A run's table for joint angles goes by the run's name, as its table of nodes does.
-        table_id: key.run.clone(),
-        frames: file.frames()?,
-        flange_from_tool: said.placement("flange_from_tool", |row| {
-            (row.flange_from_tool, row.flange_from_tool_turn)
-        })?,
-        command_from_base: said.command_from_base()?,
-        model,
-        measured: said.joint_ranges(arm.joints().len())?,
-        configurations: said
-            .one("configurations", |row| Some(&row.configurations))?
-            .cloned()
-            .unwrap_or_default(),
-        validity: said.validity()?,
-        frame_uncertainty: error_frame.uncertainty(),
-        arm,
-    };
-    Ok(PublishedArm {
-        key,
-        verdict: verdict.unwrap_or(TableVerdict::NotShown),
-        arm,
-        error_frame,
-    })
-}
-
 /// A file that keeps the schema.
 struct CalibrationsFile<'t> {
     path: &'t Path,
+    table: Table,
     rows: Vec<CalibrationRow>,
 }
 
-impl CalibrationsFile<'_> {
+impl<'t> CalibrationsFile<'t> {
+    fn read(path: &'t Path) -> Result<Self, CalibrationsTableError> {
+        let table = read_given(path, schema::find("calibrations")?)?;
+        Ok(Self {
+            path,
+            rows: CalibrationRow::read(&table),
+            table,
+        })
+    }
+
+    /// The arm with the first of the `wanted` models that there is.
+    fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
+        let base_target = Model::BaseTarget;
+        let base = self
+            .head(base_target)?
+            .ok_or_else(|| self.absent(base_target))?;
+        let wrong = |source| self.wrong(base_target, source);
+        let arm = base.arm.arm().map_err(wrong)?;
+        let said = self.said();
+        let key = common::key(self.path, &self.table)?;
+        let model = self.first(wanted, &base)?;
+        let verdict = self.row(model.model).map(|row| row.verdict);
+        let first = self
+            .rows
+            .first()
+            .expect("a table that was read has the row base_target");
+        let error_frame = first.stated_frame();
+        let arm = IdentifiedArm {
+            // A run's table for joint angles goes by the run's name, as its table of nodes does.
+            table_id: key.run.clone(),
+            frames: self.frames()?,
+            flange_from_tool: said.placement("flange_from_tool", |row| {
+                (row.flange_from_tool, row.flange_from_tool_turn)
+            })?,
+            command_from_base: said.command_from_base()?,
+            model,
+            measured: said.joint_ranges(arm.joints().len())?,
+            configurations: said
+                .one("configurations", |row| Some(&row.configurations))?
+                .cloned()
+                .unwrap_or_default(),
+            validity: said.validity()?,
+            frame_uncertainty: error_frame.uncertainty(),
+            arm,
+        };
+        Ok(PublishedArm {
+            key,
+            verdict: verdict.unwrap_or(TableVerdict::NotShown),
+            arm,
+            error_frame,
+        })
+    }
+
     fn said(&self) -> Common<'_, CalibrationRow> {
         Common {
             path: self.path,

@@ -161,8 +161,6 @@ pub enum ExportErrorKind {
     OtherChain(OriginsError),
     /// The file cannot be read.
     NotRead(io::Error),
-    /// The file is not text.
-    NotUtf8,
     /// The file is in no lake.
     NoLake,
     /// The stations are of another run.
@@ -212,7 +210,6 @@ impl ExportErrorKind {
             Self::NoChain(source) => format!("{path} {source}"),
             Self::OtherChain(source) => format!("{path}: {source}"),
             Self::NotRead(source) => format!("{path}: {source}"),
-            Self::NotUtf8 => format!("{path} is no UTF-8 text; save it as UTF-8"),
             Self::NoLake => format!(
                 "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
                  it: give the run's file of table \"stations\" by --stations"

@@ -139,13 +139,13 @@ pub enum InverseError {
 
 impl InverseError {
     /// A joint's value (rad or mm) beyond its limits.
-    pub fn beyond(joint: &Joint, variable: JointVariable, value: f64) -> Self {
+    pub fn beyond(joint: &Joint, value: f64) -> Self {
         Self::LimitReached {
             joint: joint.name.clone(),
-            value: variable.shown(value),
-            lower: variable.shown(joint.lower),
-            upper: variable.shown(joint.upper),
-            unit: variable.unit(),
+            value: joint.shown(value),
+            lower: joint.shown(joint.lower),
+            upper: joint.shown(joint.upper),
+            unit: joint.sign_of_unit(),
         }
     }
 }

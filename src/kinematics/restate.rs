@@ -170,7 +170,7 @@ fn unlinked(joint: &JointFile) -> JointFile {
 /// may be.
 fn on_first_axis(first: &Line) -> Isometry3<f64> {
     let point = first.nearest_to(&Point3::origin());
-    Isometry3::from_parts(point.into(), lines::z_to(&first.direction))
+    lines::frame_along(point.coords, &first.direction)
 }
 
 fn cpc(file: &mut RobotFile, screws: &Screws) {

@@ -150,7 +150,8 @@ impl RobotFile {
         self.check()?;
         let reported: Vec<&JointFile> = self.joint.iter().filter(|j| j.is_reported()).collect();
         let parallel = self.parallel_joints();
-        let mut elements = placement("base", self.base.as_ref())?.into_iter().collect();
+        let base = placement("base", self.base.as_ref())?;
+        let mut elements = base.map(Element::Fixed).into_iter().collect();
         self.push_links(&reported, &parallel, &mut elements)?;
         Ok(Arm::of_file(Nominal {
             model: self.model.clone(),
@@ -184,13 +185,13 @@ impl RobotFile {
             elements.extend(self.link((file, &joint), beside, &mut before)?);
         }
         let flange = placement("flange", self.flange.as_ref())?;
-        elements.extend(match self.convention {
+        let behind = match self.convention {
             Convention::Poe | Convention::MinimalPoe => {
-                let flange = flange.as_ref().map_or_else(Isometry3::identity, fixed);
-                Some(Element::Fixed(before.inverse() * flange))
+                Some(before.inverse() * flange.unwrap_or_else(Isometry3::identity))
             }
             _ => flange,
-        });
+        };
+        elements.extend(behind.map(Element::Fixed));
         Ok(())
     }
 
@@ -343,17 +344,13 @@ fn unit(direction: Option<[f64; 3]>) -> UnitVector3<f64> {
     UnitVector3::new_normalize(direction)
 }
 
-fn fixed(element: &Element) -> Isometry3<f64> {
-    element.nominal(&[])
-}
-
-fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Element>, ArmError> {
+/// A stated placement, mm; `None` where none is stated.
+fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Isometry3<f64>>, ArmError> {
     let isometry = stated.map(Placement::isometry).transpose();
-    let isometry = isometry.map_err(|source| ArmError::Placement {
+    isometry.map_err(|source| ArmError::Placement {
         place: place.to_owned(),
         source,
-    })?;
-    Ok(isometry.map(Element::Fixed))
+    })
 }
 
 impl JointFile {
@@ -411,11 +408,8 @@ impl JointFile {
     }
 
     fn origin(&self) -> Result<Isometry3<f64>, ArmError> {
-        let stated = self.origin.as_ref().map(Placement::isometry);
-        let stated = stated.transpose().map_err(|source| ArmError::Placement {
-            place: format!("origin of joint {:?}", self.name),
-            source,
-        })?;
+        let place = format!("origin of joint {:?}", self.name);
+        let stated = placement(&place, self.origin.as_ref())?;
         Ok(stated.unwrap_or_else(Isometry3::identity))
     }
 }

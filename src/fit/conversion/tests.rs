@@ -73,7 +73,7 @@ impl Truth {
         }
     }
 
-    /// The same arm with errors so many times as large.
+    /// This arm with each of its errors multiplied by `factor`.
     pub(crate) fn times(mut self, factor: f64) -> Self {
         self.offsets.iter_mut().for_each(|offset| *offset *= factor);
         self
@@ -81,7 +81,7 @@ impl Truth {
 
     /// Joint angles of a station, within the middle three quarters of the ranges.
     fn joints(&self, place: usize) -> Vec<f64> {
-        let own = spread_joints(&self.arm, place);
+        let own = spread_joints(&self.arm, u32::try_from(place).expect("few"));
         let within = |(joint, q): (&crate::kinematics::Joint, &f64)| {
             let middle = 0.5 * (joint.lower + joint.upper);
             middle + 0.75 * (q - middle)

@@ -11,7 +11,7 @@
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use super::parts::PartEvidence;
-use super::rows::{Row, rows, sums};
+use super::rows::{Row, covariances, rows};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
 use crate::fit::holdout::{Blocks, FOLDS};
@@ -60,7 +60,7 @@ impl Settled {
         up: Option<Vector3<f64>>,
     ) -> Option<f64> {
         let rows = rows(problem, &self.state, up);
-        let (_, covariances) = sums(problem, &self.state, &rows, &self.prior_mean);
+        let covariances = covariances(problem, &self.state, &rows);
         let mean = self.posterior.mean() + &self.prior_mean;
         let mut total = 0.0;
         for fold in 0..FOLDS {

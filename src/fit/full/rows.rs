@@ -73,6 +73,21 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
         .collect()
 }
 
+/// Covariance of an observation's noise at its weight.
+fn covariance(state: &State, observation: &Observation, row: &Row, weight: f64) -> DMatrix<f64> {
+    let counted = weight * state.tails.information(row.value.len() as f64);
+    state.repeatability.covariance(observation, &row.joints) / counted
+}
+
+/// Covariance of each observation's noise at its weight, as [`sums`] returns them.
+pub(super) fn covariances(problem: &Problem<'_>, state: &State, rows: &[Row]) -> Vec<DMatrix<f64>> {
+    let observations = problem.observations().iter();
+    let weighted = observations.zip(rows).zip(&state.weights);
+    weighted
+        .map(|((observation, row), weight)| covariance(state, observation, row, *weight))
+        .collect()
+}
+
 /// Observations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
 /// for its sum alone. Fixed, so that results do not depend on the number of threads.
 const SUMMED_AT_ONCE: usize = 512;
@@ -85,8 +100,7 @@ pub(super) fn sums(
     prior_mean: &DVector<f64>,
 ) -> (Sums, Vec<DMatrix<f64>>) {
     let whiten = |((observation, row), weight): ((&Observation, &Row), &f64)| {
-        let counted = *weight * state.tails.information(row.value.len() as f64);
-        let covariance = state.repeatability.covariance(observation, &row.joints) / counted;
+        let covariance = covariance(state, observation, row, *weight);
         let factor = covariance
             .clone()
             .cholesky()

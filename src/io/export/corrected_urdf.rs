@@ -6,7 +6,6 @@
 //! limits, links, comments and spaces stay. Nothing is added that says so, which leaves a difference of origins alone; and a URDF
 //! that was corrected is refused, since it is no longer the nominal arm.
 
-use std::fs;
 use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
@@ -17,9 +16,11 @@ use roxmltree::Node;
 use super::controller_base::InControllerBase;
 use super::origins::{ChainJoint, Origins};
 use super::urdf::three;
-use super::urdf_chain::{self, Ends, Step, part};
+use super::urdf_chain::{self, Ends, Step};
 use super::{ExportError, ExportErrorKind, held_out};
 use crate::geometry::rpy;
+use crate::io::robot;
+use crate::io::robot::urdf::child;
 use crate::units::MM_PER_M;
 
 /// A URDF, and its links that are the controller's base and flange.
@@ -53,8 +54,7 @@ pub fn write(
 
 /// The text of a URDF.
 pub(super) fn read(path: &Path) -> Result<String, ExportError> {
-    let text = fs::read(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))?;
-    String::from_utf8(text).map_err(|_| ExportErrorKind::NotUtf8.at(path))
+    robot::text(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))
 }
 
 /// The origins with which the URDF at `path` is the identified geometry.
@@ -76,7 +76,7 @@ fn edits(text: &str, joint: Node<'_, '_>, origin: &Isometry3<f64>) -> Vec<Edit> 
         ("xyz", three((origin.translation.vector / MM_PER_M).into())),
         ("rpy", three(rpy(&origin.rotation))),
     ];
-    let Some(node) = part(joint, "origin") else {
+    let Some(node) = child(joint, "origin") else {
         return new_origin(text, joint, &numbers).into_iter().collect();
     };
     // A missing attribute comes behind the other one, or behind the name of the element.

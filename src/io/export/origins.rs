@@ -21,7 +21,7 @@ use crate::kinematics::{
 };
 
 /// Poses that a chain is compared with the run's nominal arm at.
-const POSES: usize = 50;
+const POSES: u32 = 50;
 /// A chain this near to the run's nominal arm is that arm: angles that are written as 1.5708 are off by less.
 const SAME_MM: f64 = 0.05;
 const SAME_RAD: f64 = 5e-5;
@@ -246,7 +246,7 @@ fn fixed(place: usize, joint: &ChainJoint) -> JointFile {
     JointFile {
         name: format!("fixed {place}"),
         kind: JointKind::Fixed,
-        origin: Some(stated(&joint.origin)),
+        origin: Some(Placement::of(&joint.origin)),
         ..JointFile::default()
     }
 }
@@ -270,22 +270,12 @@ fn moving_joint(
         } else {
             JointKind::Revolute
         },
-        origin: Some(stated(&joint.origin)),
+        origin: Some(Placement::of(&joint.origin)),
         axis: Some(moves.axis.into_inner().into()),
         limits_deg: (!moves.slides).then(|| limits.map(f64::to_degrees)),
         limits_mm: moves.slides.then_some(limits),
         ..JointFile::default()
     })
-}
-
-fn stated(isometry: &Isometry3<f64>) -> Placement {
-    let turn: [f64; 4] = isometry.rotation.coords.into();
-    Placement {
-        xyz_mm: isometry.translation.vector.into(),
-        quaternion_xyzw: Some(turn),
-        euler_deg: None,
-        euler_order: None,
-    }
 }
 
 /// Refuses a chain that is another arm than the run's nominal one.

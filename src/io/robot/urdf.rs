@@ -20,9 +20,9 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::Selection;
 use crate::kinematics::RobotFile;
-use tree::Tree;
 
 pub use error::UrdfError;
+pub(in crate::io) use tree::{Joint, Tree};
 
 /// The most XML nodes of a file; a humanoid has ten thousand.
 const MOST_NODES: u32 = 2_000_000;
@@ -48,13 +48,7 @@ pub fn read(
     text: &str,
     selection: &Selection,
 ) -> Result<(RobotFile, LeftOut), Box<UrdfError>> {
-    let options = ParsingOptions {
-        allow_dtd: false,
-        nodes_limit: MOST_NODES,
-        ..ParsingOptions::default()
-    };
-    let document =
-        Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))?;
+    let document = document(text)?;
     let tree = Tree::of(&document)?;
     let ends = tree.ends(selection)?;
     let steps = tree.steps(&ends);
@@ -68,6 +62,16 @@ pub fn read(
         remarks,
     };
     Ok((file, left_out))
+}
+
+/// The XML of a URDF: foreign text, so without entities and of a bounded size.
+pub(in crate::io) fn document(text: &str) -> Result<Document<'_>, UrdfError> {
+    let options = ParsingOptions {
+        allow_dtd: false,
+        nodes_limit: MOST_NODES,
+        ..ParsingOptions::default()
+    };
+    Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))
 }
 
 /// Elements of the robot, and of its links, that nothing reads.
@@ -97,7 +101,7 @@ fn unread(document: &Document<'_>) -> Vec<(&'static str, usize)> {
 }
 
 /// The first child with that name, of the same XML namespace.
-fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+pub(in crate::io) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     children(node, name).next()
 }
 

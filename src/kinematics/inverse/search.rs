@@ -232,10 +232,9 @@ impl<'a> Search<'a> {
     }
 
     pub(super) fn check_limits(&self, joints: &[f64]) -> Result<(), InverseError> {
-        let pairs = self.arm.joints().iter().zip(joints).zip(&self.variables);
-        for ((joint, value), variable) in pairs {
+        for (joint, value) in self.arm.joints().iter().zip(joints) {
             if !is_within(joint, *value) {
-                return Err(InverseError::beyond(joint, *variable, *value));
+                return Err(InverseError::beyond(joint, *value));
             }
         }
         Ok(())

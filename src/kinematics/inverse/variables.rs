@@ -72,22 +72,6 @@ impl JointVariable {
         }
     }
 
-    /// The value as people read it: degrees or mm.
-    pub const fn shown(self, value: f64) -> f64 {
-        match self {
-            Self::Length => value,
-            Self::Turning | Self::Angle => value.to_degrees(),
-        }
-    }
-
-    /// The unit of [`Self::shown`], as it follows a number.
-    pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Length => " mm",
-            Self::Turning | Self::Angle => "°",
-        }
-    }
-
     /// The range that a search has to cover: the limits, or one turn within them where all turns are alike. Limits that
     /// are not finite count as a turn, or 10 m, about zero.
     pub(super) fn range(self, joint: &Joint) -> [f64; 2] {

@@ -49,10 +49,7 @@ pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
                 across: screws.flange.rotation * Vector3::x(),
             }
         } else {
-            Hint {
-                point: frame.translation.vector.into(),
-                across: frame.rotation * Vector3::x(),
-            }
+            hint_of(&frame)
         };
         let behind = frame_behind(file, place, &Line::z_of(&frame), &next, &hint)?;
         let link = frame.inverse() * behind;
@@ -70,11 +67,7 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
         return Ok(());
     };
     let base = Isometry3::identity();
-    let hint = Hint {
-        point: Point3::origin(),
-        across: Vector3::x(),
-    };
-    let normal = Normal::of(&Line::z_of(&base), first, &hint);
+    let normal = Normal::of(&Line::z_of(&base), first, &hint_of(&base));
     let mut frame = frame_at(&normal.on_first, &normal.across, &Line::z_of(&base));
     file.base = placement(&frame);
     for place in 0..lines.len() {
@@ -101,6 +94,7 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
     Ok(())
 }
 
+/// The hint of a frame that stands there: its origin and its x axis.
 fn hint_of(frame: &Isometry3<f64>) -> Hint {
     Hint {
         point: frame.translation.vector.into(),

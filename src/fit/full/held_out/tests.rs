@@ -4,6 +4,7 @@ use super::*;
 use crate::fit::Prior;
 use crate::fit::conversion::tests::{FILES, Truth};
 use crate::fit::full::FullModel;
+use crate::fit::full::rows::sums;
 use crate::fit::{FitSettings, Freedom, Observation, identify_from};
 
 fn truth(beyond: fn(&mut [f64]) -> Vector3<f64>) -> Truth {

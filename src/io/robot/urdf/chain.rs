@@ -67,7 +67,7 @@ pub(super) fn robot_file(
         home_deg: None,
         joint_map: None,
         base: None,
-        flange: left.as_ref().map(quaternion),
+        flange: left.as_ref().map(Placement::of),
         joint: joints,
     };
     Ok((file, remarks))
@@ -89,7 +89,7 @@ fn place(
     if !step.is_up {
         joint.origin = Some(match before {
             None => origin.placement(),
-            Some(before) => quaternion(&(before * origin.isometry())),
+            Some(before) => Placement::of(&(before * origin.isometry())),
         });
         joint.axis = axis.map(Into::into);
         return Ok(None);
@@ -98,21 +98,11 @@ fn place(
     let back = origin.isometry().inverse();
     joint.axis = axis.map(|axis| (-axis).map(|x| x + 0.0).into());
     if moves {
-        joint.origin = Some(quaternion(&before));
+        joint.origin = Some(Placement::of(&before));
         Ok(Some(back))
     } else {
-        joint.origin = Some(quaternion(&(before * back)));
+        joint.origin = Some(Placement::of(&(before * back)));
         Ok(None)
-    }
-}
-
-/// The placement with its rotation as a quaternion.
-fn quaternion(isometry: &Isometry3<f64>) -> Placement {
-    Placement {
-        xyz_mm: isometry.translation.vector.map(|x| x + 0.0).into(),
-        quaternion_xyzw: Some(isometry.rotation.coords.map(|x| x + 0.0).into()),
-        euler_deg: None,
-        euler_order: None,
     }
 }
 
