@@ -37,7 +37,7 @@ use crate::kinematics::Arm;
 use crate::manifest;
 use crate::similarity::SimilaritySettings;
 
-pub use error::ConfigurationError;
+pub use error::{ConfigurationError, ConfigurationErrorKind};
 pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
 pub use stated::StatedSetUp;
@@ -153,22 +153,17 @@ impl Configuration {
 }
 
 fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
-    let text = input::text(path, Bound::SETTINGS).map_err(|source| ConfigurationError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
-    let wrong = |source| ConfigurationError::Parse {
-        path: path.to_owned(),
-        source: Box::new(source),
-    };
+    let text = input::text(path, Bound::SETTINGS)
+        .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
+    let wrong = |source| ConfigurationErrorKind::Parse(Box::new(source)).at(path);
     let values: toml::Table = toml::from_str(&text).map_err(wrong)?;
     if let Some((key, found)) = checks::not_a_number(&toml::Value::Table(values)) {
-        return Err(ConfigurationError::Setting {
-            path: path.to_owned(),
+        let wrong = ConfigurationErrorKind::Setting {
             key,
             found: found.to_string(),
             wanted: "a finite number".to_owned(),
-        });
+        };
+        return Err(wrong.at(path));
     }
     toml::from_str(&text).map_err(|source| incomplete(path, &text).unwrap_or_else(|| wrong(source)))
 }
@@ -176,20 +171,14 @@ fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
 /// The error of a file with several keys that are missing or not known; `None` of another one.
 fn incomplete(path: &Path, text: &str) -> Option<ConfigurationError> {
     let source = missing::told_at_once(KeyReference::pipeline(), text)?;
-    Some(ConfigurationError::Incomplete {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })
+    Some(ConfigurationErrorKind::Incomplete(Box::new(source)).at(path))
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
 fn folder_of(path: &Path) -> Result<PathBuf, ConfigurationError> {
     let real = path
         .canonicalize()
-        .map_err(|source| ConfigurationError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
 }
 
@@ -228,10 +217,9 @@ fn read_arm(
     robot_path: &Path,
     selection: &Selection,
 ) -> Result<Arm, ConfigurationError> {
-    let text = robot::text(robot_path).map_err(|source| ConfigurationError::Robot {
-        path: path.to_owned(),
-        robot: robot_path.to_owned(),
-        source,
+    let text = robot::text(robot_path).map_err(|source| {
+        let robot = robot_path.to_owned();
+        ConfigurationErrorKind::Robot { robot, source }.at(path)
     })?;
     robot_file::arm(robot_path, &text, selection).map_err(|source| ConfigurationError::RobotParse {
         robot: robot_path.to_owned(),
@@ -424,11 +412,7 @@ pub(super) fn placed(
 ) -> Result<Isometry3<f64>, ConfigurationError> {
     placement
         .isometry()
-        .map_err(|source| ConfigurationError::Placement {
-            path: path.to_owned(),
-            key,
-            source,
-        })
+        .map_err(|source| ConfigurationErrorKind::Placement { key, source }.at(path))
 }
 
 /// The tool tip along the flange's axes, mm.
@@ -443,22 +427,22 @@ fn tip_at_flange(
         (TipFrame::Tool, Some(flange_from_tool)) => {
             Ok((flange_from_tool * Point3::new(x, y, z)).coords)
         }
-        (TipFrame::Tool, None) => Err(ConfigurationError::Missing {
-            path: path.to_owned(),
+        (TipFrame::Tool, None) => Err(ConfigurationErrorKind::Missing {
             key: "[commanded] flange_from_tool",
             reason: "[report] tool_tip is stated in the frame of the controller's tool; state where that is, or the tip with \
                      frame = \"flange\"",
-        }),
+        }
+        .at(path)),
     }
 }
 
 fn no_tool(path: &Path) -> ConfigurationError {
-    ConfigurationError::Missing {
-        path: path.to_owned(),
+    ConfigurationErrorKind::Missing {
         key: "[commanded] flange_from_tool",
         reason: "target_is_tool = false states that the commanded point is not the measured target, so no other key \
                  states its position at the flange; state the controller's tool",
     }
+    .at(path)
 }
 
 /// Tolerance for the length of a direction, which should be 1; a larger difference is a mistake.
@@ -471,11 +455,11 @@ pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, Con
     if (norm - 1.0).abs() <= UNIT {
         return Ok(direction);
     }
-    Err(ConfigurationError::Setting {
-        path: path.to_owned(),
+    Err(ConfigurationErrorKind::Setting {
         key: "[robot] up".to_owned(),
         found: format!("{up:?}, which has length {norm}"),
         wanted: "a direction of length 1, against gravity in the base frame: [0, 0, 1] for an arm on the floor"
             .to_owned(),
-    })
+    }
+    .at(path))
 }

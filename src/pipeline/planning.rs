@@ -16,7 +16,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::configuration::{ConfigurationError, files, placed, usable};
+use super::configuration::{ConfigurationError, ConfigurationErrorKind, files, placed, usable};
 use super::file::PipelineFile;
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
@@ -118,11 +118,11 @@ impl Planning {
     ) -> Result<Self, PlanningError> {
         let read = files::read(path)?;
         let file = &read.file;
-        let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
-            path: path.to_owned(),
+        let missing = ConfigurationErrorKind::Missing {
             key: "[plan]",
             reason: "it states what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
-        })?;
+        };
+        let section = file.plan.as_ref().ok_or_else(|| missing.at(path))?;
         checks::check(path, section, read.arm.joints().len())?;
         let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

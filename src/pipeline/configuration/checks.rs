@@ -5,7 +5,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use super::ConfigurationError;
+use super::{ConfigurationError, ConfigurationErrorKind};
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
@@ -37,16 +37,13 @@ pub(super) fn check(
     numbers(file, joints).map_err(|wrong| told(path, wrong))?;
     file.join
         .check()
-        .map_err(|source| ConfigurationError::Join {
-            path: path.to_owned(),
-            source: Box::new(source),
-        })?;
+        .map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
     if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
-        return Err(ConfigurationError::Missing {
-            path: path.to_owned(),
+        return Err(ConfigurationErrorKind::Missing {
             key: "[tracker] uncertainty.orientation_rad",
             reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
-        });
+        }
+        .at(path));
     }
     Ok(())
 }
@@ -79,12 +76,12 @@ pub(super) fn length_unit(
 
 /// The error of an invalid value in the file at `path`.
 pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
-    ConfigurationError::Setting {
-        path: path.to_owned(),
+    ConfigurationErrorKind::Setting {
         key: wrong.key,
         found: wrong.found,
         wanted: wrong.wanted,
     }
+    .at(path)
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {

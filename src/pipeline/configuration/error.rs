@@ -1,7 +1,7 @@
 //! Errors of a pipeline file, with advice.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -16,79 +16,13 @@ use crate::pipeline::robot_file::NoRobotFile;
 /// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
 pub enum ConfigurationError {
-    /// The pipeline file cannot be read.
-    #[error("cannot read the pipeline file {}: {source}; give the path of a TOML file like pipelines/quickstart.toml", path.display())]
-    Read {
-        /// The file.
+    /// A fault in the pipeline file, or in what it names.
+    #[error("{}", kind.message(path))]
+    At {
+        /// Path of the pipeline file.
         path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// The pipeline file is no pipeline file.
-    #[error("{}: {}", path.display(), toml_problem(source))]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        source: Box<toml::de::Error>,
-    },
-    /// Several keys of the pipeline file are missing, or not known.
-    #[error("{}: {source}", path.display())]
-    Incomplete {
-        /// The file.
-        path: PathBuf,
-        /// The keys.
-        source: Box<Incomplete>,
-    },
-    /// An invalid value.
-    #[error("{}: {key} = {found}, but it has to be {wanted}", path.display())]
-    Setting {
-        /// The file.
-        path: PathBuf,
-        /// Section and key.
-        key: String,
-        /// The value found.
-        found: String,
-        /// The values that are allowed.
-        wanted: String,
-    },
-    /// A key is missing that another one needs.
-    #[error("{}: {key} is missing: {reason}", path.display())]
-    Missing {
-        /// The file.
-        path: PathBuf,
-        /// Section and key.
-        key: &'static str,
-        /// The key that needs it, and advice.
-        reason: &'static str,
-    },
-    /// An invalid placement.
-    #[error("{}: {key}: {source}", path.display())]
-    Placement {
-        /// The file.
-        path: PathBuf,
-        /// Section and key.
-        key: &'static str,
-        /// Why.
-        source: PlacementError,
-    },
-    /// An invalid setting of the join.
-    #[error("{}: {source}", path.display())]
-    Join {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: Box<JoinError>,
-    },
-    /// The robot file cannot be read.
-    #[error("cannot read the robot file {}, which {} names under [robot] file: {source}; nominal arms are in pipelines/robots/", robot.display(), path.display())]
-    Robot {
-        /// The pipeline file.
-        path: PathBuf,
-        /// The robot file.
-        robot: PathBuf,
-        /// Why.
-        source: io::Error,
+        /// The fault.
+        kind: ConfigurationErrorKind,
     },
     /// The robot file is no robot file, or its arm is invalid.
     #[error("{}{}: {source}", robot.display(), source.on_line())]
@@ -97,16 +31,6 @@ pub enum ConfigurationError {
         robot: PathBuf,
         /// Where and why.
         source: Box<NoRobotFile>,
-    },
-    /// The folder with the sessions cannot be read.
-    #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold the sessions", folder.display(), path.display())]
-    Folder {
-        /// The pipeline file.
-        path: PathBuf,
-        /// The folder.
-        folder: PathBuf,
-        /// Why.
-        source: io::Error,
     },
     /// A session is missing or incomplete.
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
@@ -148,6 +72,93 @@ pub enum ConfigurationError {
     Store(#[from] StoreError),
 }
 
+/// The fault in a pipeline file, or in what it names.
+#[derive(Debug)]
+pub enum ConfigurationErrorKind {
+    /// The pipeline file cannot be read.
+    Read(io::Error),
+    /// The pipeline file is no pipeline file.
+    Parse(Box<toml::de::Error>),
+    /// Several keys of the pipeline file are missing, or not known.
+    Incomplete(Box<Incomplete>),
+    /// An invalid value.
+    Setting {
+        /// Section and key.
+        key: String,
+        /// The value found.
+        found: String,
+        /// The values that are allowed.
+        wanted: String,
+    },
+    /// A key is missing that another one needs.
+    Missing {
+        /// Section and key.
+        key: &'static str,
+        /// The key that needs it, and advice.
+        reason: &'static str,
+    },
+    /// An invalid placement.
+    Placement {
+        /// Section and key.
+        key: &'static str,
+        /// Why.
+        source: PlacementError,
+    },
+    /// An invalid setting of the join.
+    Join(Box<JoinError>),
+    /// The robot file cannot be read.
+    Robot {
+        /// The robot file.
+        robot: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The folder with the sessions cannot be read.
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl ConfigurationErrorKind {
+    /// This fault of the pipeline file at `path`.
+    pub(in crate::pipeline) fn at(self, path: &Path) -> ConfigurationError {
+        ConfigurationError::At {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+
+    /// The message for a person, with the file's path.
+    fn message(&self, path: &Path) -> String {
+        let path = path.display();
+        match self {
+            Self::Read(source) => format!(
+                "cannot read the pipeline file {path}: {source}; give the path of a TOML file like pipelines/quickstart.toml"
+            ),
+            Self::Parse(source) => format!("{path}: {}", toml_problem(source)),
+            Self::Incomplete(source) => format!("{path}: {source}"),
+            Self::Setting { key, found, wanted } => {
+                format!("{path}: {key} = {found}, but it has to be {wanted}")
+            }
+            Self::Missing { key, reason } => format!("{path}: {key} is missing: {reason}"),
+            Self::Placement { key, source } => format!("{path}: {key}: {source}"),
+            Self::Join(source) => format!("{path}: {source}"),
+            Self::Robot { robot, source } => format!(
+                "cannot read the robot file {}, which {path} names under [robot] file: {source}; nominal arms are in \
+                 pipelines/robots/",
+                robot.display()
+            ),
+            Self::Folder { folder, source } => format!(
+                "cannot read the folder {}, which {path} names under [input] folder: {source}; it has to hold the sessions",
+                folder.display()
+            ),
+        }
+    }
+}
+
 fn listed(names: &[String]) -> String {
     if names.is_empty() {
         "none".to_owned()
@@ -168,5 +179,55 @@ impl ConfigurationError {
     /// Whether the same file may work later: it has no fault.
     pub const fn is_worth_a_retry(&self) -> bool {
         matches!(self, Self::Store(error) if error.is_worth_a_retry())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_message_names_the_pipeline_file() {
+        let absent = || io::Error::from(io::ErrorKind::NotFound);
+        for (kind, message) in [
+            (
+                ConfigurationErrorKind::Read(absent()),
+                "cannot read the pipeline file cell/my.toml: entity not found; give the path of a TOML file like \
+                 pipelines/quickstart.toml",
+            ),
+            (
+                ConfigurationErrorKind::Setting {
+                    key: "[robot] up".to_owned(),
+                    found: "[0, 0, 2]".to_owned(),
+                    wanted: "a direction".to_owned(),
+                },
+                "cell/my.toml: [robot] up = [0, 0, 2], but it has to be a direction",
+            ),
+            (
+                ConfigurationErrorKind::Missing {
+                    key: "[plan]",
+                    reason: "it states the cell",
+                },
+                "cell/my.toml: [plan] is missing: it states the cell",
+            ),
+            (
+                ConfigurationErrorKind::Robot {
+                    robot: "arm.toml".into(),
+                    source: absent(),
+                },
+                "cannot read the robot file arm.toml, which cell/my.toml names under [robot] file: entity not found; nominal \
+                 arms are in pipelines/robots/",
+            ),
+            (
+                ConfigurationErrorKind::Folder {
+                    folder: "sessions".into(),
+                    source: absent(),
+                },
+                "cannot read the folder sessions, which cell/my.toml names under [input] folder: entity not found; it has to \
+                 hold the sessions",
+            ),
+        ] {
+            assert_eq!(kind.at(Path::new("cell/my.toml")).to_string(), message);
+        }
     }
 }

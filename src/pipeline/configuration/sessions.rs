@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::tree::Tree;
-use super::{ConfigurationError, Overrides, logs};
+use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
 use crate::io::log::{Limits, SessionLogs};
 use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
 use found::{Found, Session};
@@ -111,12 +111,10 @@ pub(super) fn list(
     ] {
         name_sessions(path, key, names, input.sessions_by)?;
     }
-    let found =
-        Found::look(tree, folder, input, limits).map_err(|source| ConfigurationError::Folder {
-            path: path.to_owned(),
-            folder: folder.to_owned(),
-            source,
-        })?;
+    let found = Found::look(tree, folder, input, limits).map_err(|source| {
+        let folder = folder.to_owned();
+        ConfigurationErrorKind::Folder { folder, source }.at(path)
+    })?;
     let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
     let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
     let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
@@ -169,12 +167,12 @@ fn name_sessions(
     {
         return Ok(());
     }
-    Err(ConfigurationError::Setting {
-        path: path.to_owned(),
+    Err(ConfigurationErrorKind::Setting {
         key: format!("[input] {key}"),
         found: format!("{:?}", names.to_string()),
         wanted: wanted.to_owned(),
-    })
+    }
+    .at(path))
 }
 
 fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {

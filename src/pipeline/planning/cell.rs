@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::fit::TrackerUncertainty;
 use crate::kinematics::{Arm, SingularityFactors};
-use crate::pipeline::configuration::{ConfigurationError, placed, upwards};
+use crate::pipeline::configuration::{ConfigurationError, ConfigurationErrorKind, placed, upwards};
 use crate::pipeline::file::PipelineFile;
 use crate::plan::line_of_sight::{Constraints, KeepOut, LineOfSight};
 use crate::plan::section::{ConstraintsSection, PlanSection};
@@ -41,12 +41,12 @@ impl<'p> Placed<'p> {
             ),
             (None, Some(tool)) => tool,
             (None, None) => {
-                return Err(ConfigurationError::Missing {
-                    path: path.to_owned(),
+                return Err(ConfigurationErrorKind::Missing {
                     key: "[fit] target",
                     reason: "a plan has to know where the target will sit at the flange: give its xyz_mm and sd_mm, or \
                              [commanded] flange_from_tool where the tool is the target",
-                });
+                }
+                .at(path));
             }
         };
         Ok(Self {
@@ -67,11 +67,7 @@ impl<'p> Placed<'p> {
         file: &PipelineFile,
         section: &PlanSection,
     ) -> Result<PlanSettings, ConfigurationError> {
-        let missing = |key, reason| ConfigurationError::Missing {
-            path: self.path.to_owned(),
-            key,
-            reason,
-        };
+        let missing = |key, reason| ConfigurationErrorKind::Missing { key, reason }.at(self.path);
         let bounds = file.grid.bounds.ok_or_else(|| {
             missing("[grid] box", "a plan has no stations to take a box from: give low_mm and high_mm in the base frame")
         })?;
@@ -153,12 +149,12 @@ impl<'p> Placed<'p> {
         let factors = SingularityFactors::of(arm, &nominal, home);
         let line_of_sight = section.line_of_sight.map(|line_of_sight| {
             let facing = Unit::try_new(Vector3::from(line_of_sight.facing), 1e-6);
-            let facing = facing.ok_or_else(|| ConfigurationError::Setting {
-                path: self.path.to_owned(),
+            let wrong = || ConfigurationErrorKind::Setting {
                 key: "[plan.constraints] line_of_sight.facing".to_owned(),
                 found: format!("{:?}", line_of_sight.facing),
                 wanted: "a direction, for example [0, 0, 1]".to_owned(),
-            })?;
+            };
+            let facing = facing.ok_or_else(|| wrong().at(self.path))?;
             Ok::<LineOfSight, ConfigurationError>(LineOfSight {
                 tracker: Point3::from(self.tracker_from_base.inverse().translation.vector),
                 facing,

@@ -15,7 +15,7 @@ use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::files::Files;
-use crate::pipeline::configuration::{ConfigurationError, files, usable};
+use crate::pipeline::configuration::{ConfigurationErrorKind, files, usable};
 use crate::pipeline::history;
 use crate::plan::PlanSettings;
 use crate::plan::locate::{Identified, LocatePlan, locate};
@@ -47,11 +47,11 @@ impl Located {
     pub fn make(path: &Path, lake: Option<&Path>, count: usize) -> Result<Self, PlanningError> {
         let read = files::read(path)?;
         let file = &read.file;
-        let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
-            path: path.to_owned(),
+        let missing = ConfigurationErrorKind::Missing {
             key: "[plan]",
             reason: "it states where the arm and the tracker stand; at least home_deg and tracker_from_base",
-        })?;
+        };
+        let section = file.plan.as_ref().ok_or_else(|| missing.at(path))?;
         checks::check(path, section, read.arm.joints().len())?;
         let settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
         let lake = usable(lake, read.lake.clone())?;

@@ -10,7 +10,8 @@ use crate::io::log::read_metadata;
 use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};
 use crate::pipeline::configuration::{
-    Configuration, ConfigurationError, Overrides, SessionFiles, Tree, WorkPiece,
+    Configuration, ConfigurationError, ConfigurationErrorKind, Overrides, SessionFiles, Tree,
+    WorkPiece,
 };
 use crate::pipeline::fetch::Fetched;
 use crate::pipeline::planning::{self, Planning, PlanningError};
@@ -63,9 +64,10 @@ impl Source {
                 ConfigurationError::Session {
                     session, reason, ..
                 } => of_session(&session, &reason),
-                ConfigurationError::Folder { .. } => {
-                    NoSource::Missing(Lost::Sessions, error.to_string())
-                }
+                ConfigurationError::At {
+                    kind: ConfigurationErrorKind::Folder { .. },
+                    ..
+                } => NoSource::Missing(Lost::Sessions, error.to_string()),
                 error => other(error),
             })?;
         let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
