@@ -164,14 +164,14 @@ pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
 /// Roll, pitch and yaw (rad) of `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`, which restore the rotation to the last digits.
 ///
 /// Any yaw that makes the first element of the second row zero leaves `Rot(y, pitch) Rot(x, roll)`, so they do so too where the yaw
-/// itself is not determined: at a pitch of ±90°, but for rounding.
+/// itself is not determined: at a pitch of ±90°, but for rounding. None of them is −0.
 pub fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let matrix = *rotation.to_rotation_matrix().matrix();
     let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
     let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
     let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
     let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
-    [roll, pitch, yaw]
+    [roll, pitch, yaw].map(|angle| angle + 0.0)
 }
 
 /// The rigid transform that maps `from` onto `to` with the least weighted sum of squared distances.

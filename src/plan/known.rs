@@ -11,6 +11,7 @@ use crate::fit::full::layout::Block;
 use crate::fit::full::next::{Mounting, Placed};
 use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::{Frames, Observation, SourceId, TargetId};
+use crate::geometry::rpy;
 use crate::kinematics::Arm;
 use crate::simulate::{
     ApproachOffset, ArmErrors, AxisError, AxisErrors, GearLine, Ingredient, JointCurve,
@@ -68,9 +69,8 @@ impl KnownArm {
         let frames = frames.pair(SourceId::ONLY, TargetId::ONLY);
         if self.mounting.sources[frames.source.0] == Placed::Same {
             let base = frames.tracker_from_base.isometry();
-            let (roll, pitch, yaw) = base.rotation.euler_angles();
             cell.cell.tracker_from_base_mm = base.translation.vector.into();
-            cell.cell.tracker_from_base_rpy = [roll, pitch, yaw];
+            cell.cell.tracker_from_base_rpy = rpy(&base.rotation);
         }
         ArmErrors::of_identified(
             offsets,

@@ -13,7 +13,7 @@ use super::curve::{GearLine, JointCurve};
 use super::identified::AxisErrors;
 use super::random::{Ingredient, Stream};
 use super::settings::{GeometryErrors, Gravity, SimulateSettings};
-use crate::geometry::isometry_from_rpy;
+use crate::geometry::{isometry_from_rpy, rpy};
 use crate::kinematics::{Arm, Joint};
 
 /// Each link weighs this share of the one before it.
@@ -96,7 +96,6 @@ impl ArmErrors {
         up: [f64; 3],
     ) -> Self {
         let joints = identified.axes.len();
-        let (roll, pitch, yaw) = flange_from_target.rotation.euler_angles();
         Self {
             offsets,
             curves: vec![JointCurve::default(); joints],
@@ -106,7 +105,7 @@ impl ArmErrors {
             masses: masses(joints),
             up,
             flange_from_target_mm: flange_from_target.translation.vector.into(),
-            flange_from_target_rpy: [roll, pitch, yaw],
+            flange_from_target_rpy: rpy(&flange_from_target.rotation),
             identified: Some(identified),
         }
     }
@@ -209,7 +208,7 @@ impl ArmErrors {
     }
 }
 
-/// What the variable of `joint` is divided by before its error curve: 1, or the mm per rad of twice the travel where it slides, so
+/// Divisor of the variable of `joint` before its error curve: 1, or the mm per rad of twice the travel where it slides, so
 /// that both ends are as far apart as they can be.
 pub(super) fn curve_unit(joint: &Joint) -> f64 {
     if joint.slides {
@@ -310,6 +309,22 @@ mod tests {
         let nominal = arm.chain().nominal(&joints)
             * isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
         assert!((found.translation.vector - nominal.translation.vector).norm() < 1e-9);
+    }
+
+    #[test]
+    fn an_identified_arm_keeps_the_target_turned_by_a_right_angle() {
+        let arm = kr210();
+        let turned = isometry_from_rpy([0.0; 3], [0.7, std::f64::consts::FRAC_PI_2 - 3e-8, -0.4]);
+        let identified = AxisErrors {
+            axes: Vec::new(),
+            approach: None,
+            repeatability_rad: Vec::new(),
+        };
+        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let errors = ArmErrors::of_identified(offsets, identified, &turned, [0.0, 0.0, 1.0]);
+        let kept = isometry_from_rpy([0.0; 3], errors.flange_from_target_rpy);
+        let off = kept.rotation.angle_to(&turned.rotation);
+        assert!(off < 1e-12, "{off} rad");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use nalgebra::{Isometry3, Vector3};
 
-use crate::geometry::isometry_from_rpy;
+use crate::geometry::{isometry_from_rpy, rpy};
 use crate::kinematics::{Arm, Joint};
 use crate::simulate::settings::{Cell, SimulateSettings, TrackerErrors};
 use crate::simulate::{Poses, SimulateError};
@@ -62,7 +62,7 @@ impl PoseFlags {
         Ok(values.map(|(joint, value)| joint.read(*value)).collect())
     }
 
-    /// How far each joint goes to either side of home, rad or mm.
+    /// Travel of each joint to either side of home, rad or mm.
     fn spread(&self, arm: &Arm) -> Vec<f64> {
         let spread = |joint: &Joint| {
             if joint.slides {
@@ -114,8 +114,7 @@ impl PoseFlags {
             });
         let half = Vector3::from(self.size.0) / 2.0;
         let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
-        let (roll, pitch, yaw) = at_home.rotation.euler_angles();
-        let orientation_rpy = [roll, pitch, yaw];
+        let orientation_rpy = rpy(&at_home.rotation);
         match self.random {
             Some(count) => Poses::Box {
                 count,

@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::fit::TrackerUncertainty;
+use crate::geometry::rpy;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::configuration::{ConfigurationError, ConfigurationErrorKind, placed, upwards};
 use crate::pipeline::file::PipelineFile;
@@ -125,15 +126,11 @@ impl<'p> Placed<'p> {
     }
 
     fn cell(&self, six_dof: bool) -> Cell {
-        let rpy = |placement: &Isometry3<f64>| {
-            let (roll, pitch, yaw) = placement.rotation.euler_angles();
-            [roll, pitch, yaw]
-        };
         Cell {
             tracker_from_base_mm: self.tracker_from_base.translation.vector.into(),
-            tracker_from_base_rpy: rpy(&self.tracker_from_base),
+            tracker_from_base_rpy: rpy(&self.tracker_from_base.rotation),
             flange_from_target_mm: self.flange_from_target.translation.vector.into(),
-            flange_from_target_rpy: rpy(&self.flange_from_target),
+            flange_from_target_rpy: rpy(&self.flange_from_target.rotation),
             six_dof,
             ..Cell::default()
         }

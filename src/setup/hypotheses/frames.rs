@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::Hypothesis;
+use crate::geometry::rpy;
 use crate::setup::set_up::SetUp;
 use crate::units::{MM_PER_M, to_step};
 
@@ -75,8 +76,8 @@ impl FrameKey {
         if self == Self::Target {
             return format!("{} xyz_mm = [{x:.1}, {y:.1}, {z:.1}]", self.key());
         }
-        let (roll, pitch, yaw) = placed.rotation.euler_angles();
-        let [roll, pitch, yaw] = [roll, pitch, yaw].map(|angle| to_step(angle.to_degrees(), 1e-3));
+        let [roll, pitch, yaw] =
+            rpy(&placed.rotation).map(|angle| to_step(angle.to_degrees(), 1e-3));
         format!(
             "{} = {{ xyz_mm = [{x:.1}, {y:.1}, {z:.1}], euler_deg = [{roll:.3}, {pitch:.3}, {yaw:.3}], euler_order = \"fixed-xyz\" }}",
             self.key()
@@ -233,5 +234,25 @@ mod tests {
     #[test]
     fn axes_are_carried_onto_axes_in_24_ways() {
         assert_eq!(right_angles().len(), 23);
+    }
+
+    #[test]
+    fn a_frame_to_write_is_the_frame_where_the_pitch_is_a_right_angle() {
+        for off_rad in [0.0, 1e-9, -3e-8, 1e-7] {
+            let turned = UnitQuaternion::from_euler_angles(0.7, FRAC_PI_2 - off_rad, -0.4);
+            let edit =
+                FrameKey::Survey.edit(&Isometry3::from_parts(Translation3::identity(), turned));
+            let [.., angles, _] = edit.split(['[', ']']).collect::<Vec<_>>()[..] else {
+                panic!("{edit}");
+            };
+            let angles: Vec<f64> = angles
+                .split(", ")
+                .map(|angle| angle.parse().expect("a number"))
+                .collect();
+            let [roll, pitch, yaw] = [0, 1, 2].map(|place: usize| angles[place].to_radians());
+            // Each angle is written to a thousandth of a degree.
+            let off = turned.angle_to(&UnitQuaternion::from_euler_angles(roll, pitch, yaw));
+            assert!(off < 3e-5, "{edit} is {off} rad off");
+        }
     }
 }
