@@ -171,6 +171,7 @@ impl Corrected {
 ///     idw_power: 2.0,
 ///     validity: Validity::default(),
 ///     frame: FrameUncertainty::default(),
+///     counted: Vec::new(),
 /// };
 /// let table = CompensationTable::new(terms, Transform::identity(), lattice, vec![Ok(node); 8])?;
 /// let wanted = Position::claim(Point3::new(950.0, 40.0, 720.0));

@@ -158,6 +158,8 @@ pub struct Table {
     pub idw_power: f64,
     /// The largest turn of a target's orientation from the table's, rad.
     pub orientation_tolerance_rad: f64,
+    /// Radians that one unit of each joint's variable counts as; empty where all are angles.
+    pub counted: Vec<f64>,
     /// The nodes in the lattice's order.
     pub nodes: Vec<TableNode>,
 }
@@ -244,7 +246,7 @@ pub fn grids(
         plan: &plan,
         reach,
         like: &like,
-        own: &MeasuredGrid::of(input.stations),
+        own: &MeasuredGrid::of(input.stations, reach.counted()),
     };
     progress.begin("grid steps", settings.steps_mm.len() as u64);
     let mut judged = Vec::new();

@@ -15,8 +15,8 @@ struct Case {
     robot: &'static str,
     /// Joints at home: degrees, mm.
     home: &'static str,
-    /// How many of the first joints slide.
-    slides: usize,
+    /// The joint that slides, from 1; 0 where none does.
+    slide: usize,
     /// Lines of `[controller]` beside topic, time and unit.
     controller: &'static str,
     /// Flags of `posegrid simulate`.
@@ -43,7 +43,7 @@ test_poses = 30
 candidates = 60
 verify_poses = 4"#;
 
-/// How a command ended.
+/// The end of a command.
 struct Ended {
     code: i32,
     told: String,
@@ -175,18 +175,37 @@ impl Case {
         let (pipeline, csv) = (cell.named("planned.toml"), cell.named("plan.csv"));
         posegrid(&["plan", &pipeline, "--csv", &csv]).expect(&[0, 3], &["40 poses to identify"]);
         let written = fs::read_to_string(&csv).expect("a plan");
-        let first = if self.slides > 0 {
+        let first = if self.slide == 1 {
             ",q1_mm,q2_deg,"
         } else {
             ",q1_deg,q2_deg,"
         };
         assert!(written.contains(first), "{written}");
+        if self.slide == 1 {
+            let travel_mm = travel(&written);
+            assert!(
+                travel_mm > 1000.0,
+                "the plan moves the slide by {travel_mm} mm"
+            );
+        }
         let out = cell.named("by_plan");
         let arguments = [
             "simulate", self.robot, "--home", self.home, "--poses", &csv, "--out", &out,
         ];
         posegrid(&arguments).expect(&[0], &["stations of a"]);
     }
+}
+
+/// Largest minus smallest position of the first joint in a plan's CSV, mm.
+fn travel(plan: &str) -> f64 {
+    let mut lines = plan.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let column = header.iter().position(|name| *name == "q1_mm");
+    let column = column.expect("a joint that slides");
+    let places = lines.map(|line| line.split(',').nth(column).expect("a cell").parse::<f64>());
+    let places: Vec<f64> = places.map(|place| place.expect("a number")).collect();
+    let largest = places.iter().copied().fold(f64::MIN, f64::max);
+    largest - places.iter().copied().fold(f64::MAX, f64::min)
 }
 
 impl Cell {
@@ -278,6 +297,20 @@ impl Cell {
         assert!(stations > 60 && !counts.is_empty(), "{stations} stations");
     }
 
+    /// The run chose a table, some of whose cells serve, and judged it.
+    fn has_a_judged_table(&self) {
+        let nodes = self.table("compensation");
+        assert!(nodes.rows() >= 8, "{} nodes", nodes.rows());
+        let verdict = nodes.text("verdict").value(0).to_owned();
+        assert!(["met", "not_met"].contains(&verdict.as_str()), "{verdict}");
+        let steps = self.table("grid_steps");
+        let judged = |row: &usize| steps.text("judgement").value(*row) == "table";
+        let served = |row: usize| steps.i64("held_out").value(row);
+        let served: Vec<i64> = (0..steps.rows()).filter(judged).map(served).collect();
+        println!("poses judged by tables: {served:?}, table {verdict}");
+        assert!(served.iter().any(|&poses| poses > 20), "{served:?}");
+    }
+
     /// Joint angles of its own stations, as targets: nearly all get a command.
     fn corrects(&self, case: &Case) {
         let truth =
@@ -289,7 +322,7 @@ impl Cell {
             .collect();
         let mut targets = String::from("target");
         for joint in 1..=places.len() {
-            let unit = if joint <= case.slides { "mm" } else { "rad" };
+            let unit = if joint == case.slide { "mm" } else { "rad" };
             write!(targets, ",q{joint}_{unit}").expect("to a text");
         }
         for (number, line) in lines.take(40).enumerate() {
@@ -314,7 +347,10 @@ impl Cell {
         ended.expect(&[0, 3], &["40 targets: "]);
         let corrected = fs::read_to_string(&out).expect("corrected targets");
         let header = corrected.lines().next().expect("a header");
-        assert_eq!(header.contains(",q1_mm,"), case.slides > 0, "{header}");
+        for joint in 1..=places.len() {
+            let own = format!(",q{joint}_mm,");
+            assert_eq!(header.contains(&own), joint == case.slide, "{header}");
+        }
         assert_eq!(corrected.lines().count(), 41, "{corrected}");
     }
 }
@@ -324,7 +360,7 @@ fn six_axes_on_a_track() {
     let case = Case {
         robot: "tests/any_arm/track.toml",
         home: "1500,0,20,-10,25,55,-15",
-        slides: 1,
+        slide: 1,
         controller: "length_unit = \"m\"",
         flags: &[
             "--random-joints",
@@ -349,7 +385,7 @@ fn seven_turning_axes() {
     let case = Case {
         robot: "pipelines/robots/lbr-iiwa14-r820.toml",
         home: "10,30,-15,-80,20,60,30",
-        slides: 0,
+        slide: 0,
         controller: "",
         flags: &["--random-joints", "120", "--spread-deg", "35"],
         planned: Some([[500, 0, 300], [700, 200, 500]]),
@@ -363,7 +399,7 @@ fn coupled_joints() {
     let case = Case {
         robot: "pipelines/robots/m20id-25.toml",
         home: "10,10,-10,25,-60,30",
-        slides: 0,
+        slide: 0,
         controller: "",
         flags: &["--random-joints", "120", "--spread-deg", "30"],
         planned: None,
@@ -377,7 +413,7 @@ fn a_joint_that_follows_another() {
     let case = Case {
         robot: "tests/any_arm/parallelogram.toml",
         home: "10,10,10,25,55,-15",
-        slides: 0,
+        slide: 0,
         controller: "",
         flags: &["--random-joints", "120", "--spread-deg", "30"],
         planned: None,
@@ -391,7 +427,7 @@ fn a_positioner_of_two_axes() {
     let case = Case {
         robot: "tests/any_arm/positioner.toml",
         home: "10,20",
-        slides: 0,
+        slide: 0,
         controller: "",
         flags: &[
             "--random-joints",
@@ -406,4 +442,35 @@ fn a_positioner_of_two_axes() {
         shares: [1.0, 0.5],
     };
     case.goes_end_to_end();
+}
+
+#[test]
+fn six_axes_on_a_track_have_a_table() {
+    let case = Case {
+        robot: "tests/any_arm/track.toml",
+        home: "1500,0,20,-10,25,55,-15",
+        slide: 1,
+        controller: "length_unit = \"m\"",
+        flags: &["--grid-step", "200", "--size", "3000,400,400"],
+        planned: None,
+        shares: [1.0, 1.0],
+    };
+    let cell = case.cell();
+    posegrid(&["run", &cell.named("pipeline.toml")]).expect(&[0, 3], &[]);
+    cell.has_a_judged_table();
+}
+
+#[test]
+fn a_scara() {
+    let case = Case {
+        robot: "tests/any_arm/scara.toml",
+        home: "-40,95,200,20",
+        slide: 3,
+        controller: "length_unit = \"m\"",
+        flags: &["--grid-step", "100", "--size", "300,300,300"],
+        planned: None,
+        shares: [0.9, 0.5],
+    };
+    let cell = case.goes_end_to_end();
+    cell.has_a_judged_table();
 }

@@ -30,8 +30,6 @@ use crate::kinematics::inverse::JointVariable;
 /// An angle beyond the measured ones by up to this counts as measured, rad: half a degree, while the shortest curves of
 /// real joints extend over several. The correction of a target at the rim stays within it.
 const RIM_RAD: f64 = 0.0087;
-/// A length that a turn of one radian is compared with, mm: the rim of a linear joint is as many of it as an angle's is rad.
-const LEVER_MM: f64 = 500.0;
 
 /// The published result of a run for one arm: everything that predicts its errors.
 #[derive(Debug)]
@@ -123,16 +121,7 @@ impl IdentifiedArm {
 
     /// By how much a joint's value may be beyond those measured and counts as measured, rad or mm.
     fn rim(&self, joint: usize) -> f64 {
-        RIM_RAD * self.per_radian(joint)
-    }
-
-    /// Units of a joint's variable that count as one radian of a joint that turns.
-    fn per_radian(&self, joint: usize) -> f64 {
-        if self.arm.joints()[joint].slides {
-            LEVER_MM
-        } else {
-            1.0
-        }
+        RIM_RAD * self.arm.joints()[joint].per_radian()
     }
 
     /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a linear joint, and for one
@@ -162,8 +151,8 @@ impl IdentifiedArm {
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
     pub(super) fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
-        let beyond =
-            |joint: usize| self.beyond_measured(joint, joints[joint]) / self.per_radian(joint);
+        let per_radian = |joint: usize| self.arm.joints()[joint].per_radian();
+        let beyond = |joint: usize| self.beyond_measured(joint, joints[joint]) / per_radian(joint);
         let out = (0..joints.len()).map(|joint| (joint, beyond(joint)));
         match out.max_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((joint, furthest)) if furthest > RIM_RAD => {

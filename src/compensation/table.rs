@@ -35,12 +35,14 @@ pub struct Terms {
     pub validity: Validity,
     /// The uncertainty of the frame that errors are stated in, which is in no node's covariance.
     pub frame: FrameUncertainty,
+    /// Radians that one unit of each joint's variable counts as; empty where all are angles.
+    pub counted: Vec<f64>,
 }
 
 /// The values of a node that has a prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
-    /// Joint angles at the node, rad.
+    /// Joint angles at the node, rad; mm of a joint that slides.
     pub joints: Vec<f64>,
     /// Attained minus commanded position in the frame of commands, mm.
     pub error: Vector3<f64>,
@@ -177,6 +179,7 @@ impl CompensationTable {
             idw_power: table.idw_power,
             validity,
             frame,
+            counted: table.counted.clone(),
         };
         let known = |node: &grid::TableNode| {
             let (error, covariance) = node.error?;
@@ -223,7 +226,7 @@ impl CompensationTable {
             .ok_or_else(|| self.outside(&place))?;
         let vertices = self.vertices(&cell)?;
         let joints = vertices.map(|known| known.joints.as_slice());
-        if !on_one_branch(&joints) {
+        if !on_one_branch(&joints, &self.terms.counted) {
             return Err(Gap::Branches);
         }
         let weights = self.terms.interpolation.weights(

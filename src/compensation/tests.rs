@@ -40,6 +40,7 @@ fn grid_table(
         interpolation,
         idw_power: 2.0,
         orientation_tolerance_rad: 5.0_f64.to_radians(),
+        counted: Vec::new(),
         nodes: (0..lattice.node_count()).map(node).collect(),
     }
 }

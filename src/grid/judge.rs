@@ -185,7 +185,7 @@ pub(super) fn local_cells(
             .collect::<Result<Vec<_>, _>>()
             .and_then(|vertices| {
                 let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
-                if on_one_branch(&slices) {
+                if on_one_branch(&slices, reach.counted()) {
                     Ok(vertices)
                 } else {
                     Err(Refusal::Branches)

@@ -20,6 +20,8 @@ pub struct MeasuredGrid {
     pub lattice: Lattice,
     /// Index in the list of stations for each node that was measured.
     pub stations: BTreeMap<[usize; 3], usize>,
+    /// Radians that one unit of each joint's variable counts as.
+    counted: Vec<f64>,
 }
 
 /// The reason why a session is not on a grid.
@@ -48,8 +50,9 @@ pub enum NotOnGrid {
 const ONE_ORIENTATION_RAD: f64 = 0.02;
 
 impl MeasuredGrid {
-    /// The grid that `stations` were measured on.
-    pub fn of(stations: &[GridStation]) -> Result<Self, NotOnGrid> {
+    /// The grid that `stations` were measured on. `counted` has the radians that one unit of each joint's variable counts as; empty
+    /// where all are angles.
+    pub fn of(stations: &[GridStation], counted: &[f64]) -> Result<Self, NotOnGrid> {
         let axes: Vec<_> = (0..3)
             .map(|axis| planes(stations, axis))
             .collect::<Result<_, _>>()?;
@@ -86,6 +89,7 @@ impl MeasuredGrid {
         Ok(Self {
             lattice,
             stations: places,
+            counted: counted.to_vec(),
         })
     }
 
@@ -146,7 +150,12 @@ impl MeasuredGrid {
         let nodes = (0..lattice.node_count())
             .map(|number| self.stations.get(&fine(number)).copied())
             .collect();
-        Some(Decimated { lattice, nodes })
+        let counted = self.counted.clone();
+        Some(Decimated {
+            lattice,
+            nodes,
+            counted,
+        })
     }
 }
 
@@ -157,6 +166,8 @@ pub struct Decimated {
     pub lattice: Lattice,
     /// Index in the list of stations; `None` where the node was not measured.
     pub nodes: Vec<Option<usize>>,
+    /// Radians that one unit of each joint's variable counts as.
+    counted: Vec<f64>,
 }
 
 impl Decimated {
@@ -221,7 +232,7 @@ impl Decimated {
             return Err(Refusal::OtherConfiguration);
         }
         let joints: Vec<&[f64]> = stations.iter().map(|s| s.joints.as_slice()).collect();
-        if on_one_branch(&joints) {
+        if on_one_branch(&joints, &self.counted) {
             Ok(stations)
         } else {
             Err(Refusal::Branches)
@@ -317,7 +328,7 @@ mod tests {
     }
 
     fn judged(stations: &[GridStation], multiple: usize) -> HeldOut {
-        let grid = MeasuredGrid::of(stations).expect("a grid");
+        let grid = MeasuredGrid::of(stations, &[]).expect("a grid");
         grid.judge(stations, [multiple; 3], Interpolation::Trilinear, 2.0)
     }
 

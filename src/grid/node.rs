@@ -80,7 +80,8 @@ const LEAST_SINGULARITY_FACTOR: f64 = 0.02;
 /// By how much the tool of an arm with fewer than six joints may be turned from a pose whose position it has, rad: a command
 /// that is some millimetres away from its target turns such a tool by as many milliradians.
 const ORIENTATION_SLACK_RAD: f64 = 0.01;
-/// Largest difference of joint angles between a cell's vertices on one branch, rad.
+/// Largest difference of joint angles between a cell's vertices on one branch, rad; lengths of a joint that slides count by
+/// [`Joint::counted`](crate::kinematics::Joint::counted).
 const BRANCH_RAD: f64 = 1.5;
 
 /// Finds joint angles for tool poses near measured stations.
@@ -90,6 +91,7 @@ pub struct Reach<'a> {
     flange_from_tool: Isometry3<f64>,
     nominal: Vec<f64>,
     settings: InverseSettings,
+    counted: Vec<f64>,
 }
 
 impl<'a> Reach<'a> {
@@ -105,7 +107,13 @@ impl<'a> Reach<'a> {
             flange_from_tool,
             nominal: vec![0.0; arm.chain().parameters().len()],
             settings,
+            counted: arm.counted(),
         }
+    }
+
+    /// Radians that one unit of each joint's variable counts as, in the arm's order.
+    pub fn counted(&self) -> &[f64] {
+        &self.counted
     }
 
     /// Joint angles for a tool pose, in the arm configuration of `seed`.
@@ -170,6 +178,8 @@ pub struct PlacedGrid {
     pub orientation: UnitQuaternion<f64>,
     /// The nodes in the lattice's order.
     pub nodes: Vec<Placed>,
+    /// Radians that one unit of each joint's variable counts as.
+    counted: Vec<f64>,
 }
 
 impl PlacedGrid {
@@ -205,6 +215,7 @@ impl PlacedGrid {
             lattice,
             orientation,
             nodes,
+            counted: reach.counted().to_vec(),
         }
     }
 
@@ -240,7 +251,7 @@ impl PlacedGrid {
                     .map_err(|refusal| *refusal)?,
             );
         }
-        if on_one_branch(&joints) {
+        if on_one_branch(&joints, &self.counted) {
             Ok(())
         } else {
             Err(Refusal::Branches)
@@ -249,7 +260,9 @@ impl PlacedGrid {
 }
 
 /// Whether no joint differs by more than `BRANCH_RAD` between any two of the joint vectors.
-pub fn on_one_branch(vectors: &[&[f64]]) -> bool {
+///
+/// `counted` has the radians that one unit of each joint's variable counts as ([`Arm::counted`]); empty where all are angles.
+pub fn on_one_branch(vectors: &[&[f64]], counted: &[f64]) -> bool {
     let Some(first) = vectors.first() else {
         return true;
     };
@@ -258,7 +271,7 @@ pub fn on_one_branch(vectors: &[&[f64]]) -> bool {
         let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| {
             (l.min(q), h.max(q))
         });
-        high - low <= BRANCH_RAD
+        (high - low) * counted.get(joint).unwrap_or(&1.0) <= BRANCH_RAD
     })
 }
 
@@ -267,4 +280,23 @@ pub fn count(refusals: impl Iterator<Item = Refusal>) -> BTreeMap<Refusal, usize
     let mut counts = BTreeMap::new();
     refusals.for_each(|refusal| *counts.entry(refusal).or_default() += 1);
     counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slide_counts_by_its_kind_where_a_cell_is_held_against_a_branch() {
+        // A mm counts as a mrad: 400 mm apart are on one branch with the 0.4 rad of the other joint, 1600 mm are not.
+        let counted = [1.0 / crate::kinematics::SLIDE_MM_PER_RAD, 1.0];
+        let near: [&[f64]; 2] = [&[100.0, 0.1], &[500.0, 0.5]];
+        let far: [&[f64]; 2] = [&[100.0, 0.1], &[1700.0, 0.5]];
+        assert!(on_one_branch(&near, &counted));
+        assert!(!on_one_branch(&far, &counted));
+        let flipped: [&[f64]; 2] = [&[100.0, -0.8], &[100.0, 0.8]];
+        assert!(!on_one_branch(&flipped, &counted));
+        // Without a list every joint is an angle.
+        assert!(!on_one_branch(&near, &[]));
+    }
 }

@@ -26,6 +26,7 @@ pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
         interpolation: chosen.interpolation,
         idw_power: settings.idw_power,
         orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
+        counted: judging.reach.counted().to_vec(),
         nodes,
     })
 }
@@ -67,7 +68,7 @@ impl Table {
             joints.push(node.joints.as_deref().map_err(|refusal| *refusal)?);
             errors.push(node.error.as_ref().map_err(|refusal| *refusal)?.0);
         }
-        if !on_one_branch(&joints) {
+        if !on_one_branch(&joints, &self.counted) {
             return Err(Refusal::Branches);
         }
         let (fraction, step) = (&cell.fraction, &self.lattice.step);

@@ -11,6 +11,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::kinematics::SLIDE_MM_PER_RAD;
 use crate::units::MM_PER_M;
 
 pub use fields::{
@@ -124,7 +125,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// What a logged value of each joint is multiplied by: rad of an angle, mm of a position.
+    /// Factor on the logged values of each joint, which makes them rad of an angle and mm of a position.
     pub(super) fn factors(&self) -> Vec<f64> {
         let lengths = self.controller.length_unit.map_or(1.0, LengthUnit::to_mm);
         let of_joint = |joint: usize| match self.slides.get(joint) {
@@ -136,9 +137,9 @@ impl Mapping {
 
     /// Radians that one unit of each joint's variable counts as where the arm's stop is detected; empty where every joint turns.
     ///
-    /// A mm of sliding counts as a mrad: what moves a point one metre away from the axis equally far.
+    /// [`SLIDE_MM_PER_RAD`] states the length that counts as a radian.
     pub fn counted(&self) -> Vec<f64> {
-        let counted = |&slides: &bool| if slides { 1.0 / MM_PER_M } else { 1.0 };
+        let counted = |&slides: &bool| if slides { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 };
         self.slides.iter().map(counted).collect()
     }
 }

@@ -206,8 +206,8 @@ fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
 /// Distance of an arm from a singularity at reported joint angles (rad, mm): the smallest singular value of its Jacobian
 /// over `lever_mm`; 0 at a singularity.
 ///
-/// Rows of angles are multiplied by `lever_mm`, and columns of linear joints too (`scales`: 1 for an angle, the lever for
-/// a length). There are as many singular values as joints, at most six; it works for any arm.
+/// Rows of angles are multiplied by `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a
+/// length). There are as many singular values as joints, at most six; it works for any arm.
 ///
 /// # Panics
 /// When the number of joints, scales or offsets does not fit the arm.

@@ -37,7 +37,7 @@ pub struct InverseSettings {
     pub position_tolerance_mm: f64,
     /// The orientation is reached when its error is below this, rad.
     pub orientation_tolerance_rad: f64,
-    /// Length that makes rad and mm comparable, mm. It changes the path of the search, not its result.
+    /// Length that makes a turn of the end comparable with its position, mm. It changes the path of the search, not its result.
     pub lever_mm: f64,
     /// Newton steps per pose before giving up.
     pub iterations: usize,

@@ -1,10 +1,15 @@
 //! A joint's variable for people and files: degrees where the joint turns, mm where it slides.
 //!
 //! Inside, a joint that turns is in rad and one that slides in mm. Where both have to be compared with one number, the stop of an
-//! arm for one, a mm of sliding counts as a mrad: what moves a point one metre away from the axis equally far.
+//! arm for one, a mm of sliding counts as a mrad ([`SLIDE_MM_PER_RAD`]).
 
 use super::arm::{Arm, Joint};
-use crate::units::MM_PER_M;
+
+/// Millimetres of a joint that slides that count as one radian of a joint that turns.
+///
+/// A turn of 1 mrad moves a point one metre away from the axis by 1 mm, and a metre is about the distance of an industrial arm's
+/// tool from its joints: some hundred mm at the wrist, two or three metres at the base.
+pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
 
 impl Joint {
     /// The variable `value` (rad; mm for a joint that slides) in the unit of [`Self::unit`].
@@ -37,12 +42,16 @@ impl Joint {
 
     /// Units of the variable that count as one radian: 1 rad where it turns, 1000 mm where it slides.
     pub const fn per_radian(&self) -> f64 {
-        if self.slides { MM_PER_M } else { 1.0 }
+        if self.slides { SLIDE_MM_PER_RAD } else { 1.0 }
     }
 
     /// Radians that one unit of the variable counts as: 1 where it turns; 1/1000 a mm where it slides.
     pub const fn counted(&self) -> f64 {
-        if self.slides { 1.0 / MM_PER_M } else { 1.0 }
+        if self.slides {
+            1.0 / SLIDE_MM_PER_RAD
+        } else {
+            1.0
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::{CommonError, TableFile, TableVerdict};
 use crate::compensation::Terms;
 use crate::grid::Interpolation;
 use crate::io::common::Corrects as _;
+use crate::io::tables::words::counted;
 
 impl TableFile<'_> {
     pub(super) fn terms(&self) -> Result<Terms, CommonError> {
@@ -25,6 +26,7 @@ impl TableFile<'_> {
             idw_power: self.idw_power(first.interpolation)?,
             validity: said.validity()?,
             frame: first.stated_frame().uncertainty(),
+            counted: counted(first.joint_units.as_deref()),
         })
     }
 

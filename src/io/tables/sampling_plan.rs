@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use nalgebra::Isometry3;
 
-use super::words::{joint_units, xyzw};
+use super::words::{counted, joint_units, xyzw};
 use crate::io::table::{row, words};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
-use crate::units::MM_PER_M;
 
 row! {
     /// A planned visit, with the promise of the whole plan.
@@ -163,10 +162,9 @@ fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {
 /// The promise of a published plan, which every row states; the first is asked.
 pub fn promise(key: &RunKey, visits: Vec<VisitRow>) -> PlanPromise {
     let first = visits.first();
-    let units = first.and_then(|row| row.joint_units.as_ref());
-    let counted = |unit: &String| if unit == "mm" { 1.0 / MM_PER_M } else { 1.0 };
+    let units = first.and_then(|row| row.joint_units.as_deref());
     PlanPromise {
-        counted: units.map_or_else(Vec::new, |units| units.iter().map(counted).collect()),
+        counted: counted(units),
         plan: key.run.clone(),
         promise: Promise {
             mean_mm: first.and_then(|row| row.promised_mean_mm),

@@ -9,7 +9,7 @@ use crate::fit::scale::ScaleVerdict;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
 use crate::io::table::{Word, words};
-use crate::kinematics::Joint;
+use crate::kinematics::{Joint, SLIDE_MM_PER_RAD};
 use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
@@ -201,6 +201,18 @@ pub(in crate::io) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
     let slides = joints.iter().any(|joint| joint.slides);
     let units = joints.iter().map(|joint| unit(joint).word().to_owned());
     slides.then(|| units.collect())
+}
+
+/// Radians that one unit of each joint's variable counts as, from the units of [`joint_units`]; empty without them.
+pub(in crate::io) fn counted(units: Option<&[String]>) -> Vec<f64> {
+    let of_unit = |unit: &String| {
+        if unit == Unit::Mm.word() {
+            1.0 / SLIDE_MM_PER_RAD
+        } else {
+            1.0
+        }
+    };
+    units.unwrap_or_default().iter().map(of_unit).collect()
 }
 
 /// The quaternion x y z w.

@@ -33,7 +33,7 @@ impl<'a> Search<'a> {
         settings: &'a InverseSettings,
     ) -> Self {
         let variables = JointVariable::of(arm);
-        let scales = variables.iter().map(|own| own.scale(settings.lever_mm));
+        let scales = variables.iter().map(|own| own.scale());
         Self {
             arm,
             offsets,

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use crate::kinematics::arm::{Arm, Joint};
 use crate::kinematics::chain::Element;
+use crate::kinematics::joint::SLIDE_MM_PER_RAD;
 use crate::kinematics::motion::Motion;
 
 /// Largest rounding error of a joint variable, rad or mm: one that is beyond a limit by less than this is within it.
@@ -64,10 +65,10 @@ impl JointVariable {
         }
     }
 
-    /// Unit of the search for this joint: 1 for an angle, the lever for a length.
-    pub const fn scale(self, lever_mm: f64) -> f64 {
+    /// Unit of the search for this joint: 1 rad for an angle; for a length the mm that count as one.
+    pub const fn scale(self) -> f64 {
         match self {
-            Self::Length => lever_mm,
+            Self::Length => SLIDE_MM_PER_RAD,
             Self::Turning | Self::Angle => 1.0,
         }
     }
