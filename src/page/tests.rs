@@ -27,7 +27,7 @@ use crate::kinematics::Convention;
 use crate::report::compared::{Compared, ErrorPair};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
-use crate::report::next::Next;
+use crate::report::next::{Next, Stated};
 use crate::report::verdict::{Applied, Judge, Judging, ProductVerdict, RunVerdict};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
@@ -427,6 +427,7 @@ fn content(name: &str) -> Content {
         },
         next: Next {
             by: Applied::Table,
+            stated: Stated::Joints,
             checks_set_up: false,
             sets_base: true,
             instead: None,

@@ -30,6 +30,7 @@ pub fn publish(
     }
     let counts = counts(outcome);
     let about = About {
+        arm: context.arm,
         work,
         tolerance: context.tolerance,
         choice: &outcome.grids.choice.words,

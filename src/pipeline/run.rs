@@ -149,6 +149,7 @@ fn run_local(
     };
     let summary = summary(
         &outcome,
+        &configuration.arm,
         &configuration.stages.tolerance,
         &parameters::rows(&outcome, &context),
         compared.as_ref(),

@@ -11,8 +11,10 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
+use crate::kinematics::Arm;
 use crate::report::compared::Compared;
 pub use crate::report::next::Next;
+use crate::report::next::Stated;
 use crate::report::symbols::symbol;
 
 /// A run in a few lines.
@@ -28,9 +30,10 @@ pub struct Summary {
     pub next: Next,
 }
 
-/// The summary of a run; `table_state` is whether the table that drove it still holds.
+/// The summary of a run of `arm`; `table_state` is whether the table that drove it still holds.
 pub(super) fn summary(
     outcome: &Outcome<'_>,
+    arm: &Arm,
     tolerance: &Tolerance,
     parameters: &[ParameterRow],
     compared: Option<&Compared>,
@@ -49,7 +52,13 @@ pub(super) fn summary(
         read: read(outcome),
         warnings: warnings(outcome),
         findings,
-        next: Next::of(verdict, &outcome.frame, tolerance, outcome.doubts_set_up()),
+        next: Next::of(
+            verdict,
+            &outcome.frame,
+            tolerance,
+            Stated::of(arm),
+            outcome.doubts_set_up(),
+        ),
     }
 }
 

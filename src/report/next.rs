@@ -7,12 +7,15 @@ use super::frame::StatedFrame;
 use super::verdict::{Applied, ProductVerdict, RunVerdict};
 use crate::figures::least_count;
 use crate::grid::{Tolerance, Verdict};
+use crate::kinematics::{Arm, Configuration};
 
 /// What to do with the result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Next {
     /// What targets are corrected by.
     pub by: Applied,
+    /// The statement that targets need where the identified arm corrects them.
+    pub stated: Stated,
     /// Whether the set-up has to be checked before anything else, as logs of the run disagree with it.
     pub checks_set_up: bool,
     /// Whether the program's base has to be set to the fitted one before.
@@ -30,16 +33,53 @@ pub struct Instead {
     pub allow: &'static str,
 }
 
+/// The way of an arm into a target, as the target has to state it for its correction by the identified arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stated {
+    /// Joint angles: the arm reaches a pose in infinitely many ways, or has no other orientation at a position than its own.
+    Joints,
+    /// Joint angles, or an orientation: an arm with six joints and without configurations.
+    JointsOrOrientation,
+    /// Joint angles, or orientation and configuration.
+    JointsOrConfiguration,
+}
+
+impl Stated {
+    /// The statement that targets of this arm need.
+    pub fn of(arm: &Arm) -> Self {
+        let joints = arm.joints().len();
+        let nominal = vec![0.0; arm.chain().parameters().len()];
+        if joints != 6 {
+            Self::Joints
+        } else if Configuration::of(arm, &nominal, &vec![0.0; joints]).is_some() {
+            Self::JointsOrConfiguration
+        } else {
+            Self::JointsOrOrientation
+        }
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Joints => "joint angles",
+            Self::JointsOrOrientation => "joint angles, or an orientation",
+            Self::JointsOrConfiguration => "joint angles, or orientation and configuration",
+        }
+    }
+}
+
 impl Next {
-    /// What to do with a result of this verdict, which holds in `frame`; `checks_set_up` where its logs disagree with the set-up.
+    /// What to do with a result of this verdict, which holds in `frame`, for an arm whose targets are `stated`; `checks_set_up` where
+    /// its logs disagree with the set-up.
     pub fn of(
         verdict: &RunVerdict,
         frame: &StatedFrame,
         tolerance: &Tolerance,
+        stated: Stated,
         checks_set_up: bool,
     ) -> Self {
         Self {
             by: verdict.applied(),
+            stated,
             checks_set_up,
             sets_base: !frame.is_surveyed,
             instead: instead(verdict.headline(), tolerance),
@@ -65,10 +105,8 @@ impl Next {
     /// do before.
     pub fn words(&self) -> String {
         let targets = match self.by {
-            Applied::Table => "correct targets",
-            Applied::IdentifiedArm => {
-                "correct targets that state joint angles, or orientation and configuration"
-            }
+            Applied::Table => "correct targets".to_owned(),
+            Applied::IdentifiedArm => format!("correct targets that state {}", self.stated.words()),
         };
         let base = if self.sets_base {
             "set the program's base to the fitted one, then "
@@ -147,6 +185,7 @@ mod tests {
     use super::*;
     use crate::figures::Counted;
     use crate::fit::{Angles, Model};
+    use crate::kinematics::RobotFile;
     use crate::report::verdict::{Judge, Judging};
     use crate::report::{Accuracy, BaseRefit, Moment, Point, Split, Subject};
     use nalgebra::Isometry3;
@@ -197,7 +236,35 @@ mod tests {
             sd_deg: None,
             lever_sd_mm: None,
         };
-        Next::of(&verdict, &frame, &TOLERANCE, false)
+        let stated = Stated::JointsOrConfiguration;
+        Next::of(&verdict, &frame, &TOLERANCE, stated, false)
+    }
+
+    #[test]
+    fn targets_state_what_their_arm_needs() {
+        let arm = |text: &str| {
+            let file: RobotFile = toml::from_str(text).expect("a robot file");
+            file.arm().expect("an arm")
+        };
+        let track = arm(include_str!("../../tests/any_arm/track.toml"));
+        let positioner = arm(include_str!("../../tests/any_arm/positioner.toml"));
+        let kr210 = arm(include_str!(
+            "../../pipelines/robots/kr210-r2700-extra.toml"
+        ));
+        for (arm, expected) in [
+            (track, "correct targets that state joint angles"),
+            (positioner, "correct targets that state joint angles"),
+            (
+                kr210,
+                "correct targets that state joint angles, or orientation and configuration",
+            ),
+        ] {
+            let met = Next {
+                stated: Stated::of(&arm),
+                ..next(Some(0.2), 80, 0.05, true)
+            };
+            assert_eq!(met.words(), expected);
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::io::tables::words::VerdictOf;
 use crate::pipeline::summary::Summary;
-use crate::report::next::Instead;
+use crate::report::next::{Instead, Stated};
 use crate::report::verdict::Applied;
 
 fn done(verdict: Verdict) -> Box<Done> {
@@ -28,6 +28,7 @@ fn summary() -> Summary {
         findings: vec!["tolerance 0.5 mm: bad\u{1b}name".to_owned()],
         next: Next {
             by: Applied::Table,
+            stated: Stated::Joints,
             checks_set_up: false,
             sets_base: false,
             instead: Some(Instead {
