@@ -44,7 +44,7 @@ Each format is made from a table of a run:
         the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
 
 A geometry leaves joint curves, gear lines, gravity, drift and the difference of command and reported angle out; each file
-says what that costs. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
+says what that costs, and which of base, flange and lengths the stations did not identify. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
 is none here: take parameters --convention standard-dh, or corrected commands (posegrid compensate).
 
 Example:
@@ -180,17 +180,17 @@ impl ExportArgs {
             (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
             (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
             (ExportFormat::Urdf, Some("calibrations")) => match self.given_urdf() {
-                None => urdf::write(path, sink),
+                None => urdf::write(path, sink).map(told),
                 Some(given) => corrected_urdf::write(path, &given, sink).map(told),
             },
             (ExportFormat::Xacro, Some("calibrations")) => {
-                xacro::write(path, self.given_urdf().as_ref(), sink)
+                xacro::write(path, self.given_urdf().as_ref(), sink).map(told)
             }
             (ExportFormat::Parameters, Some("calibrations")) => {
-                parameters_csv::write(path, self.convention, sink)
+                parameters_csv::write(path, self.convention, sink).map(told)
             }
             (ExportFormat::UrCalibration, Some("calibrations")) => {
-                ur_calibration::write(path, sink)
+                ur_calibration::write(path, sink).map(told)
             }
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
@@ -208,7 +208,7 @@ impl ExportArgs {
     }
 }
 
-/// Tells what stands nowhere in the file.
+/// Tells what a person has to know before the file is used.
 fn told(remarks: Vec<String>) {
     for remark in remarks {
         tracing::info!("{}", Printable(&remark));

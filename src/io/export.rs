@@ -15,6 +15,7 @@ pub mod controller_base;
 pub mod corrected_urdf;
 pub mod curves_json;
 mod held_out;
+mod limits;
 pub mod nodes_csv;
 pub mod origins;
 pub mod parameters_csv;

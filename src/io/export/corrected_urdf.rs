@@ -14,10 +14,11 @@ use nalgebra::Isometry3;
 use roxmltree::Node;
 
 use super::controller_base::InControllerBase;
+use super::limits::Limits;
 use super::origins::{ChainJoint, Origins};
 use super::urdf::three;
 use super::urdf_chain::{self, Ends, Step};
-use super::{ExportError, ExportErrorKind, held_out};
+use super::{ExportError, ExportErrorKind};
 use crate::geometry::rpy;
 use crate::io::robot;
 use crate::io::robot::urdf::child;
@@ -49,7 +50,7 @@ pub fn write(
         changed.filter_map(|(step, origin)| Some(edits(&text, step.node, origin.as_ref()?)));
     let corrected = edited(&text, edits.flatten().collect());
     sink.write_all(corrected.as_bytes())?;
-    Ok(remarks(&own, &steps, &origins, &held_out::dropped(path)))
+    Ok(remarks(&own, &steps, &origins, Limits::of(path)))
 }
 
 /// The text of a URDF.
@@ -118,12 +119,12 @@ fn edited(text: &str, mut edits: Vec<Edit>) -> String {
     out
 }
 
-/// What changed and what is left out.
+/// Sentences on the joints that changed and on the parts left out.
 fn remarks(
     own: &InControllerBase,
     steps: &[Step<'_, '_>],
     origins: &Origins,
-    dropped: &str,
+    limits: Limits,
 ) -> Vec<String> {
     let key = &own.published.key;
     let changed = steps.iter().zip(&origins.joints);
@@ -138,7 +139,8 @@ fn remarks(
             key.run
         ),
         own.published.error_frame.words(),
-        dropped.to_owned(),
+        limits.not_identified,
+        limits.dropped,
     ];
     lines.extend(origins.rest.as_ref().map(|rest| {
         format!(

@@ -1,6 +1,6 @@
 //! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the parts that an export drops.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::io::lake::read_given;
 use crate::io::schema;
@@ -31,7 +31,11 @@ pub fn dropped(calibrations: &Path) -> String {
 }
 
 fn figures(calibrations: &Path) -> Option<HeldOut> {
-    let table = read_given(&beside(calibrations)?, schema::find("accuracy").ok()?).ok()?;
+    let table = read_given(
+        &beside(calibrations, "accuracy")?,
+        schema::find("accuracy").ok()?,
+    )
+    .ok()?;
     let rows = AccuracyRow::read(&table);
     let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
@@ -54,13 +58,13 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
     Some(HeldOut { geometric, full, n })
 }
 
-/// The file of table `accuracy` of the same run: a lake has TABLE/robot/session/run.
-fn beside(calibrations: &Path) -> Option<std::path::PathBuf> {
+/// The file of another table of the same run: a lake has TABLE/robot/session/run.
+pub(super) fn beside(calibrations: &Path, table: &str) -> Option<PathBuf> {
     let session = calibrations.parent()?;
     let robot = session.parent()?;
     let lake = robot.parent()?.parent()?;
     let same = Path::new(robot.file_name()?)
         .join(session.file_name()?)
         .join(calibrations.file_name()?);
-    Some(lake.join("accuracy").join(same))
+    Some(lake.join(table).join(same))
 }

@@ -33,7 +33,7 @@ pub(super) struct ChainJoint {
     pub name: String,
     /// Its frame in that of the joint before, mm.
     pub origin: Isometry3<f64>,
-    /// How it moves; `None` for a joint that does not.
+    /// Its motion; `None` for a joint that does not move.
     pub moves: Option<Moves>,
 }
 
@@ -310,7 +310,7 @@ fn apart(pairs: impl Iterator<Item = (Isometry3<f64>, Isometry3<f64>)>) -> (f64,
     })
 }
 
-/// What to do where another base, or another flange, is the whole difference.
+/// Advice where another base, or another flange, is the whole difference; empty elsewhere.
 fn constant(pairs: &[[Isometry3<f64>; 2]]) -> &'static str {
     let is_one = |of: fn(&[Isometry3<f64>; 2]) -> Isometry3<f64>| {
         let (mm, rad) = apart(pairs.iter().map(|pair| (of(&pairs[0]), of(pair))));

@@ -12,22 +12,25 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use super::controller_base::InControllerBase;
-use super::{ExportError, ExportErrorKind, held_out};
+use super::limits::Limits;
+use super::{ExportError, ExportErrorKind};
 use crate::fit::conversion::{Carried, carried};
 use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
 
-/// Writes the parameters of a file of table `calibrations` in a convention; in the robot file's own without one.
+/// Writes the parameters of a file of table `calibrations` in a convention; in the robot file's own without one. Gives remarks for a
+/// person, a line each.
 pub fn write(
     path: &Path,
     convention: Option<Convention>,
     mut sink: impl Write,
-) -> Result<(), ExportError> {
+) -> Result<Vec<String>, ExportError> {
     let own = InControllerBase::read(path)?;
     let from = &own.published.arm.arm;
     let convention = convention.unwrap_or_else(|| from.convention());
     let to = in_convention(from, convention).map_err(|kind| kind.at(path))?;
     let found = carried(from, &own.flange_errors(), &to, &Isometry3::identity());
-    for line in remarks(path, &own, convention, &found) {
+    let limits = Limits::of(path);
+    for line in remarks(&limits, &own, convention, &found) {
         writeln!(sink, "# {line}")?;
     }
     for line in nominal_file(from, convention) {
@@ -53,7 +56,8 @@ pub fn write(
         );
         csv.write_record(row(&to, *parameter, offset, sd))?;
     }
-    Ok(csv.flush()?)
+    csv.flush()?;
+    Ok(vec![limits.not_identified])
 }
 
 /// The nominal arm in a convention; as its robot file states it where that is the convention.
@@ -81,13 +85,13 @@ fn nominal_file(arm: &Arm, convention: Convention) -> Vec<String> {
     lines
 }
 
-/// What the numbers are, line by line.
+/// Lines on the numbers: run, convention, units, frame and limits.
 fn remarks(
-    path: &Path,
+    limits: &Limits,
     own: &InControllerBase,
     convention: Convention,
     found: &Carried,
-) -> [String; 5] {
+) -> [String; 6] {
     let key = &own.published.key;
     [
         format!(
@@ -104,7 +108,8 @@ fn remarks(
             found.left_mm, found.left_rad
         ),
         own.published.error_frame.words(),
-        held_out::dropped(path),
+        limits.not_identified.clone(),
+        limits.dropped.clone(),
     ]
 }
 

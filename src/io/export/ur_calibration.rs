@@ -16,9 +16,10 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use super::controller_base::InControllerBase;
+use super::limits::Limits;
 use super::origins::{ChainJoint, Origins, OriginsError, about_z};
 use super::urdf::three;
-use super::{ExportError, ExportErrorKind, held_out};
+use super::{ExportError, ExportErrorKind};
 use crate::geometry::isometry_from_rpy;
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, Screws};
@@ -33,14 +34,16 @@ const LINKS: [&str; 6] = [
     "wrist_3",
 ];
 
-/// Writes the geometry in a file of table `calibrations`.
-pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
+/// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
+pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportError> {
     let own = InControllerBase::read(path)?;
     let no_ur = |source| ExportErrorKind::NoUr(source).at(path);
     let chain = chain(&own.published.arm.arm).ok_or_else(|| no_ur(None))?;
     let origins = Origins::of(&own, &chain).map_err(|source| no_ur(Some(source)))?;
-    let yaml = text(&own, &origins, &held_out::dropped(path));
-    Ok(sink.write_all(yaml.as_bytes())?)
+    let limits = Limits::of(path);
+    let yaml = text(&own, &origins, &limits);
+    sink.write_all(yaml.as_bytes())?;
+    Ok(vec![limits.not_identified])
 }
 
 /// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between each two.
@@ -69,10 +72,10 @@ fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
     Some(LINKS.into_iter().zip(frames).map(joint).collect())
 }
 
-fn text(own: &InControllerBase, origins: &Origins, dropped: &str) -> String {
+fn text(own: &InControllerBase, origins: &Origins, limits: &Limits) -> String {
     let key = &own.published.key;
     let mut yaml = String::new();
-    for remark in remarks(own, origins.rest.as_ref(), dropped) {
+    for remark in remarks(own, origins.rest.as_ref(), limits) {
         let _ = writeln!(yaml, "# {remark}");
     }
     yaml.push_str("kinematics:\n");
@@ -90,8 +93,8 @@ fn text(own: &InControllerBase, origins: &Origins, dropped: &str) -> String {
     yaml
 }
 
-/// What the file is and what it leaves out, a line each.
-fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, dropped: &str) -> Vec<String> {
+/// Lines on the file: run, use, hash, frame and limits.
+fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, limits: &Limits) -> Vec<String> {
     let key = &own.published.key;
     let mut lines = vec![
         format!(
@@ -106,7 +109,8 @@ fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, dropped: &str)
         "hash: of this run, not the controller's. The driver compares it with that of the factory calibration and reports that they differ"
             .to_owned(),
         own.published.error_frame.words(),
-        dropped.to_owned(),
+        limits.not_identified.clone(),
+        limits.dropped.clone(),
     ];
     lines.extend(rest.map(left));
     lines

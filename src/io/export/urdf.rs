@@ -15,7 +15,8 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::{ExportError, ExportErrorKind, controller_base, held_out};
+use super::limits::Limits;
+use super::{ExportError, ExportErrorKind, controller_base};
 use crate::compensation::IdentifiedArm;
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::rpy;
@@ -24,8 +25,8 @@ use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 
-/// Writes the geometry in a file of table `calibrations`.
-pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
+/// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
+pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportError> {
     let PublishedArm {
         key,
         arm,
@@ -34,8 +35,10 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
-    let dropped = held_out::dropped(path);
-    Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces, &dropped).as_bytes())?)
+    let limits = Limits::of(path);
+    let urdf = text(&key, &arm, &error_frame, &pieces, &limits.words());
+    sink.write_all(urdf.as_bytes())?;
+    Ok(vec![limits.not_identified])
 }
 
 /// Names and origins of the joints of the URDF, mm, or why there is none.
@@ -72,7 +75,7 @@ impl Pieces {
         })
     }
 
-    /// What stands fixed behind the last joint: names of links and their origins, mm.
+    /// Links fixed behind the last joint: their names and origins, mm.
     fn ends(&self, arm: &IdentifiedArm) -> [(&'static str, Isometry3<f64>); 2] {
         [
             ("flange", self.flange),
@@ -115,11 +118,11 @@ fn text(
     arm: &IdentifiedArm,
     error_frame: &StatedFrame,
     pieces: &Pieces,
-    dropped: &str,
+    limits: &str,
 ) -> String {
     let mut urdf = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     let remark = format!(
-        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. {dropped} base_link is the controller's base, flange its flange, tool its \
+        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. {limits} base_link is the controller's base, flange its flange, tool its \
          own tool point. Effort and velocity are not known and 0.",
         error_frame.words(),
         arm.arm.model(),

@@ -13,25 +13,29 @@ use nalgebra::Isometry3;
 
 use super::controller_base::InControllerBase;
 use super::corrected_urdf::{GivenUrdf, origins, read};
+use super::limits::Limits;
 use super::urdf::{self, in_comment, three};
 use super::urdf_chain;
-use super::{ExportError, ExportErrorKind, held_out};
+use super::{ExportError, ExportErrorKind};
 use crate::geometry::rpy;
 use crate::units::MM_PER_M;
 
-/// Writes the geometry in a file of table `calibrations`: for the joints of a URDF, or for those of `--format urdf` without one.
+/// Writes the geometry in a file of table `calibrations`: for the joints of a URDF, or for those of `--format urdf` without one; gives
+/// remarks for a person, a line each.
 pub fn write(
     path: &Path,
     given: Option<&GivenUrdf<'_>>,
     mut sink: impl Write,
-) -> Result<(), ExportError> {
+) -> Result<Vec<String>, ExportError> {
     let own = InControllerBase::read(path)?;
     let joints = match given {
         Some(given) => of_urdf(&own, given)?,
         None => urdf::placed(&own.published.arm)
             .map_err(|problem| ExportErrorKind::NoUrdf(problem).at(path))?,
     };
-    Ok(sink.write_all(text(&own, &joints, &held_out::dropped(path)).as_bytes())?)
+    let limits = Limits::of(path);
+    sink.write_all(text(&own, &joints, &limits.words()).as_bytes())?;
+    Ok(vec![limits.not_identified])
 }
 
 /// Names and new origins of the joints of a URDF.
@@ -50,12 +54,12 @@ fn of_urdf(
     Ok(named.chain(rest).collect())
 }
 
-fn text(own: &InControllerBase, joints: &[(String, Isometry3<f64>)], dropped: &str) -> String {
+fn text(own: &InControllerBase, joints: &[(String, Isometry3<f64>)], limits: &str) -> String {
     let key = &own.published.key;
     let mut xacro = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     let remark = format!(
         "{}. Joint origins of the identified geometry of robot {:?}, session {:?}, by posegrid run {}, m and rad; joint offsets are in \
-         them. Include this file and write <origin xyz=\"${{NAME_xyz}}\" rpy=\"${{NAME_rpy}}\"/>. {dropped}",
+         them. Include this file and write <origin xyz=\"${{NAME_xyz}}\" rpy=\"${{NAME_rpy}}\"/>. {limits}",
         own.published.error_frame.words(),
         key.robot,
         key.session,

@@ -1,0 +1,149 @@
+//! Limits of an exported geometry: the parts of the error that it leaves out, and the frames and lengths that no station determined.
+//!
+//! Inputs: the tables `accuracy` and `parameters` of the run, beside its file of table `calibrations`. Output: sentences for the
+//! comment of the exported file and for standard error.
+
+use std::path::Path;
+
+use super::held_out::{self, beside};
+use crate::fit::Identifiability;
+use crate::io::lake::read_given;
+use crate::io::schema;
+use crate::io::table::Row as _;
+use crate::io::tables::parameters::{BelongsTo, ParameterRow};
+use crate::io::tables::words::Unit;
+use crate::report::Model;
+
+/// Sentences on the limits of an exported geometry.
+pub(super) struct Limits {
+    /// The parts left out, and their cost.
+    pub dropped: String,
+    /// The parameters of base, flange and lengths whose values are only those of their priors.
+    pub not_identified: String,
+}
+
+impl Limits {
+    /// The limits of the geometry in a file of table `calibrations`.
+    pub(super) fn of(calibrations: &Path) -> Self {
+        let rows = parameters(calibrations);
+        Self {
+            dropped: held_out::dropped(calibrations),
+            not_identified: rows.map_or_else(
+                || {
+                    "Which of base, flange and lengths are identified is in table parameters of the run, which is not beside this file."
+                        .to_owned()
+                },
+                |rows| not_identified(&rows),
+            ),
+        }
+    }
+
+    /// All sentences.
+    pub(super) fn words(&self) -> String {
+        format!("{} {}", self.not_identified, self.dropped)
+    }
+}
+
+/// The rows of table `parameters` of the same run; `None` where the table is not beside.
+fn parameters(calibrations: &Path) -> Option<Vec<ParameterRow>> {
+    let path = beside(calibrations, "parameters")?;
+    let table = read_given(&path, schema::find("parameters").ok()?).ok()?;
+    Some(ParameterRow::read(&table))
+}
+
+/// A sentence that names the frames and lengths of the geometric model that are not identified, with their standard errors.
+fn not_identified(rows: &[ParameterRow]) -> String {
+    let own = |row: &&ParameterRow| {
+        row.model == Model::Geometric && row.identifiability != Identifiability::Identifiable
+    };
+    let bodies = [
+        ("base", BelongsTo::Base, None),
+        ("flange", BelongsTo::Target, Some(Unit::Mm)),
+        ("lengths", BelongsTo::Link, Some(Unit::Mm)),
+    ];
+    let found = bodies.into_iter().filter_map(|(name, body, unit)| {
+        let is_of = |row: &&ParameterRow| {
+            row.belongs_to == body && unit.is_none_or(|unit| row.unit == unit)
+        };
+        let named: Vec<String> = rows.iter().filter(own).filter(is_of).map(value).collect();
+        (!named.is_empty()).then(|| format!("{name} ({})", named.join(", ")))
+    });
+    let found: Vec<String> = found.collect();
+    if found.is_empty() {
+        return "Base, flange and lengths are identified.".to_owned();
+    }
+    format!(
+        "Not identified by the stations are {}: these numbers are only those of their priors, with the standard errors given. The \
+         arm's tool point is right where it was measured; a base, a flange or a length by itself is not.",
+        found.join("; ")
+    )
+}
+
+/// A parameter by its name, with its standard error.
+fn value(row: &ParameterRow) -> String {
+    let (unit, scale) = match row.unit {
+        Unit::Mm => (" mm", 1.0),
+        Unit::Rad => (" mrad", 1e3),
+        Unit::One => ("", 1.0),
+    };
+    let session = row.of_session.as_ref();
+    let session = session.map_or_else(String::new, |session| format!(" of {session}"));
+    let error = row.standard_error;
+    let error = error.map_or_else(String::new, |error| {
+        format!(" ± {:.3}{unit}", scale * error)
+    });
+    format!("{}{session}{error}", row.parameter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::tables::parameters::ParameterQuantity;
+
+    fn row(parameter: &str, belongs_to: BelongsTo, unit: Unit, is_found: bool) -> ParameterRow {
+        ParameterRow {
+            model: Model::Geometric,
+            parameter_index: 0,
+            parameter: parameter.to_owned(),
+            belongs_to,
+            of_session: (belongs_to != BelongsTo::Link).then(|| "mon".to_owned()),
+            joint: None,
+            quantity: ParameterQuantity::X,
+            unit,
+            nominal: 0.0,
+            offset: 0.0,
+            identified: 0.0,
+            standard_error: Some(0.0048),
+            prior_sd: Some(0.005),
+            identifiability: if is_found {
+                Identifiability::Identifiable
+            } else {
+                Identifiability::Weak
+            },
+            confounded_with: Vec::new(),
+            most_correlated_with: None,
+            correlation: None,
+        }
+    }
+
+    #[test]
+    fn frames_and_lengths_that_only_a_prior_states_are_named() {
+        let (mm, rad) = (Unit::Mm, Unit::Rad);
+        let rows = [
+            row("base_rz", BelongsTo::Base, rad, false),
+            row("base_x", BelongsTo::Base, mm, true),
+            row("target_z", BelongsTo::Target, mm, false),
+            row("target_rx", BelongsTo::Target, rad, false),
+            row("d_1", BelongsTo::Link, mm, false),
+            row("theta_1", BelongsTo::Link, rad, false),
+        ];
+        let words = not_identified(&rows);
+        let named = "Not identified by the stations are base (base_rz of mon ± 4.800 mrad); flange (target_z of mon ± 0.005 mm); \
+                     lengths (d_1 ± 0.005 mm): ";
+        assert!(words.starts_with(named), "{words}");
+        assert_eq!(
+            not_identified(&rows[1..2]),
+            "Base, flange and lengths are identified."
+        );
+    }
+}
