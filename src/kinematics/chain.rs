@@ -239,7 +239,8 @@ impl Element {
         }
     }
 
-    const fn joint(&self) -> Option<usize> {
+    /// The axis variable that moves it, from 0; `None` where it does not move.
+    pub const fn joint(&self) -> Option<usize> {
         match self {
             Self::Joint { joint, .. } => Some(*joint),
             Self::Fixed(_) | Self::Free { .. } => None,

@@ -2,7 +2,7 @@
 
 mod frames;
 mod joints;
-mod links;
+pub(super) mod links;
 
 use super::set_up::SetUp;
 use crate::units::MM_PER_M;

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::DMatrix;
 
 use super::Hypothesis;
-use crate::kinematics::{Element, LinkQuantity, Parameter};
+use crate::kinematics::{LinkQuantity, Parameter};
 use crate::setup::set_up::SetUp;
 
 /// Order, signs, zeros and coupling of the joints.
@@ -99,23 +99,12 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
     all
 }
 
-/// The reported joint (from 0) that moves the chain's joint of this number (from 1); `None` where that one slides, or follows another.
+/// The place of the reported joint with this number in parameters (from 1); `None` where that one slides, or follows another: those
+/// have numbers behind the reported ones.
 fn reported(stated: &SetUp, number: usize) -> Option<usize> {
-    let moving = |element: &Element| match element {
-        Element::Joint { joint, .. } => Some(*joint),
-        Element::Fixed(_) | Element::Free { .. } => None,
-    };
-    let moving: Vec<usize> = stated
-        .arm
-        .chain()
-        .elements()
-        .iter()
-        .filter_map(moving)
-        .collect();
-    let own = *moving.get(number.checked_sub(1)?)?;
-    let follows = moving[..number - 1].contains(&own);
-    let slides = stated.arm.joints().get(own)?.slides;
-    (!follows && !slides).then_some(own)
+    let place = number.checked_sub(1)?;
+    let joint = stated.arm.joints().get(place)?;
+    (!joint.slides).then_some(place)
 }
 
 /// A joint whose zero is right angles away.
@@ -173,4 +162,27 @@ fn couplings(stated: &SetUp) -> Vec<Hypothesis> {
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::RobotFile;
+
+    #[test]
+    fn a_zero_is_that_of_its_joint_behind_one_that_follows() {
+        let text = include_str!("../../../tests/any_arm/parallelogram.toml");
+        let file: RobotFile = toml::from_str(text).expect("a robot file");
+        let stated = SetUp::of_arm(file.arm().expect("an arm"));
+        let edits: Vec<String> = zeros(&stated).into_iter().map(|own| own.edit).collect();
+        assert_eq!(
+            edits.len(),
+            18,
+            "three zeros of each of six joints: {edits:?}"
+        );
+        let third = edits
+            .iter()
+            .filter(|edit| edit.contains("\"a3\" (joint 3)"));
+        assert_eq!(third.count(), 3, "{edits:?}");
+    }
 }

@@ -8,6 +8,7 @@ use crate::join::placement::{Placement, ReadingAtFlange};
 use crate::kinematics::{LinkQuantity, Parameter};
 use crate::setup::agreement::Seen;
 use crate::setup::evidence::{Evidence, point};
+use crate::setup::hypotheses::links::{joint_name, table};
 use crate::setup::hypotheses::{Hypothesis, Sort};
 use crate::setup::set_up::SetUp;
 
@@ -62,11 +63,7 @@ fn hypothesis(
     offsets: &[f64],
     value: f64,
 ) -> Hypothesis {
-    let joint = stated
-        .arm
-        .joints()
-        .get(joint - 1)
-        .map_or("", |joint| joint.name.as_str());
+    let joint = joint_name(&stated.arm, joint);
     let key = key(quantity);
     let change = if quantity.is_angle() {
         format!("{:+.2}°", value.to_degrees())
@@ -74,8 +71,8 @@ fn hypothesis(
         format!("{value:+.1} mm")
     };
     Hypothesis {
-        mistake: format!("{key} of {joint:?} in the robot file is off by {change}"),
-        edit: format!("robot file, [[joint]] {joint:?}: {key} {change}"),
+        mistake: format!("{key} of {joint} in the robot file is off by {change}"),
+        edit: format!("robot file, {}: {key} {change}", table(&joint)),
         set_up: stated.with_offsets(offsets),
         sort: Sort::Size,
     }
