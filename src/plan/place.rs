@@ -19,8 +19,18 @@ const DRAWS: usize = 20;
 /// Places poses: the arm's inverse kinematics, and start poses all over the region.
 #[derive(Debug)]
 pub struct Placer<'a> {
+    arm: &'a Arm,
+    flange_from_target: Isometry3<f64>,
     reach: Reach<'a>,
     seeds: Vec<GridStation>,
+    /// Joints that slide on an arm with more joints than a pose needs: a pose leaves them free.
+    free: Vec<usize>,
+}
+
+/// A pose of the target, with the positions of the free slides that it is to be reached from, mm.
+struct Drawing {
+    pose: Isometry3<f64>,
+    slides: Vec<f64>,
 }
 
 impl<'a> Placer<'a> {
@@ -29,8 +39,11 @@ impl<'a> Placer<'a> {
         let reach = Reach::new(arm, settings.flange_from_target);
         let region = &settings.region;
         let mut placer = Self {
+            arm,
+            flange_from_target: settings.flange_from_target,
             reach,
             seeds: Vec::new(),
+            free: free_slides(arm),
         };
         let home = arm.flange(&settings.home).isometry() * settings.flange_from_target;
         placer.add(&home, settings.home.clone());
@@ -86,6 +99,44 @@ impl<'a> Placer<'a> {
         })
     }
 
+    /// A drawing as a command: from the known pose that is nearest once its free slides are where the drawing has them.
+    fn drawn(&self, drawing: &Drawing) -> Result<Commanded, Refusal> {
+        if self.free.is_empty() {
+            return self.commanded(drawing.pose);
+        }
+        let slid = |seed: &GridStation| {
+            let mut joints = seed.joints.clone();
+            for (&joint, &place) in self.free.iter().zip(&drawing.slides) {
+                joints[joint] = place;
+            }
+            let target = self.arm.flange(&joints).isometry() * self.flange_from_target;
+            let away = target.translation.vector - drawing.pose.translation.vector;
+            (away.norm(), joints)
+        };
+        let seeds = self.seeds.iter().map(slid);
+        let nearest = seeds.min_by(|a, b| a.0.total_cmp(&b.0));
+        let (_, seed) = nearest.expect("home is a seed");
+        let position = Point3::from(drawing.pose.translation.vector);
+        let joints = self
+            .reach
+            .joints(&position, &drawing.pose.rotation, &seed)?;
+        Ok(Commanded {
+            base_from_target: drawing.pose,
+            joints,
+        })
+    }
+
+    /// A random pose of a region; each free slide anywhere within its limits.
+    fn draw(&self, region: &Region, stream: &mut Stream) -> Drawing {
+        let pose = draw(region, stream);
+        let own = self.free.iter().map(|&joint| &self.arm.joints()[joint]);
+        let slides = own.map(|joint| stream.between(joint.lower, joint.upper));
+        Drawing {
+            pose,
+            slides: slides.collect(),
+        }
+    }
+
     /// Joint angles of the same pose with the wrist flipped; `None` where a joint limit prevents it.
     pub fn flipped(&self, command: &Commanded) -> Option<Vec<f64>> {
         let own = self.reach.configuration(&command.joints)?;
@@ -108,7 +159,8 @@ impl<'a> Placer<'a> {
         PlacedGrid::new(&self.reach, lattice, orientation, &seeds)
     }
 
-    /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn.
+    /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn. An arm that slides
+    /// and has more joints than a pose needs has each pose from anywhere on its slides.
     pub fn random(
         &self,
         region: &Region,
@@ -116,15 +168,15 @@ impl<'a> Placer<'a> {
         stream: &mut Stream,
         suits: &(dyn Fn(&[f64]) -> Result<(), Unsuitable> + Sync),
     ) -> Result<(Vec<Commanded>, Drawn), PlanError> {
-        let placed = |pose: &Isometry3<f64>| {
-            let command = self.commanded(*pose).map_err(Refusal::name)?;
+        let placed = |drawing: &Drawing| {
+            let command = self.drawn(drawing).map_err(Refusal::name)?;
             suits(&command.joints).map_err(|why| why.name())?;
             Ok(command)
         };
         let mut found: Vec<Commanded> = Vec::new();
         let mut drawn = Drawn::default();
         for _ in 0..DRAWS {
-            let batch: Vec<Isometry3<f64>> = (0..count).map(|_| draw(region, stream)).collect();
+            let batch: Vec<Drawing> = (0..count).map(|_| self.draw(region, stream)).collect();
             let batch: Vec<Result<Commanded, &'static str>> =
                 batch.par_iter().map(placed).collect();
             for pose in batch {
@@ -148,6 +200,18 @@ impl<'a> Placer<'a> {
         }
         Ok((found, drawn))
     }
+}
+
+/// Joints of a redundant arm that slide between finite limits.
+fn free_slides(arm: &Arm) -> Vec<usize> {
+    let joints = arm.joints();
+    let is_free = |joint: &usize| {
+        let own = &joints[*joint];
+        own.slides && own.lower.is_finite() && own.upper.is_finite()
+    };
+    let all = 0..joints.len();
+    let redundant = all.filter(|_| joints.len() > 6);
+    redundant.filter(is_free).collect()
 }
 
 /// Random poses that were drawn, and the reasons why some were not taken.
