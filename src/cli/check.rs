@@ -128,7 +128,7 @@ fn split(configuration: &Configuration) -> String {
         .collect()
 }
 
-/// What the convention does where two axes are parallel.
+/// The convention's way with two parallel axes, as text.
 const fn remark_on_parallel(convention: Convention) -> &'static str {
     match convention {
         Convention::MdH => ", Hayati's beta beside d: the next axis is parallel",

@@ -55,10 +55,10 @@ pub struct RobotArgs {
 #[derive(Debug, Clone, Default, Args)]
 #[group(skip)]
 pub struct ArmFlags {
-    /// Of a URDF, the link that is the base; its root without it
+    /// The link of a URDF that is the base; its root without it
     #[arg(long, value_name = "LINK")]
     pub base: Option<String>,
-    /// Of a URDF, the link that is the flange; needed where several links end a chain
+    /// The link of a URDF that is the flange; needed where several links end a chain
     #[arg(long, value_name = "LINK")]
     pub tip: Option<String>,
     /// The controller's names of the reported joints, from base to flange, with commas between

@@ -99,7 +99,7 @@ impl Axes {
 }
 
 impl AxisJoint {
-    /// How far a weight sinks per unit of the variable's first joint, mm per rad or mm per mm.
+    /// Distance that a weight sinks per unit of the variable's first joint, mm per rad or mm per mm.
     fn sinks(&self, weight: &Point3<f64>, down: &Vector3<f64>) -> f64 {
         let moved = if self.slides {
             self.axis

@@ -82,7 +82,7 @@ pub struct JointFile {
     /// Joint offset, degrees: θ at a reported angle of zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_deg: Option<f64>,
-    /// What is added to the reported position of a joint that slides, mm, where d is not part of the convention.
+    /// Shift added to the reported position of a joint that slides, mm, where d is not part of the convention.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_mm: Option<f64>,
     /// Turn about z behind the twist: γ of the S-model, β of CPC, degrees.
@@ -363,7 +363,7 @@ impl JointFile {
         self.kind == JointKind::Prismatic
     }
 
-    /// What is added to the reported angle or position, rad or mm, where the convention has no table.
+    /// Zero added to the reported angle or position, rad or mm, where the convention has no table.
     fn zero(&self) -> f64 {
         if self.slides() {
             self.offset_mm.unwrap_or(0.0)

@@ -23,7 +23,7 @@ pub struct AxisErrors {
 pub struct AxisError {
     /// Constant part, rad; mm where the joint slides, as are the curves.
     pub constant_rad: f64,
-    /// What the axis variable is divided by before its curves: turns of their period, or mm per rad where the joint slides.
+    /// Divisor of the axis variable before its curves: turns of their period, or mm per rad where the joint slides.
     pub curve_unit: f64,
     /// Curves, to be summed, as functions of the angle divided by `curve_unit`.
     pub curves: Vec<JointCurve>,

@@ -108,7 +108,7 @@ fn ur10() -> Arm {
     ur10_file().arm().expect("an arm")
 }
 
-/// The same arm in every other convention, with the convention's word.
+/// The bench's arm in every other convention, with the convention's word.
 fn restated() -> Vec<(&'static str, Arm)> {
     let others = Convention::ALL
         .into_iter()

@@ -9,7 +9,7 @@ use super::{Buffer, reordered};
 /// Joint samples, in rad; in mm for joints that slide.
 #[derive(Debug)]
 pub struct JointBuffer {
-    /// What a logged value of each joint is multiplied by.
+    /// Factor on the logged values of each joint.
     factors: Vec<f64>,
     stamps: Vec<i64>,
     angles: JointAngles,

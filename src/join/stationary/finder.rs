@@ -31,7 +31,7 @@ pub struct Finder {
     samples: Samples,
     quanta: Quanta,
     ranges: Ranges,
-    /// What one unit of each column counts as; empty where all columns count alike.
+    /// Radians that one unit of each column counts as; empty where all columns count alike.
     counted: Vec<f64>,
     pace: Option<Pace>,
     first_ns: i64,

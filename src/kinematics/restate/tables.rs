@@ -225,7 +225,7 @@ fn put(file: &mut RobotFile, place: usize, link: &Isometry3<f64>, order: Order) 
     }
 }
 
-/// What is left between the last link's frame and the flange, which share their z axis: γ and b of the S-model, else `[flange]`.
+/// Transform left between the last link's frame and the flange, which share their z axis: γ and b of the S-model, else `[flange]`.
 fn finish(file: &mut RobotFile, last: &Isometry3<f64>, flange: &Isometry3<f64>) {
     let left = last.inverse() * flange;
     let (convention, joint) = (file.convention, file.joint.last_mut());

@@ -44,7 +44,7 @@ pub enum UrdfError {
         line: u32,
         /// The element.
         element: String,
-        /// What it lacks.
+        /// The part that it lacks.
         wanted: &'static str,
     },
     /// Two links, or two joints, of one name.
@@ -178,7 +178,7 @@ pub enum UrdfError {
         key: String,
         /// The text found.
         found: String,
-        /// What is allowed.
+        /// The values that are allowed.
         wanted: &'static str,
     },
     /// A rotation that is stated twice, or in a way that the file's version has not.
@@ -200,7 +200,7 @@ pub enum UrdfError {
         joint: String,
         /// The limits found.
         found: String,
-        /// What to do.
+        /// Advice.
         remedy: &'static str,
     },
     /// A joint that follows one that does not move the chain.
