@@ -3,6 +3,7 @@
 mod common;
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::{Arc, LazyLock};
 
 use nalgebra::{DMatrix, Isometry3, Translation3, Vector3};
 use posegrid::geometry::{Placement, isometry_from_rpy};
@@ -86,7 +87,7 @@ fn poorer(number: u64, stated: &mut SetUp, evidence: &mut Evidence) {
 
 fn alternatives() -> Alternatives {
     Alternatives {
-        arms: known_arms(),
+        arms: Arc::new(LazyLock::new(known_arms)),
         readings: Vec::new(),
     }
 }

@@ -4,6 +4,8 @@ mod frames;
 mod joints;
 pub(super) mod links;
 
+use std::sync::{Arc, LazyLock};
+
 use super::set_up::SetUp;
 use crate::units::MM_PER_M;
 use frames::frames;
@@ -59,8 +61,8 @@ pub struct KnownArm {
 /// What else the search needs to know about the files.
 #[derive(Debug, Clone, Default)]
 pub struct Alternatives {
-    /// Ready robot files.
-    pub arms: Vec<KnownArm>,
+    /// Ready robot files, read where they are first needed: where logs disagree with their set-up.
+    pub arms: Arc<LazyLock<Vec<KnownArm>>>,
     /// Placements with the stated numbers, read by other conventions.
     pub readings: Vec<OtherReading>,
 }

@@ -746,7 +746,43 @@ fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
         );
     }
     corrected("base", "tool0").expect_messages(&[&cost]);
-    // A file outside its lake has no figures beside it, and says so.
+}
+
+#[test]
+fn what_is_not_identified_is_named_in_the_file_and_on_standard_error() {
+    // The height of the base and that of the first axis on it are one by structure.
+    let parameters = undisturbed().table("parameters", "mon");
+    let not_identified = |name: &str| {
+        let is_it = |row: &usize| {
+            parameters.text("model").value(*row) == "geometric"
+                && parameters.text("parameter").value(*row) == name
+        };
+        let row = (0..parameters.rows()).find(is_it).unwrap();
+        parameters.text("identifiability").value(row) != "identifiable"
+    };
+    for name in ["base_z", "d_1"] {
+        assert!(not_identified(name), "{name}");
+    }
+    let told = |text: &str, format: &str| {
+        let (_, told) = text
+            .split_once("Not identified by the stations are ")
+            .unwrap_or_else(|| panic!("{format}: {text}"));
+        let (named, _) = told.split_once(": each of these numbers").unwrap();
+        for part in ["base (", "base_z of mon ± ", "lengths (", "d_1 ± "] {
+            assert!(named.contains(part), "{format}: {part} in {named}");
+        }
+    };
+    for format in ["urdf", "parameters", "xacro"] {
+        let exported = export("calibrations", format);
+        exported.expect(0, &[]);
+        told(&exported.results, format);
+        told(&exported.messages, format);
+    }
+    told(&corrected("base", "tool0").messages, "corrected urdf");
+}
+
+#[test]
+fn a_file_outside_its_lake_says_that_its_limits_are_not_beside_it() {
     let alone = ended(
         posegrid()
             .arg("export")
@@ -754,7 +790,10 @@ fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
             .args(["--format", "urdf"]),
     );
     alone.expect(0, &[]);
-    assert!(alone.results.contains("which is not beside this file"));
+    for table in ["accuracy", "parameters"] {
+        let said = format!("is in table {table} of the run, which is not beside this file");
+        assert!(alone.results.contains(&said), "{table}");
+    }
 }
 
 const OWN_URDF: &str = "tests/robots/kr210.urdf";

@@ -18,7 +18,7 @@ use crate::report::Model;
 pub(super) struct Limits {
     /// The parts left out, and their cost.
     pub dropped: String,
-    /// The parameters of base, flange and lengths whose values are only those of their priors.
+    /// The parameters of base, flange and lengths that are not identified.
     pub not_identified: String,
 }
 
@@ -73,8 +73,8 @@ fn not_identified(rows: &[ParameterRow]) -> String {
         return "Base, flange and lengths are identified.".to_owned();
     }
     format!(
-        "Not identified by the stations are {}: these numbers are only those of their priors, with the standard errors given. The \
-         arm's tool point is right where it was measured; a base, a flange or a length by itself is not.",
+        "Not identified by the stations are {}: each of these numbers is its prior's, or right only together with others of them (± its \
+         standard error). The arm's tool point is right where it was measured; its base, its flange or a length alone need not be.",
         found.join("; ")
     )
 }
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_and_lengths_that_only_a_prior_states_are_named() {
+    fn frames_and_lengths_that_are_not_identified_are_named() {
         let (mm, rad) = (Unit::Mm, Unit::Rad);
         let rows = [
             row("base_rz", BelongsTo::Base, rad, false),

@@ -1,5 +1,7 @@
 //! The set-up as pipeline file and robot file state it, for the check against the logs.
 
+use std::sync::{Arc, LazyLock};
+
 use nalgebra::{Isometry3, Vector3};
 
 use super::Placed;
@@ -41,7 +43,7 @@ impl StatedSetUp {
                 ..SetUp::of_arm(arm.clone())
             },
             alternatives: Alternatives {
-                arms: ready_arms(),
+                arms: Arc::new(LazyLock::new(ready_arms)),
                 readings: other_conventions(file),
             },
         }
