@@ -9,6 +9,13 @@ use std::time::Duration;
 
 /// Millimetres in a metre.
 pub const MM_PER_M: f64 = 1000.0;
+
+/// Millimetres of a joint that slides that count as one radian of a joint that turns.
+///
+/// A turn of 1 mrad moves a point one metre away from the axis by 1 mm, and a metre is about the distance of an industrial arm's
+/// tool from its joints: some hundred mm at the wrist, two or three metres at the base.
+pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
+
 /// Nanoseconds in a second.
 pub const NS_PER_S: f64 = 1e9;
 

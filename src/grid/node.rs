@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn a_slide_counts_by_its_kind_where_a_cell_is_held_against_a_branch() {
         // A mm counts as a mrad: 400 mm apart are on one branch with the 0.4 rad of the other joint, 1600 mm are not.
-        let counted = [1.0 / crate::kinematics::SLIDE_MM_PER_RAD, 1.0];
+        let counted = [1.0 / crate::units::SLIDE_MM_PER_RAD, 1.0];
         let near: [&[f64]; 2] = [&[100.0, 0.1], &[500.0, 0.5]];
         let far: [&[f64]; 2] = [&[100.0, 0.1], &[1700.0, 0.5]];
         assert!(on_one_branch(&near, &counted));

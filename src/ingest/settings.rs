@@ -11,8 +11,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::kinematics::SLIDE_MM_PER_RAD;
-use crate::units::MM_PER_M;
+use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,

@@ -4,12 +4,7 @@
 //! arm for one, a mm of sliding counts as a mrad ([`SLIDE_MM_PER_RAD`]).
 
 use super::arm::{Arm, Joint};
-
-/// Millimetres of a joint that slides that count as one radian of a joint that turns.
-///
-/// A turn of 1 mrad moves a point one metre away from the axis by 1 mm, and a metre is about the distance of an industrial arm's
-/// tool from its joints: some hundred mm at the wrist, two or three metres at the base.
-pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
+use crate::units::SLIDE_MM_PER_RAD;
 
 impl Joint {
     /// The variable `value` (rad; mm for a joint that slides) in the unit of [`Self::unit`].

@@ -13,7 +13,6 @@ use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};
-use crate::kinematics::Arm;
 use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::Point;
 use crate::report::compared::Compared;
@@ -24,8 +23,8 @@ use crate::report::verdict::RunVerdict;
 /// The statements of a run that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The nominal arm.
-    pub arm: &'a Arm,
+    /// The statement that targets need where the identified arm corrects them.
+    pub stated: Stated,
     /// The inputs and settings of the run.
     pub work: &'a Work,
     /// The tolerance: limit, share of positions and confidence.
@@ -83,7 +82,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         about.verdict,
         about.frame,
         &about.tolerance,
-        Stated::of(about.arm),
+        about.stated,
         about.said.doubts_set_up,
     );
     let command = next.command(&in_lake(next.table(), &key));

@@ -7,6 +7,7 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
+use crate::report::next::Stated;
 
 /// Writes every table of a run, its page, and then its row of `runs`. Its table `logs`, if any, was written and kept
 /// before.
@@ -30,7 +31,7 @@ pub fn publish(
     }
     let counts = counts(outcome);
     let about = About {
-        arm: context.arm,
+        stated: Stated::of(context.arm),
         work,
         tolerance: context.tolerance,
         choice: &outcome.grids.choice.words,

@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use crate::kinematics::arm::{Arm, Joint};
 use crate::kinematics::chain::Element;
-use crate::kinematics::joint::SLIDE_MM_PER_RAD;
 use crate::kinematics::motion::Motion;
+use crate::units::SLIDE_MM_PER_RAD;
 
 /// Largest rounding error of a joint variable, rad or mm: one that is beyond a limit by less than this is within it.
 const LIMIT_ROUNDING: f64 = 1e-9;
