@@ -13,7 +13,7 @@ pub mod variogram;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::units::MM_PER_M;
+use crate::units::SLIDE_MM_PER_RAD;
 
 pub use empirical::Bin;
 pub use variogram::{Shape, VariogramModel};
@@ -142,7 +142,7 @@ fn joint_separation(a: &[f64], b: &[f64], weights: &[f64], slides: &[bool]) -> f
         .zip(slides)
         .map(|(((a, b), weight), slides)| {
             if slides {
-                weight * (a - b) / MM_PER_M
+                weight * (a - b) / SLIDE_MM_PER_RAD
             } else {
                 weight * 2.0 * (0.5 * (a - b)).sin()
             }
