@@ -173,14 +173,15 @@ fn a_track_under_an_arm_stays_where_it_is_commanded() {
     let mut asked = [700.0, 0.3, 1.2, 0.4, -0.5, 0.9, 0.3];
     let joints = attained(&identified, at(&asked));
     assert!((joints.command[0] - 700.0).abs() < 0.01, "{joints:?}");
-    asked[0] = 1003.0;
+    // Half a degree counts as measured, and 8.7 mm of a track, a mm as a mrad.
+    asked[0] = 1008.0;
     attained(&identified, at(&asked));
-    asked[0] = 1007.25;
-    let refused = one(&identified, at(&asked)).expect_err("more than 4.35 mm beyond");
+    asked[0] = 1011.25;
+    let refused = one(&identified, at(&asked)).expect_err("more than 8.7 mm beyond");
     assert!(
         refused
             .to_string()
-            .contains("7.250 mm beyond the -1000.000 mm"),
+            .contains("11.250 mm beyond the -1000.000 mm"),
         "{refused}"
     );
 }
