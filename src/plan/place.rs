@@ -176,6 +176,9 @@ impl<'a> Placer<'a> {
         let mut found: Vec<Commanded> = Vec::new();
         let mut drawn = Drawn::default();
         for _ in 0..DRAWS {
+            if found.len() == count {
+                break;
+            }
             let batch: Vec<Drawing> = (0..count).map(|_| self.draw(region, stream)).collect();
             let batch: Vec<Result<Commanded, &'static str>> =
                 batch.par_iter().map(placed).collect();
