@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::distances::TargetDistance;
 use crate::fit::frames::{Channel, Frames};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Motion, Parameter};
@@ -90,6 +91,8 @@ pub struct Prior {
     pub geometry: Option<(f64, f64)>,
     /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
+    /// Known distances between targets, in every session.
+    pub distances: Vec<TargetDistance>,
 }
 
 impl Prior {
