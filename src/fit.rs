@@ -16,6 +16,7 @@
 pub mod commanded;
 pub mod conversion;
 pub mod error_frame;
+pub mod flange;
 pub mod frames;
 pub mod full;
 mod gap;
@@ -68,7 +69,7 @@ pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
 pub use tool_errors::ToolErrors;
 
-use crate::join::Several;
+use crate::join::SeveralSources;
 use crate::kinematics::{Arm, Chain, Motion, Parameter};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
@@ -236,9 +237,9 @@ pub enum FitError {
         /// Its targets.
         targets: usize,
     },
-    /// Several sources or targets where a step is for one of each.
+    /// Several sources where a step is for one.
     #[error(transparent)]
-    Several(#[from] Several),
+    SeveralSources(#[from] SeveralSources),
     /// Stations on a point or a line do not determine a base frame.
     #[error(
         "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \

@@ -1,7 +1,7 @@
 //! The frames of a session: one for each of its sources, one place at the flange for each of its targets.
 
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
-use crate::join::Several;
+use crate::join::{Several, SeveralSources};
 
 pub use crate::join::{SourceId, TargetId};
 
@@ -120,6 +120,20 @@ impl Frames {
                 targets: targets.len(),
             }),
         }
+    }
+
+    /// The frames of the only source and the first target, by which errors of one tool point are stated; an error where the session
+    /// has several sources.
+    pub fn main(&self) -> Result<FramePair, SeveralSources> {
+        match self.sources.len() {
+            1 => Ok(self.pair(SourceId::ONLY, TargetId::MAIN)),
+            sources => Err(SeveralSources { sources }),
+        }
+    }
+
+    /// Whether the session has several targets.
+    pub fn has_several_targets(&self) -> bool {
+        self.targets.len() > 1
     }
 
     /// Every source with every target, sources first.
