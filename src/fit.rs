@@ -24,6 +24,7 @@ pub mod holdout;
 pub mod identifiability;
 pub mod locate;
 pub mod loss;
+pub mod mislabelled;
 pub mod model;
 pub mod models;
 pub mod observation;

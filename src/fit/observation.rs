@@ -13,8 +13,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::commanded::{Commanded, SettlingError};
-use super::flange::MeasuredFlange;
-use super::frames::Channel;
+use super::frames::{Channel, MeasuredFlange};
 use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;

@@ -23,8 +23,7 @@ use crate::kinematics::{
 };
 
 pub(in crate::fit) use distances::DistanceRow;
-pub use distances::{KnownDistance, TargetDistance};
-pub use unknowns::{Freedom, KnownTarget, Owner, Prior, Unknown};
+pub use unknowns::{Freedom, KnownDistance, KnownTarget, Owner, Prior, TargetDistance, Unknown};
 
 /// Observations and the chains that predict them, with a vector of unknown offsets.
 #[derive(Debug)]

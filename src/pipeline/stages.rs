@@ -14,6 +14,7 @@ pub(super) mod scales;
 mod stated;
 mod turns;
 mod unseen;
+mod wrong_targets;
 
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
@@ -111,6 +112,18 @@ pub enum StageError {
     /// A model with several sources.
     #[error("fit: {0}")]
     Several(#[from] SeveralSources),
+    /// Targets under each other's names in a whole session.
+    #[error(
+        "session {session}: targets are swapped throughout, by {against}: {swap}; correct the names in the input, or what is stated of them"
+    )]
+    SwappedTargets {
+        /// The session's name.
+        session: String,
+        /// Which, with the misfit as named and swapped.
+        swap: String,
+        /// What the places were held against.
+        against: String,
+    },
     /// Several targets of a session's own.
     #[error(
         "[report] locate = {{ target = \"own\" }} finds one target of a session's own, but there are {targets} at the flange: leave it out \
@@ -131,12 +144,13 @@ pub enum StageError {
 /// All results that follow from joined sessions.
 pub fn run<'a>(
     arm: &'a Arm,
-    training: Vec<JoinedSession>,
-    test: Vec<JoinedSession>,
+    mut training: Vec<JoinedSession>,
+    mut test: Vec<JoinedSession>,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     one_source_each(training.iter().chain(&test))?;
+    wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let train = training_settings(settings);
     let models = fit::models::train_all(arm, &observed.all, training.len(), &train)?;

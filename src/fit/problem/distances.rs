@@ -5,38 +5,14 @@
 //! other means than the readings, so it counts like a prior: with its own standard deviation, whatever the arm's misfit.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use serde::{Deserialize, Serialize};
 
-use super::unknowns::{Owner, Unknown};
+use super::unknowns::{Owner, TargetDistance, Unknown};
 use crate::fit::frames::Frames;
 use crate::join::TargetId;
 use crate::kinematics::{Axis, Motion, Parameter};
 
 /// Targets closer together than this have no direction between them, mm.
 const ONE_PLACE_MM: f64 = 1e-6;
-
-/// A measured distance between two targets, in every session.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TargetDistance {
-    /// The two targets.
-    pub between: [TargetId; 2],
-    /// Their distance, mm.
-    pub mm: f64,
-    /// Its standard deviation, mm.
-    pub sd_mm: f64,
-}
-
-/// A measured distance as a pipeline file states it.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct KnownDistance {
-    /// The names of the two targets.
-    pub between: [String; 2],
-    /// Their distance, mm.
-    pub mm: f64,
-    /// Its standard deviation, mm.
-    pub sd_mm: f64,
-}
 
 /// The row of a known distance in one session.
 #[derive(Debug, Clone, Copy)]

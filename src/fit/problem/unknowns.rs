@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::distances::TargetDistance;
 use crate::fit::frames::{Channel, Frames};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Motion, Parameter};
@@ -81,6 +80,29 @@ pub struct KnownTarget {
     /// Position along the flange's axes, mm.
     pub xyz_mm: [f64; 3],
     /// Standard uncertainty per axis, mm.
+    pub sd_mm: f64,
+}
+
+/// A measured distance between two targets, in every session.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetDistance {
+    /// The two targets.
+    pub between: [TargetId; 2],
+    /// Their distance, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sd_mm: f64,
+}
+
+/// A measured distance as a pipeline file states it.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownDistance {
+    /// The names of the two targets.
+    pub between: [String; 2],
+    /// Their distance, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
     pub sd_mm: f64,
 }
 

@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 
 use super::observed::{Observed, observations};
 use super::{StageError, StageSettings};
-use crate::fit::flange::{self, MeasuredFlange, OneReading};
+use crate::fit::flange::{self, OneReading};
+use crate::fit::frames::MeasuredFlange;
 use crate::fit::{Frames, Models, Noise, Observation, TargetId};
 use crate::io::tables::outcome::{JoinedSession, SeveralTargets, ShownFlange};
 use crate::join::Station;
@@ -125,7 +126,7 @@ fn add_flanges<'o>(
     if !frames.has_several_targets() {
         return;
     }
-    let places = flange::places(frames);
+    let places = frames.places();
     let turn = |station: &Station| Some((station.number, station.one_reading()?.orientation()?));
     let turns = session.joined.stations.iter().filter_map(turn);
     let turns: BTreeMap<usize, _> = turns.collect();

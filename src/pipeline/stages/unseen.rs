@@ -233,7 +233,7 @@ pub(super) fn table_figures(
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
         let test = tested.iter().find(|test| test.session.name == *session)?;
-        let finders = locate.finders(test.finders.len());
+        let finders = locate.finders(test.numbers().len());
         Some(Accuracy {
             finders: Some(finders),
             ..table_figure(row, session, locate.base_refit(), grids.guard_mm)

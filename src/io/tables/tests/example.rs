@@ -20,7 +20,7 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
