@@ -10,7 +10,8 @@
 //!    ([`table`]), or from the arm's model at c's joint angles ([`identified`]);
 //! 3. `command' = target − ê(command')`, iterated until it converges.
 //!
-//! Both correct the position and keep the nominal orientation. A reflector does not show the tool's orientation: a model's
+//! Both correct the position. A table keeps the nominal orientation, and so does an identified arm that learnt from one reflector;
+//! one that learnt from a 6-DoF target or from three reflectors corrects the orientation too. A single reflector does not show the tool's orientation: a model's
 //! value for it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
 //! of drilled holes may be off by ten. The effect of the turn on the tool point is in ê.
 //!
@@ -74,7 +75,8 @@ pub struct Corrected {
     pub target: Position<Command>,
     /// The position to command, mm.
     pub command: Position<Command>,
-    /// The orientation to command, equal to the target's; `None` where the target states none.
+    /// The orientation to command: the target's, turned where the identified arm knows orientations; `None` where the target states
+    /// none.
     pub orientation: Option<UnitQuaternion<f64>>,
     /// The joint angles to command; `None` from a table, which has positions only.
     pub joints: Option<JointCommand>,

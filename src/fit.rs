@@ -16,6 +16,7 @@
 pub mod commanded;
 pub mod conversion;
 pub mod error_frame;
+pub mod flange;
 pub mod frames;
 pub mod full;
 mod gap;
@@ -23,12 +24,15 @@ pub mod holdout;
 pub mod identifiability;
 pub mod locate;
 pub mod loss;
+pub mod mislabelled;
 pub mod model;
 pub mod models;
 pub mod observation;
 mod prior_size;
 pub mod problem;
 pub mod rank;
+#[cfg(test)]
+mod reflectors;
 pub mod registry;
 pub mod same_arm;
 pub mod saved;
@@ -39,6 +43,8 @@ pub mod solve;
 pub mod start;
 mod tool_errors;
 pub mod visits;
+
+use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -56,13 +62,15 @@ pub use observation::{
     Measured, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source, TrackerUncertainty,
     add_commands, observations,
 };
-pub use problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
+pub use problem::{
+    Freedom, KnownDistance, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,
+};
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
 pub use tool_errors::ToolErrors;
 
-use crate::join::Several;
+use crate::join::SeveralSources;
 use crate::kinematics::{Arm, Chain, Motion, Parameter};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
@@ -93,6 +101,16 @@ pub struct FitSettings {
     /// determines it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<KnownTarget>,
+    /// Known positions of targets on the flange by their names, where there are several.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub targets: BTreeMap<String, KnownTarget>,
+    /// Known distances between targets.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub target_distances: Vec<KnownDistance>,
+    /// Names of the targets in the order of [`TargetId`]; empty for one target without a name. The input states them, not this
+    /// section.
+    #[serde(skip)]
+    pub target_names: Vec<String>,
     /// The blocks of the work space for held-out figures.
     pub blocks: Blocks,
 }
@@ -107,19 +125,67 @@ impl Default for FitSettings {
             length_tolerance_mm: 0.3,
             orientations: false,
             target: None,
+            targets: BTreeMap::new(),
+            target_distances: Vec::new(),
+            target_names: Vec::new(),
             blocks: Blocks::default(),
         }
     }
 }
 
 impl FitSettings {
-    /// The prior of geometry and measured target that the settings state.
+    /// The prior of geometry and measured targets that the settings state; places and distances of targets that
+    /// [`Self::target_names`] does not name have no part in it.
     pub fn prior(&self) -> Prior {
         let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
+        let distances = self.target_distances.iter();
         Prior {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
-            targets: vec![self.target],
+            targets: self.known_targets(),
+            distances: distances.filter_map(|own| self.distance(own)).collect(),
         }
+    }
+
+    /// The known place of each target, in their order.
+    fn known_targets(&self) -> Vec<Option<KnownTarget>> {
+        match &self.target_names[..] {
+            [] => vec![self.target],
+            [only] => vec![self.targets.get(only).copied().or(self.target)],
+            names => {
+                let names = names.iter();
+                names.map(|name| self.targets.get(name).copied()).collect()
+            }
+        }
+    }
+
+    fn distance(&self, known: &KnownDistance) -> Option<TargetDistance> {
+        let [a, b] = &known.between;
+        Some(TargetDistance {
+            between: [self.target_of(a)?, self.target_of(b)?],
+            mm: known.mm,
+            sd_mm: known.sd_mm,
+        })
+    }
+
+    fn target_of(&self, name: &str) -> Option<TargetId> {
+        let mut names = self.target_names.iter();
+        names.position(|own| own == name).map(TargetId)
+    }
+
+    /// Refuses places and distances of targets that have no readings: their names are not among [`Self::target_names`].
+    pub fn check_targets(&self) -> Result<(), FitError> {
+        let distances = self.target_distances.iter();
+        let mut stated = self
+            .targets
+            .keys()
+            .chain(distances.flat_map(|known| &known.between));
+        let unknown = stated.find(|name| self.target_of(name).is_none());
+        unknown.map_or(Ok(()), |name| {
+            Err(FitError::UnknownTarget {
+                name: name.clone(),
+                known: self.target_names.join(", "),
+            })
+        })
     }
 }
 
@@ -150,10 +216,21 @@ pub enum FitError {
         /// The target's place in the session.
         target: usize,
     },
+    /// A stated place or distance of a target without readings.
+    #[error(
+        "[fit] states something of the target {name:?}, but the input has no target of that name (it has: {known}): correct the name in \
+         [fit.targets] or target_distances"
+    )]
+    UnknownTarget {
+        /// The stated name.
+        name: String,
+        /// The names of the input's targets, with commas.
+        known: String,
+    },
     /// One stated place and several targets.
     #[error(
-        "[fit] target says where one target sits, but session {session} (the first is 0) has {targets}: leave it out, or keep the \
-         readings of one target"
+        "[fit] target says where one target sits, but session {session} (the first is 0) has {targets}: leave it out, or say which it \
+         is, as [fit.targets.NAME]"
     )]
     KnownTargetOfSeveral {
         /// The session's place in the fit.
@@ -161,9 +238,9 @@ pub enum FitError {
         /// Its targets.
         targets: usize,
     },
-    /// Several sources or targets where a step is for one of each.
+    /// Several sources where a step is for one.
     #[error(transparent)]
-    Several(#[from] Several),
+    SeveralSources(#[from] SeveralSources),
     /// Stations on a point or a line do not determine a base frame.
     #[error(
         "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \
@@ -324,8 +401,7 @@ fn identify_with(
 /// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse of rank `rank`.
 fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatrix<f64> {
     let factor = solution.variance_factor;
-    let matrix =
-        solve::posterior_information(&solution.information, problem.prior_precision(), factor);
+    let matrix = problem.posterior_information(&solution.information, &solution.offsets, factor);
     let scales = matrix
         .diagonal()
         .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });

@@ -52,8 +52,8 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 pub use began::{Began, began};
 pub use error::JoinError;
 pub use reading::{
-    MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SourceId, TargetId, Value,
-    one_source_and_target,
+    MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SeveralSources, SourceId, TargetId,
+    Value, one_source,
 };
 pub use settings::JoinSettings;
 
@@ -113,8 +113,8 @@ impl Station {
         }
     }
 
-    /// The reading of a paired dwell in a session of one source and one target; `None` of any other dwell. Whoever asks has had
-    /// sessions with several refused by [`one_source_and_target`].
+    /// The reading of a paired dwell with only one; `None` of any other dwell. Of a session with several targets the one that
+    /// stands for all of a dwell's is derived first ([`crate::fit::flange`]).
     pub fn one_reading(&self) -> Option<&Reading> {
         match self.measured() {
             [one] => Some(one),

@@ -27,6 +27,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use crate::figures::{Counted, Figures, PoseErrors};
 pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
+use crate::join::TargetId;
 pub use locate::Finders;
 use tip::Turn;
 
@@ -81,6 +82,8 @@ pub struct Subject {
 pub struct Residual {
     /// Number of the station in its session.
     pub station: usize,
+    /// The target that was read; `None` where the session has one, and for errors of the tool point.
+    pub target: Option<TargetId>,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
     /// The fold that held it out; `None` unless blocks were held out.
@@ -100,6 +103,11 @@ pub struct Residual {
 }
 
 impl Residual {
+    /// Whether it is of the main target, or of the only one: one residual a station.
+    pub fn is_of_main(&self) -> bool {
+        self.target.is_none_or(|target| target == TargetId::MAIN)
+    }
+
     /// Squared Mahalanobis distance, `rᵀ Σ⁻¹ r`; `None` without a covariance, or with one that is not positive definite.
     pub fn mahalanobis_squared(&self) -> Option<f64> {
         let factor = self.covariance?.cholesky()?;
@@ -120,6 +128,13 @@ impl ResidualSet {
     /// Residuals of the stations that judge: all except those that the base was refitted on.
     pub fn judged(&self) -> impl Iterator<Item = &Residual> {
         self.residuals.iter().filter(|r| !r.used_for_refit)
+    }
+
+    /// Number of stations that the base was refitted on.
+    pub fn finders(&self) -> usize {
+        let finders = self.residuals.iter().filter(|r| r.used_for_refit);
+        let finders: BTreeSet<usize> = finders.map(|r| r.station).collect();
+        finders.len()
     }
 
     /// Errors of the stations that judge, by pose; several values for a station (`errors`, mm) are samples of its error.

@@ -66,6 +66,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
             model: Model::Full,
             predicts: Box::new(models.full.expect("a full error model")),
             session: 0,
+            shown: None,
         },
         measured: radians(LOWER_DEG)
             .into_iter()

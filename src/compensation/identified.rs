@@ -9,6 +9,8 @@
 //!    prior;
 //! 3. the command is moved by minus the error that the model predicts at its joint angles, in the error reference frame
 //!    ([`crate::method::compensation`]), as for the nodes of a grid: at a node both give the same command;
+//!    Where readings show orientations (a 6-DoF target's, or three reflectors'), the command's orientation is turned by minus the error
+//!    of the orientation in the same rounds; otherwise it is the target's;
 //! 4. the covariance of the error at the joint command, and that of a surveyed frame at the target, are that of the correction.
 
 use std::any::Any;
@@ -65,6 +67,9 @@ pub struct ArmModel {
     pub predicts: Box<dyn PoseModel>,
     /// The session (its index in the model) in whose error reference frame errors are stated.
     pub session: usize,
+    /// The turn behind the model's flange by which it has the orientations that the readings show
+    /// ([`crate::fit::flange::turn_behind`]); `None` where they show none, and orientations are commanded as they are.
+    pub shown: Option<UnitQuaternion<f64>>,
 }
 
 impl ArmModel {
@@ -186,18 +191,23 @@ impl Correction<'_> {
         } = wanted.base_from_tool;
         let mut allowed = self.exceptions(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
+        let mut commanded = rotation;
         let target = Point3::from(translation.vector);
         let converged = converge(&target, |command| {
-            let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
+            let pose = Isometry3::from_parts(Translation3::from(command.coords), commanded);
             joints = self.reach.solve(&pose, &joints)?;
             let error = self.errors.error(&joints).map_err(Reason::Target)?;
             self.identified.validity.admit_error(&error)?;
-            Ok((error, joints.clone()))
+            // Errors hardly change with so small a turn: the next round's is the last digit of this one's.
+            let found = (joints.clone(), commanded);
+            commanded = self.commanded(&joints, &rotation)?;
+            Ok((error, found))
         })?;
-        allowed.extend(self.exceptions(&converged.found)?);
+        let (joints, commanded) = converged.found;
+        allowed.extend(self.exceptions(&joints)?);
         allowed.sort_unstable();
         allowed.dedup();
-        let error = self.errors.error_with_covariance(&converged.found);
+        let error = self.errors.error_with_covariance(&joints);
         let (_, covariance) = error.map_err(Reason::Target)?;
         let of_frame = self.identified.frame_uncertainty.covariance(&target);
         let command_from_base = &self.identified.command_from_base;
@@ -209,14 +219,27 @@ impl Correction<'_> {
         Ok(Corrected {
             target,
             command,
-            orientation: Some(turn * rotation),
+            orientation: Some(turn * commanded),
             correction: command.coords() - target.coords(),
             covariance: turned(covariance + of_frame),
             of_frame: turned(of_frame),
-            joints: Some(self.on_turn(wanted, &converged.found)?),
+            joints: Some(self.on_turn(wanted, &joints)?),
             iterations: converged.iterations,
             allowed,
         })
+    }
+
+    /// The orientation to command at joint angles so that `wanted` is attained; itself where no readings show orientations.
+    fn commanded(
+        &self,
+        joints: &[f64],
+        wanted: &UnitQuaternion<f64>,
+    ) -> Result<UnitQuaternion<f64>, Reason> {
+        let Some(shown) = &self.identified.model.shown else {
+            return Ok(*wanted);
+        };
+        let turn = self.errors.turn(joints, shown).map_err(Reason::Target)?;
+        Ok(turn.inverse() * wanted)
     }
 
     /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.

@@ -1,7 +1,11 @@
 //! The frames of a session: one for each of its sources, one place at the flange for each of its targets.
 
-use crate::geometry::{Base, Flange, Target, Tracker, Transform};
-use crate::join::Several;
+use std::sync::Arc;
+
+use nalgebra::{Point3, UnitQuaternion};
+
+use crate::geometry::{Base, Flange, Target, Tracker, Transform, align};
+use crate::join::{Several, SeveralSources};
 
 pub use crate::join::{SourceId, TargetId};
 
@@ -48,6 +52,24 @@ impl FramePair {
             tracker_from_base,
             flange_from_target,
         }
+    }
+}
+
+/// The flange's orientation as several targets show it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredFlange {
+    /// The rotation from the flange's axes to the source's.
+    pub orientation: UnitQuaternion<f64>,
+    /// The places of all targets on the flange by which it holds, mm.
+    pub places: Arc<[Point3<f64>]>,
+}
+
+impl MeasuredFlange {
+    /// The orientation by other places of the targets, those of another model: what turns these places onto its own comes first.
+    pub fn by_places(&self, frames: &Frames) -> UnitQuaternion<f64> {
+        let others = frames.places();
+        let own = align(&self.places, &others, &vec![1.0; others.len()]);
+        own.map_or(self.orientation, |own| self.orientation * own.rotation)
     }
 }
 
@@ -120,6 +142,28 @@ impl Frames {
                 targets: targets.len(),
             }),
         }
+    }
+
+    /// The frames of the only source and the first target, by which errors of one tool point are stated; an error where the session
+    /// has several sources.
+    pub fn main(&self) -> Result<FramePair, SeveralSources> {
+        match self.sources.len() {
+            1 => Ok(self.pair(SourceId::ONLY, TargetId::MAIN)),
+            sources => Err(SeveralSources { sources }),
+        }
+    }
+
+    /// Places of the targets on the flange, mm.
+    pub fn places(&self) -> Arc<[Point3<f64>]> {
+        let places = self.targets.iter();
+        places
+            .map(|target| Point3::from(target.isometry().translation.vector))
+            .collect()
+    }
+
+    /// Whether the session has several targets.
+    pub fn has_several_targets(&self) -> bool {
+        self.targets.len() > 1
     }
 
     /// Every source with every target, sources first.

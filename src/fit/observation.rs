@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::commanded::{Commanded, SettlingError};
-use super::frames::Channel;
+use super::frames::{Channel, MeasuredFlange};
 use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
@@ -75,6 +75,9 @@ pub struct Observation {
     pub measured: Measured,
     /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
+    /// The flange's orientation from the readings of several targets; only on the main target's observation, and not fitted: the
+    /// readings that it is from are.
+    pub flange: Option<MeasuredFlange>,
 }
 
 impl Observation {
@@ -94,6 +97,7 @@ impl Observation {
                 factor: Matrix3::identity(),
             }),
             settling_error: None,
+            flange: None,
         }
     }
 
@@ -173,6 +177,7 @@ pub fn observations(
             axes: arm.axes(&station.joints),
             measured: Measured::of(reading, source, noise.repeatability_mm),
             settling_error: None,
+            flange: None,
         })
     };
     let of = |station| {

@@ -5,6 +5,7 @@
 //! each of its targets, and they are always part of the fit. An observation is predicted by the chain of its channel: from its
 //! source to its target.
 
+mod distances;
 mod unknowns;
 
 use nalgebra::{DMatrix, DVector, Isometry3};
@@ -21,7 +22,8 @@ use crate::kinematics::{
     Axis, BatchChain, BatchColumns, Chain, Element, HeldChain, Motion, Parameter,
 };
 
-pub use unknowns::{Freedom, KnownTarget, Owner, Prior, Unknown};
+pub(in crate::fit) use distances::DistanceRow;
+pub use unknowns::{Freedom, KnownDistance, KnownTarget, Owner, Prior, TargetDistance, Unknown};
 
 /// Observations and the chains that predict them, with a vector of unknown offsets.
 #[derive(Debug)]
@@ -36,6 +38,8 @@ pub struct Problem<'a> {
     /// Prior means of the offsets, and their precision: `Σ precision (x − expected)²` is added to the cost.
     expected: DVector<f64>,
     precision: DVector<f64>,
+    /// Known distances between targets, which are added to the cost like the prior.
+    distances: Vec<distances::Row>,
 }
 
 /// The chain between a source and a target, and what was measured through it.
@@ -109,7 +113,9 @@ impl<'a> Problem<'a> {
             firsts.map(move |first| (place, first))
         });
         let blocks = blocks.collect();
+        let distances = distances::Row::all(&prior.distances, &unknowns, starts);
         Self {
+            distances,
             observations,
             channels,
             starts: starts.to_vec(),
@@ -145,15 +151,46 @@ impl<'a> Problem<'a> {
         &self.precision
     }
 
-    /// The prior's part of the cost's gradient at `offsets`, halved: `P (expected − x)`.
+    /// The rows of the known distances at `offsets`, whitened.
+    pub(super) fn distances(&self, offsets: &DVector<f64>) -> impl Iterator<Item = DistanceRow> {
+        self.distances.iter().map(|row| row.at(offsets))
+    }
+
+    /// Whether there is no prior, and no known distance.
+    pub(super) fn is_free(&self) -> bool {
+        self.precision.amax() == 0.0 && self.distances.is_empty()
+    }
+
+    /// The prior's part of the cost's gradient at `offsets`, halved: `P (expected − x)`, and `Jᵀ r` of the known distances.
     pub(super) fn prior_pull(&self, offsets: &DVector<f64>) -> DVector<f64> {
-        self.precision.component_mul(&(&self.expected - offsets))
+        let mut pull = self.precision.component_mul(&(&self.expected - offsets));
+        self.distances(offsets)
+            .for_each(|row| row.add_gradient(&mut pull));
+        pull
     }
 
     /// The prior's part of the cost at `offsets`.
     pub(super) fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
         let away = offsets - &self.expected;
-        self.precision.dot(&away.component_mul(&away))
+        let distances = self.distances(offsets);
+        let distances: f64 = distances.map(|row| row.residual.powi(2)).sum();
+        self.precision.dot(&away.component_mul(&away)) + distances
+    }
+
+    /// `s⁻² Jᵀ W J + P` at `offsets` from the readings' `Jᵀ W J` and the variance factor `s²`; P holds the known distances too.
+    pub(super) fn posterior_information(
+        &self,
+        information: &DMatrix<f64>,
+        offsets: &DVector<f64>,
+        factor: f64,
+    ) -> DMatrix<f64> {
+        let mut matrix = information / factor;
+        for i in 0..self.precision.len() {
+            matrix[(i, i)] += self.precision[i];
+        }
+        self.distances(offsets)
+            .for_each(|row| row.add_information(&mut matrix));
+        matrix
     }
 
     /// Number of all rows of residuals.

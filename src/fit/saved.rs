@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::conversion::Errors;
 use super::{Calibration, Frames, Owner, Unknown};
 use crate::geometry::Transform;
-use crate::join::Several;
+use crate::join::SeveralSources;
 use crate::kinematics::{
     Arm, ArmError, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter,
 };
@@ -73,9 +73,9 @@ pub enum SavedError {
         "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"
     )]
     NoMisfit,
-    /// Several sources or targets where a step is for one of each.
+    /// Several sources where a step is for one.
     #[error("the saved model has {0}")]
-    Several(#[from] Several),
+    SeveralSources(#[from] SeveralSources),
     /// Joints that make no arm.
     #[error("the saved model is damaged: {0}")]
     Arm(#[from] ArmError),

@@ -10,8 +10,7 @@ use super::saved::SavedCalibration;
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
 use crate::join::{
-    MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, Station, Value,
-    one_source_and_target,
+    MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, Several, Station, Value, one_source,
 };
 use crate::kinematics::{LinkQuantity, Parameter, RobotFile};
 use crate::units::Stamp;
@@ -357,7 +356,9 @@ fn what_is_for_one_source_and_one_target_refuses_several() {
         targets: 3,
     };
     assert_eq!(truth().one(), Err(several));
-    assert_eq!(one_source_and_target(&stations(&ur10())), Err(several));
+    let sources = one_source(&stations(&ur10())).map_err(|several| several.sources);
+    assert_eq!(sources, Err(2));
+    assert_eq!(truth().main().map_err(|several| several.sources), Err(2));
     let said = several.to_string();
     assert!(
         said.contains("2 measuring instruments and 3 targets"),

@@ -59,7 +59,7 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     let mut point = Point { offsets, normal };
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
     // Without robust weights and prior, a further round would give the same solution.
-    let one_round = loss == Loss::Squares && problem.prior_precision().amax() == 0.0;
+    let one_round = loss == Loss::Squares && problem.is_free();
     for _ in 0..ROUNDS {
         let before = point.offsets.clone();
         let descent = descend(problem, point, &weights, factor);
@@ -117,8 +117,8 @@ fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) ->
     for step in 1..=STEPS_PER_ROUND {
         let scales = step_scales(&point.normal, problem, factor);
         let gradient = &point.normal.gradient / factor + problem.prior_pull(&point.offsets);
-        let precision = problem.prior_precision();
-        let matrix = posterior_information(&point.normal.information, precision, factor);
+        let information = &point.normal.information;
+        let matrix = problem.posterior_information(information, &point.offsets, factor);
         let mut here = damping.unwrap_or_else(|| first_damping(&matrix, &scales));
         loop {
             let change = damped_step(&matrix, &gradient, &scales, here);
@@ -169,19 +169,6 @@ fn first_damping(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> f64 {
 fn scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
     let size = scales.len();
     DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j])
-}
-
-/// `s⁻² Jᵀ W J + P`.
-pub(super) fn posterior_information(
-    information: &DMatrix<f64>,
-    precision: &DVector<f64>,
-    factor: f64,
-) -> DMatrix<f64> {
-    let mut matrix = information / factor;
-    for i in 0..precision.len() {
-        matrix[(i, i)] += precision[i];
-    }
-    matrix
 }
 
 /// The standard error that each unknown alone would have: the inverse norm of its column; 1 for a zero column.

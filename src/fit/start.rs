@@ -29,6 +29,7 @@ pub fn frames(
     sessions: usize,
     settings: &FitSettings,
 ) -> Result<Vec<Frames>, FitError> {
+    settings.check_targets()?;
     let aligned = (0..sessions).map(|session| aligned(arm, observations, session, settings));
     let mut frames = aligned.collect::<Result<Vec<_>, _>>()?;
     for _ in 0..PASSES {

@@ -1,6 +1,6 @@
 //! Errors of the tool point at commands, as a model predicts them.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::error_frame::ErrorFrame;
@@ -72,8 +72,26 @@ impl<'m> ToolErrors<'m> {
         ))
     }
 
+    /// The rotation about the base's axes from the commanded orientation to the attained one, where the readings show orientations:
+    /// `shown` is put behind the model's flange ([`super::flange::turn_behind`]).
+    pub fn turn(
+        &self,
+        joints: &[f64],
+        shown: &UnitQuaternion<f64>,
+    ) -> Result<UnitQuaternion<f64>, Gap> {
+        let axes = self.error_frame.arm().axes(joints);
+        let in_tracker = self.model.flange(&self.query(&axes))? * shown;
+        let base = self.error_frame.frames().tracker_from_base.isometry();
+        let nominal = self.error_frame.arm().flange(joints).isometry().rotation;
+        Ok(base.rotation.inverse() * in_tracker * nominal.inverse())
+    }
+
     fn at<'q>(&self, axes: &'q [f64]) -> At<'q> {
-        At::Joints(Query {
+        At::Joints(self.query(axes))
+    }
+
+    fn query<'q>(&self, axes: &'q [f64]) -> Query<'q> {
+        Query {
             axes,
             known: Known::Commanded,
             lever: self.error_frame.lever(),
@@ -82,7 +100,7 @@ impl<'m> ToolErrors<'m> {
             target: self.error_frame.frames().target,
             own: true,
             station: None,
-        })
+        }
     }
 
     /// The error, in the error reference frame, of a point in the tracker frame, mm.

@@ -17,6 +17,7 @@ use super::tables::calibrations::CalibrationRow;
 use super::tables::words::TableVerdict;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::conversion::Errors;
+use crate::fit::flange::turn_behind;
 use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
@@ -229,10 +230,14 @@ impl<'t> CalibrationsFile<'t> {
         let loaded = load(&row.model, row.misfit_mm);
         let loaded = loaded.map_err(|source| self.wrong(model, source))?;
         self.same(model, base, &loaded.head)?;
+        let session = loaded.head.sessions.len() - 1;
+        let frames = |of: &SavedSession| of.frames().map_err(|source| self.wrong(model, source));
+        let (reference, own) = (&base.sessions[session], &loaded.head.sessions[session]);
         Ok(Some(ArmModel {
             model,
+            shown: turn_behind(&frames(reference)?, &frames(own)?),
             predicts: loaded.model,
-            session: loaded.head.sessions.len() - 1,
+            session,
         }))
     }
 

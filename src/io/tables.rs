@@ -204,7 +204,10 @@ impl RunRows {
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
-            residuals: Row::table(residuals::rows(&outcome.residuals), key)?,
+            residuals: Row::table(
+                residuals::rows(&outcome.residuals, &outcome.targets.names),
+                key,
+            )?,
             semivariograms: Row::table(semivariograms, key)?,
             steps: Row::table(grid_steps::rows(outcome, context), key)?,
             compensation: Row::table(compensation::rows(outcome, context, key), key)?,

@@ -26,6 +26,8 @@ pub struct TargetId(pub usize);
 impl TargetId {
     /// The target of a session with only one.
     pub const ONLY: Self = Self(0);
+    /// The first target of a session with several: the one that errors of one tool point are stated by.
+    pub const MAIN: Self = Self(0);
 }
 
 /// The reading of one source on one target during a dwell, in the source's frame.
@@ -162,23 +164,23 @@ pub struct Several {
     pub targets: usize,
 }
 
-/// Refuses stations with more than one source, target or reading per dwell, for steps that work with one of each.
-pub fn one_source_and_target(stations: &[Station]) -> Result<(), Several> {
-    let mut several = Several {
-        sources: 1,
-        targets: 1,
-    };
-    let mut most = 1;
-    for station in stations {
-        most = most.max(station.readings.len());
-        for reading in &station.readings {
-            several.sources = several.sources.max(reading.source.0 + 1);
-            several.targets = several.targets.max(reading.target.0 + 1);
-        }
-    }
-    if most > 1 || several.sources > 1 || several.targets > 1 {
-        Err(several)
-    } else {
-        Ok(())
+/// Several sources where the work is for one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error(
+    "{sources} measuring instruments in one session: errors, tables and figures are stated by one instrument's readings; keep the \
+     readings of one"
+)]
+pub struct SeveralSources {
+    /// Number of sources in the session.
+    pub sources: usize,
+}
+
+/// Refuses stations with readings of more than one source, for steps that work with one.
+pub fn one_source(stations: &[Station]) -> Result<(), SeveralSources> {
+    let readings = stations.iter().flat_map(|station| &station.readings);
+    let sources = readings.map(|reading| reading.source.0 + 1).max();
+    match sources {
+        None | Some(..=1) => Ok(()),
+        Some(sources) => Err(SeveralSources { sources }),
     }
 }

@@ -98,6 +98,7 @@ fn residuals(name: &str) -> Vec<Residuals> {
             fold: Some(0),
             of_session: name.to_owned(),
             station: station as usize,
+            target: None,
             pose: station as usize,
             used_for_refit: false,
             at: [100.0 * t.sin(), 80.0 * t.cos(), 5.0 * t],

@@ -101,6 +101,7 @@ fn after(outcome: &Outcome<'_>, figure: &Accuracy) -> Option<Vec<(usize, Vector3
         .find(|set| set.subject == *subject)?;
     Some(
         set.judged()
+            .filter(|own| own.is_of_main())
             .map(|own| (own.station, own.residual))
             .collect(),
     )
@@ -130,7 +131,8 @@ fn before(outcome: &Outcome<'_>, figure: &Accuracy) -> Option<(ErrorsAt, &'stati
     };
     let set = outcome.residuals.iter().find(is_it)?;
     let error = |own: &Residual| (own.station, (own.predicted, own.residual));
-    Some((set.judged().map(error).collect(), "base and target fitted"))
+    let judged = set.judged().filter(|own| own.is_of_main());
+    Some((judged.map(error).collect(), "base and target fitted"))
 }
 
 /// What the tool point's errors are relative to, in words.

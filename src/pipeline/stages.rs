@@ -4,6 +4,7 @@
 mod between_sessions;
 mod driven;
 mod figures;
+mod flanges;
 mod gridded;
 mod iso_9283;
 mod judged;
@@ -13,6 +14,7 @@ pub(super) mod scales;
 mod stated;
 mod turns;
 mod unseen;
+mod wrong_targets;
 
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
@@ -25,7 +27,7 @@ use crate::fit::{
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::join::{Several, one_source_and_target};
+use crate::join::{SeveralSources, one_source};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::locate::{Locate, Locator};
@@ -33,6 +35,7 @@ use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 use figures::FigureMaker;
+use flanges::Flanges;
 use gridded::{grid_stations, grids};
 use judged::{Judged, TestSession, raw_command, train_folds};
 use observed::Observed;
@@ -98,17 +101,38 @@ pub enum StageError {
     /// The fit failed.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
-    /// A session with several sources or targets.
+    /// A session with several sources.
     #[error("session {session}: {source}")]
     SeveralIn {
         /// The session's name.
         session: String,
-        /// Number of each.
-        source: Several,
+        /// Their number.
+        source: SeveralSources,
     },
-    /// A model with several sources or targets.
+    /// A model with several sources.
     #[error("fit: {0}")]
-    Several(#[from] Several),
+    Several(#[from] SeveralSources),
+    /// Targets under each other's names in a whole session.
+    #[error(
+        "session {session}: targets are swapped throughout, by {against}: {swap}; correct the names in the input, or what is stated of them"
+    )]
+    SwappedTargets {
+        /// The session's name.
+        session: String,
+        /// Which, with the misfit as named and swapped.
+        swap: String,
+        /// What the places were held against.
+        against: String,
+    },
+    /// Several targets of a session's own.
+    #[error(
+        "[report] locate = {{ target = \"own\" }} finds one target of a session's own, but there are {targets} at the flange: leave it out \
+         where they stayed in their places"
+    )]
+    OwnTargets {
+        /// Number of targets.
+        targets: usize,
+    },
     /// The sessions cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
@@ -120,21 +144,58 @@ pub enum StageError {
 /// All results that follow from joined sessions.
 pub fn run<'a>(
     arm: &'a Arm,
-    training: Vec<JoinedSession>,
-    test: Vec<JoinedSession>,
+    mut training: Vec<JoinedSession>,
+    mut test: Vec<JoinedSession>,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    one_each(training.iter().chain(&test))?;
-    let observed = Observed::new(arm, &training, settings);
-    let train = TrainingSettings {
-        fit: &settings.fit,
-        full: &settings.full,
-        up: settings.up,
-    };
+    one_source_each(training.iter().chain(&test))?;
+    wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
+    let mut observed = Observed::new(arm, &training, settings);
+    let train = training_settings(settings);
     let models = fit::models::train_all(arm, &observed.all, training.len(), &train)?;
     check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
+    let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
+    let trained = Trained {
+        observed,
+        models,
+        folds,
+    };
+    results(arm, trained, flanges, settings, progress)
+}
+
+/// Models trained on all readings.
+struct Trained {
+    observed: Observed,
+    models: Models,
+    /// The models of each fold that holds stations out.
+    folds: Vec<Option<Models>>,
+}
+
+/// The settings of a training.
+const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
+    TrainingSettings {
+        fit: &settings.fit,
+        full: &settings.full,
+        up: settings.up,
+    }
+}
+
+/// The results of trained models, by stations with one reading each.
+fn results<'a>(
+    arm: &'a Arm,
+    trained: Trained,
+    flanges: Flanges,
+    settings: &StageSettings,
+    progress: &dyn Progress,
+) -> Result<Outcome<'a>, StageError> {
+    let (observed, models, folds) = (trained.observed, trained.models, trained.folds);
+    let settings = &StageSettings {
+        noise: flanges.noise,
+        ..settings.clone()
+    };
+    let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
     let judged = Judged {
         arm,
         observed: &observed,
@@ -143,16 +204,18 @@ pub fn run<'a>(
         training: &training,
     };
     let locator = Locator::new(&models, arm, settings.locate, &train);
-    let tested = TestSession::all(arm, &test, &models, &locator, settings);
+    let tested = TestSession::all(&test, flanges.seen, &models, &locator);
     let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
     let mut residuals = mountings::of_one_mounting(residuals);
     let last = training.len() - 1;
-    let frames = models.base_target.frames.iter().map(Frames::one);
-    let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
+    let frames = models.base_target.frames.iter().map(Frames::main);
+    let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
     residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
-    let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
+    let folds_of = observed.folds_of(last);
+    let fold = |station| folds_of.get(&station).copied();
+    let mut stations = grid_stations(&training[last], &error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
     let mut grids = grids(
         &stations,
@@ -205,6 +268,7 @@ pub fn run<'a>(
     }
     Ok(Outcome {
         best: models.best().0,
+        targets: flanges.targets,
         frame: stated::frame(&error_frame, &models.base_target, last, settings),
         training,
         test,
@@ -227,15 +291,15 @@ pub fn run<'a>(
     })
 }
 
-/// Errors, grids and figures are of one tool point that one instrument sees: sessions with several sources or targets are refused
-/// here, so that what follows can ask each station for its one reading.
-fn one_each<'s>(sessions: impl Iterator<Item = &'s JoinedSession>) -> Result<(), StageError> {
+/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources are refused here. Of
+/// several targets the one reading of each station is derived ([`flanges`]).
+fn one_source_each<'s>(
+    sessions: impl Iterator<Item = &'s JoinedSession>,
+) -> Result<(), StageError> {
     for session in sessions {
-        one_source_and_target(&session.joined.stations).map_err(|source| {
-            StageError::SeveralIn {
-                session: session.name.clone(),
-                source,
-            }
+        one_source(&session.joined.stations).map_err(|source| StageError::SeveralIn {
+            session: session.name.clone(),
+            source,
         })?;
     }
     Ok(())
@@ -290,7 +354,8 @@ fn semivariograms(
                 error: r.residual,
             })
         };
-        let samples: Vec<_> = set.residuals.iter().filter_map(sample).collect();
+        let own = set.residuals.iter().filter(|own| own.is_of_main());
+        let samples: Vec<_> = own.filter_map(sample).collect();
         Some((model, similarity::semivariograms(&samples, settings)))
     };
     let of_each = |model: &Model| of(*model, *model.about().angles.first()?);

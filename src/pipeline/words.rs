@@ -3,15 +3,17 @@
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::join::{Pairing, Station};
+use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange};
+use crate::io::tables::residuals::target_name;
+use crate::join::{Pairing, Station, TargetId};
 use crate::report::verdict::{self, Judge, figure_of_model};
-use crate::report::{Accuracy, BaseRefit, Moment, Split};
+use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
 
 /// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let named = scales::named(&outcome.scales).into_iter();
+    let named = several_targets(outcome).chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
     named.chain(more).collect()
 }
@@ -22,6 +24,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let headlines = outcome.accuracy.iter().filter(|a| is_headline(a));
     let mut words: Vec<String> = sessions.map(session_words).collect();
+    words.extend(several_targets(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(scales::named(&outcome.scales));
@@ -78,6 +81,19 @@ fn session_words(session: &JoinedSession) -> String {
     )
 }
 
+/// For each session with several targets what stands for the readings of its stations.
+fn several_targets(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
+    let main = target_name(TargetId::MAIN, &outcome.targets.names);
+    let words = move |shown: &ShownFlange| {
+        format!(
+            "{}: errors are of target {main}: at {} stations with the orientation that three or more targets show, at {} by its own \
+             position, at {} stations neither (their readings count in the fit)",
+            shown.session, shown.poses, shown.points, shown.neither
+        )
+    };
+    outcome.targets.sessions.iter().map(words)
+}
+
 fn part_words(full: &FullModel) -> String {
     let part = |part: &PartEvidence| {
         let disposition = if part.kept { "kept" } else { "dropped" };
@@ -96,10 +112,17 @@ const NAMED: usize = 5;
 /// prediction.
 fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
     let full = outcome.full.as_ref()?;
+    let angles = Model::Full.about().angles.first();
     let paired = outcome.training.iter().flat_map(|session| {
-        let stations = session.joined.stations.iter();
-        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
-        paired.map(|station| (session.name.as_str(), station.number))
+        // The residuals of training are in the order of the observations, of which a station may have several.
+        let sets = outcome.residuals.iter().filter(|set| {
+            let own = &set.subject;
+            (own.model, own.split) == (Model::Full, Split::None)
+                && Some(&own.angles) == angles
+                && own.of_session == session.name
+        });
+        let read = sets.flat_map(|set| &set.residuals);
+        read.map(|residual| (session.name.as_str(), residual.station))
     });
     let judged = paired.zip(full.weights.iter().zip(&full.left_out));
     let mut far: Vec<(f64, String)> = judged

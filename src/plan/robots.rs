@@ -90,7 +90,7 @@ impl<'a> Robot<'a> {
         let models = self.models(&observations, settings, full)?;
         let error_frame = ErrorFrame::new(
             self.arm,
-            models.base_target.frames[0].one()?,
+            models.base_target.frames[0].main()?,
             Some(settings.flange_from_target),
             settings.noise.takes_orientations(),
         );

@@ -84,8 +84,10 @@ fn explained(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
     let Verdict::NotShown(reason) = verdict else {
         return verdict;
     };
-    let taken = set.residuals.len() - set.judged().count();
-    let again = set.judged().count() - counted.visits;
+    // A station with readings of several targets counts once.
+    let judged: BTreeSet<usize> = set.judged().map(|own| own.station).collect();
+    let taken = set.finders();
+    let again = judged.len() - counted.visits;
     Verdict::NotShown(match (taken, again) {
         (0, _) => reason,
         (taken, 0) => {
@@ -123,6 +125,7 @@ mod tests {
     fn visits(poses: usize, rounds: usize, first: usize) -> ResidualSet {
         let residual = |station: usize| Residual {
             station,
+            target: None,
             pose: station % poses,
             fold: None,
             used_for_refit: station < first,

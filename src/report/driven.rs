@@ -148,6 +148,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
             station: station.station,
+            target: None,
             pose: station.pose,
             fold: None,
             used_for_refit: place < first,

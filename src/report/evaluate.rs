@@ -6,7 +6,7 @@ use super::refit::Placed;
 use super::tip::Turn;
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::fit::model::{Known, Query};
-use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction};
+use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction, TargetId};
 
 /// A held-out session or the training session itself, as observations.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +22,7 @@ pub(super) struct Predicted {
     /// The model's prediction.
     pub(super) target: Prediction,
     /// Measured and predicted orientation of the flange, in the tracker's axes; `None` where its orientation was not
-    /// measured.
+    /// measured, and of several targets at all but the main one.
     pub(super) turn: Option<Turn>,
 }
 
@@ -46,6 +46,7 @@ pub fn own_session(
             let base = stated_in(models, model, observation);
             Some(Residual {
                 station: observation.station,
+                target: target_read(models, observation),
                 pose: observation.pose,
                 fold,
                 used_for_refit: false,
@@ -148,14 +149,25 @@ fn turn(
     query: &Query<'_>,
     observation: &Observation,
 ) -> Result<Option<Turn>, Gap> {
-    let Some(measured) = observation.measured.turn() else {
+    let frames = || &model.frames()[query.session];
+    let of_target = observation.measured.turn().map(|measured| {
+        let flange_from_target = frames().flange_from_target(query.target).isometry();
+        measured.orientation * flange_from_target.rotation.inverse()
+    });
+    let of_several = observation.flange.as_ref();
+    let attained = of_target.or_else(|| Some(of_several?.by_places(frames())));
+    let Some(attained) = attained else {
         return Ok(None);
     };
-    let flange_from_target = model.frames()[query.session].flange_from_target(query.target);
-    Ok(Some(Turn {
-        attained: measured.orientation * flange_from_target.isometry().rotation.inverse(),
-        wanted: model.flange(query)?,
-    }))
+    let wanted = model.flange(query)?;
+    Ok(Some(Turn { attained, wanted }))
+}
+
+/// The target of an observation; `None` where its session has only one. An unseen session has those of the first.
+pub(super) fn target_read(models: &Models, observation: &Observation) -> Option<TargetId> {
+    let frames = &models.base_target.frames;
+    let own = frames.get(observation.session).or_else(|| frames.first())?;
+    own.has_several_targets().then_some(observation.target)
 }
 
 /// `tracker_from_base` in which a model's residual of an observation of a training session is stated: that of base + target for its own, and the

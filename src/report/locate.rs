@@ -199,13 +199,31 @@ impl Locator {
         }
     }
 
-    /// The stations that find the frames of a session, by their places; in time, or by their commanded poses, never by readings.
+    /// The stations that find the frames of a session, by the places of their observations; in time, or by their commanded poses,
+    /// never by readings. A station is taken with its readings of all targets.
     pub fn finders(&self, models: &Models, observations: &[Observation]) -> Vec<usize> {
-        let count = self.locate.stations.min(observations.len());
-        match self.locate.by {
+        // The first observation of each station.
+        let firsts: Vec<usize> = (0..observations.len())
+            .filter(|&place| {
+                place == 0 || observations[place - 1].station != observations[place].station
+            })
+            .collect();
+        let count = self.locate.stations.min(firsts.len());
+        let taken: Vec<usize> = match self.locate.by {
             LocateBy::First => (0..count).collect(),
-            LocateBy::Chosen => self.chosen(models, observations, count).unwrap_or_default(),
-        }
+            LocateBy::Chosen => {
+                let poses: Vec<Observation> = firsts
+                    .iter()
+                    .map(|&place| observations[place].clone())
+                    .collect();
+                self.chosen(models, &poses, count).unwrap_or_default()
+            }
+        };
+        let all = taken.into_iter().flat_map(|station| {
+            let end = firsts.get(station + 1).copied();
+            firsts[station]..end.unwrap_or(observations.len())
+        });
+        all.collect()
     }
 
     /// The stations whose poses fix the frames best for the arm over all poses of the session.

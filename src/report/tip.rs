@@ -110,6 +110,7 @@ mod tests {
     fn set(turns: &[Option<Turn>], residual: Vector3<f64>) -> ResidualSet {
         let residual = |(station, turn): (usize, &Option<Turn>)| Residual {
             station,
+            target: None,
             pose: station,
             fold: None,
             used_for_refit: false,

@@ -7,23 +7,23 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
-use super::evaluate::{Predicted, Stations, placed, predictions, turned};
+use super::evaluate::{Predicted, Stations, placed, predictions, target_read, turned};
 use super::locate::Locator;
 use super::refit::{self, Placed, Refit};
 use super::tip::{Turn, without_constant};
 use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::fit::locate::{Estimator, Poses};
-use crate::fit::{Models, Observation, PoseModel};
-use crate::join::Several;
+use crate::fit::{Models, Observation, PoseModel, TargetId};
+use crate::join::SeveralSources;
 
 /// Residuals of `models` on a session they never saw, whose frames the stations at `finders` find; refused where the models know
-/// several sources or targets, for a base is found with one.
+/// several sources, for a base is found with one.
 pub fn unseen_session(
     models: &Models,
     stations: Stations<'_>,
     locator: &Locator,
     finders: &[usize],
-) -> Result<Vec<ResidualSet>, Several> {
+) -> Result<Vec<ResidualSet>, SeveralSources> {
     let mut sets = Vec::new();
     let with_target = locator.locate.with_target();
     // A session with a mounting of its own has no base without a refit.
@@ -34,14 +34,16 @@ pub fn unseen_session(
             continue;
         };
         // An unseen session is predicted with the frames of the first.
-        let trained = it.frames()[0].one()?;
+        let trained = it.frames()[0].main()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
         let noise = noise(it, &predictions, stations.observations, &to_base);
         let poses = (model == Model::Full)
             .then(|| locator.poses(stations.observations, angles, &placed, noise));
+        let targets = stations.observations.iter().map(|o| target_read(models, o));
         let unseen = Unseen {
+            targets: targets.collect(),
             model: it,
             predictions: &predictions,
             placed: &placed,
@@ -84,6 +86,8 @@ fn noise(
 struct Unseen<'u> {
     model: &'u dyn PoseModel,
     predictions: &'u [Predicted],
+    /// The target of each observation; `None` in a session with one.
+    targets: Vec<Option<TargetId>>,
     placed: &'u [Placed],
     to_base: &'u Isometry3<f64>,
     with_target: bool,
@@ -169,6 +173,7 @@ impl Unseen<'_> {
             let predicted = found.refit.predicted(placed);
             Some(Residual {
                 station: observation.station,
+                target: self.targets[place],
                 pose: observation.pose,
                 fold: None,
                 used_for_refit: found.taken[place],

@@ -1,8 +1,10 @@
 //! The data of a session that speak about its set-up: reported angles, readings and commands, station by station.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Vector3};
 
-use crate::join::{Command, Reading, Station};
+use crate::join::{Command, Reading, Station, TargetId};
 
 /// The most stations that are compared, spread over the session: the set-up has a dozen numbers.
 const MOST: usize = 250;
@@ -26,10 +28,12 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// The measured stations of a joined session; one of several readings speaks for its station.
+    /// The measured stations of a joined session; of several targets those that have the one that was measured most often.
     pub fn of_stations(stations: &[Station]) -> Self {
+        let target = most_often(stations);
         let dwelt = |station: &Station| {
-            let measured = station.measured().iter().find_map(Reading::position)?;
+            let mut own = station.measured().iter().filter(|r| r.target == target);
+            let measured = own.find_map(Reading::position)?;
             Some(Dwelt {
                 reported: station.joints.clone(),
                 measured: measured.coords,
@@ -52,6 +56,16 @@ impl Evidence {
         let stations = self.stations.iter().enumerate();
         stations.filter_map(|(place, station)| Some((place, station.command.as_ref()?)))
     }
+}
+
+/// The target that was measured at the most stations, of equally many the first.
+fn most_often(stations: &[Station]) -> TargetId {
+    let mut counts: BTreeMap<TargetId, usize> = BTreeMap::new();
+    for reading in stations.iter().flat_map(Station::measured) {
+        *counts.entry(reading.target).or_default() += 1;
+    }
+    let most = counts.into_iter().rev().max_by_key(|(_, count)| *count);
+    most.map_or(TargetId::MAIN, |(target, _)| target)
 }
 
 /// The point of a vector from the origin.

@@ -1,7 +1,7 @@
 //! What the fits cost: geometry alone, the full error model, its predictions, beside a dense Gaussian process.
 //!
 //! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
-//! the identification of 1000 stations in every convention, one more fit at the same poses, the training of the full error model on 800, on 200
+//! the identification of 1000 stations in every convention, with three reflectors, one more fit at the same poses, the training of the full error model on 800, on 200
 //! and on 5000, one evaluation of the evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of
 //! the same short and long kernels on 200, of which a search of hyper-parameters needs tens, and predictions a second.
 //! Without `--bench` (as `cargo test` calls it) small sessions show that it works.
@@ -14,7 +14,9 @@ use std::time::Instant;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Query};
-use posegrid::fit::{self, At, Calibration, FitSettings, Freedom, Observation, PoseModel as _};
+use posegrid::fit::{
+    self, At, Calibration, FitSettings, Freedom, Observation, PoseModel as _, TargetId,
+};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::{Arm, Convention, RobotFile};
@@ -52,8 +54,21 @@ fn main() {
         );
     }
 
+    let three = reflectors(stations, &calibration);
+    let median = median_ms(repeats, || identified(&arm, &three).frames.len());
+    row("the same stations, three reflectors", median, base);
+
     let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
     row(&format!("full error model: {most} stations"), large, base);
+    let (_, median) = timed_ms(|| {
+        let three = reflectors(&stations[..most], &calibration);
+        trained(&arm, &three, &identified(&arm, &three))
+    });
+    row(
+        "the same stations, three reflectors, with its start",
+        median,
+        base,
+    );
     let (_, small) = timed_ms(|| trained(&arm, &stations[..few], &calibration));
     row(&format!("full error model: {few} stations"), small, base);
     let (_, largest) = timed_ms(|| trained(&arm, &all, &calibration));
@@ -147,6 +162,26 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
     fit::add_commands(&mut observations, &joined.stations, &commanded);
     assert_eq!(observations.len(), count, "no station is lost");
     observations
+}
+
+/// The stations with two more reflectors, 130 mm from the first on a flange that is where `by` predicts it.
+fn reflectors(stations: &[Observation], by: &Calibration) -> Vec<Observation> {
+    const PLACES: [[f64; 3]; 3] = [[0.0; 3], [130.0, 0.0, 0.0], [40.0, 120.0, 10.0]];
+    let base = *by.frames[0].sources()[0].isometry();
+    let readings = stations.iter().flat_map(|own| {
+        let flange = base.rotation * by.chain.nominal(&own.axes).rotation;
+        let reading = move |(target, place): (usize, [f64; 3])| {
+            let mut read = Observation {
+                target: TargetId(target),
+                ..own.clone()
+            };
+            let point = read.measured.point_mut().expect("positions are read");
+            point.position += flange * Vector3::from(place);
+            read
+        };
+        PLACES.into_iter().enumerate().map(reading)
+    });
+    readings.collect()
 }
 
 fn identified(arm: &Arm, stations: &[Observation]) -> Calibration {

@@ -157,6 +157,7 @@ impl Identified {
                 model: Model::Full,
                 predicts: Box::new(found.full.expect("a full error model")),
                 session: 0,
+                shown: None,
             },
             measured,
             configurations: common::configurations(

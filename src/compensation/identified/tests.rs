@@ -64,6 +64,7 @@ fn measured_within(arm: &Arm, measured: Vec<[f64; 2]>) -> IdentifiedArm {
                 misfit_mm: 0.02,
             }),
             session: 0,
+            shown: None,
         },
         measured,
         configurations: ["+", "-"]

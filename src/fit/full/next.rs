@@ -478,6 +478,7 @@ impl Mounting {
         Prior {
             geometry: None,
             targets: self.targets.iter().map(expected).collect(),
+            distances: Vec::new(),
         }
     }
 

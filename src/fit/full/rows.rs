@@ -129,7 +129,20 @@ pub(super) fn sums(
         let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
         sums.add(&stacked(parts, state.layout.size(), &mut covariances));
     }
+    add_distances(&mut sums, problem, state, prior_mean);
     (sums, covariances)
+}
+
+/// Adds the rows of known distances between targets, which are whitened; the unknowns are the first columns.
+fn add_distances(sums: &mut Sums, problem: &Problem<'_>, state: &State, prior_mean: &DVector<f64>) {
+    for distance in problem.distances(&state.offsets) {
+        let mut row = DMatrix::zeros(1, state.layout.size());
+        for (unknown, by) in distance.entries {
+            row[(0, unknown)] = by;
+        }
+        let value = DVector::from_element(1, distance.residual) - &row * prior_mean;
+        sums.add(&Sums::new(&row, &value, 0.0));
+    }
 }
 
 /// Whitened rows of one station, their whitened values, the logarithm of the covariance's determinant, and the covariance.

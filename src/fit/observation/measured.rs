@@ -43,7 +43,7 @@ pub struct MeasuredOrientation {
 impl Measured {
     /// The values of a reading of `source` that a fit uses: no orientation from a source of points, or from one without a
     /// stated uncertainty of orientations.
-    pub(super) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
+    pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
         let point = |point: &MeanPoint| MeasuredPoint::of(point, reading, source, repeatability_mm);
         match (&reading.value, source.reads) {
             (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)

@@ -83,6 +83,29 @@ pub struct KnownTarget {
     pub sd_mm: f64,
 }
 
+/// A measured distance between two targets, in every session.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TargetDistance {
+    /// The two targets.
+    pub between: [TargetId; 2],
+    /// Their distance, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sd_mm: f64,
+}
+
+/// A measured distance as a pipeline file states it.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownDistance {
+    /// The names of the two targets.
+    pub between: [String; 2],
+    /// Their distance, mm.
+    pub mm: f64,
+    /// Its standard deviation, mm.
+    pub sd_mm: f64,
+}
+
 /// Priors of the unknowns, as standard deviations; unknowns without one are free.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Prior {
@@ -90,6 +113,8 @@ pub struct Prior {
     pub geometry: Option<(f64, f64)>,
     /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
+    /// Known distances between targets, in every session.
+    pub distances: Vec<TargetDistance>,
 }
 
 impl Prior {

@@ -7,7 +7,7 @@ use super::column::{Column, frame_motions};
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
 use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{FramePair, Unknown};
+use crate::fit::{FramePair, Owner, TargetId, Unknown};
 use crate::kinematics::Parameter;
 
 /// Pairs `cos, sin` of a joint's curve that are compared between sessions: those with a period of at least 90°.
@@ -25,8 +25,8 @@ struct Posterior<'p> {
 }
 
 impl Estimate {
-    /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted. Several sources or targets
-    /// are refused.
+    /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted. Several sources
+    /// are refused; of several targets the main one is compared, for all are known by it and the arm.
     pub fn of_full(model: &FullModel) -> Result<Option<Self>, SavedError> {
         let frames = model.fitted_frames();
         let Some(session) = frames.first() else {
@@ -40,7 +40,7 @@ impl Estimate {
             covariance: &model.covariance_of(&places),
             means: places.iter().map(|&p| model.column_mean(p)).collect(),
             precision: places.iter().map(|&p| scale[p].powi(-2)).collect(),
-            frames: session.one()?,
+            frames: session.main()?,
         };
         Ok(posterior.estimate())
     }
@@ -51,8 +51,18 @@ impl Estimate {
             return Ok(None);
         };
         let parameters = parameters(saved)?;
+        // The arm's, those of the source, and of several targets those of the first.
+        let kept = saved.unknowns.iter().enumerate();
+        let kept: Vec<usize> = kept
+            .filter(|(_, own)| own.of == 0)
+            .map(|(place, _)| place)
+            .collect();
+        let parameters: Vec<_> = kept.iter().map(|&place| parameters[place]).collect();
         let size = parameters.len();
-        let covariance = DMatrix::from_fn(size, size, |i, j| saved.covariance[i.max(j)][i.min(j)]);
+        let covariance = DMatrix::from_fn(size, size, |i, j| {
+            let (i, j) = (kept[i], kept[j]);
+            saved.covariance[i.max(j)][i.min(j)]
+        });
         let precision = |sd: &Option<f64>| sd.map_or(0.0, |sd| sd.powi(-2));
         let posterior = Posterior {
             columns: parameters
@@ -61,8 +71,11 @@ impl Estimate {
                 .collect(),
             covariance: &covariance,
             means: parameters.iter().map(|(_, offset)| *offset).collect(),
-            precision: saved.prior_sd.iter().map(precision).collect(),
-            frames: session.frames()?.one()?,
+            precision: kept
+                .iter()
+                .map(|&place| precision(&saved.prior_sd[place]))
+                .collect(),
+            frames: session.frames()?.main()?,
         };
         Ok(posterior.estimate())
     }
@@ -152,8 +165,13 @@ fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
         let first = own.start;
         match block {
             Block::Unknowns => {
-                let parameter = |unknown: &Unknown| Column::Chain(unknown.parameter);
-                shared.extend(own.zip(model.unknowns().iter().map(parameter)));
+                let is_main = |unknown: &Unknown| match unknown.owner {
+                    Owner::Arm | Owner::Source { .. } => true,
+                    Owner::Target { target, .. } => target == TargetId::MAIN,
+                };
+                let unknowns = own.zip(model.unknowns());
+                let unknowns = unknowns.filter(|(_, unknown)| is_main(unknown));
+                shared.extend(unknowns.map(|(place, own)| (place, Column::Chain(own.parameter))));
             }
             Block::Gravity => {
                 let turns = own.filter(|place| !is_of_a_slide(model, place - first));

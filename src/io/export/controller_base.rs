@@ -69,8 +69,8 @@ pub(super) fn carried(
     let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
         return Err("has more than a geometry");
     };
-    let frames = own.frames[arm.model.session].one();
-    let frames = frames.map_err(|_| "was seen by several instruments or at several targets")?;
+    let frames = own.frames[arm.model.session].main();
+    let frames = frames.map_err(|_| "was seen by several instruments")?;
     let base_from_root =
         arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
     let target = frames.flange_from_target.isometry().translation.vector

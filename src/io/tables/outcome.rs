@@ -79,6 +79,28 @@ impl Driven {
     }
 }
 
+/// Several targets at the flange, and what their readings show of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SeveralTargets {
+    /// Their names, in their order; empty where there is one, or where they have none.
+    pub names: Vec<String>,
+    /// What the stations of each session with several targets show, training sessions first.
+    pub sessions: Vec<ShownFlange>,
+}
+
+/// Stations of a session with several targets, by what stands for their readings ([`crate::fit::flange`]).
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ShownFlange {
+    /// The session's name.
+    pub session: String,
+    /// Stations whose targets show position and orientation.
+    pub poses: usize,
+    /// Stations with the main target's position alone.
+    pub points: usize,
+    /// Stations with readings of other targets alone, too few for a pose: they count in the fit, and have no error of the tool point.
+    pub neither: usize,
+}
+
 /// All results of one piece of work.
 #[derive(Debug)]
 pub struct Outcome<'a> {
@@ -96,6 +118,8 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
+    /// The sessions' targets, where there are several.
+    pub targets: SeveralTargets,
     /// The base that errors are stated in.
     pub frame: StatedFrame,
     /// The error reference frame of the last training session, which table and grids are for.

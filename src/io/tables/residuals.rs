@@ -2,6 +2,7 @@
 
 use super::words::{Role, upper};
 use crate::io::table::row;
+use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 row! {
@@ -23,6 +24,8 @@ row! {
         of_session: String,
         /// Its number.
         station: usize,
+        /// Name of the target that was read; `None` where the session has one target, and for errors of the tool point.
+        target: Option<String>,
         /// The number of the station that names its pose.
         pose: usize,
         /// Whether the session's base was found from it.
@@ -65,16 +68,24 @@ impl ResidualRow {
     }
 }
 
-/// The rows of all residual sets.
-pub fn rows(sets: &[ResidualSet]) -> Vec<ResidualRow> {
+/// The rows of all residual sets; `targets` are the names of targets, where there are several.
+pub fn rows(sets: &[ResidualSet], targets: &[String]) -> Vec<ResidualRow> {
     let of_set = |set: &ResidualSet| -> Vec<ResidualRow> {
         let residuals = set.residuals.iter();
-        residuals.map(|r| of_residual(&set.subject, r)).collect()
+        residuals
+            .map(|r| of_residual(&set.subject, r, targets))
+            .collect()
     };
     sets.iter().flat_map(of_set).collect()
 }
 
-fn of_residual(subject: &Subject, residual: &Residual) -> ResidualRow {
+/// The name of a target, or its number from 1 where it has none.
+pub fn target_name(target: TargetId, names: &[String]) -> String {
+    let name = names.get(target.0).cloned();
+    name.unwrap_or_else(|| (target.0 + 1).to_string())
+}
+
+fn of_residual(subject: &Subject, residual: &Residual, targets: &[String]) -> ResidualRow {
     ResidualRow {
         split: subject.split,
         model: subject.model,
@@ -84,6 +95,7 @@ fn of_residual(subject: &Subject, residual: &Residual) -> ResidualRow {
         fold: residual.fold,
         of_session: subject.of_session.clone(),
         station: residual.station,
+        target: residual.target.map(|own| target_name(own, targets)),
         pose: residual.pose,
         used_for_refit: residual.used_for_refit,
         at: (residual.predicted.coords + residual.residual).into(),

@@ -512,7 +512,7 @@ fn steps_account_for_every_station_that_judges() {
 
 #[test]
 fn residuals_add_up_and_know_their_distance() {
-    let of = |sets: &[report::ResidualSet]| table(residuals::rows(sets));
+    let of = |sets: &[report::ResidualSet]| table(residuals::rows(sets, &[]));
     let table = of(&OUTCOME.residuals);
     let residual = &OUTCOME.residuals[0].residuals[0];
     let attained = numbers(&table, ["x_mm", "y_mm", "z_mm"], 0);

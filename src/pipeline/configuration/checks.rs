@@ -202,6 +202,13 @@ fn geometric(fit: &FitSettings) -> Check {
     if let Some(target) = fit.target {
         positive("[fit] target.sd_mm", target.sd_mm)?;
     }
+    each(&fit.targets, |(name, target)| {
+        positive(format!("[fit] targets.{name}.sd_mm"), target.sd_mm)
+    })?;
+    each(&fit.target_distances, |known| {
+        positive("[fit] target_distances.mm", known.mm)?;
+        positive("[fit] target_distances.sd_mm", known.sd_mm)
+    })?;
     let sizes = fit.blocks.size_mm.into_iter().flatten();
     each(sizes, |size| positive("[fit] blocks.size_mm", size))
 }

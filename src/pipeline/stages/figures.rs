@@ -112,12 +112,7 @@ impl FigureMaker<'_> {
             .training
             .iter()
             .any(|own| own.name == subject.of_session);
-        let taken = set
-            .residuals
-            .iter()
-            .filter(|own| own.used_for_refit)
-            .count();
-        let finders = self.settings.locate.finders(taken);
+        let finders = self.settings.locate.finders(set.finders());
         is_found.then_some(Finders {
             // A session of a pool is left out with a mounting of its own.
             with_target: finders.with_target || is_left_out,

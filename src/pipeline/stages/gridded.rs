@@ -10,25 +10,27 @@ use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::progress::Progress;
 
-/// The session's paired stations for grids: commanded tool poses, and the errors relative to them.
+/// The session's paired stations for grids: commanded tool poses, and the errors relative to them. `fold` is the one of a station's
+/// number; a station without has no part.
 pub(super) fn grid_stations(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
-    folds: &[usize],
+    fold: impl Fn(usize) -> Option<usize>,
 ) -> Vec<GridStation> {
     let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
     let paired = all.iter().zip(commands);
     let paired = paired.filter(|(station, _)| station.one_reading().is_some());
-    let station = |((station, (pose, &visited)), &fold): (Paired<'_>, &usize)| {
+    let station = |(station, (pose, &visited)): Paired<'_>| {
+        let fold = fold(station.number)?;
         let position = pose.map(|pose| pose.position);
         Some(GridStation {
             pose: all[visited].number,
             ..GridStation::of(station, position, error_frame, &reach, fold)?
         })
     };
-    paired.zip(folds).filter_map(station).collect()
+    paired.filter_map(station).collect()
 }
 
 /// A station with its command and the index of the station that names its pose.

@@ -182,7 +182,7 @@ impl Sources<'_> {
         let judged = set
             .residuals
             .iter()
-            .filter(|residual| !residual.used_for_refit);
+            .filter(|residual| !residual.used_for_refit && residual.is_of_main());
         let at = |r: &Residual| (r.station, (r.predicted, r.predicted + r.residual, None));
         let visited = visits.visited(&judged.map(at).collect());
         let figures = iso_9283::figures(&visited, says);

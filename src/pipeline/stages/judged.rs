@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::StageSettings;
-use super::observed::{Observed, observations};
+use super::observed::Observed;
 use super::turns::commanded_turns;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{
-    self, ErrorBase, ErrorFrame, FitError, Models, Observation, TrainingSettings, holdout,
+    self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, TrainingSettings, holdout,
 };
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::{Several, Station};
+use crate::join::{SeveralSources, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, Stations};
@@ -71,7 +71,10 @@ impl Judged<'_> {
     ) -> Result<Vec<ResidualSet>, FitError> {
         let mut residuals = self.own_sessions();
         residuals.extend(self.blocks());
-        if self.training.len() > 1 && settings.leave_sessions_out {
+        // A session left out has a mounting of its own, of which one target alone can be found.
+        let frames = &self.models.base_target.frames;
+        let several = frames.iter().any(Frames::has_several_targets);
+        if self.training.len() > 1 && settings.leave_sessions_out && !several {
             residuals.extend(self.sessions_left_out(train, settings.locate, progress)?);
         }
         residuals.extend(self.unseen_sessions(test, locator)?);
@@ -172,7 +175,7 @@ impl Judged<'_> {
             };
             unseen::unseen_session(self.models, stations, locator, &test.finders)
         };
-        let judged: Result<Vec<_>, Several> = test.iter().map(of).collect();
+        let judged: Result<Vec<_>, SeveralSources> = test.iter().map(of).collect();
         Ok(judged?.into_iter().flatten().collect())
     }
 }
@@ -186,23 +189,19 @@ pub(super) struct TestSession<'s> {
 }
 
 impl<'s> TestSession<'s> {
-    /// Sessions with the stations that find their bases for the arm of `models`.
+    /// Sessions with their observations, and the stations that find their bases for the arm of `models`.
     pub(super) fn all(
-        arm: &Arm,
         sessions: &'s [JoinedSession],
+        observed: Vec<Vec<Observation>>,
         models: &Models,
         locator: &Locator,
-        settings: &StageSettings,
     ) -> Vec<Self> {
-        let of = |session| {
-            let observations = observations(arm, 0, session, settings);
-            Self {
-                finders: locator.finders(models, &observations),
-                observations,
-                session,
-            }
+        let of = |(session, observations): (&'s JoinedSession, Vec<Observation>)| Self {
+            finders: locator.finders(models, &observations),
+            observations,
+            session,
         };
-        sessions.iter().map(of).collect()
+        sessions.iter().zip(observed).map(of).collect()
     }
 
     /// The stations that find its base, by their numbers.
@@ -244,6 +243,7 @@ pub(super) fn raw_command(
         let attained = error_frame.attained_tool(&station.joints, station.one_reading()?)?;
         Some(Residual {
             station: station.number,
+            target: None,
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,

@@ -52,6 +52,7 @@ mod tests {
     fn set(model: Model, session: &str, base_refit: BaseRefit, mm: f64) -> ResidualSet {
         let residual = Residual {
             station: 1,
+            target: None,
             pose: 1,
             fold: None,
             used_for_refit: false,

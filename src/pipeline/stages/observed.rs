@@ -1,5 +1,7 @@
 //! Observations of the training sessions, with the fold that holds each out.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Point3;
 
 use super::StageSettings;
@@ -39,8 +41,10 @@ impl Observed {
         self.of_session(session).map(|(o, _)| o.clone()).collect()
     }
 
-    pub(super) fn folds_of(&self, session: usize) -> Vec<usize> {
-        self.of_session(session).map(|(_, fold)| fold).collect()
+    /// The fold of each station of a session, by its number.
+    pub(super) fn folds_of(&self, session: usize) -> BTreeMap<usize, usize> {
+        let own = self.of_session(session);
+        own.map(|(o, fold)| (o.station, fold)).collect()
     }
 
     /// The observations of all other sessions, with the sessions numbered again.

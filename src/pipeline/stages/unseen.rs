@@ -55,15 +55,15 @@ impl Judges<'_> {
     fn stations(&self, test: &TestSession<'_>, errors: &ToolErrors<'_>) -> Vec<GridStation> {
         let session = test.session;
         // Blocks are of training sessions: a test session is one whole.
-        let folds = vec![0; session.joined.stations.len()];
+        let whole = |_| Some(0);
         let finders = test.numbers();
-        let mut finding = grid_stations(session, self.error_frame, &folds);
+        let mut finding = grid_stations(session, self.error_frame, whole);
         finding.retain(|station| finders.contains(&station.number));
         let Some(error_frame) = self.carried(test, &finding, errors) else {
             return Vec::new();
         };
         let taken: BTreeSet<usize> = finding.iter().map(|station| station.pose).collect();
-        let mut stations = grid_stations(session, &error_frame, &folds);
+        let mut stations = grid_stations(session, &error_frame, whole);
         stations.retain(|station| !taken.contains(&station.pose));
         stations
     }
@@ -87,7 +87,10 @@ impl Judges<'_> {
         // A station whose command is not known finds no frame of commands.
         let of = |&finder: &usize| {
             let number = test.observations[finder].station;
+            // Placed is the target that errors are stated by.
+            let is_own = test.observations[finder].target == self.error_frame.frames().target;
             let station = finding.iter().find(|own| own.number == number)?;
+            is_own.then_some(())?;
             Some((finder, placed(station)?))
         };
         let (finders, placed): (Vec<usize>, Vec<Placed>) =
@@ -230,7 +233,7 @@ pub(super) fn table_figures(
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
         let test = tested.iter().find(|test| test.session.name == *session)?;
-        let finders = locate.finders(test.finders.len());
+        let finders = locate.finders(test.numbers().len());
         Some(Accuracy {
             finders: Some(finders),
             ..table_figure(row, session, locate.base_refit(), grids.guard_mm)

@@ -20,7 +20,7 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
@@ -262,6 +262,7 @@ fn outcome() -> Outcome<'static> {
     let grids = grids(&session.joined.stations, &error_frame, &geometric);
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
+        targets: SeveralTargets::default(),
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
         verdict: RunVerdict::of(
@@ -368,6 +369,7 @@ fn residuals(stations: &[Station], error_frame: &ErrorFrame<'_>) -> ResidualSet 
     let residual = |station: &Station| {
         Some(Residual {
             station: station.number,
+            target: None,
             pose: station.number,
             fold: Some(0),
             used_for_refit: false,

@@ -1,0 +1,508 @@
+//! Readings under the name of another target: named with what they are, not fitted.
+//!
+//! Inputs: the observations of all sessions. Output: stations with readings that are not of the target they name ([`Mislabelled`]),
+//! or the swap that goes through a whole session ([`SwappedThroughout`]). Steps:
+//! 1. base and targets are fitted with Cauchy's loss and without stated places, so that wrong readings do not pull them;
+//! 2. a station's readings have a *shape*: their distances from where the fit predicts the targets, without the shift that all of them
+//!    share, which is the arm's error. It is the comparison of the readings' mutual distances with those of the places, together with
+//!    how they are turned. A station whose shape or place is far beyond the others' is looked at;
+//! 3. of all assignments of its readings to targets the best is found. It is a swap where it takes the misfit to a third; otherwise
+//!    single readings that are far from every target are left out;
+//! 4. the fitted places of each session are compared with the stated ones, with the known distances, or with those of the first
+//!    session, under every permutation.
+//!
+//! A reading's own target is believed unless another explains three times as much: what cannot be told apart stays as it is named.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use nalgebra::{Point3, Vector3};
+
+use super::frames::Frames;
+use super::observation::Observation;
+use super::{FitSettings, Freedom, Loss, identify};
+use crate::figures::median;
+use crate::join::TargetId;
+use crate::kinematics::Arm;
+
+/// Beyond this many medians of all stations a station is looked at: errors of an arm are within a few.
+const FAR: f64 = 8.0;
+/// Shapes within this are the arm's and the instrument's errors, mm.
+const LEAST_SHAPE_MM: f64 = 0.5;
+/// Distances from the prediction within this are a nominal arm's, mm.
+const LEAST_AWAY_MM: f64 = 5.0;
+/// An assignment explains the readings that leaves at most this share of the misfit under the stated names.
+const EXPLAINS: f64 = 1.0 / 3.0;
+/// Targets whose places are all permuted; of more, two are exchanged at a time.
+const MOST_PERMUTED: usize = 6;
+
+/// Readings of a station that are not of the target they name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mislabelled {
+    /// Index of the session.
+    pub session: usize,
+    /// Number of the station.
+    pub station: usize,
+    /// What is wrong with them.
+    pub wrong: Wrong,
+}
+
+/// What is wrong with a station's readings.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Wrong {
+    /// They are of other targets than they name: all of them.
+    Swapped(Swap),
+    /// One is far from where any target can be.
+    Far {
+        /// The target that it names.
+        target: TargetId,
+        /// Its distance from that target's prediction, mm.
+        away_mm: f64,
+        /// The nearest target, and its distance, mm.
+        nearest: (TargetId, f64),
+    },
+    /// Their distances agree under no assignment, and no single one is to blame.
+    Disagree {
+        /// The misfit under the stated names, mm.
+        given_mm: f64,
+    },
+}
+
+/// Names that stand for other targets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swap {
+    /// The target that is named, and the one that was read, where the two differ.
+    pub read: Vec<(TargetId, TargetId)>,
+    /// Misfit as named, mm.
+    pub given_mm: f64,
+    /// Misfit as read, mm.
+    pub swapped_mm: f64,
+    /// Misfit of the next best assignment but the given one, mm; `None` where there is no other.
+    pub runner_up_mm: Option<f64>,
+}
+
+/// A session in which targets are swapped throughout.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwappedThroughout {
+    /// Index of the session.
+    pub session: usize,
+    /// The names, and the misfit of the places.
+    pub swap: Swap,
+    /// What the places were held against.
+    pub against: Against,
+}
+
+/// What fitted places are held against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Against {
+    /// Stated places.
+    Places,
+    /// Known distances.
+    Distances,
+    /// The places of the first session.
+    FirstSession,
+}
+
+impl fmt::Display for Against {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Places => "the places in [fit.targets]",
+            Self::Distances => "[fit] target_distances",
+            Self::FirstSession => "the places in the first session",
+        })
+    }
+}
+
+impl Swap {
+    /// The swap in words, by the targets' names.
+    pub fn words(&self, name: impl Fn(TargetId) -> String) -> String {
+        let read = self.read.iter();
+        let read: Vec<String> = read
+            .map(|(named, read)| format!("what is named {} is {}", name(*named), name(*read)))
+            .collect();
+        let runner_up = self
+            .runner_up_mm
+            .map_or_else(String::new, |mm| format!(", next best {mm:.2} mm"));
+        format!(
+            "{}: {:.2} mm as named, {:.2} mm so{runner_up}",
+            read.join(", "),
+            self.given_mm,
+            self.swapped_mm
+        )
+    }
+}
+
+/// What was found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Checked {
+    /// Stations with wrong readings, in the order of sessions and stations.
+    pub stations: Vec<Mislabelled>,
+    /// The first session in which targets are swapped throughout.
+    pub throughout: Option<SwappedThroughout>,
+}
+
+/// Looks for readings that are not of the target they name; nothing is found in sessions of one target, and where base and targets
+/// cannot be fitted.
+pub fn check(
+    arm: &Arm,
+    observations: &[Observation],
+    sessions: usize,
+    settings: &FitSettings,
+) -> Checked {
+    let unstated = FitSettings {
+        loss: Loss::Cauchy { tuning: 2.0 },
+        targets: BTreeMap::new(),
+        target_distances: Vec::new(),
+        ..settings.clone()
+    };
+    let several = observations.iter().any(|o| o.target != TargetId::MAIN);
+    let fitted = several.then(|| {
+        identify(
+            arm,
+            observations,
+            sessions,
+            Freedom::BaseAndTarget,
+            &unstated,
+        )
+    });
+    let Some(Ok(fitted)) = fitted else {
+        return Checked::default();
+    };
+    let stations = by_station(arm, observations, &fitted.frames);
+    let gate = Gate::of(&stations);
+    Checked {
+        stations: stations.iter().flat_map(|own| own.wrong(&gate)).collect(),
+        throughout: throughout(&fitted.frames, settings),
+    }
+}
+
+/// The readings of a station, and the predictions of all targets there.
+struct Read {
+    session: usize,
+    station: usize,
+    /// Named target and measured position, mm.
+    readings: Vec<(TargetId, Point3<f64>)>,
+    predicted: Vec<Point3<f64>>,
+}
+
+fn by_station(arm: &Arm, observations: &[Observation], frames: &[Frames]) -> Vec<Read> {
+    let mut stations: BTreeMap<(usize, usize), Read> = BTreeMap::new();
+    for own in observations {
+        let Some(point) = own.point() else { continue };
+        let at = (own.session, own.station);
+        let station = stations.entry(at).or_insert_with(|| {
+            let frames = &frames[own.session];
+            let base = frames.tracker_from_base(own.source).isometry();
+            let flange = base * arm.chain().nominal(&own.axes);
+            let targets = frames.targets().iter();
+            let predicted =
+                targets.map(|target| flange * Point3::from(target.isometry().translation.vector));
+            Read {
+                session: own.session,
+                station: own.station,
+                readings: Vec::new(),
+                predicted: predicted.collect(),
+            }
+        });
+        station.readings.push((own.target, point.position));
+    }
+    stations.into_values().collect()
+}
+
+/// The misfits up to which a station is sound, mm.
+struct Gate {
+    shape_mm: f64,
+    away_mm: f64,
+}
+
+impl Gate {
+    fn of(stations: &[Read]) -> Self {
+        let beyond = |misfits: Vec<f64>, least: f64| {
+            median(&misfits).map_or(least, |median| (FAR * median).max(least))
+        };
+        let several = stations.iter().filter(|own| own.readings.len() > 1);
+        let shapes = several.map(|own| own.shape_mm(&own.named()));
+        let away = stations.iter().flat_map(|own| own.away_mm(&own.named()));
+        Self {
+            shape_mm: beyond(shapes.collect(), LEAST_SHAPE_MM),
+            away_mm: beyond(away.collect(), LEAST_AWAY_MM),
+        }
+    }
+
+    fn passes(&self, station: &Read, targets: &[usize]) -> bool {
+        let away = station.away_mm(targets).into_iter().fold(0.0, f64::max);
+        away <= self.away_mm && station.shape_mm(targets) <= self.shape_mm
+    }
+}
+
+impl Read {
+    fn named(&self) -> Vec<usize> {
+        self.readings.iter().map(|(target, _)| target.0).collect()
+    }
+
+    /// Measured minus predicted positions, if the readings are of these targets, mm.
+    fn off(&self, targets: &[usize]) -> Vec<Vector3<f64>> {
+        let own = self.readings.iter().zip(targets);
+        own.map(|((_, measured), &target)| measured - self.predicted[target])
+            .collect()
+    }
+
+    /// Distances from the predictions, mm.
+    fn away_mm(&self, targets: &[usize]) -> Vec<f64> {
+        self.off(targets).iter().map(Vector3::norm).collect()
+    }
+
+    /// Root mean square distance from the predictions without their mean, mm; zero for one reading.
+    fn shape_mm(&self, targets: &[usize]) -> f64 {
+        centred_rms(&self.off(targets))
+    }
+
+    /// The misfit by which assignments are compared: the shape, or the distance of one reading, mm.
+    fn misfit_mm(&self, targets: &[usize]) -> f64 {
+        match &self.off(targets)[..] {
+            [only] => only.norm(),
+            off => centred_rms(off),
+        }
+    }
+
+    /// What is wrong with the station's readings; nothing where they pass.
+    fn wrong(&self, gate: &Gate) -> Vec<Mislabelled> {
+        let named = self.named();
+        let found = |wrong| Mislabelled {
+            session: self.session,
+            station: self.station,
+            wrong,
+        };
+        if gate.passes(self, &named) {
+            return Vec::new();
+        }
+        let all = assignments(&named, self.predicted.len());
+        let misfit_mm = |targets: &[usize]| self.misfit_mm(targets);
+        let swap = best(&named, all, misfit_mm, |own| gate.passes(self, own));
+        if let Some(swap) = swap {
+            return vec![found(Wrong::Swapped(swap))];
+        }
+        let far: Vec<usize> = (0..self.readings.len())
+            .filter(|&place| self.away_mm(&named)[place] > gate.away_mm)
+            .collect();
+        let left = self.without(&far);
+        if far.is_empty() || !gate.passes(&left, &left.named()) {
+            let given_mm = self.misfit_mm(&named);
+            return vec![found(Wrong::Disagree { given_mm })];
+        }
+        let far = far.into_iter().map(|place| found(self.far(place)));
+        far.collect()
+    }
+
+    fn without(&self, places: &[usize]) -> Self {
+        let kept = self.readings.iter().enumerate();
+        let kept = kept.filter(|(place, _)| !places.contains(place));
+        Self {
+            readings: kept.map(|(_, own)| *own).collect(),
+            predicted: self.predicted.clone(),
+            ..*self
+        }
+    }
+
+    fn far(&self, place: usize) -> Wrong {
+        let (target, measured) = self.readings[place];
+        let away = |predicted: &Point3<f64>| (measured - predicted).norm();
+        let nearest = self.predicted.iter().map(away).enumerate();
+        let nearest = nearest.min_by(|a, b| a.1.total_cmp(&b.1));
+        let away_mm = away(&self.predicted[target.0]);
+        let (nearest, mm) = nearest.unwrap_or((target.0, away_mm));
+        Wrong::Far {
+            target,
+            away_mm,
+            nearest: (TargetId(nearest), mm),
+        }
+    }
+}
+
+/// The best of `assignments` by `misfit_mm` that `passes`, where it leaves a third of what the named one leaves.
+fn best(
+    named: &[usize],
+    assignments: Vec<Vec<usize>>,
+    misfit_mm: impl Fn(&[usize]) -> f64,
+    passes: impl Fn(&[usize]) -> bool,
+) -> Option<Swap> {
+    let given_mm = misfit_mm(named);
+    let others = assignments.into_iter().filter(|own| own != named);
+    let mut others: Vec<(f64, Vec<usize>)> = others.map(|own| (misfit_mm(&own), own)).collect();
+    others.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let place = others.iter().position(|(_, own)| passes(own))?;
+    let (swapped_mm, targets) = others.remove(place);
+    let read = named.iter().zip(targets);
+    let read = read.filter(|(named, read)| *named != read);
+    let mut read: Vec<_> = read
+        .map(|(named, read)| (TargetId(*named), TargetId(read)))
+        .collect();
+    read.sort_unstable();
+    (swapped_mm <= EXPLAINS * given_mm).then(|| Swap {
+        read,
+        given_mm,
+        swapped_mm,
+        runner_up_mm: others.first().map(|own| own.0),
+    })
+}
+
+/// Root mean square norm of vectors without their mean, mm.
+fn centred_rms(vectors: &[Vector3<f64>]) -> f64 {
+    let n = vectors.len().max(1) as f64;
+    let mean = vectors.iter().sum::<Vector3<f64>>() / n;
+    let squares: f64 = vectors.iter().map(|own| (own - mean).norm_squared()).sum();
+    (squares / n).sqrt()
+}
+
+/// Ways in which readings that name the targets `named` can be of `targets` targets, each of another one.
+fn assignments(named: &[usize], targets: usize) -> Vec<Vec<usize>> {
+    if targets > MOST_PERMUTED {
+        return exchanges(named, targets);
+    }
+    let mut all = vec![Vec::new()];
+    for _ in named {
+        let longer = all.iter().flat_map(|own: &Vec<usize>| {
+            let free = (0..targets).filter(|target| !own.contains(target));
+            free.map(|target| {
+                let mut own = own.clone();
+                own.push(target);
+                own
+            })
+        });
+        all = longer.collect();
+    }
+    all
+}
+
+/// The assignments in which one reading is of another target, and that target's reading, where there is one, of the first's.
+fn exchanges(named: &[usize], targets: usize) -> Vec<Vec<usize>> {
+    let with = |(place, target): (usize, usize)| {
+        let own = named[place];
+        let exchanged = named.iter().map(|&other| match other {
+            other if other == own => target,
+            other if other == target => own,
+            other => other,
+        });
+        exchanged.collect()
+    };
+    let places = (0..named.len()).flat_map(|place| (0..targets).map(move |target| (place, target)));
+    places.map(with).collect()
+}
+
+/// The first session whose fitted places are those of other targets than they are named, by what is stated of them.
+fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroughout> {
+    let mut sessions = frames.iter().enumerate();
+    sessions.find_map(|(session, own)| {
+        let places = places(own);
+        let found = |against| {
+            move |swap| SwappedThroughout {
+                session,
+                swap,
+                against,
+            }
+        };
+        let stated = stated_places(settings, places.len());
+        if stated.len() > 1 {
+            return by_places(&places, &stated).map(found(Against::Places));
+        }
+        if settings.target_distances.len() > 1 {
+            return by_distances(&places, settings).map(found(Against::Distances));
+        }
+        let first: Vec<_> = self::places(&frames[0]).into_iter().enumerate().collect();
+        let alike = session > 0 && first.len() == places.len();
+        let swap = alike.then(|| by_places(&places, &first)).flatten();
+        swap.map(found(Against::FirstSession))
+    })
+}
+
+fn places(frames: &Frames) -> Vec<Vector3<f64>> {
+    let targets = frames.targets().iter();
+    targets
+        .map(|target| target.isometry().translation.vector)
+        .collect()
+}
+
+/// Stated places with the targets they are of, mm.
+fn stated_places(settings: &FitSettings, targets: usize) -> Vec<(usize, Vector3<f64>)> {
+    let stated = settings
+        .prior()
+        .targets
+        .into_iter()
+        .enumerate()
+        .take(targets);
+    stated
+        .filter_map(|(target, known)| Some((target, Vector3::from(known?.xyz_mm))))
+        .collect()
+}
+
+/// The permutation of targets under which fitted places are those wanted, but for one shift of all.
+fn by_places(fitted: &[Vector3<f64>], wanted: &[(usize, Vector3<f64>)]) -> Option<Swap> {
+    let named: Vec<usize> = wanted.iter().map(|(target, _)| *target).collect();
+    let misfit_mm = |targets: &[usize]| {
+        let off = wanted.iter().zip(targets);
+        let off: Vec<_> = off.map(|((_, at), &own)| fitted[own] - at).collect();
+        centred_rms(&off)
+    };
+    swapped(&named, fitted.len(), misfit_mm)
+}
+
+/// The permutation of targets under which the distances of fitted places are the known ones.
+fn by_distances(fitted: &[Vector3<f64>], settings: &FitSettings) -> Option<Swap> {
+    let known = settings.prior().distances;
+    let named: Vec<usize> = (0..fitted.len()).collect();
+    let misfit_mm = |targets: &[usize]| {
+        let off = known.iter().map(|own| {
+            let [a, b] = own.between.map(|target| fitted[targets[target.0]]);
+            (a.metric_distance(&b) - own.mm).powi(2)
+        });
+        (off.sum::<f64>() / known.len().max(1) as f64).sqrt()
+    };
+    let is_named = known
+        .iter()
+        .flat_map(|own| own.between)
+        .all(|target| target.0 < fitted.len());
+    is_named
+        .then(|| swapped(&named, fitted.len(), misfit_mm))
+        .flatten()
+}
+
+/// The best permutation, where the named one is further off than a nominal arm makes places. `read` is turned about: which target
+/// stands under a name.
+fn swapped(named: &[usize], targets: usize, misfit_mm: impl Fn(&[usize]) -> f64) -> Option<Swap> {
+    let swap = best(named, assignments(named, targets), misfit_mm, |_| true)?;
+    let read = swap.read.iter().map(|(wanted, own)| (*own, *wanted));
+    let mut read: Vec<_> = read.collect();
+    read.sort_unstable();
+    (swap.given_mm > LEAST_AWAY_MM).then_some(Swap { read, ..swap })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn assignments_are_all_ways_to_give_readings_to_targets() {
+        assert_eq!(assignments(&[0, 1], 3).len(), 6);
+        assert_eq!(assignments(&[0, 1, 2], 3).len(), 6);
+        let many = assignments(&[0, 1, 2, 3], 8);
+        assert!(many.contains(&vec![1, 0, 2, 3]) && many.contains(&vec![0, 7, 2, 3]));
+    }
+
+    #[test]
+    fn places_under_each_other_s_names_are_found() {
+        let places = [
+            Vector3::new(60.0, 20.0, 80.0),
+            Vector3::new(-40.0, 70.0, 60.0),
+            Vector3::new(-10.0, -60.0, 120.0),
+        ];
+        let stated: Vec<_> = places.iter().copied().enumerate().collect();
+        // All in turn: under the name 0 is target 1, under 1 is 2, under 2 is 0; and the arm's 0.3 mm.
+        let fitted = [places[1], places[2], places[0]].map(|at| at + Vector3::new(0.3, 0.0, 0.0));
+        let swap = by_places(&fitted, &stated).expect("swapped");
+        let turned = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (TargetId(a), TargetId(b)));
+        assert_eq!(swap.read, turned);
+        assert!(swap.given_mm > 50.0 && swap.swapped_mm < 1e-9);
+        assert!(swap.runner_up_mm.is_some_and(|mm| mm > 20.0));
+        assert_eq!(by_places(&places, &stated), None);
+    }
+}

@@ -1,0 +1,106 @@
+//! Readings under the name of another target: left out before anything is fitted, each with its reason.
+
+use super::observed::observations;
+use super::{StageError, StageSettings};
+use crate::fit::mislabelled::{self, Checked, Mislabelled, SwappedThroughout, Wrong};
+use crate::fit::{Observation, TargetId};
+use crate::io::tables::outcome::JoinedSession;
+use crate::io::tables::residuals::target_name;
+use crate::join::{JoinReject, Pairing, Reading, Station, Unmeasured};
+use crate::kinematics::Arm;
+
+/// Takes readings that are not of the target they name out of the sessions; an error where targets are swapped throughout one.
+pub(super) fn leave_out(
+    arm: &Arm,
+    training: &mut [JoinedSession],
+    test: &mut [JoinedSession],
+    settings: &StageSettings,
+) -> Result<(), StageError> {
+    let mut sessions: Vec<&mut JoinedSession> = training.iter_mut().chain(test).collect();
+    if !sessions.iter().any(|session| has_several_targets(session)) {
+        return Ok(());
+    }
+    let seen = sessions.iter().enumerate();
+    let seen: Vec<Observation> = seen
+        .flat_map(|(place, session)| observations(arm, place, session, settings))
+        .collect();
+    let Checked {
+        stations,
+        throughout,
+    } = mislabelled::check(arm, &seen, sessions.len(), &settings.fit);
+    let name = |target: TargetId| target_name(target, &settings.fit.target_names);
+    if let Some(SwappedThroughout {
+        session,
+        swap,
+        against,
+    }) = throughout
+    {
+        return Err(StageError::SwappedTargets {
+            session: sessions[session].name.clone(),
+            swap: swap.words(name),
+            against: against.to_string(),
+        });
+    }
+    for own in &stations {
+        take_out(sessions[own.session], own, name);
+    }
+    Ok(())
+}
+
+fn has_several_targets(session: &JoinedSession) -> bool {
+    let mut readings = session.joined.stations.iter().flat_map(Station::measured);
+    readings.any(|reading| reading.target != TargetId::MAIN)
+}
+
+fn take_out(session: &mut JoinedSession, own: &Mislabelled, name: impl Fn(TargetId) -> String) {
+    let joined = &mut session.joined;
+    let stations = joined.stations.iter_mut();
+    let is_it = |station: &&mut Station| station.number == own.station;
+    let Some(station) = stations.into_iter().find(is_it) else {
+        return;
+    };
+    let is_wrong = |reading: &Reading| match &own.wrong {
+        Wrong::Far { target, .. } => reading.target == *target,
+        Wrong::Swapped(_) | Wrong::Disagree { .. } => true,
+    };
+    let reason = reason(own, name);
+    let (wrong, kept): (Vec<Reading>, Vec<Reading>) =
+        station.readings.drain(..).partition(is_wrong);
+    if kept.is_empty() {
+        station.pairing = Pairing::Unmeasured(Unmeasured::WrongTarget);
+    }
+    station.readings = kept;
+    for reading in wrong {
+        let samples = reading.kept as u64;
+        joined.counts.kept = joined.counts.kept.saturating_sub(samples);
+        joined.counts.unpaired += samples;
+        joined.rejects.push(JoinReject {
+            start: reading.first,
+            end: reading.last,
+            readings: samples,
+            reason: reason.clone(),
+        });
+    }
+}
+
+fn reason(own: &Mislabelled, name: impl Fn(TargetId) -> String) -> String {
+    let station = own.station;
+    match &own.wrong {
+        Wrong::Swapped(swap) => format!(
+            "swapped targets: the readings of station {station} are of other targets than they name: {}",
+            swap.words(name)
+        ),
+        Wrong::Far {
+            target,
+            away_mm,
+            nearest: (nearest, mm),
+        } => format!(
+            "wrong target: a reading of station {station} is {away_mm:.1} mm from where {} is, and {mm:.1} mm from the nearest, {}",
+            name(*target),
+            name(*nearest)
+        ),
+        Wrong::Disagree { given_mm } => format!(
+            "wrong target: the readings of station {station} disagree by {given_mm:.2} mm with the places of their targets, under any names"
+        ),
+    }
+}
