@@ -1,0 +1,224 @@
+//! A table of measured values as people have it: CSV, TSV, Parquet, JSON, YAML or a spreadsheet → named columns of cells.
+//!
+//! 1. The form of the file follows from its first bytes, then from its extension.
+//! 2. A text becomes UTF-8, its separator and its decimal mark are found in its rows; a spreadsheet has cells already.
+//! 3. The header, a line of units and the first row are found; above them may stand a title.
+//! 4. Each row with as many cells as the header becomes a row of the table; every other is left out, with its reason.
+//! 5. JSON, YAML and Parquet name their columns themselves: nested values become `pose.x` and `joints[0]`.
+//!
+//! Nothing here knows stations, joints or units: that is the mapping of columns, which comes after.
+
+mod cells;
+mod decoded;
+mod error;
+mod head;
+mod number;
+mod separator;
+mod split;
+mod text;
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::input::{self, Bound};
+use cells::Cells;
+pub use error::{ColumnError, MeasuredTableError, MeasuredTableErrorKind};
+
+/// Settings for a file that does not state them itself; each absent one is found in the file.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Form {
+    /// The sign between two cells of a text; a space stands for any number of spaces and tabs.
+    pub separator: Option<char>,
+    /// The decimal mark of numbers that are written as text, `.` or `,`.
+    pub decimal: Option<char>,
+    /// Name of the sheet of a spreadsheet.
+    pub sheet: Option<String>,
+    /// Line of the header, from 1, in a text or a sheet.
+    pub header: Option<u64>,
+}
+
+/// The value in one row and column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell<'a> {
+    /// Nothing is written there.
+    Blank,
+    /// The double nearest to the number that is written there; NaN where the file writes `nan` or `inf` in any spelling.
+    Number(f64),
+    /// What is written there, where it is no number.
+    Text(&'a str),
+}
+
+/// A row of the file that is no row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RowLeftOut {
+    /// Its line, as [`MeasuredTable::line`] counts.
+    pub line: u64,
+    /// Why it is left out.
+    pub reason: LeftOutFor,
+}
+
+/// Why a row of the file is no row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum LeftOutFor {
+    /// It has fewer or more cells than the header.
+    #[error("it has {found} cells, and the table {wanted} columns")]
+    Cells {
+        /// Number of its cells.
+        found: usize,
+        /// Number of columns.
+        wanted: usize,
+    },
+    /// It repeats the header or the units.
+    #[error("it repeats the header")]
+    Header,
+    /// It is a comment.
+    #[error("it is a comment")]
+    Comment,
+}
+
+/// Records of the file by what became of them. Every record is in one of the four.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Records {
+    /// Rows of the table.
+    pub rows: usize,
+    /// Rows left out, each with its reason in [`MeasuredTable::left_out`].
+    pub left_out: usize,
+    /// Title, comments, header and units.
+    pub before: usize,
+    /// Records without any value.
+    pub blank: usize,
+}
+
+/// What [`MeasuredTable::line`] counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counted {
+    /// Lines of a text.
+    Line,
+    /// Rows of a sheet or of a Parquet file.
+    Row,
+    /// Records of a JSON text.
+    Record,
+}
+
+impl Counted {
+    /// Its word, as in `line 734`.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Line => "line",
+            Self::Row => "row",
+            Self::Record => "record",
+        }
+    }
+}
+
+/// Rows and columns of one file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredTable {
+    columns: Vec<String>,
+    units: Option<Vec<String>>,
+    cells: Cells,
+    lines: Vec<u64>,
+    counted: Counted,
+    left_out: Vec<RowLeftOut>,
+    records: Records,
+    remarks: Vec<String>,
+}
+
+impl MeasuredTable {
+    /// Names of the columns in the order of the file, without spaces at their ends; a column without a name has its number,
+    /// from 1. Two may have one name: see [`Self::find`].
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// The place of the column of this name; `None` where there is none, and where there are several.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.find(name).ok()
+    }
+
+    /// The place of the column of this name.
+    pub fn find(&self, name: &str) -> Result<usize, ColumnError> {
+        error::find(&self.columns, name)
+    }
+
+    /// Number of rows.
+    pub fn row_count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The line of a text, row of a sheet or number of a record, from 1, as a person would look it up.
+    pub fn line(&self, row: usize) -> u64 {
+        self.lines[row]
+    }
+
+    /// What [`Self::line`] counts.
+    pub const fn counted(&self) -> Counted {
+        self.counted
+    }
+
+    /// The value in a row and column, both from 0.
+    pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
+        assert!(column < self.columns.len(), "column {column} of a row");
+        self.cells.get(row * self.columns.len() + column)
+    }
+
+    /// Rows of the file that are no rows of the table, in the order of the file.
+    pub fn left_out(&self) -> &[RowLeftOut] {
+        &self.left_out
+    }
+
+    /// What became of the records of the file: rows, left out, before the first row, blank.
+    pub const fn records(&self) -> Records {
+        self.records
+    }
+
+    /// The second header line, of units, without brackets; one for each column, empty where none is written. `None` where the
+    /// file has no such line.
+    pub fn units(&self) -> Option<&[String]> {
+        self.units.as_deref()
+    }
+
+    /// What was found in the file and is not written in it: separator and decimal mark, encoding, sheet, absent header.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+}
+
+/// Most columns of a table.
+const MOST_COLUMNS: usize = 4096;
+/// Most cells of a table: a gigabyte of them.
+const MOST_CELLS: usize = 1 << 27;
+
+/// Reads a file of measured values.
+///
+/// # Errors
+/// [`MeasuredTableError`] names the file and, wherever there is one, line and column.
+pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, MeasuredTableError> {
+    let bytes = input::bytes(path, bound).map_err(MeasuredTableErrorKind::Read);
+    bytes
+        .and_then(|bytes| table(&bytes, form))
+        .map_err(|kind| kind.at(path))
+}
+
+fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    form.check()?;
+    text::read(bytes, form)
+}
+
+impl Form {
+    /// Checks that the signs can be told from each other and from numbers.
+    fn check(&self) -> Result<(), MeasuredTableErrorKind> {
+        if let Some(sign) = self.decimal.filter(|sign| !matches!(sign, '.' | ',')) {
+            return Err(MeasuredTableErrorKind::Decimal { sign });
+        }
+        let no_separator = |sign: &char| {
+            !sign.is_ascii() || sign.is_ascii_alphanumeric() || "\"'\r\n\0.+-".contains(*sign)
+        };
+        if let Some(sign) = self.separator.filter(no_separator) {
+            return Err(MeasuredTableErrorKind::Separator { sign });
+        }
+        Ok(())
+    }
+}
