@@ -11,11 +11,19 @@
 mod cells;
 mod decoded;
 mod error;
+mod fill;
 mod head;
+mod json;
 mod number;
+mod ods;
+mod parquet;
 mod separator;
+mod sheet;
 mod split;
 mod text;
+mod tree;
+mod xlsx;
+mod yaml;
 
 use std::path::Path;
 
@@ -76,6 +84,9 @@ pub enum LeftOutFor {
     /// It is a comment.
     #[error("it is a comment")]
     Comment,
+    /// It is a single value, a list or nothing where the others are objects.
+    #[error("it is no object with names")]
+    NoObject,
 }
 
 /// Records of the file by what became of them. Every record is in one of the four.
@@ -188,6 +199,8 @@ impl MeasuredTable {
 
 /// Most columns of a table.
 const MOST_COLUMNS: usize = 4096;
+/// Most bytes of a column's name.
+const LONGEST_NAME: usize = 1024;
 /// Most cells of a table: a gigabyte of them.
 const MOST_CELLS: usize = 1 << 27;
 
@@ -196,18 +209,112 @@ const MOST_CELLS: usize = 1 << 27;
 /// # Errors
 /// [`MeasuredTableError`] names the file and, wherever there is one, line and column.
 pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, MeasuredTableError> {
-    let bytes = input::bytes(path, bound).map_err(MeasuredTableErrorKind::Read);
-    bytes
-        .and_then(|bytes| table(&bytes, form))
-        .map_err(|kind| kind.at(path))
+    let read = || {
+        form.check()?;
+        let bytes = input::bytes(path, bound).map_err(MeasuredTableErrorKind::Read)?;
+        let kind = FileKind::of(path, &bytes);
+        form.check_for(kind)?;
+        match kind {
+            FileKind::Text => text::read(&bytes, form),
+            FileKind::Json => json::read(&bytes, form),
+            FileKind::Yaml => yaml::read(&bytes, form),
+            FileKind::Parquet => parquet::read(bytes, form, bound),
+            FileKind::Xlsx => xlsx::read(&bytes, form, bound),
+            FileKind::Ods => ods::read(&bytes, form, bound),
+            FileKind::Xls => Err(MeasuredTableErrorKind::OldSpreadsheet),
+        }
+    };
+    read().map_err(|kind| kind.at(path))
 }
 
-fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-    form.check()?;
-    text::read(bytes, form)
+/// The forms of files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FileKind {
+    /// Lines of cells.
+    Text,
+    Json,
+    Yaml,
+    Parquet,
+    Xlsx,
+    Ods,
+    /// Workbooks of Excel up to 2003.
+    Xls,
+}
+
+impl FileKind {
+    /// The form that the first bytes of a file show; of a text that its name says, where lines of cells may begin so.
+    fn of(path: &Path, bytes: &[u8]) -> Self {
+        let extension = path.extension().unwrap_or_default();
+        let extension = extension.to_string_lossy().to_lowercase();
+        let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+        if let Some(kind) = Self::of_start(bytes) {
+            return kind;
+        }
+        match extension.as_str() {
+            "yaml" | "yml" => Self::Yaml,
+            "json" | "jsonl" | "ndjson" | "geojson" => Self::Json,
+            "csv" | "tsv" | "tab" => Self::Text,
+            _ if matches!(first, Some(b'{' | b'[')) => Self::Json,
+            _ if bytes.starts_with(b"---\n") || bytes.starts_with(b"%YAML") => Self::Yaml,
+            _ => Self::Text,
+        }
+    }
+
+    /// The form that only its own files begin with.
+    fn of_start(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [b'P', b'A', b'R', b'1', ..] => Some(Self::Parquet),
+            [0xd0, 0xcf, 0x11, 0xe0, ..] => Some(Self::Xls),
+            // A document of ODF begins with an entry that states so, and is not packed.
+            [b'P', b'K', 3, 4, ..] if ods::is(bytes) => Some(Self::Ods),
+            [b'P', b'K', 3, 4, ..] => Some(Self::Xlsx),
+            _ => None,
+        }
+    }
+
+    const fn is_sheet(self) -> bool {
+        matches!(self, Self::Xlsx | Self::Ods | Self::Xls)
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Text => "lines of cells",
+            Self::Json => "JSON",
+            Self::Yaml => "YAML",
+            Self::Parquet => "Parquet",
+            Self::Xlsx | Self::Xls | Self::Ods => "a spreadsheet",
+        }
+    }
 }
 
 impl Form {
+    /// Checks that a file of this form has a use for each setting.
+    fn check_for(&self, kind: FileKind) -> Result<(), MeasuredTableErrorKind> {
+        let is_text = kind == FileKind::Text;
+        let is_sheet = kind.is_sheet();
+        let given = [
+            (
+                "separator",
+                "lines of cells",
+                self.separator.is_some() && !is_text,
+            ),
+            ("sheet", "a spreadsheet", self.sheet.is_some() && !is_sheet),
+            (
+                "header",
+                "lines of cells and sheets",
+                self.header.is_some() && !is_text,
+            ),
+        ];
+        match given.into_iter().find(|(_, _, wrong)| *wrong) {
+            Some((key, wanted, _)) => Err(MeasuredTableErrorKind::NotOfThisForm {
+                key,
+                wanted,
+                form: kind.name(),
+            }),
+            None => Ok(()),
+        }
+    }
+
     /// Checks that the signs can be told from each other and from numbers.
     fn check(&self) -> Result<(), MeasuredTableErrorKind> {
         if let Some(sign) = self.decimal.filter(|sign| !matches!(sign, '.' | ',')) {

@@ -8,6 +8,9 @@ const BLANK: u64 = 0xfff8_0000_0000_0001;
 const TEXT: u64 = 0xfffc_0000_0000_0000;
 const PLACE: u64 = 0x0003_ffff_ffff_ffff;
 
+/// Most bytes of texts.
+const MOST_TEXT: usize = 1 << 30;
+
 /// Cells row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Cells {
@@ -27,10 +30,15 @@ impl Cells {
         self.bits.push(BLANK);
     }
 
-    pub(super) fn text(&mut self, text: &str) {
+    /// Takes a text; an error where there are too many. A short file may have one long text in many cells.
+    pub(super) fn text(&mut self, text: &str) -> Result<(), MeasuredTableErrorKind> {
+        if self.texts.len() + text.len() > MOST_TEXT {
+            return Err(MeasuredTableErrorKind::TooManyCells);
+        }
         self.bits.push(TEXT | self.ends.len() as u64);
         self.texts.push_str(text);
         self.ends.push(self.texts.len());
+        Ok(())
     }
 
     pub(super) fn len(&self) -> usize {
@@ -78,9 +86,9 @@ mod tests {
             cells.number(number);
         }
         cells.blank();
-        cells.text("a");
-        cells.text("");
-        cells.text("ß°");
+        cells.text("a").unwrap();
+        cells.text("").unwrap();
+        cells.text("ß°").unwrap();
         for (place, number) in numbers.into_iter().enumerate() {
             let Cell::Number(found) = cells.get(place) else {
                 panic!("{number}");

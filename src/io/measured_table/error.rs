@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::{MOST_CELLS, MOST_COLUMNS};
+use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
 
 /// Why a file cannot be read as a table.
 #[derive(Debug, Error)]
@@ -27,14 +27,13 @@ pub enum MeasuredTableErrorKind {
     #[error("it holds no table: there is no line with values in it")]
     Empty,
     /// It has a header and no row.
-    #[error("it holds no row{}: every line below the header is empty or has another number of cells", of_header(*header))]
-    NoRows {
-        /// Line of the header, where a person stated it.
-        header: Option<u64>,
-    },
+    #[error(
+        "it holds no row: every record below the header is empty or has another number of cells"
+    )]
+    NoRows,
     /// Neither text nor one of the other forms.
     #[error(
-        "byte {at} belongs to no text; tables are CSV, TSV, JSON or YAML in UTF-8, UTF-16 or Latin-1, Parquet, XLSX, XLS or ODS"
+        "byte {at} belongs to no text; a table is CSV, TSV, JSON or YAML in UTF-8, UTF-16 or Latin-1, Parquet, XLSX or ODS"
     )]
     NoText {
         /// The place of the byte.
@@ -71,7 +70,7 @@ pub enum MeasuredTableErrorKind {
     /// The header has another number of cells than the rows.
     #[error(
         "line {header} names {names} columns, and line {line} has {cells} cells; give every column its name, or state the line \
-         of the header with header = …"
+         of the header with header = …; numbers with decimal commas need another separator than a comma"
     )]
     HeaderLength {
         /// Line of the header.
@@ -125,6 +124,115 @@ pub enum MeasuredTableErrorKind {
         /// The cell.
         text: String,
     },
+    /// A text that is no JSON.
+    #[error("line {line}, character {column}: it is no JSON: {problem}")]
+    Json {
+        /// The line.
+        line: u64,
+        /// The character in it, from 1.
+        column: usize,
+        /// What is wrong there.
+        problem: &'static str,
+    },
+    /// A text that is no YAML.
+    #[error("line {line}, character {column}: it cannot be read as YAML: {problem}")]
+    Yaml {
+        /// The line.
+        line: u64,
+        /// The character in it, from 1.
+        column: usize,
+        /// What is wrong there.
+        problem: String,
+    },
+    /// A single number or text where records are wanted.
+    #[error(
+        "it holds no records; a table is a list of objects, an object of objects, an object of lists of one length, or an object in \
+         each line"
+    )]
+    NoRecords,
+    /// Two lists of records.
+    #[error("{first:?} and {second:?} both hold records; keep each table in a file of its own")]
+    SeveralTables {
+        /// Key of one.
+        first: String,
+        /// Key of another.
+        second: String,
+    },
+    /// Columns of different lengths.
+    #[error(
+        "column {first:?} has {first_length} values, and column {other:?} {other_length}; give all columns one length"
+    )]
+    ColumnLengths {
+        /// Name of the first column.
+        first: String,
+        /// Number of its values.
+        first_length: usize,
+        /// Name of one of another length.
+        other: String,
+        /// Number of its values.
+        other_length: usize,
+    },
+    /// A name that a record gives two values.
+    #[error("{counted} {line}: {key:?} is given twice; which value is meant is not clear")]
+    KeyTwice {
+        /// The word of what is counted.
+        counted: &'static str,
+        /// The line, or the number of the record.
+        line: u64,
+        /// The name.
+        key: String,
+    },
+    /// A name that no table has.
+    #[error("{counted} {line}: a name has more than {LONGEST_NAME} bytes; is it the right file?")]
+    LongName {
+        /// The word of what is counted.
+        counted: &'static str,
+        /// The line, or the number of the record.
+        line: u64,
+    },
+    /// A spreadsheet that cannot be read.
+    #[error("it cannot be read as a spreadsheet: {0}")]
+    Spreadsheet(String),
+    /// A workbook of Excel up to 2003.
+    #[error("it is a workbook of Excel up to 2003 (.xls); save it as .xlsx or .csv")]
+    OldSpreadsheet,
+    /// A file that is packed and becomes too large.
+    #[error("unpacked it has more than {limit} bytes, the limit; {advice}")]
+    Unpacked {
+        /// Most bytes.
+        limit: u64,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// A spreadsheet without the sheet.
+    #[error("it has no sheet {wanted:?}; its sheets are {}", quoted(found))]
+    NoSheet {
+        /// The name that is stated.
+        wanted: String,
+        /// Names of its sheets.
+        found: Vec<String>,
+    },
+    /// Something wrong in a sheet.
+    #[error("sheet {name:?}: {problem}")]
+    Sheet {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: Box<MeasuredTableErrorKind>,
+    },
+    /// A Parquet file that cannot be read.
+    #[error("it cannot be read as Parquet: {0}")]
+    Parquet(String),
+    /// A setting that a file of this form has no use for.
+    #[error("{key} is for {wanted}, and this is a file in {form}; take it out")]
+    NotOfThisForm {
+        /// The key.
+        key: &'static str,
+        /// The files that it is for.
+        wanted: &'static str,
+        /// The form of this file.
+        form: &'static str,
+    },
     /// More columns than any table of measured values has.
     #[error("it has {found} columns, more than the limit of {MOST_COLUMNS}; is it the right file?")]
     TooManyColumns {
@@ -132,12 +240,10 @@ pub enum MeasuredTableErrorKind {
         found: usize,
     },
     /// More cells than memory is given to.
-    #[error("it has more than {MOST_CELLS} cells, the limit; split it by session")]
+    #[error(
+        "its cells take more memory than a table may: more than {MOST_CELLS} cells, or a gigabyte of texts; split it by session"
+    )]
     TooManyCells,
-}
-
-fn of_header(line: Option<u64>) -> String {
-    line.map_or_else(String::new, |line| format!(" below line {line}"))
 }
 
 impl MeasuredTableErrorKind {
@@ -174,12 +280,16 @@ pub enum ColumnError {
     },
 }
 
+fn quoted(names: &[String]) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+    quoted.join(", ")
+}
+
 fn near(nearest: &[String]) -> String {
     if nearest.is_empty() {
         return "no name is like it".to_owned();
     }
-    let quoted: Vec<String> = nearest.iter().map(|name| format!("{name:?}")).collect();
-    format!("the nearest names are {}", quoted.join(", "))
+    format!("the nearest names are {}", quoted(nearest))
 }
 
 /// Places as a person counts them.

@@ -10,6 +10,7 @@ mod names;
 
 use std::collections::BTreeMap;
 
+use super::separator::EitherMark;
 use super::{MOST_COLUMNS, MeasuredTableErrorKind};
 
 /// What a cell of the sample is.
@@ -25,6 +26,20 @@ pub(super) enum PieceKind {
 pub(super) struct Piece {
     pub(super) kind: PieceKind,
     pub(super) text: String,
+}
+
+impl Piece {
+    pub(super) fn new(text: &str, either: &EitherMark) -> Self {
+        let kind = if text.is_empty() {
+            PieceKind::Blank
+        } else if either.is_number(text.as_bytes()) {
+            PieceKind::Number
+        } else {
+            PieceKind::Text
+        };
+        let text = text.to_owned();
+        Self { kind, text }
+    }
 }
 
 /// A record of the sample.
@@ -43,10 +58,29 @@ pub(super) struct Head {
     /// What the header's cells hold, by which it is known again; empty where there is no header.
     pub(super) written: Vec<String>,
     pub(super) units: Option<Vec<String>>,
+    /// What the cells of the units hold; empty where there are none.
+    pub(super) units_written: Vec<String>,
+    /// The record of the sample that is the header; `None` where there is none.
+    pub(super) header: Option<usize>,
     /// Records of the sample above the first row.
     pub(super) above: usize,
     /// What a person would want to know about the header.
     pub(super) remark: Option<String>,
+}
+
+impl Head {
+    /// The head of records that name their values themselves.
+    pub(super) fn of(names: Vec<String>) -> Self {
+        Self {
+            names,
+            written: Vec::new(),
+            units: None,
+            units_written: Vec::new(),
+            header: None,
+            above: 0,
+            remark: None,
+        }
+    }
 }
 
 impl SampleRow {
@@ -119,11 +153,9 @@ pub(super) fn find(
     }
     block.refuse_other_length(first, is_comma)?;
     Ok(Head {
-        names: (1..=width).map(|number| number.to_string()).collect(),
-        written: Vec::new(),
-        units: None,
         above: first,
         remark: Some("it has no header: columns are named by their number, from 1".to_owned()),
+        ..Head::of((1..=width).map(|number| number.to_string()).collect())
     })
 }
 
@@ -148,7 +180,7 @@ fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKi
             line: row.line,
             cells: row.length(),
         }),
-        None => Err(MeasuredTableErrorKind::NoRows { header: Some(line) }),
+        None => Err(MeasuredTableErrorKind::NoRows),
     }
 }
 
@@ -162,14 +194,19 @@ fn below(sample: &[SampleRow], header: usize, width: usize) -> Head {
         names: names::columns(&texts, width),
         written: if row.is_comment { Vec::new() } else { texts },
         units: next.map(|place| names::units(&sample[place], width)),
+        units_written: next.map_or_else(Vec::new, |place| sample[place].texts()),
+        header: Some(header),
         above: next.unwrap_or(header) + 1,
         remark: None,
     }
 }
 
+/// Records of one number of cells: numbers in them, and how many there are.
+type Weight = (usize, usize);
+
 /// The number of cells of the records that have most numbers, or of most records where there is no number.
 fn width(sample: &[SampleRow]) -> Option<usize> {
-    let mut of_width: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+    let mut of_width: BTreeMap<usize, Weight> = BTreeMap::new();
     let rows = sample
         .iter()
         .filter(|row| !row.is_comment && !row.is_blank());
@@ -179,12 +216,28 @@ fn width(sample: &[SampleRow]) -> Option<usize> {
         *rows += 1;
     }
     let best = of_width
-        .into_iter()
-        .max_by_key(|&(width, fit)| (fit, width));
-    let (width, _) = best?;
-    // A separator at the end of each row, behind which nothing ever stands.
+        .iter()
+        .max_by_key(|&(width, weight)| (weight, width));
+    let (&width, best) = best?;
+    // Where half as many numbers stand below a record of names with as many cells, those are the rows.
+    let named = named(sample).filter(|width| {
+        of_width
+            .get(width)
+            .is_some_and(|own| own.0 > 0 && 2 * own.0 >= best.0)
+    });
+    let width = named.unwrap_or(width);
+    // A separator may end each row, and nothing ever stands behind it.
     let rows = sample.iter().filter(|row| row.fits(width));
     rows.map(SampleRow::length).max()
+}
+
+/// The number of cells of the last record above the first number that has a text in each of several cells.
+fn named(sample: &[SampleRow]) -> Option<usize> {
+    let rows = sample.iter().filter(|row| !row.is_comment);
+    let above = rows.take_while(|row| row.count(PieceKind::Number) == 0);
+    let named =
+        above.filter(|row| row.length() > 1 && row.count(PieceKind::Text) == row.pieces.len());
+    named.last().map(|row| row.pieces.len())
 }
 
 /// The records of the sample, and the columns that hold numbers in most rows.
@@ -196,7 +249,9 @@ struct Block<'s> {
 
 impl<'s> Block<'s> {
     fn new(sample: &'s [SampleRow], width: usize) -> Self {
-        let rows: Vec<&SampleRow> = sample.iter().filter(|row| row.fits(width)).collect();
+        // A title, a header and units have none.
+        let has_numbers = |row: &&SampleRow| row.fits(width) && row.count(PieceKind::Number) > 0;
+        let rows: Vec<&SampleRow> = sample.iter().filter(has_numbers).collect();
         let is_number = (0..width).map(|column| {
             let count = |kind| rows.iter().filter(|row| row.kind(column) == kind).count();
             let numbers = count(PieceKind::Number);
@@ -314,15 +369,21 @@ impl<'s> Block<'s> {
     /// Whether rows look like numbers with decimal commas that were split at them: up to twice as many cells as names, none
     /// with a point.
     fn are_halves(&self, first: usize, names: usize) -> bool {
-        let rows = self.sample[first..]
-            .iter()
-            .filter(|row| !row.is_blank() && !row.is_comment);
-        rows.clone().all(|row| {
-            (names..=2 * names).contains(&row.length())
-                && row
-                    .pieces
-                    .iter()
-                    .all(|piece| piece.kind != PieceKind::Number || !piece.text.contains('.'))
-        }) && rows.clone().any(|row| row.length() > names)
+        let rows = self.sample[first..].iter();
+        let rows = rows.filter(|row| !row.is_blank() && !row.is_comment);
+        let has_point = |piece: &Piece| piece.kind == PieceKind::Number && piece.text.contains('.');
+        let mut lengths: Vec<usize> = Vec::new();
+        for row in rows {
+            if row.pieces.iter().any(has_point) {
+                return false;
+            }
+            lengths.push(row.length());
+        }
+        let (least, most) = (lengths.iter().min(), lengths.iter().max());
+        let (Some(&least), Some(&most)) = (least, most) else {
+            return false;
+        };
+        // One cell more in every row is as well a forgotten name.
+        names <= least && most <= 2 * names && (most > least || most > names + 1 || names == 1)
     }
 }

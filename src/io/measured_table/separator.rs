@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use super::fill::Written;
 use super::number::Numbers;
 use super::split::{Rows, Separator, comment};
 
@@ -110,16 +111,16 @@ fn fit(text: &str, separator: Separator) -> Fit {
         let Ok(Some(_)) = rows.next(&mut cells) else {
             break;
         };
-        let first = cells.first().map_or(&[][..], |cell| cell.bytes(text));
-        if cells.len() < 2 || comment(first).is_some() {
+        let first = cells.first().map_or_else(Default::default, Written::text);
+        if cells.len() < 2 || comment(first.as_bytes()).is_some() {
             continue;
         }
         let numbers = cells
             .iter()
-            .filter(|cell| either.is_number(cell.bytes(text)));
+            .filter(|cell| either.is_number(cell.text().as_bytes()));
         let fit = of_length.entry(cells.len()).or_default();
         fit.numbers += numbers.count();
-        fit.rows += usize::from(cells.iter().any(|cell| !cell.is_empty()));
+        fit.rows += usize::from(cells.iter().any(|cell| !cell.is_blank()));
     }
     of_length.into_values().max().unwrap_or_default()
 }

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 
 use super::MeasuredTableErrorKind;
+use super::fill::Written;
+use super::number::Numbers;
 
 /// The sign between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,37 +34,36 @@ impl Separator {
     }
 }
 
-/// A cell without the spaces and quotes around it.
+/// A cell of a text without the spaces and quotes around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Span {
-    start: usize,
-    end: usize,
+pub(super) struct Span<'t> {
+    inside: &'t str,
     quoted: bool,
 }
 
-impl Span {
-    pub(super) const fn is_empty(self) -> bool {
-        self.start == self.end
+impl Written for Span<'_> {
+    #[inline]
+    fn is_blank(&self) -> bool {
+        self.inside.is_empty()
     }
 
     #[inline]
-    pub(super) fn bytes(self, text: &str) -> &[u8] {
-        &text.as_bytes()[self.start..self.end]
+    fn number(&self, numbers: &Numbers) -> Option<f64> {
+        numbers.parse(self.inside.as_bytes())
     }
 
-    /// What it holds. Its ends are at signs of ASCII, so no character is cut.
-    pub(super) fn text(self, text: &str) -> Cow<'_, str> {
-        let inside = text.get(self.start..self.end).unwrap_or_default();
-        if self.quoted && inside.contains('"') {
-            return Cow::Owned(inside.replace("\"\"", "\""));
+    fn text(&self) -> Cow<'_, str> {
+        if self.quoted && self.inside.contains('"') {
+            return Cow::Owned(self.inside.replace("\"\"", "\""));
         }
-        Cow::Borrowed(inside)
+        Cow::Borrowed(self.inside)
     }
 }
 
 /// The rows of a text.
 #[derive(Debug, Clone)]
 pub(super) struct Rows<'t> {
+    whole: &'t str,
     text: &'t [u8],
     separator: Separator,
     at: usize,
@@ -72,6 +73,7 @@ pub(super) struct Rows<'t> {
 impl<'t> Rows<'t> {
     pub(super) fn new(text: &'t str, separator: Separator) -> Self {
         Self {
+            whole: text,
             text: text.as_bytes(),
             separator,
             at: 0,
@@ -82,7 +84,7 @@ impl<'t> Rows<'t> {
     /// The cells of the next row, and the line that it begins in; `None` at the end of the text.
     pub(super) fn next(
         &mut self,
-        cells: &mut Vec<Span>,
+        cells: &mut Vec<Span<'t>>,
     ) -> Result<Option<u64>, MeasuredTableErrorKind> {
         cells.clear();
         if self.at >= self.text.len() {
@@ -104,7 +106,7 @@ impl<'t> Rows<'t> {
         &mut self,
         sign: u8,
         quotes: bool,
-        cells: &mut Vec<Span>,
+        cells: &mut Vec<Span<'t>>,
     ) -> Result<bool, MeasuredTableErrorKind> {
         let start = self.skip(self.at, |byte| is_space(byte) && byte != sign);
         if quotes
@@ -125,11 +127,7 @@ impl<'t> Rows<'t> {
         while end > start && is_space(self.text[end - 1]) {
             end -= 1;
         }
-        let span = Span {
-            start,
-            end,
-            quoted: false,
-        };
+        let span = self.span(start, end, false);
         Ok(self.close(span, stop, cells))
     }
 
@@ -137,7 +135,7 @@ impl<'t> Rows<'t> {
     fn word(
         &mut self,
         quotes: bool,
-        cells: &mut Vec<Span>,
+        cells: &mut Vec<Span<'t>>,
     ) -> Result<bool, MeasuredTableErrorKind> {
         let start = self.skip(self.at, is_space);
         if self.text.get(start).is_none_or(|&byte| is_end(byte)) {
@@ -155,17 +153,13 @@ impl<'t> Rows<'t> {
             return Ok(self.close_word(span, after, cells));
         }
         let end = self.skip(start, |byte| !is_space(byte) && !is_end(byte));
-        let span = Span {
-            start,
-            end,
-            quoted: false,
-        };
+        let span = self.span(start, end, false);
         Ok(self.close_word(span, end, cells))
     }
 
     /// Takes a cell that ends before the byte at `stop`, a separator or the end of the row.
     #[inline]
-    fn close(&mut self, span: Span, stop: usize, cells: &mut Vec<Span>) -> bool {
+    fn close(&mut self, span: Span<'t>, stop: usize, cells: &mut Vec<Span<'t>>) -> bool {
         cells.push(span);
         self.count_lines(span);
         match self.text.get(stop) {
@@ -180,20 +174,26 @@ impl<'t> Rows<'t> {
         }
     }
 
-    fn close_word(&mut self, span: Span, stop: usize, cells: &mut Vec<Span>) -> bool {
+    fn close_word(&mut self, span: Span<'t>, stop: usize, cells: &mut Vec<Span<'t>>) -> bool {
         cells.push(span);
         self.count_lines(span);
         self.at = stop;
         false
     }
 
+    /// A cell between two places, which are at signs of ASCII, so that no character is cut.
+    #[inline]
+    fn span(&self, start: usize, end: usize, quoted: bool) -> Span<'t> {
+        let inside = self.whole.get(start..end).unwrap_or_default();
+        Span { inside, quoted }
+    }
+
     /// Lines that end inside a cell in quotes.
     #[inline]
-    fn count_lines(&mut self, span: Span) {
+    fn count_lines(&mut self, span: Span<'t>) {
         if span.quoted {
-            let inside = &self.text[span.start..span.end];
             let mut before = 0;
-            for &byte in inside {
+            for byte in span.inside.bytes() {
                 let ends = byte == b'\r' || byte == b'\n' && before != b'\r';
                 self.line += u64::from(ends);
                 before = byte;
@@ -202,7 +202,7 @@ impl<'t> Rows<'t> {
     }
 
     /// The inside of the quotes that open at `open`, and the place behind them; an error where they are never closed.
-    fn quoted(&self, open: usize) -> Result<Option<(Span, usize)>, MeasuredTableErrorKind> {
+    fn quoted(&self, open: usize) -> Result<Option<(Span<'t>, usize)>, MeasuredTableErrorKind> {
         let mut close = open + 1;
         loop {
             close = self.skip(close, |byte| byte != b'"');
@@ -221,11 +221,7 @@ impl<'t> Rows<'t> {
         while start < end && is_space(self.text[end - 1]) {
             end -= 1;
         }
-        let span = Span {
-            start,
-            end,
-            quoted: true,
-        };
+        let span = self.span(start, end, true);
         Ok(Some((span, close + 1)))
     }
 
@@ -279,7 +275,7 @@ mod tests {
         let mut rows = Rows::new(text, Separator::stated(sign));
         let (mut cells, mut found) = (Vec::new(), Vec::new());
         while let Some(line) = rows.next(&mut cells).unwrap() {
-            let cells = cells.iter().map(|cell| cell.text(text).into_owned());
+            let cells = cells.iter().map(|cell| cell.text().into_owned());
             found.push((line, cells.collect()));
         }
         found
