@@ -201,8 +201,8 @@ impl MeasuredTable {
 const MOST_COLUMNS: usize = 4096;
 /// Most bytes of a column's name.
 const LONGEST_NAME: usize = 1024;
-/// Most cells of a table: a gigabyte of them.
-const MOST_CELLS: usize = 1 << 27;
+/// Most cells of a table: half a gigabyte of them.
+const MOST_CELLS: usize = 1 << 26;
 
 /// Reads a file of measured values.
 ///
@@ -246,11 +246,15 @@ impl FileKind {
     fn of(path: &Path, bytes: &[u8]) -> Self {
         let extension = path.extension().unwrap_or_default();
         let extension = extension.to_string_lossy().to_lowercase();
-        let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
-        if let Some(kind) = Self::of_start(bytes) {
-            return kind;
-        }
         match extension.as_str() {
+            "ods" if bytes.starts_with(b"PK") => Self::Ods,
+            _ => Self::of_start(bytes).unwrap_or_else(|| Self::of_text(bytes, &extension)),
+        }
+    }
+
+    fn of_text(bytes: &[u8], extension: &str) -> Self {
+        let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+        match extension {
             "yaml" | "yml" => Self::Yaml,
             "json" | "jsonl" | "ndjson" | "geojson" => Self::Json,
             "csv" | "tsv" | "tab" => Self::Text,

@@ -9,7 +9,7 @@ const TEXT: u64 = 0xfffc_0000_0000_0000;
 const PLACE: u64 = 0x0003_ffff_ffff_ffff;
 
 /// Most bytes of texts.
-const MOST_TEXT: usize = 1 << 30;
+const MOST_TEXT: usize = 1 << 29;
 
 /// Cells row by row.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -241,7 +241,7 @@ pub enum MeasuredTableErrorKind {
     },
     /// More cells than memory is given to.
     #[error(
-        "its cells take more memory than a table may: more than {MOST_CELLS} cells, or a gigabyte of texts; split it by session"
+        "its cells take more memory than a table may: more than {MOST_CELLS} cells, or half a gigabyte of texts; split it by session"
     )]
     TooManyCells,
 }

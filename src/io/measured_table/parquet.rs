@@ -34,7 +34,7 @@ pub(super) fn read(
         found: Vec::new(),
         remarks: Vec::new(),
     };
-    let rows: Vec<Option<usize>> = (0..batch.num_rows()).map(Some).collect();
+    let rows: Vec<Place> = (0..batch.num_rows()).map(Place::at).collect();
     for (field, column) in batch.schema().fields().iter().zip(batch.columns()) {
         leaves.add(field.name().clone(), column, rows.clone())?;
     }
@@ -54,6 +54,10 @@ fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKi
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let reader =
         ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options).map_err(wrong)?;
+    let stated = reader.metadata().file_metadata().num_rows();
+    if usize::try_from(stated).is_ok_and(|rows| rows > MOST_CELLS) {
+        return Err(MeasuredTableErrorKind::TooManyCells);
+    }
     let schema = Arc::clone(reader.schema());
     let values = bound.of_values();
     let (mut batches, mut size) = (Vec::new(), 0_u64);
@@ -80,11 +84,27 @@ enum Values {
     Texts(StringArray),
 }
 
+/// The place of a value, or none.
+#[derive(Debug, Clone, Copy)]
+struct Place(u32);
+
+impl Place {
+    const NONE: Self = Self(u32::MAX);
+
+    fn at(place: usize) -> Self {
+        u32::try_from(place).map_or(Self::NONE, Self)
+    }
+
+    fn get(self) -> Option<usize> {
+        (self.0 != u32::MAX).then_some(self.0 as usize)
+    }
+}
+
 /// A column: its values, and for each row the place of its value among them.
 struct Leaf {
     name: String,
     values: Values,
-    places: Vec<Option<usize>>,
+    places: Vec<Place>,
 }
 
 struct Leaves {
@@ -99,7 +119,7 @@ impl Leaves {
         &mut self,
         name: String,
         array: &ArrayRef,
-        places: Vec<Option<usize>>,
+        places: Vec<Place>,
     ) -> Result<(), MeasuredTableErrorKind> {
         if name.len() > LONGEST_NAME {
             return Err(MeasuredTableErrorKind::LongName {
@@ -107,10 +127,11 @@ impl Leaves {
                 line: 1,
             });
         }
+        let valid = |place: Place| place.get().filter(|&place| array.is_valid(place));
         let places = places
             .into_iter()
-            .map(|place| place.filter(|&place| array.is_valid(place)));
-        let places: Vec<Option<usize>> = places.collect();
+            .map(|place| valid(place).map_or(Place::NONE, Place::at));
+        let places: Vec<Place> = places.collect();
         match array.data_type() {
             DataType::Struct(fields) => {
                 for (field, inner) in fields.iter().zip(array.as_struct().columns()) {
@@ -123,11 +144,16 @@ impl Leaves {
                 let offsets = list.value_offsets();
                 let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
                 let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
-                let lengths = places.iter().flatten().map(|&place| range(place).len());
+                let lengths = places
+                    .iter()
+                    .filter_map(|place| Some(range(place.get()?).len()));
                 let width = lengths.max().unwrap_or_default();
                 self.check(width)?;
                 for index in 0..width {
-                    let inner = places.iter().map(|place| range((*place)?).nth(index));
+                    let inner = places.iter().map(|place| {
+                        let inner = place.get().and_then(|place| range(place).nth(index));
+                        inner.map_or(Place::NONE, Place::at)
+                    });
                     self.add(format!("{name}[{index}]"), list.values(), inner.collect())?;
                 }
                 Ok(())
@@ -140,7 +166,7 @@ impl Leaves {
         &mut self,
         name: String,
         array: &ArrayRef,
-        places: Vec<Option<usize>>,
+        places: Vec<Place>,
     ) -> Result<(), MeasuredTableErrorKind> {
         self.check(1)?;
         match values(array) {
@@ -186,7 +212,7 @@ impl Leaves {
 
 impl Leaf {
     fn cell(&self, row: usize) -> SheetCell<'_> {
-        let Some(place) = self.places[row] else {
+        let Some(place) = self.places[row].get() else {
             return SheetCell::Blank;
         };
         match &self.values {

@@ -6,6 +6,9 @@ use super::MeasuredTableErrorKind;
 use super::fill::Written;
 use super::number::Numbers;
 
+/// Most cells of a row, be it one of the table or not.
+const MOST_IN_ROW: usize = 1 << 16;
+
 /// The sign between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
@@ -93,11 +96,18 @@ impl<'t> Rows<'t> {
         let line = self.line;
         // A quote in a comment begins nothing.
         let quotes = !is_comment(&self.text[self.at..]);
-        match self.separator {
-            Separator::Sign(sign) => while !self.cell(sign, quotes, cells)? {},
-            Separator::Spaces => while !self.word(quotes, cells)? {},
+        loop {
+            let ends = match self.separator {
+                Separator::Sign(sign) => self.cell(sign, quotes, cells)?,
+                Separator::Spaces => self.word(quotes, cells)?,
+            };
+            if ends {
+                return Ok(Some(line));
+            }
+            if cells.len() > MOST_IN_ROW {
+                return Err(MeasuredTableErrorKind::TooManyColumns { found: cells.len() });
+            }
         }
-        Ok(Some(line))
     }
 
     /// Reads a cell up to the next separator or line end, and tells whether the row ends there.

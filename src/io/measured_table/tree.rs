@@ -17,7 +17,7 @@ use super::{
 /// Most levels of nested values.
 pub(super) const MOST_LEVELS: usize = 64;
 /// Most values of a file, aliases counted as often as they stand for one.
-pub(super) const MOST_NODES: usize = 1 << 25;
+pub(super) const MOST_NODES: usize = 1 << 24;
 
 /// A value of JSON or YAML.
 #[derive(Debug, Clone, PartialEq)]
