@@ -1,8 +1,11 @@
 //! Tables as people have them (`../shared/stations`), in every form, against what other programs read in the same files
 //! (`tests/readers/measured_tables.py`): every number to the last bit.
 //!
-//! Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`; it needs pandas, pyarrow, openpyxl, odfpy and PyYAML. Without them, or
+//! Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`; it needs pandas, pyarrow, openpyxl, odfpy and `PyYAML`. Without them, or
 //! without the tables, the test says that it did not run, and fails where `CI` is set.
+
+#[path = "common/fuzz.rs"]
+mod fuzz;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -157,4 +160,81 @@ fn the_six_tables_are_read_as_they_lie_there() {
     let elbow = grid.column("elbow_joint").expect("a column");
     assert_eq!(grid.cell(0, elbow), Cell::Number(-1.128_429_999_999_999_8));
     assert_eq!(grid.line(0), 2);
+}
+
+/// Reads bytes under a name and looks at every cell; tells how that went.
+fn tried(bytes: &[u8], ending: &str) -> String {
+    let bound = Bound {
+        bytes: 1 << 24,
+        advice: "split it",
+    };
+    let mut file = tempfile::Builder::new()
+        .suffix(ending)
+        .tempfile()
+        .expect("a file");
+    std::io::Write::write_all(&mut file, bytes).expect("room");
+    match read(file.path(), bound, &Form::default()) {
+        Err(error) => error.kind.to_string(),
+        Ok(table) => {
+            let texts = (0..table.row_count()).flat_map(|row| {
+                assert!(table.line(row) > 0);
+                (0..table.columns().len()).map(move |column| (row, column))
+            });
+            let texts = texts.filter(|&(row, column)| match table.cell(row, column) {
+                Cell::Number(number) => {
+                    assert!(!number.is_infinite());
+                    false
+                }
+                Cell::Text(text) => !text.is_empty(),
+                Cell::Blank => false,
+            });
+            let remarks = table.remarks().join(" ");
+            format!(
+                "{remarks} texts {} units {}",
+                texts.count() > 0,
+                table.units().is_some()
+            )
+        }
+    }
+}
+
+#[test]
+fn texts_changed_at_random_are_tables_or_errors() {
+    let seeds = [
+        "Arm;;\nstation;x;y\n;[mm];[mm]\nP1;1,5;2\nP2;-3;\"4,5\"\n",
+        "# station x y\n1 1.5 2\n2 nan 3e5\n",
+        "a,b\n1,2\n3,4,5\n",
+        "x|y\r1|2\r",
+    ];
+    let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    fuzz::fuzz("measured_text", seeds, fuzz::change_words, |bytes| {
+        tried(bytes, ".csv")
+    });
+}
+
+#[test]
+fn json_changed_at_random_is_a_table_or_an_error() {
+    let seeds = [
+        r#"[{"a": 1.5, "q": [1, 2], "p": {"x": null}}, {"a": "t", "q": [3]}]"#,
+        "{\"a\": 1}\n{\"a\": -2e3}\n",
+        r#"{"x": [1, 2], "y": ["a", true]}"#,
+        r#"{"7": {"x": 1}, "8": {"x": 2}}"#,
+    ];
+    let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    fuzz::fuzz("measured_json", seeds, fuzz::change_words, |bytes| {
+        tried(bytes, ".json")
+    });
+}
+
+#[test]
+fn yaml_changed_at_random_is_a_table_or_an_error() {
+    let seeds = [
+        "'7':\n  a: &a {x: 1, q: [1, 2]}\n'8':\n  a:\n    <<: *a\n    x: .nan\n",
+        "- x: 1\n  y: 'a'\n- x: ~\n",
+        "---\nx: 1\n---\nx: |\n  2\n...\n",
+    ];
+    let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    fuzz::fuzz("measured_yaml", seeds, fuzz::change_words, |bytes| {
+        tried(bytes, ".yaml")
+    });
 }

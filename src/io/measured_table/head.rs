@@ -6,6 +6,7 @@
 //! 3. A record of units may follow it.
 //! 4. Without a header, a comment of that length above the first row is one; otherwise columns have their numbers as names.
 
+mod labels;
 mod names;
 
 use std::collections::BTreeMap;
@@ -188,10 +189,11 @@ fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKi
 fn below(sample: &[SampleRow], header: usize, width: usize) -> Head {
     let row = &sample[header];
     let texts = row.texts();
+    let names = names::columns(&texts, width);
     let next = (header + 1..sample.len()).find(|&place| !sample[place].is_blank());
     let next = next.filter(|&place| names::are_units(&sample[place], width));
     Head {
-        names: names::columns(&texts, width),
+        names: labels::labelled(names, &sample[..header]),
         written: if row.is_comment { Vec::new() } else { texts },
         units: next.map(|place| names::units(&sample[place], width)),
         units_written: next.map_or_else(Vec::new, |place| sample[place].texts()),

@@ -252,3 +252,6 @@ fn values(array: &ArrayRef) -> Option<Values> {
         _ => Some(Values::Texts(as_type(DataType::Utf8)?.as_string().clone())),
     }
 }
+
+#[cfg(test)]
+mod tests;

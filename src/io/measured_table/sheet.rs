@@ -217,3 +217,6 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
 pub(super) fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Spreadsheet(error.to_string())
 }
+
+#[cfg(test)]
+mod tests;

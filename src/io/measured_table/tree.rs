@@ -395,3 +395,6 @@ impl Written for Value<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

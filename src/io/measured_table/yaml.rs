@@ -1,6 +1,7 @@
 //! YAML → values. The parser gives events one by one; depth and number of values are bounded here, aliases included.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
 
 use saphyr_parser::{Event, Parser, ScalarStyle, ScanError, Span};
 
@@ -40,6 +41,25 @@ struct Open {
     key: Option<(String, u64)>,
     line: u64,
     anchor: usize,
+    /// Mappings whose members it has where it has none of its own.
+    merged: Vec<Map>,
+}
+
+impl Open {
+    /// The value, complete.
+    fn closed(self) -> Node {
+        let Node::Map(mut map) = self.node else {
+            return self.node;
+        };
+        if !self.merged.is_empty() {
+            let own = map.members.iter().map(|(key, _)| Rc::clone(key));
+            let mut known: HashSet<Rc<str>> = own.collect();
+            let merged = self.merged.into_iter().flat_map(|merged| merged.members);
+            let others = merged.filter(|(key, _)| known.insert(Rc::clone(key)));
+            map.members.extend(others);
+        }
+        Node::Map(map)
+    }
 }
 
 /// A value that aliases may stand for.
@@ -123,7 +143,10 @@ impl Builder {
                 self.begin(Node::Map(map), line, anchor)
             }
             Event::SequenceEnd | Event::MappingEnd => match self.open.pop() {
-                Some(closed) => self.value(closed.node, closed.line, closed.anchor),
+                Some(open) => {
+                    let (line, anchor) = (open.line, open.anchor);
+                    self.value(open.closed(), line, anchor)
+                }
                 None => Ok(()),
             },
             Event::Alias(anchor) => self.alias(anchor, line),
@@ -154,12 +177,12 @@ impl Builder {
         if self.open.len() >= MOST_LEVELS {
             return Err(wrong(line, "values are nested too deeply"));
         }
-        let (key, anchor) = (None, anchor);
         self.open.push(Open {
             node,
-            key,
+            key: None,
             line,
             anchor,
+            merged: Vec::new(),
         });
         Ok(())
     }
@@ -197,7 +220,7 @@ impl Builder {
             Node::Map(map) => {
                 let (key, line) = open.key.take().unwrap_or_default();
                 match node {
-                    Node::Map(merged) if key == "<<" => merge(map, merged),
+                    Node::Map(merged) if key == "<<" => open.merged.push(merged),
                     // A record is looked up by its key.
                     Node::Map(own) => {
                         let own = Node::Map(Map { line, ..own });
@@ -240,15 +263,6 @@ fn wrong(line: u64, problem: &str) -> MeasuredTableErrorKind {
         line,
         column: 1,
         problem: problem.to_owned(),
-    }
-}
-
-/// Members of a merged mapping, without those that the mapping has itself.
-fn merge(map: &mut Map, merged: Map) {
-    for (key, node) in merged.members {
-        if !map.members.iter().any(|(own, _)| *own == key) {
-            map.members.push((key, node));
-        }
     }
 }
 

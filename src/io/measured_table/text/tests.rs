@@ -252,3 +252,30 @@ fn signs_that_are_stated_hold() {
     assert!(stated('5', None).check().is_err() && stated('"', None).check().is_err());
     assert!(stated(';', Some(';')).check().is_err());
 }
+
+#[test]
+fn labels_above_the_header_tell_columns_of_one_name_apart() {
+    let merged = table(
+        "Three reflectors;;;;;;;\n;SMR 1;;;SMR 2;;;\nstation;x;y;z;x;y;z;T\n1;1,5;2;3;4;5;6;20\n2;1;2;3;4;5;6;20\n",
+    );
+    let names = [
+        "station", "SMR 1 x", "SMR 1 y", "SMR 1 z", "SMR 2 x", "SMR 2 y", "SMR 2 z", "T",
+    ];
+    assert_eq!(merged.columns(), names);
+    // As a motion capture writes it: type, name, number, kind of each column.
+    let captured = table(
+        "Format Version,1.23,Take Name,T1,Rotation Type,Quaternion\n\n,,Rigid Body,Rigid Body,Rigid Body,Rigid Body\n\
+         ,,Hand,Hand,Base,Base\n,,1A,1A,2B,2B\n,,Rotation,Position,Rotation,Position\nFrame,Time (Seconds),X,X,X,X\n\
+         0,0.0,0.5,1.5,0.25,3.5\n1,0.1,0.5,1.5,,\n",
+    );
+    let names = [
+        "Hand Rotation X",
+        "Hand Position X",
+        "Base Rotation X",
+        "Base Position X",
+    ];
+    assert_eq!(captured.columns()[2..], names);
+    assert_eq!(captured.row_count(), 2);
+    // Labels that tell nothing apart are no part of a name.
+    assert_eq!(table("a;a\nx;x\n1;2\n").columns(), ["a", "a"]);
+}
