@@ -24,7 +24,7 @@ pub enum MeasuredTableErrorKind {
     #[error("it cannot be read: {0}")]
     Read(io::Error),
     /// Nothing is in it.
-    #[error("it holds no table: there is no line with values in it")]
+    #[error("it holds no table: no values are in it")]
     Empty,
     /// It has a header and no row.
     #[error(
@@ -146,8 +146,8 @@ pub enum MeasuredTableErrorKind {
     },
     /// A single number or text where records are wanted.
     #[error(
-        "it holds no records; a table is a list of objects, an object of objects, an object of lists of one length, or an object in \
-         each line"
+        "it holds no records; a table is a list of objects or of lists, an object of objects, an object of lists of one length, or \
+         an object in each line"
     )]
     NoRecords,
     /// Two lists of records.

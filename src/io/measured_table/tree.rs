@@ -1,6 +1,8 @@
 //! Nested values of JSON and YAML → rows: each record is flattened, so that its values get names such as `pose.x` and
 //! `joints[0]`.
 
+mod turned;
+
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -72,18 +74,21 @@ pub(super) fn table(
     document: &Document,
     form: &Form,
 ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-    let mut remarks = Vec::new();
-    if let [(line, root)] = document.roots.as_slice()
-        && let Some(turned) = turned(root)?
-    {
-        remarks.push("its columns are one after the other".to_owned());
-        let document = Document {
-            roots: vec![(*line, turned)],
-            counted: Counted::Record,
-        };
-        return rows(&document, form, remarks);
-    }
-    rows(document, form, remarks)
+    let [(line, root)] = document.roots.as_slice() else {
+        return rows(document, form, Vec::new());
+    };
+    let (made, remark) = if let Some(named) = turned::lists(root) {
+        (named, "its records are lists")
+    } else if let Some(turned) = turned::columns(root)? {
+        (turned, "its columns are one after the other")
+    } else {
+        return rows(document, form, Vec::new());
+    };
+    let document = Document {
+        roots: vec![(*line, made)],
+        counted: Counted::Record,
+    };
+    rows(&document, form, vec![remark.to_owned()])
 }
 
 fn rows(
@@ -180,50 +185,6 @@ fn tables(map: &Map) -> Vec<(&str, &Node)> {
     };
     let members = map.members.iter().filter(|(_, node)| is_table(node));
     members.map(|(key, node)| (&**key, node)).collect()
-}
-
-/// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other value.
-fn turned(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKind> {
-    let Node::Map(map) = root else {
-        return Ok(None);
-    };
-    let mut columns: Vec<(&Rc<str>, Vec<&Node>)> = Vec::new();
-    for (key, node) in &map.members {
-        match node {
-            Node::List(list) if !list.iter().any(|node| matches!(node, Node::Map(_))) => {
-                columns.push((key, list.iter().collect()));
-            }
-            Node::Map(inner) if is_counted(inner) => {
-                columns.push((key, inner.members.iter().map(|(_, node)| node).collect()));
-            }
-            _ => return Ok(None),
-        }
-    }
-    let Some((first, column)) = columns.first() else {
-        return Ok(None);
-    };
-    if let Some((other, own)) = columns.iter().find(|(_, own)| own.len() != column.len()) {
-        return Err(MeasuredTableErrorKind::ColumnLengths {
-            first: first.to_string(),
-            first_length: column.len(),
-            other: other.to_string(),
-            other_length: own.len(),
-        });
-    }
-    let row = |row: usize| {
-        let members = columns
-            .iter()
-            .map(|(key, column)| (Rc::clone(key), column[row].clone()));
-        let (line, members) = (0, members.collect());
-        Node::Map(Map { line, members })
-    };
-    Ok(Some(Node::List((0..column.len()).map(row).collect())))
-}
-
-/// Whether the keys are 0, 1, ….
-fn is_counted(map: &Map) -> bool {
-    let mut members = map.members.iter().enumerate();
-    !map.members.is_empty() && members.all(|(number, (key, _))| **key == *number.to_string())
 }
 
 /// Values of all records, each with its column.

@@ -7,6 +7,8 @@ use super::SampleRow;
 
 /// Most records of labels.
 const MOST: usize = 5;
+/// Most letters of a label, which stands in many names.
+const LETTERS: usize = 64;
 
 /// Names of columns; those that several columns have carry the labels above them in front, where that tells them apart.
 pub(super) fn labelled(names: Vec<String>, above: &[SampleRow]) -> Vec<String> {
@@ -62,7 +64,8 @@ fn across(row: &SampleRow, width: usize) -> Vec<String> {
     let label = |column: usize| {
         let text = row.pieces.get(column).map_or("", |piece| piece.text.trim());
         if !text.is_empty() {
-            last = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let words: Vec<&str> = text.split_whitespace().collect();
+            last = words.join(" ").chars().take(LETTERS).collect();
         }
         last.clone()
     };

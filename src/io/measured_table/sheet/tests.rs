@@ -37,7 +37,7 @@ fn workbook(sheets: &[(&str, &str)]) -> Vec<u8> {
     const RELATIONS: &str = "http://schemas.openxmlformats.org/package/2006/relationships";
     const OFFICE: &str = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
     let numbered = || sheets.iter().enumerate();
-    let listed: String = numbered()
+    let listed: Vec<String> = numbered()
         .map(|(id, (name, _))| {
             format!(
                 "<sheet name=\"{name}\" sheetId=\"{0}\" r:id=\"r{id}\"/>",
@@ -45,9 +45,10 @@ fn workbook(sheets: &[(&str, &str)]) -> Vec<u8> {
             )
         })
         .collect();
-    let related: String = numbered()
+    let related: Vec<String> = numbered()
         .map(|(id, _)| format!("<Relationship Id=\"r{id}\" Type=\"{OFFICE}/worksheet\" Target=\"worksheets/s{id}.xml\"/>"))
         .collect();
+    let (listed, related) = (listed.concat(), related.concat());
     let mut parts = vec![
         (
             "_rels/.rels",

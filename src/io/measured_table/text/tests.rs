@@ -224,9 +224,9 @@ fn the_decimal_mark_is_found_below_the_first_rows_too() {
 #[test]
 fn what_holds_no_table_is_reported() {
     for (text, wanted) in [
-        ("", "there is no line with values"),
-        ("\n \n\t\n", "there is no line with values"),
-        ("# a comment\n", "there is no line with values"),
+        ("", "no values are in it"),
+        ("\n \n\t\n", "no values are in it"),
+        ("# a comment\n", "no values are in it"),
         ("a,b\n", "it holds no row"),
         ("a;b\n1;\"2\n3;4\n", "line 2: a quote opens a cell"),
         ("a;b\n1;\0\n", "byte 6 belongs to no text"),
