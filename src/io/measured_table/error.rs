@@ -70,7 +70,7 @@ pub enum MeasuredTableErrorKind {
     /// The header has another number of cells than the rows.
     #[error(
         "line {header} names {names} columns, and line {line} has {cells} cells; give every column its name, or state the line \
-         of the header with header = …; numbers with decimal commas need another separator than a comma"
+         of the header with header = …, or take the line out; numbers with decimal commas need another separator than a comma"
     )]
     HeaderLength {
         /// Line of the header.

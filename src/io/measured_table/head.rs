@@ -292,26 +292,24 @@ impl<'s> Block<'s> {
         } else {
             texts > 1 && names::are_counts(row)
         };
-        row.fits(self.width) && is_name && !names::are_units(row, self.width)
+        row.fits(self.width) && is_name
     }
 
+    /// The record of names above the first row: of several the one with most of them, of those the first. Units are names only
+    /// where there are no others.
     fn header(&self) -> Option<usize> {
-        let filled =
-            |place: usize| self.width - self.sample[place].count(PieceKind::Blank).min(self.width);
         let rows = self.sample.iter().enumerate();
         let above = rows.take_while(|(_, row)| {
             !row.fits(self.width) || self.is_header(row) || !self.is_row(row)
         });
-        let headers = above
-            .filter(|(_, row)| self.is_header(row))
-            .map(|(place, _)| place);
-        let mut best: Option<usize> = None;
-        for place in headers {
-            if best.is_none_or(|best| filled(place) > filled(best)) {
-                best = Some(place);
-            }
-        }
-        best
+        let headers = above.filter(|(_, row)| self.is_header(row));
+        let named = headers.map(|(place, row)| {
+            let blank = row.pieces[..self.width].iter();
+            let blank = blank.filter(|piece| piece.kind == PieceKind::Blank).count();
+            let are_units = names::are_units(row, self.width);
+            (are_units, blank, place)
+        });
+        named.min().map(|(_, _, place)| place)
     }
 
     fn first_row(&self) -> usize {

@@ -120,6 +120,11 @@ fn headers_in_comments_absent_and_stated() {
     );
     let sign = table("#;x\n1;2\n2;3\n");
     assert_eq!(sign.columns(), ["#", "x"]);
+    let units = table("m;s\n1;2\n");
+    assert_eq!(
+        (units.columns(), units.units()),
+        (&["m".to_owned(), "s".to_owned()][..], None)
+    );
 }
 
 #[test]
