@@ -30,7 +30,7 @@ fn main() {
         let size = bytes as f64 / 1e6;
         println!(
             "{name:<12} {size:>6.1} MB {cells:>24.3} {records:>11.3} {:>6.2}",
-            cells / records
+            cells / records.max(1e-9)
         );
     }
 }

@@ -5,6 +5,7 @@ use std::io::{Cursor, Read as _};
 
 use roxmltree::{Document, Node};
 use zip::ZipArchive;
+use zip::result::ZipError;
 
 use super::number::Numbers;
 use super::sheet::{self, Sheet, SheetCell};
@@ -29,30 +30,17 @@ pub(super) fn read(
     bound: Bound,
 ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     sheet::check_unpacked(bytes, bound)?;
-    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| sheet::packed(&error))?;
-    let mut content = archive
-        .by_name("content.xml")
-        .map_err(|error| sheet::packed(&error))?;
-    let mut text = String::new();
-    let wrong =
-        |error: &dyn std::error::Error| MeasuredTableErrorKind::Spreadsheet(error.to_string());
-    content
-        .read_to_string(&mut text)
-        .map_err(|error| wrong(&error))?;
-    let document = Document::parse(&text).map_err(|error| wrong(&error))?;
+    let text = content(bytes)?;
+    let document = Document::parse(&text);
+    let document =
+        document.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
     let sheets = document
         .descendants()
         .filter(|node| node.has_tag_name((TABLE, "table")));
     let sheets: Vec<Node> = sheets.collect();
-    let name = |sheet: &Node| {
-        sheet
-            .attribute((TABLE, "name"))
-            .unwrap_or_default()
-            .to_owned()
-    };
-    let names: Vec<String> = sheets.iter().map(name).collect();
+    let names: Vec<String> = sheets.iter().copied().map(name).collect();
     for wanted in sheet::chosen(&names, form)? {
-        let Some(own) = sheets.iter().find(|sheet| name(sheet) == *wanted) else {
+        let Some(own) = sheets.iter().find(|sheet| name(**sheet) == *wanted) else {
             continue;
         };
         let sheet = Sheet {
@@ -60,15 +48,28 @@ pub(super) fn read(
             rows: rows(*own).ok_or(MeasuredTableErrorKind::TooManyCells)?,
         };
         if form.sheet.is_some() || sheet.has_table() {
-            let others: Vec<String> = names
-                .iter()
-                .filter(|other| *other != wanted)
-                .cloned()
-                .collect();
-            return sheet.table(form, &others);
+            return sheet.table(form, &names);
         }
     }
     Err(MeasuredTableErrorKind::Empty)
+}
+
+/// The part of the file that holds its cells.
+fn content(bytes: &[u8]) -> Result<String, MeasuredTableErrorKind> {
+    let packed = |error: ZipError| sheet::packed(&error);
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(packed)?;
+    let mut content = archive.by_name("content.xml").map_err(packed)?;
+    let mut text = String::new();
+    let read = content.read_to_string(&mut text);
+    read.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
+    Ok(text)
+}
+
+fn name(sheet: Node) -> String {
+    sheet
+        .attribute((TABLE, "name"))
+        .unwrap_or_default()
+        .to_owned()
 }
 
 /// The number of times that an element stands for itself.

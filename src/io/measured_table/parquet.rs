@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ::parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use arrow::array::{
-    Array, ArrayRef, AsArray as _, Float64Array, Int64Array, RecordBatch, StringArray,
+    Array, ArrayRef, AsArray as _, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
 };
 use arrow::compute::{cast, concat_batches};
 use arrow::datatypes::{DataType, TimeUnit};
@@ -95,6 +95,10 @@ impl Place {
         u32::try_from(place).map_or(Self::NONE, Self)
     }
 
+    fn of(place: Option<usize>) -> Self {
+        place.map_or(Self::NONE, Self::at)
+    }
+
     fn get(self) -> Option<usize> {
         (self.0 != u32::MAX).then_some(self.0 as usize)
     }
@@ -122,15 +126,11 @@ impl Leaves {
         places: Vec<Place>,
     ) -> Result<(), MeasuredTableErrorKind> {
         if name.len() > LONGEST_NAME {
-            return Err(MeasuredTableErrorKind::LongName {
-                counted: Counted::Row.word(),
-                line: 1,
-            });
+            let (counted, line) = (Counted::Row.word(), 1);
+            return Err(MeasuredTableErrorKind::LongName { counted, line });
         }
         let valid = |place: Place| place.get().filter(|&place| array.is_valid(place));
-        let places = places
-            .into_iter()
-            .map(|place| valid(place).map_or(Place::NONE, Place::at));
+        let places = places.into_iter().map(|place| Place::of(valid(place)));
         let places: Vec<Place> = places.collect();
         match array.data_type() {
             DataType::Struct(fields) => {
@@ -139,27 +139,32 @@ impl Leaves {
                 }
                 Ok(())
             }
-            DataType::List(_) => {
-                let list = array.as_list::<i32>();
-                let offsets = list.value_offsets();
-                let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
-                let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
-                let lengths = places
-                    .iter()
-                    .filter_map(|place| Some(range(place.get()?).len()));
-                let width = lengths.max().unwrap_or_default();
-                self.check(width)?;
-                for index in 0..width {
-                    let inner = places.iter().map(|place| {
-                        let inner = place.get().and_then(|place| range(place).nth(index));
-                        inner.map_or(Place::NONE, Place::at)
-                    });
-                    self.add(format!("{name}[{index}]"), list.values(), inner.collect())?;
-                }
-                Ok(())
-            }
+            DataType::List(_) => self.list(&name, array.as_list(), &places),
             _ => self.leaf(name, array, places),
         }
+    }
+
+    /// Adds a column for each place in the longest list.
+    fn list(
+        &mut self,
+        name: &str,
+        list: &ListArray,
+        places: &[Place],
+    ) -> Result<(), MeasuredTableErrorKind> {
+        let offsets = list.value_offsets();
+        let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
+        let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
+        let lengths = places
+            .iter()
+            .filter_map(|place| Some(range(place.get()?).len()));
+        let width = lengths.max().unwrap_or_default();
+        self.check(width)?;
+        for index in 0..width {
+            let inner = |place: &Place| place.get().and_then(|place| range(place).nth(index));
+            let inner = places.iter().map(|place| Place::of(inner(place)));
+            self.add(format!("{name}[{index}]"), list.values(), inner.collect())?;
+        }
+        Ok(())
     }
 
     fn leaf(

@@ -67,13 +67,13 @@ impl Sheet<'_> {
         self.rows.iter().any(|(_, row)| numbers(row) > 1)
     }
 
-    /// The table in the sheet.
+    /// The table in the sheet, in a file with sheets of these names.
     pub(super) fn table(
         &self,
         form: &Form,
-        others: &[String],
+        names: &[String],
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-        self.own_table(form, others)
+        self.own_table(form, names)
             .map_err(|problem| MeasuredTableErrorKind::Sheet {
                 name: self.name.clone(),
                 problem: Box::new(problem),
@@ -83,17 +83,15 @@ impl Sheet<'_> {
     fn own_table(
         &self,
         form: &Form,
-        others: &[String],
+        names: &[String],
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
         let all = self.columns(0);
-        let head = self.head(&all, form)?;
+        let mut head = self.head(&all, form)?;
         // A note beside the title makes no column.
         let columns = self.columns(head.header.unwrap_or(head.above));
-        let head = if columns.len() < all.len() {
-            self.head(&columns, form)?
-        } else {
-            head
-        };
+        if columns.len() < all.len() {
+            head = self.head(&columns, form)?;
+        }
         let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
         for (place, (line, row)) in self.rows.iter().enumerate() {
             let cells = dense(row, &columns);
@@ -103,15 +101,28 @@ impl Sheet<'_> {
                 filling.record(*line, &cells)?;
             }
         }
+        filling.blank(self.absent());
+        let mut remarks = self.remarks(form, names);
+        remarks.extend(head.remark.clone());
+        filling.table(Counted::Row, remarks)
+    }
+
+    /// Number of rows above the last that hold nothing.
+    fn absent(&self) -> usize {
         let last = self.rows.last().map_or(0, |(line, _)| *line);
         let absent = last.saturating_sub(self.rows.len() as u64);
-        filling.blank(usize::try_from(absent).unwrap_or(usize::MAX));
+        usize::try_from(absent).unwrap_or(usize::MAX)
+    }
+
+    /// What a person did not state: which of several sheets this is.
+    fn remarks(&self, form: &Form, names: &[String]) -> Vec<String> {
         let mut remarks = vec![format!("sheet {:?}", self.name)];
+        let others = names.iter().filter(|name| **name != self.name);
+        let others: Vec<&str> = others.map(String::as_str).collect();
         if form.sheet.is_none() && !others.is_empty() {
             remarks.push(format!("it has other sheets: {}", others.join(", ")));
         }
-        remarks.extend(head.remark.clone());
-        filling.table(Counted::Row, remarks)
+        remarks
     }
 
     /// The columns that hold something in the rows from this one on.

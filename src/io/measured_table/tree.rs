@@ -1,20 +1,14 @@
 //! Nested values of JSON and YAML → rows: each record is flattened, so that its values get names such as `pose.x` and
 //! `joints[0]`.
 
+mod flat;
 mod turned;
 
-use std::borrow::Cow;
 use std::collections::HashMap;
-use std::fmt::Write as _;
 use std::rc::Rc;
 
-use super::fill::{Filling, Written};
-use super::head::Head;
-use super::number::Numbers;
-use super::{
-    Counted, Form, LONGEST_NAME, LeftOutFor, MOST_CELLS, MOST_COLUMNS, MeasuredTable,
-    MeasuredTableErrorKind,
-};
+use super::{Counted, Form, MOST_CELLS, MeasuredTable, MeasuredTableErrorKind};
+use flat::Flat;
 
 /// Most levels of nested values.
 pub(super) const MOST_LEVELS: usize = 64;
@@ -67,6 +61,17 @@ struct Record<'d> {
     line: u64,
     key: Option<&'d str>,
     node: &'d Node,
+}
+
+impl<'d> Record<'d> {
+    /// A record of the number, from 0.
+    fn new(number: usize, key: Option<&'d str>, node: &'d Node, counted: Counted) -> Self {
+        let line = match node {
+            Node::Map(map) if counted == Counted::Line => map.line,
+            _ => number as u64 + 1,
+        };
+        Self { line, key, node }
+    }
 }
 
 /// The table in a document.
@@ -131,41 +136,21 @@ fn records<'d>(
     counted: Counted,
     remarks: &mut Vec<String>,
 ) -> Result<Vec<Record<'d>>, MeasuredTableErrorKind> {
-    let place = |number: usize, node: &Node| match node {
-        Node::Map(map) if counted == Counted::Line => map.line,
-        _ => number as u64 + 1,
-    };
     let map = match root {
         Node::List(list) => {
-            let records = list.iter().enumerate().map(|(number, node)| Record {
-                line: place(number, node),
-                key: None,
-                node,
-            });
+            let nodes = list.iter().enumerate();
+            let records = nodes.map(|(number, node)| Record::new(number, None, node, counted));
             return Ok(records.collect());
         }
         Node::Map(map) => map,
         _ => return Err(MeasuredTableErrorKind::NoRecords),
     };
-    if map
-        .members
-        .iter()
-        .all(|(_, node)| matches!(node, Node::Map(_)))
-    {
-        let members = map.members.iter().enumerate();
-        let records = members.map(|(number, (key, node))| Record {
-            line: place(number, node),
-            key: Some(&**key),
-            node,
-        });
-        return Ok(records.collect());
+    let mut members = map.members.iter();
+    if members.all(|(_, node)| matches!(node, Node::Map(_))) {
+        return Ok(keyed(map, counted));
     }
     match tables(map).as_slice() {
-        [] => Ok(vec![Record {
-            line: place(0, root),
-            key: None,
-            node: root,
-        }]),
+        [] => Ok(vec![Record::new(0, None, root, counted)]),
         [(key, list)] => {
             remarks.push(format!("its records are those of {key:?}"));
             records(list, counted, remarks)
@@ -177,6 +162,14 @@ fn records<'d>(
     }
 }
 
+/// A record for each member.
+fn keyed(map: &Map, counted: Counted) -> Vec<Record<'_>> {
+    let members = map.members.iter().enumerate();
+    let records =
+        members.map(|(number, (key, node))| Record::new(number, Some(&**key), node, counted));
+    records.collect()
+}
+
 /// Members that are lists of objects.
 fn tables(map: &Map) -> Vec<(&str, &Node)> {
     let is_table = |node: &Node| match node {
@@ -185,176 +178,6 @@ fn tables(map: &Map) -> Vec<(&str, &Node)> {
     };
     let members = map.members.iter().filter(|(_, node)| is_table(node));
     members.map(|(key, node)| (&**key, node)).collect()
-}
-
-/// Values of all records, each with its column.
-#[derive(Default)]
-struct Flat<'d> {
-    names: Vec<String>,
-    places: HashMap<String, usize>,
-    /// Columns and values, record by record.
-    values: Vec<(usize, Value<'d>)>,
-    /// The end of each record among the values; `None` for one that is no object.
-    ends: Vec<Option<usize>>,
-    /// The record that each column was given a value in last, from 1.
-    given: Vec<usize>,
-}
-
-/// A value that holds no others.
-#[derive(Debug, Clone, Copy)]
-enum Value<'d> {
-    Blank,
-    Number(f64),
-    Text(&'d str),
-}
-
-impl<'d> Flat<'d> {
-    fn record(
-        &mut self,
-        record: &Record<'d>,
-        counted: Counted,
-    ) -> Result<(), MeasuredTableErrorKind> {
-        if !matches!(record.node, Node::Map(_)) {
-            self.ends.push(None);
-            return Ok(());
-        }
-        let mut path = String::new();
-        let key = record
-            .key
-            .map_or(Ok(()), |key| self.value("key", Value::Text(key)));
-        let flat = key.and_then(|()| self.flatten(&mut path, record.node));
-        self.ends.push(Some(self.values.len()));
-        flat.map_err(|problem| match problem {
-            Flattened::Twice(key) => MeasuredTableErrorKind::KeyTwice {
-                counted: counted.word(),
-                line: record.line,
-                key,
-            },
-            Flattened::Name => MeasuredTableErrorKind::LongName {
-                counted: counted.word(),
-                line: record.line,
-            },
-            Flattened::Columns => MeasuredTableErrorKind::TooManyColumns {
-                found: MOST_COLUMNS + 1,
-            },
-        })
-    }
-
-    fn flatten(&mut self, path: &mut String, node: &'d Node) -> Result<(), Flattened> {
-        let stem = path.len();
-        match node {
-            Node::Blank => return self.value(path, Value::Blank),
-            Node::Number(number) => return self.value(path, Value::Number(*number)),
-            Node::Text(text) => return self.value(path, Value::Text(text)),
-            Node::List(list) => {
-                for (index, node) in list.iter().enumerate() {
-                    let _ = write!(path, "[{index}]");
-                    self.flatten(path, node)?;
-                    path.truncate(stem);
-                }
-            }
-            Node::Map(map) => {
-                for (key, node) in &map.members {
-                    if stem > 0 {
-                        path.push('.');
-                    }
-                    path.push_str(key);
-                    self.flatten(path, node)?;
-                    path.truncate(stem);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn value(&mut self, path: &str, value: Value<'d>) -> Result<(), Flattened> {
-        if path.len() > LONGEST_NAME {
-            return Err(Flattened::Name);
-        }
-        let place = match self.places.get(path) {
-            Some(&place) => place,
-            None if self.names.len() == MOST_COLUMNS => return Err(Flattened::Columns),
-            None => {
-                self.places.insert(path.to_owned(), self.names.len());
-                self.names.push(path.to_owned());
-                self.given.push(0);
-                self.names.len() - 1
-            }
-        };
-        let record = self.ends.len() + 1;
-        if self.given[place] == record {
-            return Err(Flattened::Twice(path.to_owned()));
-        }
-        self.given[place] = record;
-        self.values.push((place, value));
-        Ok(())
-    }
-
-    fn table(
-        self,
-        records: &[Record<'_>],
-        form: &Form,
-        counted: Counted,
-        remarks: Vec<String>,
-    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-        let head = Head::of(
-            self.names
-                .iter()
-                .map(|name| name.trim().to_owned())
-                .collect(),
-        );
-        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
-        let mut row = vec![Value::Blank; self.names.len()];
-        let mut start = 0;
-        for (record, end) in records.iter().zip(self.ends) {
-            let Some(end) = end else {
-                filling.leave_out(record.line, LeftOutFor::NoObject);
-                continue;
-            };
-            let own = &self.values[start..end];
-            start = end;
-            for &(place, value) in own {
-                row[place] = value;
-            }
-            filling.record(record.line, &row)?;
-            for &(place, _) in own {
-                row[place] = Value::Blank;
-            }
-        }
-        filling.table(counted, remarks)
-    }
-}
-
-/// Why a record cannot be flattened.
-enum Flattened {
-    /// A name is given two values.
-    Twice(String),
-    /// There are too many columns.
-    Columns,
-    /// A name is too long.
-    Name,
-}
-
-impl Written for Value<'_> {
-    fn is_blank(&self) -> bool {
-        matches!(self, Self::Blank | Self::Text(""))
-    }
-
-    fn number(&self, numbers: &Numbers) -> Option<f64> {
-        match self {
-            Self::Blank => None,
-            Self::Number(number) => Some(*number),
-            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
-        }
-    }
-
-    fn text(&self) -> Cow<'_, str> {
-        match self {
-            Self::Blank => Cow::Borrowed(""),
-            Self::Number(number) => Cow::Owned(number.to_string()),
-            Self::Text(text) => Cow::Borrowed(text.trim()),
-        }
-    }
 }
 
 #[cfg(test)]

@@ -47,12 +47,7 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
             },
         };
         if form.sheet.is_some() || sheet.has_table() {
-            let others: Vec<String> = names
-                .iter()
-                .filter(|other| *other != name)
-                .cloned()
-                .collect();
-            return sheet.table(form, &others);
+            return sheet.table(form, &names);
         }
     }
     Err(MeasuredTableErrorKind::Empty)

@@ -3,7 +3,7 @@
 use ::parquet::arrow::ArrowWriter;
 use arrow::array::{
     BinaryArray, BooleanArray, Decimal128Array, FixedSizeListArray, Float32Array, Int32Array,
-    ListArray, StructArray, TimestampMillisecondArray, UInt64Array,
+    StructArray, TimestampMillisecondArray, UInt64Array,
 };
 use arrow::datatypes::{Field, Float64Type, Int32Type};
 

@@ -1,6 +1,6 @@
 //! Small JSON and YAML texts with one trap each.
 
-use super::super::{Cell, MeasuredTable, RowLeftOut, json, yaml};
+use super::super::{Cell, LeftOutFor, MeasuredTable, RowLeftOut, json, yaml};
 use super::*;
 use Cell::{Blank, Number, Text};
 

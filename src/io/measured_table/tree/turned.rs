@@ -10,29 +10,15 @@ pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKin
     let Node::Map(map) = root else {
         return Ok(None);
     };
-    let mut columns: Vec<(&Rc<str>, Vec<&Node>)> = Vec::new();
-    for (key, node) in &map.members {
-        match node {
-            Node::List(list) if !list.iter().any(|node| matches!(node, Node::Map(_))) => {
-                columns.push((key, list.iter().collect()));
-            }
-            Node::Map(inner) if is_counted(inner) => {
-                columns.push((key, inner.members.iter().map(|(_, node)| node).collect()));
-            }
-            _ => return Ok(None),
-        }
-    }
-    let Some((first, column)) = columns.first() else {
+    let columns = map
+        .members
+        .iter()
+        .map(|(key, node)| Some((key, values(node)?)));
+    let columns: Option<Vec<Column>> = columns.collect();
+    let Some(columns) = columns.filter(|columns| !columns.is_empty()) else {
         return Ok(None);
     };
-    if let Some((other, own)) = columns.iter().find(|(_, own)| own.len() != column.len()) {
-        return Err(MeasuredTableErrorKind::ColumnLengths {
-            first: first.to_string(),
-            first_length: column.len(),
-            other: other.to_string(),
-            other_length: own.len(),
-        });
-    }
+    let length = same_length(&columns)?;
     let row = |row: usize| {
         let members = columns
             .iter()
@@ -40,7 +26,39 @@ pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKin
         let (line, members) = (0, members.collect());
         Node::Map(Map { line, members })
     };
-    Ok(Some(Node::List((0..column.len()).map(row).collect())))
+    Ok(Some(Node::List((0..length).map(row).collect())))
+}
+
+/// A name, and the values below it.
+type Column<'d> = (&'d Rc<str>, Vec<&'d Node>);
+
+/// The values of a column; `None` for what is none.
+fn values(node: &Node) -> Option<Vec<&Node>> {
+    match node {
+        Node::List(list) if !list.iter().any(|node| matches!(node, Node::Map(_))) => {
+            Some(list.iter().collect())
+        }
+        Node::Map(inner) if is_counted(inner) => {
+            Some(inner.members.iter().map(|(_, node)| node).collect())
+        }
+        _ => None,
+    }
+}
+
+/// The length of all columns; an error where they differ.
+fn same_length(columns: &[Column]) -> Result<usize, MeasuredTableErrorKind> {
+    let Some((first, column)) = columns.first() else {
+        return Ok(0);
+    };
+    match columns.iter().find(|(_, own)| own.len() != column.len()) {
+        None => Ok(column.len()),
+        Some((other, own)) => Err(MeasuredTableErrorKind::ColumnLengths {
+            first: first.to_string(),
+            first_length: column.len(),
+            other: other.to_string(),
+            other_length: own.len(),
+        }),
+    }
 }
 
 /// Whether the keys are 0, 1, ….
