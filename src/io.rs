@@ -9,6 +9,7 @@ pub mod inspect;
 pub mod lake;
 pub mod log;
 pub mod log_writer;
+pub mod measured_table;
 pub mod memory;
 pub mod message;
 pub mod robot;

@@ -1,0 +1,335 @@
+//! A table of measured values as people have it: CSV, TSV, Parquet, JSON, YAML or a spreadsheet → named columns of cells.
+//!
+//! 1. The form of the file follows from its first bytes, then from its extension.
+//! 2. A text becomes UTF-8, its separator and its decimal mark are found in its rows; a spreadsheet has cells already.
+//! 3. The header, a line of units and the first row are found; above them may stand a title.
+//! 4. Each row with as many cells as the header becomes a row of the table; every other is left out, with its reason.
+//! 5. JSON, YAML and Parquet name their columns themselves: nested values become `pose.x` and `joints[0]`.
+//!
+//! Nothing here knows stations, joints or units: that is the mapping of columns, which comes after.
+
+mod cells;
+mod decoded;
+mod error;
+mod fill;
+mod head;
+mod json;
+mod number;
+mod ods;
+mod parquet;
+mod separator;
+mod sheet;
+mod split;
+mod text;
+mod tree;
+mod xlsx;
+mod yaml;
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::input::{self, Bound};
+use cells::Cells;
+pub use error::{ColumnError, MeasuredTableError, MeasuredTableErrorKind};
+
+/// Settings for a file that does not state them itself; each absent one is found in the file.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Form {
+    /// The sign between two cells of a text; a space stands for any number of spaces and tabs.
+    pub separator: Option<char>,
+    /// The decimal mark of numbers that are written as text, `.` or `,`.
+    pub decimal: Option<char>,
+    /// Name of the sheet of a spreadsheet.
+    pub sheet: Option<String>,
+    /// Line of the header, from 1, in a text or a sheet.
+    pub header: Option<u64>,
+}
+
+/// The value in one row and column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cell<'a> {
+    /// Nothing is written there.
+    Blank,
+    /// The double nearest to the number that is written there; NaN where the file writes `nan` or `inf` in any spelling.
+    Number(f64),
+    /// What is written there, where it is no number.
+    Text(&'a str),
+}
+
+/// A row of the file that is no row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RowLeftOut {
+    /// Its line, as [`MeasuredTable::line`] counts.
+    pub line: u64,
+    /// Why it is left out.
+    pub reason: LeftOutFor,
+}
+
+/// Why a row of the file is no row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum LeftOutFor {
+    /// It has fewer or more cells than the header.
+    #[error("it has {found} cells, and the table {wanted} columns")]
+    Cells {
+        /// Number of its cells.
+        found: usize,
+        /// Number of columns.
+        wanted: usize,
+    },
+    /// It repeats the header or the units.
+    #[error("it repeats the header")]
+    Header,
+    /// It is a comment.
+    #[error("it is a comment")]
+    Comment,
+    /// It is a single value, a list or nothing where the others are objects.
+    #[error("it is no object with names")]
+    NoObject,
+}
+
+/// Records of the file by what became of them. Every record is in one of the four.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Records {
+    /// Rows of the table.
+    pub rows: usize,
+    /// Rows left out, each with its reason in [`MeasuredTable::left_out`].
+    pub left_out: usize,
+    /// Title, comments, header and units.
+    pub before: usize,
+    /// Records without any value.
+    pub blank: usize,
+}
+
+/// What [`MeasuredTable::line`] counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counted {
+    /// Lines of a text.
+    Line,
+    /// Rows of a sheet or of a Parquet file.
+    Row,
+    /// Records of a JSON text.
+    Record,
+}
+
+impl Counted {
+    /// Its word, as in `line 734`.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Line => "line",
+            Self::Row => "row",
+            Self::Record => "record",
+        }
+    }
+}
+
+/// Rows and columns of one file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredTable {
+    columns: Vec<String>,
+    units: Option<Vec<String>>,
+    cells: Cells,
+    lines: Vec<u64>,
+    counted: Counted,
+    left_out: Vec<RowLeftOut>,
+    records: Records,
+    remarks: Vec<String>,
+}
+
+impl MeasuredTable {
+    /// Names of the columns in the order of the file, without spaces at their ends; a column without a name has its number,
+    /// from 1. Two may have one name: see [`Self::find`].
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// The place of the column of this name; `None` where there is none, and where there are several.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.find(name).ok()
+    }
+
+    /// The place of the column of this name.
+    pub fn find(&self, name: &str) -> Result<usize, ColumnError> {
+        error::find(&self.columns, name)
+    }
+
+    /// Number of rows.
+    pub fn row_count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The line of a text, row of a sheet or number of a record, from 1, as a person would look it up.
+    pub fn line(&self, row: usize) -> u64 {
+        self.lines[row]
+    }
+
+    /// What [`Self::line`] counts.
+    pub const fn counted(&self) -> Counted {
+        self.counted
+    }
+
+    /// The value in a row and column, both from 0.
+    pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
+        assert!(column < self.columns.len(), "column {column} of a row");
+        self.cells.get(row * self.columns.len() + column)
+    }
+
+    /// Rows of the file that are no rows of the table, in the order of the file.
+    pub fn left_out(&self) -> &[RowLeftOut] {
+        &self.left_out
+    }
+
+    /// What became of the records of the file: rows, left out, before the first row, blank.
+    pub const fn records(&self) -> Records {
+        self.records
+    }
+
+    /// The second header line, of units, without brackets; one for each column, empty where none is written. `None` where the
+    /// file has no such line.
+    pub fn units(&self) -> Option<&[String]> {
+        self.units.as_deref()
+    }
+
+    /// What was found in the file and is not written in it: separator and decimal mark, encoding, sheet, absent header.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+}
+
+/// Most columns of a table.
+const MOST_COLUMNS: usize = 4096;
+/// Most bytes of a column's name.
+const LONGEST_NAME: usize = 1024;
+/// Most cells of a table: half a gigabyte of them.
+const MOST_CELLS: usize = 1 << 26;
+
+/// Reads a file of measured values.
+///
+/// # Errors
+/// [`MeasuredTableError`] names the file and, wherever there is one, line and column.
+pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, MeasuredTableError> {
+    let read = || {
+        form.check()?;
+        let bytes = input::bytes(path, bound).map_err(MeasuredTableErrorKind::Read)?;
+        let kind = FileKind::of(path, &bytes);
+        form.check_for(kind)?;
+        match kind {
+            FileKind::Text => text::read(&bytes, form),
+            FileKind::Json => json::read(&bytes, form),
+            FileKind::Yaml => yaml::read(&bytes, form),
+            FileKind::Parquet => parquet::read(bytes, form, bound),
+            FileKind::Xlsx => xlsx::read(&bytes, form, bound),
+            FileKind::Ods => ods::read(&bytes, form, bound),
+            FileKind::Xls => Err(MeasuredTableErrorKind::OldSpreadsheet),
+        }
+    };
+    read().map_err(|kind| kind.at(path))
+}
+
+/// The forms of files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FileKind {
+    /// Lines of cells.
+    Text,
+    Json,
+    Yaml,
+    Parquet,
+    Xlsx,
+    Ods,
+    /// Workbooks of Excel up to 2003.
+    Xls,
+}
+
+impl FileKind {
+    /// The form that the first bytes of a file show; of a text that its name says, where lines of cells may begin so.
+    fn of(path: &Path, bytes: &[u8]) -> Self {
+        let extension = path.extension().unwrap_or_default();
+        let extension = extension.to_string_lossy().to_lowercase();
+        match extension.as_str() {
+            "ods" if bytes.starts_with(b"PK") => Self::Ods,
+            _ => Self::of_start(bytes).unwrap_or_else(|| Self::of_text(bytes, &extension)),
+        }
+    }
+
+    fn of_text(bytes: &[u8], extension: &str) -> Self {
+        let first = bytes.iter().find(|byte| !byte.is_ascii_whitespace());
+        match extension {
+            "yaml" | "yml" => Self::Yaml,
+            "json" | "jsonl" | "ndjson" | "geojson" => Self::Json,
+            "csv" | "tsv" | "tab" => Self::Text,
+            _ if matches!(first, Some(b'{' | b'[')) => Self::Json,
+            _ if bytes.starts_with(b"---\n") || bytes.starts_with(b"%YAML") => Self::Yaml,
+            _ => Self::Text,
+        }
+    }
+
+    /// The form that only its own files begin with.
+    fn of_start(bytes: &[u8]) -> Option<Self> {
+        match bytes {
+            [b'P', b'A', b'R', b'1', ..] => Some(Self::Parquet),
+            [0xd0, 0xcf, 0x11, 0xe0, ..] => Some(Self::Xls),
+            // A document of ODF begins with an entry that states so, and is not packed.
+            [b'P', b'K', 3, 4, ..] if ods::is(bytes) => Some(Self::Ods),
+            [b'P', b'K', 3, 4, ..] => Some(Self::Xlsx),
+            _ => None,
+        }
+    }
+
+    const fn is_sheet(self) -> bool {
+        matches!(self, Self::Xlsx | Self::Ods | Self::Xls)
+    }
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Text => "lines of cells",
+            Self::Json => "JSON",
+            Self::Yaml => "YAML",
+            Self::Parquet => "Parquet",
+            Self::Xlsx | Self::Xls | Self::Ods => "a spreadsheet",
+        }
+    }
+}
+
+impl Form {
+    /// Checks that a file of this form has a use for each setting.
+    fn check_for(&self, kind: FileKind) -> Result<(), MeasuredTableErrorKind> {
+        let is_text = kind == FileKind::Text;
+        let is_sheet = kind.is_sheet();
+        let given = [
+            (
+                "separator",
+                "lines of cells",
+                self.separator.is_some() && !is_text,
+            ),
+            ("sheet", "a spreadsheet", self.sheet.is_some() && !is_sheet),
+            (
+                "header",
+                "lines of cells and sheets",
+                self.header.is_some() && !is_text,
+            ),
+        ];
+        match given.into_iter().find(|(_, _, wrong)| *wrong) {
+            Some((key, wanted, _)) => Err(MeasuredTableErrorKind::NotOfThisForm {
+                key,
+                wanted,
+                form: kind.name(),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks that the signs can be told from each other and from numbers.
+    fn check(&self) -> Result<(), MeasuredTableErrorKind> {
+        if let Some(sign) = self.decimal.filter(|sign| !matches!(sign, '.' | ',')) {
+            return Err(MeasuredTableErrorKind::Decimal { sign });
+        }
+        let no_separator = |sign: &char| {
+            !sign.is_ascii() || sign.is_ascii_alphanumeric() || "\"'\r\n\0.+-".contains(*sign)
+        };
+        if let Some(sign) = self.separator.filter(no_separator) {
+            return Err(MeasuredTableErrorKind::Separator { sign });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,215 @@
+//! Records of cells → rows of a table: which records are rows, and what their cells hold.
+
+use std::borrow::Cow;
+
+use super::cells::Cells;
+use super::head::Head;
+use super::number::{Contrary, Numbers};
+use super::split::comment;
+use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, RowLeftOut};
+
+/// A cell as a file writes it.
+pub(super) trait Written {
+    /// Whether nothing is written.
+    fn is_blank(&self) -> bool;
+    /// The number, where it is one.
+    fn number(&self, numbers: &Numbers) -> Option<f64>;
+    /// What is written, as text.
+    fn text(&self) -> Cow<'_, str>;
+}
+
+/// The first number of a column in another way of writing.
+#[derive(Debug, Clone, PartialEq)]
+struct Found {
+    line: u64,
+    text: String,
+    kind: Contrary,
+}
+
+/// The table while its rows are read.
+pub(super) struct Filling<'h> {
+    head: &'h Head,
+    numbers: Numbers,
+    width: usize,
+    cells: Cells,
+    lines: Vec<u64>,
+    left_out: Vec<RowLeftOut>,
+    records: Records,
+    /// For each column.
+    contrary: Vec<Option<Found>>,
+}
+
+impl<'h> Filling<'h> {
+    pub(super) fn new(head: &'h Head, numbers: Numbers) -> Self {
+        let width = head.names.len();
+        Self {
+            head,
+            numbers,
+            width,
+            cells: Cells::default(),
+            lines: Vec::new(),
+            left_out: Vec::new(),
+            records: Records::default(),
+            contrary: vec![None; width],
+        }
+    }
+
+    /// Counts a record above the first row.
+    pub(super) fn above(&mut self, cells: &[impl Written]) {
+        let is_blank = cells.iter().all(Written::is_blank);
+        self.records.blank += usize::from(is_blank);
+        self.records.before += usize::from(!is_blank);
+    }
+
+    /// Counts records in which nothing is written.
+    pub(super) fn blank(&mut self, count: usize) {
+        self.records.blank += count;
+    }
+
+    /// Counts a record that is no row.
+    pub(super) fn leave_out(&mut self, line: u64, reason: LeftOutFor) {
+        self.left_out.push(RowLeftOut { line, reason });
+    }
+
+    /// Takes a record below the header.
+    pub(super) fn record(
+        &mut self,
+        line: u64,
+        cells: &[impl Written],
+    ) -> Result<(), MeasuredTableErrorKind> {
+        if cells.iter().all(Written::is_blank) {
+            self.blank(1);
+            return Ok(());
+        }
+        match self.left_out_for(cells) {
+            Some(reason) => {
+                self.leave_out(line, reason);
+                Ok(())
+            }
+            None => self.row(line, cells),
+        }
+    }
+
+    fn left_out_for(&self, cells: &[impl Written]) -> Option<LeftOutFor> {
+        let repeats = |written: &[String]| {
+            let same = |(cell, text): (_, &String)| Written::text(cell) == text.as_str();
+            !written.is_empty() && cells.iter().zip(written).all(same)
+        };
+        // Cells may be empty behind the last column.
+        let behind = cells.get(self.width..);
+        if !behind.is_some_and(|behind| behind.iter().all(Written::is_blank)) {
+            let first = cells.first().map_or_else(Default::default, Written::text);
+            let misfit = LeftOutFor::Cells {
+                found: cells.len(),
+                wanted: self.width,
+            };
+            let is_comment = comment(first.as_bytes()).is_some();
+            return Some(if is_comment {
+                LeftOutFor::Comment
+            } else {
+                misfit
+            });
+        }
+        let is_header = repeats(&self.head.written) || repeats(&self.head.units_written);
+        is_header.then_some(LeftOutFor::Header)
+    }
+
+    fn row(&mut self, line: u64, cells: &[impl Written]) -> Result<(), MeasuredTableErrorKind> {
+        for (column, cell) in cells[..self.width].iter().enumerate() {
+            if cell.is_blank() {
+                self.cells.blank();
+            } else if let Some(number) = cell.number(&self.numbers) {
+                self.cells.number(number);
+            } else {
+                self.text_cell(line, column, &cell.text())?;
+            }
+        }
+        self.lines.push(line);
+        self.cells.check()
+    }
+
+    fn text_cell(
+        &mut self,
+        line: u64,
+        column: usize,
+        text: &str,
+    ) -> Result<(), MeasuredTableErrorKind> {
+        if self.contrary[column].is_none()
+            && let Some(kind) = self.numbers.contrary(text)
+        {
+            let text = text.to_owned();
+            self.contrary[column] = Some(Found { line, text, kind });
+        }
+        self.cells.text(text)
+    }
+
+    /// Whether a cell is a number with the other decimal mark.
+    pub(super) fn has_other_mark(&self) -> bool {
+        let found = self.contrary.iter().flatten();
+        found
+            .into_iter()
+            .any(|found| found.kind == Contrary::OtherMark)
+    }
+
+    /// An error where a column has numbers in two ways of writing, or with separators of thousands.
+    fn refuse_contrary(&self) -> Result<(), MeasuredTableErrorKind> {
+        for (place, found) in self.contrary.iter().enumerate() {
+            let Some(Found { line, text, kind }) = found.clone() else {
+                continue;
+            };
+            // A column without any number is one of texts, whatever they look like.
+            if kind != Contrary::Thousands && !self.has_numbers(place) {
+                continue;
+            }
+            let column = self.head.names[place].clone();
+            let mark = self.numbers.mark();
+            return Err(match kind {
+                Contrary::OtherMark => MeasuredTableErrorKind::OtherMark {
+                    line,
+                    column,
+                    text,
+                    mark,
+                },
+                _ => MeasuredTableErrorKind::Thousands { line, column, text },
+            });
+        }
+        Ok(())
+    }
+
+    fn has_numbers(&self, column: usize) -> bool {
+        let mut places = (0..self.lines.len()).map(|row| row * self.width + column);
+        places.any(|place| self.cells.is_number(place))
+    }
+
+    /// The table; an error where there is no row, or numbers are written in several ways.
+    pub(super) fn table(
+        self,
+        counted: Counted,
+        remarks: Vec<String>,
+    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+        if self.lines.is_empty() {
+            return Err(MeasuredTableErrorKind::NoRows);
+        }
+        self.refuse_contrary()?;
+        let records = Records {
+            rows: self.lines.len(),
+            left_out: self.left_out.len(),
+            ..self.records
+        };
+        Ok(MeasuredTable {
+            columns: self.head.names.clone(),
+            units: self.head.units.clone(),
+            cells: self.cells,
+            lines: self.lines,
+            counted,
+            left_out: self.left_out,
+            records,
+            remarks,
+        })
+    }
+
+    /// The way in which numbers are written.
+    pub(super) fn numbers(&self) -> &Numbers {
+        &self.numbers
+    }
+}

@@ -1,0 +1,262 @@
+//! Parquet → a table: structs become `a.b`, lists `a[0]`, timestamps their nanoseconds.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use ::parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use arrow::array::{
+    Array, ArrayRef, AsArray as _, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
+};
+use arrow::compute::{cast, concat_batches};
+use arrow::datatypes::{DataType, TimeUnit};
+use bytes::Bytes;
+
+use super::fill::Filling;
+use super::head::Head;
+use super::number::Numbers;
+use super::sheet::SheetCell;
+use super::{
+    Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
+};
+use crate::io::input::Bound;
+
+/// Reads the bytes of a Parquet file.
+pub(super) fn read(
+    bytes: Vec<u8>,
+    form: &Form,
+    bound: Bound,
+) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    // The reader panics on some damaged pages. It owns only the bytes.
+    let read = catch_unwind(AssertUnwindSafe(|| batch(bytes.into(), bound)));
+    let batch = read.unwrap_or_else(|_| Err(wrong("it is damaged")))?;
+    let mut leaves = Leaves {
+        rows: batch.num_rows(),
+        found: Vec::new(),
+        remarks: Vec::new(),
+    };
+    let rows: Vec<Place> = (0..batch.num_rows()).map(Place::at).collect();
+    for (field, column) in batch.schema().fields().iter().zip(batch.columns()) {
+        leaves.add(field.name().clone(), column, rows.clone())?;
+    }
+    leaves.table(form)
+}
+
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "`map_err` gives errors by value"
+)]
+fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
+    MeasuredTableErrorKind::Parquet(problem.to_string())
+}
+
+/// All rows of a file.
+fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKind> {
+    let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+    let reader =
+        ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options).map_err(wrong)?;
+    let stated = reader.metadata().file_metadata().num_rows();
+    if usize::try_from(stated).is_ok_and(|rows| rows > MOST_CELLS) {
+        return Err(MeasuredTableErrorKind::TooManyCells);
+    }
+    let schema = Arc::clone(reader.schema());
+    let values = bound.of_values();
+    let (mut batches, mut size) = (Vec::new(), 0_u64);
+    // A few bytes of a file can stand for many rows: their size is summed as they are read.
+    for batch in reader.build().map_err(wrong)? {
+        let batch = batch.map_err(wrong)?;
+        size = size.saturating_add(batch.get_array_memory_size() as u64);
+        if size > values.bytes {
+            return Err(MeasuredTableErrorKind::Unpacked {
+                limit: values.bytes,
+                advice: values.advice,
+            });
+        }
+        batches.push(batch);
+    }
+    concat_batches(&schema, &batches).map_err(wrong)
+}
+
+/// Values of one column of the table.
+enum Values {
+    Numbers(Float64Array),
+    /// Integers that are multiplied, and the factor.
+    Scaled(Int64Array, i64),
+    Texts(StringArray),
+}
+
+/// The place of a value, or none.
+#[derive(Debug, Clone, Copy)]
+struct Place(u32);
+
+impl Place {
+    const NONE: Self = Self(u32::MAX);
+
+    fn at(place: usize) -> Self {
+        u32::try_from(place).map_or(Self::NONE, Self)
+    }
+
+    fn of(place: Option<usize>) -> Self {
+        place.map_or(Self::NONE, Self::at)
+    }
+
+    fn get(self) -> Option<usize> {
+        (self.0 != u32::MAX).then_some(self.0 as usize)
+    }
+}
+
+/// A column: its values, and for each row the place of its value among them.
+struct Leaf {
+    name: String,
+    values: Values,
+    places: Vec<Place>,
+}
+
+struct Leaves {
+    rows: usize,
+    found: Vec<Leaf>,
+    remarks: Vec<String>,
+}
+
+impl Leaves {
+    /// Adds the columns of an array: itself, or those inside it.
+    fn add(
+        &mut self,
+        name: String,
+        array: &ArrayRef,
+        places: Vec<Place>,
+    ) -> Result<(), MeasuredTableErrorKind> {
+        if name.len() > LONGEST_NAME {
+            let (counted, line) = (Counted::Row.word(), 1);
+            return Err(MeasuredTableErrorKind::LongName { counted, line });
+        }
+        let valid = |place: Place| place.get().filter(|&place| array.is_valid(place));
+        let places = places.into_iter().map(|place| Place::of(valid(place)));
+        let places: Vec<Place> = places.collect();
+        match array.data_type() {
+            DataType::Struct(fields) => {
+                for (field, inner) in fields.iter().zip(array.as_struct().columns()) {
+                    self.add(format!("{name}.{}", field.name()), inner, places.clone())?;
+                }
+                Ok(())
+            }
+            DataType::List(_) => self.list(&name, array.as_list(), &places),
+            _ => self.leaf(name, array, places),
+        }
+    }
+
+    /// Adds a column for each place in the longest list.
+    fn list(
+        &mut self,
+        name: &str,
+        list: &ListArray,
+        places: &[Place],
+    ) -> Result<(), MeasuredTableErrorKind> {
+        let offsets = list.value_offsets();
+        let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
+        let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
+        let lengths = places
+            .iter()
+            .filter_map(|place| Some(range(place.get()?).len()));
+        let width = lengths.max().unwrap_or_default();
+        self.check(width)?;
+        for index in 0..width {
+            let inner = |place: &Place| place.get().and_then(|place| range(place).nth(index));
+            let inner = places.iter().map(|place| Place::of(inner(place)));
+            self.add(format!("{name}[{index}]"), list.values(), inner.collect())?;
+        }
+        Ok(())
+    }
+
+    fn leaf(
+        &mut self,
+        name: String,
+        array: &ArrayRef,
+        places: Vec<Place>,
+    ) -> Result<(), MeasuredTableErrorKind> {
+        self.check(1)?;
+        match values(array) {
+            Some(values) => self.found.push(Leaf {
+                name,
+                values,
+                places,
+            }),
+            None => self.remarks.push(format!(
+                "column {name:?} holds {} and is no column of the table",
+                array.data_type()
+            )),
+        }
+        Ok(())
+    }
+
+    /// Checks that so many more columns are not too many.
+    fn check(&self, more: usize) -> Result<(), MeasuredTableErrorKind> {
+        let found = self.found.len().saturating_add(more);
+        if found > MOST_COLUMNS {
+            return Err(MeasuredTableErrorKind::TooManyColumns { found });
+        }
+        if found.saturating_mul(self.rows) > MOST_CELLS {
+            return Err(MeasuredTableErrorKind::TooManyCells);
+        }
+        Ok(())
+    }
+
+    fn table(self, form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+        if self.found.is_empty() {
+            return Err(MeasuredTableErrorKind::Empty);
+        }
+        let names = self.found.iter().map(|leaf| leaf.name.trim().to_owned());
+        let head = Head::of(names.collect());
+        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
+        for row in 0..self.rows {
+            let cells: Vec<SheetCell> = self.found.iter().map(|leaf| leaf.cell(row)).collect();
+            filling.record(row as u64 + 1, &cells)?;
+        }
+        filling.table(Counted::Row, self.remarks)
+    }
+}
+
+impl Leaf {
+    fn cell(&self, row: usize) -> SheetCell<'_> {
+        let Some(place) = self.places[row].get() else {
+            return SheetCell::Blank;
+        };
+        match &self.values {
+            Values::Numbers(values) => SheetCell::Number(values.value(place)),
+            Values::Scaled(values, factor) => {
+                let number = i128::from(values.value(place)) * i128::from(*factor);
+                SheetCell::Number(number as f64)
+            }
+            Values::Texts(values) => SheetCell::Text(values.value(place).into()),
+        }
+    }
+}
+
+/// The values of an array without inner ones; `None` where they are neither numbers nor texts.
+fn values(array: &ArrayRef) -> Option<Values> {
+    let as_type = |wanted: DataType| cast(array, &wanted).ok();
+    match array.data_type() {
+        DataType::Timestamp(unit, _) => {
+            let factor = match unit {
+                TimeUnit::Second => 1_000_000_000,
+                TimeUnit::Millisecond => 1_000_000,
+                TimeUnit::Microsecond => 1_000,
+                TimeUnit::Nanosecond => 1,
+            };
+            let integers = as_type(DataType::Int64)?;
+            Some(Values::Scaled(integers.as_primitive().clone(), factor))
+        }
+        own if own.is_integer() || own.is_floating() => {
+            let numbers = as_type(DataType::Float64)?;
+            Some(Values::Numbers(numbers.as_primitive().clone()))
+        }
+        DataType::Binary
+        | DataType::LargeBinary
+        | DataType::FixedSizeBinary(_)
+        | DataType::BinaryView => None,
+        // Decimals too: their digits become the nearest double.
+        _ => Some(Values::Texts(as_type(DataType::Utf8)?.as_string().clone())),
+    }
+}
+
+#[cfg(test)]
+mod tests;

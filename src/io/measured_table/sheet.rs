@@ -1,0 +1,233 @@
+//! The cells of a sheet → a table. A sheet knows what is a number; where the table in it begins is found as in a text.
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::io::{self, Read as _};
+
+use zip::ZipArchive;
+
+use super::fill::{Filling, Written};
+use super::head::{self, Head, Piece, PieceKind, SampleRow};
+use super::number::Numbers;
+use super::separator::{EitherMark, SAMPLE};
+use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind};
+use crate::io::input::Bound;
+
+/// Most letters of a cell by which the header is found.
+const LETTERS: usize = 256;
+
+/// A cell of a sheet.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum SheetCell<'s> {
+    Blank,
+    Number(f64),
+    Text(Cow<'s, str>),
+}
+
+/// Rows of a sheet that hold something, each with its number from 1, and their cells with their columns from 0.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sheet<'s> {
+    pub(super) name: String,
+    pub(super) rows: Vec<(u64, Vec<(u32, SheetCell<'s>)>)>,
+}
+
+impl Written for SheetCell<'_> {
+    fn is_blank(&self) -> bool {
+        match self {
+            Self::Blank => true,
+            Self::Number(_) => false,
+            Self::Text(text) => text.trim().is_empty(),
+        }
+    }
+
+    fn number(&self, numbers: &Numbers) -> Option<f64> {
+        match self {
+            Self::Blank => None,
+            Self::Number(number) => Some(*number),
+            // People type numbers into cells that are formatted as text.
+            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
+        }
+    }
+
+    fn text(&self) -> Cow<'_, str> {
+        match self {
+            Self::Blank => Cow::Borrowed(""),
+            Self::Number(number) => Cow::Owned(number.to_string()),
+            Self::Text(text) => Cow::Borrowed(text.trim()),
+        }
+    }
+}
+
+impl Sheet<'_> {
+    /// Whether any row has two numbers.
+    pub(super) fn has_table(&self) -> bool {
+        let is_number = |cell: &SheetCell| matches!(cell, SheetCell::Number(_));
+        let numbers =
+            |row: &[(u32, SheetCell)]| row.iter().filter(|(_, cell)| is_number(cell)).count();
+        self.rows.iter().any(|(_, row)| numbers(row) > 1)
+    }
+
+    /// The table in the sheet, in a file with sheets of these names.
+    pub(super) fn table(
+        &self,
+        form: &Form,
+        names: &[String],
+    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+        self.own_table(form, names)
+            .map_err(|problem| MeasuredTableErrorKind::Sheet {
+                name: self.name.clone(),
+                problem: Box::new(problem),
+            })
+    }
+
+    fn own_table(
+        &self,
+        form: &Form,
+        names: &[String],
+    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+        let all = self.columns(0);
+        let mut head = self.head(&all, form)?;
+        // A note beside the title makes no column.
+        let columns = self.columns(head.header.unwrap_or(head.above));
+        if columns.len() < all.len() {
+            head = self.head(&columns, form)?;
+        }
+        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
+        for (place, (line, row)) in self.rows.iter().enumerate() {
+            let cells = dense(row, &columns);
+            if place < head.above {
+                filling.above(&cells);
+            } else {
+                filling.record(*line, &cells)?;
+            }
+        }
+        filling.blank(self.absent());
+        let mut remarks = self.remarks(form, names);
+        remarks.extend(head.remark.clone());
+        filling.table(Counted::Row, remarks)
+    }
+
+    /// Number of rows above the last that hold nothing.
+    fn absent(&self) -> usize {
+        let last = self.rows.last().map_or(0, |(line, _)| *line);
+        let absent = last.saturating_sub(self.rows.len() as u64);
+        usize::try_from(absent).unwrap_or(usize::MAX)
+    }
+
+    /// What a person did not state: which of several sheets this is.
+    fn remarks(&self, form: &Form, names: &[String]) -> Vec<String> {
+        let mut remarks = vec![format!("sheet {:?}", self.name)];
+        let others = names.iter().filter(|name| **name != self.name);
+        let others: Vec<&str> = others.map(String::as_str).collect();
+        if form.sheet.is_none() && !others.is_empty() {
+            remarks.push(format!("it has other sheets: {}", others.join(", ")));
+        }
+        remarks
+    }
+
+    /// The columns that hold something in the rows from this one on.
+    fn columns(&self, start: usize) -> Vec<u32> {
+        let rows = self.rows.iter().skip(start);
+        let cells = rows.flat_map(|(_, row)| row.iter());
+        let filled = cells.filter(|(_, cell)| !cell.is_blank());
+        let columns: BTreeSet<u32> = filled.map(|(column, _)| *column).collect();
+        columns.into_iter().collect()
+    }
+
+    fn head(&self, columns: &[u32], form: &Form) -> Result<Head, MeasuredTableErrorKind> {
+        if columns.len() > MOST_COLUMNS {
+            return Err(MeasuredTableErrorKind::TooManyColumns {
+                found: columns.len(),
+            });
+        }
+        let either = EitherMark::new();
+        let rows = self.rows.iter().take(SAMPLE);
+        let sample = rows.map(|(line, row)| SampleRow {
+            line: *line,
+            pieces: dense(row, columns)
+                .iter()
+                .map(|cell| piece(cell, &either))
+                .collect(),
+            is_comment: false,
+        });
+        let sample: Vec<SampleRow> = sample.collect();
+        head::find(&sample, form.header, false)
+    }
+}
+
+fn piece(cell: &SheetCell<'_>, either: &EitherMark) -> Piece {
+    let text = cell.text();
+    if let SheetCell::Number(_) = cell {
+        return Piece {
+            kind: PieceKind::Number,
+            text: text.into_owned(),
+        };
+    }
+    let end = text
+        .char_indices()
+        .nth(LETTERS)
+        .map_or(text.len(), |(end, _)| end);
+    Piece::new(&text[..end], either)
+}
+
+/// The cells of a row in these columns, which are in order.
+fn dense<'c, 's>(row: &'c [(u32, SheetCell<'s>)], columns: &[u32]) -> Vec<SheetCell<'c>>
+where
+    's: 'c,
+{
+    let mut cells = vec![SheetCell::Blank; columns.len()];
+    for (column, cell) in row {
+        if let Ok(place) = columns.binary_search(column) {
+            cells[place] = match cell {
+                SheetCell::Blank => SheetCell::Blank,
+                SheetCell::Number(number) => SheetCell::Number(*number),
+                SheetCell::Text(text) => SheetCell::Text(Cow::Borrowed(text)),
+            };
+        }
+    }
+    cells
+}
+
+/// The sheet that a person names, or each until one has a table; an error where there is none of that name.
+pub(super) fn chosen<'n>(
+    names: &'n [String],
+    form: &Form,
+) -> Result<Vec<&'n String>, MeasuredTableErrorKind> {
+    let Some(wanted) = &form.sheet else {
+        return Ok(names.iter().collect());
+    };
+    match names.iter().find(|name| *name == wanted) {
+        Some(name) => Ok(vec![name]),
+        None => Err(MeasuredTableErrorKind::NoSheet {
+            wanted: wanted.clone(),
+            found: names.to_vec(),
+        }),
+    }
+}
+
+/// Checks that a packed file is not larger than the bound when it is unpacked, whatever it states.
+pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredTableErrorKind> {
+    let mut archive = ZipArchive::new(io::Cursor::new(bytes)).map_err(|error| packed(&error))?;
+    let mut rest = bound.bytes;
+    for entry in 0..archive.len() {
+        let entry = archive.by_index(entry).map_err(|error| packed(&error))?;
+        let mut entry = entry.take(rest.saturating_add(1));
+        let found = io::copy(&mut entry, &mut io::sink());
+        let found =
+            found.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
+        rest = rest
+            .checked_sub(found)
+            .ok_or(MeasuredTableErrorKind::Unpacked {
+                limit: bound.bytes,
+                advice: bound.advice,
+            })?;
+    }
+    Ok(())
+}
+
+pub(super) fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {
+    MeasuredTableErrorKind::Spreadsheet(error.to_string())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,295 @@
+//! Small workbooks with one trap each, made here.
+
+use std::io::Write as _;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::super::{Cell, MeasuredTable, ods, xlsx};
+use super::*;
+use Cell::{Blank, Number, Text};
+
+const BOUND: Bound = Bound {
+    bytes: 1 << 22,
+    advice: "split it",
+};
+
+fn packed(parts: &[(&str, String)]) -> Vec<u8> {
+    let mut writer = ZipWriter::new(io::Cursor::new(Vec::new()));
+    for (name, content) in parts {
+        // What a file of ODF is stands in its first entry, as it is.
+        let is_packed = *name != "mimetype";
+        let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        let options = if is_packed {
+            SimpleFileOptions::default()
+        } else {
+            stored
+        };
+        writer.start_file(*name, options).unwrap();
+        writer.write_all(content.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+/// A workbook with these sheets: names, and what stands between `<sheetData>` and its end.
+fn workbook(sheets: &[(&str, &str)]) -> Vec<u8> {
+    const MAIN: &str = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
+    const RELATIONS: &str = "http://schemas.openxmlformats.org/package/2006/relationships";
+    const OFFICE: &str = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
+    let numbered = || sheets.iter().enumerate();
+    let listed: Vec<String> = numbered()
+        .map(|(id, (name, _))| {
+            format!(
+                "<sheet name=\"{name}\" sheetId=\"{0}\" r:id=\"r{id}\"/>",
+                id + 1
+            )
+        })
+        .collect();
+    let related: Vec<String> = numbered()
+        .map(|(id, _)| format!("<Relationship Id=\"r{id}\" Type=\"{OFFICE}/worksheet\" Target=\"worksheets/s{id}.xml\"/>"))
+        .collect();
+    let (listed, related) = (listed.concat(), related.concat());
+    let mut parts = vec![
+        (
+            "_rels/.rels",
+            format!(
+                "<Relationships xmlns=\"{RELATIONS}\"><Relationship Id=\"r\" Type=\"{OFFICE}/officeDocument\" Target=\"xl/workbook.xml\"/></Relationships>"
+            ),
+        ),
+        (
+            "xl/workbook.xml",
+            format!(
+                "<workbook xmlns=\"{MAIN}\" xmlns:r=\"{OFFICE}\"><sheets>{listed}</sheets></workbook>"
+            ),
+        ),
+        (
+            "xl/_rels/workbook.xml.rels",
+            format!("<Relationships xmlns=\"{RELATIONS}\">{related}</Relationships>"),
+        ),
+        (
+            "xl/styles.xml",
+            format!(
+                "<styleSheet xmlns=\"{MAIN}\"><cellXfs><xf numFmtId=\"0\"/><xf numFmtId=\"22\"/></cellXfs></styleSheet>"
+            ),
+        ),
+    ];
+    let names: Vec<String> = numbered()
+        .map(|(id, _)| format!("xl/worksheets/s{id}.xml"))
+        .collect();
+    for (name, (_, rows)) in names.iter().zip(sheets) {
+        parts.push((
+            name,
+            format!("<worksheet xmlns=\"{MAIN}\"><sheetData>{rows}</sheetData></worksheet>"),
+        ));
+    }
+    packed(&parts)
+}
+
+/// A row of a sheet: texts, and numbers as they are written.
+fn row_of(number: u64, cells: &[&str]) -> String {
+    let cells: String = cells
+        .iter()
+        .zip('A'..)
+        .filter(|(cell, _)| !cell.is_empty())
+        .map(|(cell, column)| match cell.parse::<f64>() {
+            Ok(_) => format!("<c r=\"{column}{number}\"><v>{cell}</v></c>"),
+            Err(_) => {
+                format!("<c r=\"{column}{number}\" t=\"inlineStr\"><is><t>{cell}</t></is></c>")
+            }
+        })
+        .collect();
+    format!("<row r=\"{number}\">{cells}</row>")
+}
+
+fn rows_of(rows: &[(u64, &[&str])]) -> String {
+    rows.iter()
+        .map(|(number, cells)| row_of(*number, cells))
+        .collect()
+}
+
+fn row(table: &MeasuredTable, row: usize) -> Vec<Cell<'_>> {
+    let columns = 0..table.columns().len();
+    columns.map(|column| table.cell(row, column)).collect()
+}
+
+fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, String> {
+    xlsx::read(bytes, form, BOUND).map_err(|error| error.to_string())
+}
+
+#[test]
+fn the_first_sheet_with_a_table_is_read_below_its_title() {
+    let notes = rows_of(&[(1, &["Measured on Monday", "by two people"])]);
+    let data = rows_of(&[
+        (1, &["Calibration", "", "", "", "", "a note"]),
+        (3, &["station", "x", "y", "", "version"]),
+        (4, &["", "[mm]", "[mm]"]),
+        (5, &["P1", "1.5", "2", "", "5.9"]),
+        (7, &["P2", "-1e-3", "", "", "5.9"]),
+        (8, &["P3", "n/a", "'7'", "", "6.0"]),
+    ]);
+    let bytes = workbook(&[("Notes", &notes), ("Data", &data), ("More", &data)]);
+    let table = read(&bytes, &Form::default()).unwrap();
+    assert_eq!(table.columns(), ["station", "x", "y", "version"]);
+    assert_eq!(table.units().unwrap(), ["", "mm", "mm", ""]);
+    assert_eq!(
+        row(&table, 0),
+        [Text("P1"), Number(1.5), Number(2.0), Number(5.9)]
+    );
+    assert_eq!(
+        row(&table, 1),
+        [Text("P2"), Number(-1e-3), Blank, Number(5.9)]
+    );
+    assert_eq!(row(&table, 2)[1..3], [Text("n/a"), Text("'7'")]);
+    assert_eq!((table.line(1), table.counted()), (7, Counted::Row));
+    assert_eq!(
+        table.remarks(),
+        ["sheet \"Data\"", "it has other sheets: Notes, More"]
+    );
+    let records = table.records();
+    assert_eq!(
+        (
+            records.rows,
+            records.before,
+            records.blank,
+            records.left_out
+        ),
+        (3, 3, 2, 0)
+    );
+}
+
+#[test]
+fn a_sheet_and_a_header_are_stated() {
+    let data = rows_of(&[
+        (1, &["a", "b"]),
+        (2, &["1", "2"]),
+        (4, &["c", "d"]),
+        (5, &["3", "4"]),
+    ]);
+    let bytes = workbook(&[("One", &data), ("Two", &data)]);
+    let form = Form {
+        sheet: Some("Two".to_owned()),
+        header: Some(4),
+        ..Form::default()
+    };
+    let table = read(&bytes, &form).unwrap();
+    assert_eq!((table.columns()[0].as_str(), table.row_count()), ("c", 1));
+    assert_eq!(table.remarks(), ["sheet \"Two\""]);
+    let form = Form {
+        sheet: Some("Tow".to_owned()),
+        ..Form::default()
+    };
+    let told = read(&bytes, &form).unwrap_err();
+    assert_eq!(
+        told,
+        "it has no sheet \"Tow\"; its sheets are \"One\", \"Two\""
+    );
+    let form = Form {
+        header: Some(3),
+        ..Form::default()
+    };
+    let told = read(&bytes, &form).unwrap_err();
+    assert!(told.contains("sheet \"One\": header = 3"), "{told}");
+}
+
+#[test]
+fn dates_formulas_and_numbers_typed_as_text() {
+    let data = "<row r=\"1\"><c r=\"A1\" t=\"str\"><v>when</v></c><c r=\"B1\" t=\"str\"><v>x</v></c><c r=\"C1\" t=\"str\"><v>y</v></c></row>\
+        <row r=\"2\"><c r=\"A2\" s=\"1\"><v>44026.5</v></c><c r=\"B2\"><f>1+1</f><v>2</v></c><c r=\"C2\" t=\"str\"><v> 1.25 </v></c></row>\
+        <row r=\"3\"><c r=\"A3\" s=\"1\"><v>0.25</v></c><c r=\"B3\" t=\"e\"><v>#DIV/0!</v></c><c r=\"C3\" t=\"b\"><v>1</v></c></row>\
+        <row r=\"4\"><c r=\"B4\"><v>1</v></c><c r=\"C4\"><v>2</v></c></row>";
+    let table = read(&workbook(&[("S", data)]), &Form::default()).unwrap();
+    assert_eq!(
+        row(&table, 0),
+        [Text("2020-07-14T12:00:00"), Number(2.0), Number(1.25)]
+    );
+    assert_eq!(
+        row(&table, 1),
+        [Text("06:00:00"), Text("#DIV/0!"), Text("true")]
+    );
+}
+
+#[test]
+fn cells_far_away_and_packed_bombs_take_no_memory() {
+    let far = "<row r=\"1\"><c r=\"A1\"><v>1</v></c><c r=\"B1\"><v>2</v></c></row>\
+               <row r=\"1048576\"><c r=\"XFD1048576\"><v>1</v></c></row>";
+    let table = read(&workbook(&[("S", far)]), &Form::default()).unwrap();
+    assert_eq!((table.columns().len(), table.row_count()), (3, 2));
+    assert_eq!(table.records().blank, 1_048_574);
+    let bomb = workbook(&[("S", &" ".repeat(1 << 23))]);
+    assert!(bomb.len() < 1 << 17, "it is packed");
+    let told = read(&bomb, &Form::default()).unwrap_err();
+    assert!(
+        told.contains("unpacked it has more than 4194304 bytes, the limit; split it"),
+        "{told}"
+    );
+    let told = read(b"PK\x03\x04 and so on", &Form::default()).unwrap_err();
+    assert!(
+        told.contains("it cannot be read as a spreadsheet"),
+        "{told}"
+    );
+}
+
+/// A spreadsheet of ODF with these rows.
+fn ods_of(rows: &str) -> Vec<u8> {
+    const NAMES: &str = "urn:oasis:names:tc:opendocument:xmlns";
+    let content = format!(
+        "<office:document-content xmlns:office=\"{NAMES}:office:1.0\" xmlns:table=\"{NAMES}:table:1.0\" xmlns:text=\"{NAMES}:text:1.0\">\
+         <office:body><office:spreadsheet><table:table table:name=\"S\">{rows}</table:table></office:spreadsheet></office:body>\
+         </office:document-content>"
+    );
+    let kind = "application/vnd.oasis.opendocument.spreadsheet".to_owned();
+    packed(&[("mimetype", kind), ("content.xml", content)])
+}
+
+fn ods_text(text: &str) -> String {
+    format!(
+        "<table:table-cell office:value-type=\"string\"><text:p>{text}</text:p></table:table-cell>"
+    )
+}
+
+fn ods_number(number: &str, times: u64) -> String {
+    format!(
+        "<table:table-cell office:value-type=\"float\" office:value=\"{number}\" table:number-columns-repeated=\"{times}\"/>"
+    )
+}
+
+#[test]
+fn ods_repeats_cells_and_rows() {
+    let head = format!(
+        "<table:table-row>{}{}{}</table:table-row>",
+        ods_text("a"),
+        ods_text("b"),
+        ods_text("c")
+    );
+    let empty =
+        "<table:table-row table:number-rows-repeated=\"3\"><table:table-cell/></table:table-row>";
+    let twice = format!(
+        "<table:table-row table:number-rows-repeated=\"2\">{}</table:table-row>",
+        ods_number("1.5", 3)
+    );
+    let one = format!(
+        "<table:table-row><table:table-cell/>{}<table:table-cell table:number-columns-repeated=\"9999999999\"/></table:table-row>",
+        ods_number("2", 2)
+    );
+    let end = "<table:table-row table:number-rows-repeated=\"1048000\"><table:table-cell/></table:table-row>";
+    let bytes = ods_of(&[&head, empty, &twice, &one, end].concat());
+    assert!(ods::is(&bytes));
+    let table = ods::read(&bytes, &Form::default(), BOUND).unwrap();
+    assert_eq!(table.columns(), ["a", "b", "c"]);
+    assert_eq!(table.row_count(), 3);
+    assert_eq!(row(&table, 1), [Number(1.5), Number(1.5), Number(1.5)]);
+    assert_eq!(row(&table, 2), [Blank, Number(2.0), Number(2.0)]);
+    assert_eq!(
+        (table.line(0), table.line(2), table.records().blank),
+        (5, 7, 3)
+    );
+    let bomb = format!(
+        "<table:table-row table:number-rows-repeated=\"1000000\">{}</table:table-row>",
+        ods_number("1", 16_384)
+    );
+    let told = ods::read(&ods_of(&bomb.repeat(100)), &Form::default(), BOUND).unwrap_err();
+    assert!(
+        told.to_string().contains("more memory than a table may"),
+        "{told}"
+    );
+}

@@ -1,0 +1,182 @@
+//! Records → columns: each value has the name of its path.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+
+use super::{Node, Record};
+use crate::io::measured_table::fill::{Filling, Written};
+use crate::io::measured_table::head::Head;
+use crate::io::measured_table::number::Numbers;
+use crate::io::measured_table::{
+    Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
+};
+
+/// Values of all records, each with its column.
+#[derive(Default)]
+pub(super) struct Flat<'d> {
+    pub(super) names: Vec<String>,
+    places: HashMap<String, usize>,
+    /// Columns and values, record by record.
+    values: Vec<(usize, Value<'d>)>,
+    /// The end of each record among the values; `None` for one that is no object.
+    ends: Vec<Option<usize>>,
+    /// The record that each column was given a value in last, from 1.
+    given: Vec<usize>,
+}
+
+/// A value that holds no others.
+#[derive(Debug, Clone, Copy)]
+enum Value<'d> {
+    Blank,
+    Number(f64),
+    Text(&'d str),
+}
+
+impl<'d> Flat<'d> {
+    pub(super) fn record(
+        &mut self,
+        record: &Record<'d>,
+        counted: Counted,
+    ) -> Result<(), MeasuredTableErrorKind> {
+        if !matches!(record.node, Node::Map(_)) {
+            self.ends.push(None);
+            return Ok(());
+        }
+        let mut path = String::new();
+        let key = record
+            .key
+            .map_or(Ok(()), |key| self.value("key", Value::Text(key)));
+        let flat = key.and_then(|()| self.flatten(&mut path, record.node));
+        self.ends.push(Some(self.values.len()));
+        flat.map_err(|problem| problem.at(counted.word(), record.line))
+    }
+
+    fn flatten(&mut self, path: &mut String, node: &'d Node) -> Result<(), Flattened> {
+        let stem = path.len();
+        match node {
+            Node::Blank => return self.value(path, Value::Blank),
+            Node::Number(number) => return self.value(path, Value::Number(*number)),
+            Node::Text(text) => return self.value(path, Value::Text(text)),
+            Node::List(list) => {
+                for (index, node) in list.iter().enumerate() {
+                    let _ = write!(path, "[{index}]");
+                    self.flatten(path, node)?;
+                    path.truncate(stem);
+                }
+            }
+            Node::Map(map) => {
+                for (key, node) in &map.members {
+                    if stem > 0 {
+                        path.push('.');
+                    }
+                    path.push_str(key);
+                    self.flatten(path, node)?;
+                    path.truncate(stem);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn value(&mut self, path: &str, value: Value<'d>) -> Result<(), Flattened> {
+        if path.len() > LONGEST_NAME {
+            return Err(Flattened::Name);
+        }
+        let place = match self.places.get(path) {
+            Some(&place) => place,
+            None if self.names.len() == MOST_COLUMNS => return Err(Flattened::Columns),
+            None => {
+                self.places.insert(path.to_owned(), self.names.len());
+                self.names.push(path.to_owned());
+                self.given.push(0);
+                self.names.len() - 1
+            }
+        };
+        let record = self.ends.len() + 1;
+        if self.given[place] == record {
+            return Err(Flattened::Twice(path.to_owned()));
+        }
+        self.given[place] = record;
+        self.values.push((place, value));
+        Ok(())
+    }
+
+    pub(super) fn table(
+        self,
+        records: &[Record<'_>],
+        form: &Form,
+        counted: Counted,
+        remarks: Vec<String>,
+    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+        let head = Head::of(
+            self.names
+                .iter()
+                .map(|name| name.trim().to_owned())
+                .collect(),
+        );
+        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
+        let mut row = vec![Value::Blank; self.names.len()];
+        let mut start = 0;
+        for (record, end) in records.iter().zip(self.ends) {
+            let Some(end) = end else {
+                filling.leave_out(record.line, LeftOutFor::NoObject);
+                continue;
+            };
+            let own = &self.values[start..end];
+            start = end;
+            for &(place, value) in own {
+                row[place] = value;
+            }
+            filling.record(record.line, &row)?;
+            for &(place, _) in own {
+                row[place] = Value::Blank;
+            }
+        }
+        filling.table(counted, remarks)
+    }
+}
+
+/// Why a record cannot be flattened.
+enum Flattened {
+    /// A name is given two values.
+    Twice(String),
+    /// There are too many columns.
+    Columns,
+    /// A name is too long.
+    Name,
+}
+
+impl Flattened {
+    fn at(self, counted: &'static str, line: u64) -> MeasuredTableErrorKind {
+        match self {
+            Self::Twice(key) => MeasuredTableErrorKind::KeyTwice { counted, line, key },
+            Self::Name => MeasuredTableErrorKind::LongName { counted, line },
+            Self::Columns => MeasuredTableErrorKind::TooManyColumns {
+                found: MOST_COLUMNS + 1,
+            },
+        }
+    }
+}
+
+impl Written for Value<'_> {
+    fn is_blank(&self) -> bool {
+        matches!(self, Self::Blank | Self::Text(""))
+    }
+
+    fn number(&self, numbers: &Numbers) -> Option<f64> {
+        match self {
+            Self::Blank => None,
+            Self::Number(number) => Some(*number),
+            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
+        }
+    }
+
+    fn text(&self) -> Cow<'_, str> {
+        match self {
+            Self::Blank => Cow::Borrowed(""),
+            Self::Number(number) => Cow::Owned(number.to_string()),
+            Self::Text(text) => Cow::Borrowed(text.trim()),
+        }
+    }
+}

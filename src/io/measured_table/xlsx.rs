@@ -1,0 +1,118 @@
+//! XLSX → a table, by `calamine`: cells one by one, so that no number in the file decides how much memory is taken.
+
+use std::any::Any;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use calamine::{DataRef, ExcelDateTime, Reader as _, Xlsx, XlsxError};
+
+use super::sheet::{self, Sheet, SheetCell};
+use super::tree::MOST_NODES;
+use super::{Form, MeasuredTable, MeasuredTableErrorKind};
+use crate::io::input::Bound;
+
+/// Reads the bytes of a workbook.
+pub(super) fn read(
+    bytes: &[u8],
+    form: &Form,
+    bound: Bound,
+) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    sheet::check_unpacked(bytes, bound)?;
+    // The reader may panic on a damaged file. It owns nothing but its own state.
+    let read = catch_unwind(AssertUnwindSafe(|| table(bytes, form)));
+    read.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))
+}
+
+/// The error for a reader that panicked.
+pub(super) fn panicked(panic: &(dyn Any + Send)) -> MeasuredTableErrorKind {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    MeasuredTableErrorKind::Spreadsheet(format!("it is damaged ({})", text.unwrap_or("no message")))
+}
+
+fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    let mut book: Xlsx<_> = Xlsx::new(Cursor::new(bytes)).map_err(|error| wrong(&error))?;
+    let names = book.sheet_names();
+    for name in sheet::chosen(&names, form)? {
+        let sheet = match rows(&mut book, name) {
+            // A chart has a sheet of its own, without cells.
+            Err(XlsxError::NotAWorksheet(_)) if form.sheet.is_none() => continue,
+            rows => Sheet {
+                name: name.clone(),
+                rows: rows
+                    .map_err(|error| wrong(&error))?
+                    .ok_or(MeasuredTableErrorKind::TooManyCells)?,
+            },
+        };
+        if form.sheet.is_some() || sheet.has_table() {
+            return sheet.table(form, &names);
+        }
+    }
+    Err(MeasuredTableErrorKind::Empty)
+}
+
+fn wrong(error: &XlsxError) -> MeasuredTableErrorKind {
+    MeasuredTableErrorKind::Spreadsheet(error.to_string())
+}
+
+type Rows<'b> = Vec<(u64, Vec<(u32, SheetCell<'b>)>)>;
+
+/// The rows of a sheet; `None` where there are too many cells.
+fn rows<'b>(book: &'b mut Xlsx<Cursor<&[u8]>>, name: &str) -> Result<Option<Rows<'b>>, XlsxError> {
+    let mut reader = book.worksheet_cells_reader(name)?;
+    let mut rows: BTreeMap<u32, Vec<(u32, SheetCell<'b>)>> = BTreeMap::new();
+    let mut count = 0;
+    while let Some(cell) = reader.next_cell()? {
+        let (row, column) = cell.get_position();
+        let own = own(cell.get_value());
+        if own == SheetCell::Blank {
+            continue;
+        }
+        count += 1;
+        if count > MOST_NODES {
+            return Ok(None);
+        }
+        rows.entry(row).or_default().push((column, own));
+    }
+    let rows = rows
+        .into_iter()
+        .map(|(row, cells)| (u64::from(row) + 1, cells));
+    Ok(Some(rows.collect()))
+}
+
+fn own<'b>(value: &DataRef<'b>) -> SheetCell<'b> {
+    let text = |text: String| SheetCell::Text(Cow::Owned(text));
+    match value {
+        DataRef::Empty => SheetCell::Blank,
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "a cell is a double in any spreadsheet"
+        )]
+        DataRef::Int(number) => SheetCell::Number(*number as f64),
+        DataRef::Float(number) => SheetCell::Number(*number),
+        DataRef::String(own) | DataRef::DateTimeIso(own) | DataRef::DurationIso(own) => {
+            text(own.clone())
+        }
+        DataRef::SharedString(own) => SheetCell::Text(Cow::Borrowed(own)),
+        DataRef::Bool(own) => text(own.to_string()),
+        DataRef::DateTime(own) => text(date(*own)),
+        DataRef::Error(own) => text(own.to_string()),
+    }
+}
+
+/// A date and time by ISO 8601, a time without a date where the cell has none.
+fn date(date: ExcelDateTime) -> String {
+    let (year, month, day, hour, minute, second, milli) = date.to_ymd_hms_milli();
+    let fraction = if milli == 0 {
+        String::new()
+    } else {
+        format!(".{milli:03}")
+    };
+    let time = format!("{hour:02}:{minute:02}:{second:02}{fraction}");
+    if date.is_duration() || (0.0..1.0).contains(&date.as_f64()) {
+        return time;
+    }
+    format!("{year:04}-{month:02}-{day:02}T{time}")
+}

@@ -1,0 +1,92 @@
+//! How long a table of measured values takes to read: `cargo bench --bench measured_tables`. 100,000 rows of 25 columns, with point
+//! and comma, once as cells (asked: 0.25 s on one core) and once by the `csv` crate into records of strings, which is the ratio's
+//! floor. Medians of nine rounds, seconds of processor. Without `--bench` (as `cargo test` calls it) a small table shows that it works.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use posegrid::io::input::Bound;
+use posegrid::io::measured_table::{Form, read};
+
+const COLUMNS: usize = 25;
+
+fn main() {
+    let is_bench = std::env::args().any(|arg| arg == "--bench");
+    let (rows, rounds) = if is_bench { (100_000, 9) } else { (1000, 1) };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    println!("{rows} rows of {COLUMNS} columns            cells, s  records, s  ratio");
+    for (name, separator, decimal) in [("point.csv", ',', '.'), ("comma.csv", ';', ',')] {
+        let path = folder.path().join(name);
+        fs::write(&path, text(rows, separator, decimal)).expect("room for a table");
+        let bytes = fs::metadata(&path).expect("a file").len();
+        let mut cells = Vec::new();
+        let mut records = Vec::new();
+        for _ in 0..rounds {
+            cells.push(seconds(|| as_cells(&path, rows)));
+            records.push(seconds(|| as_records(&path, separator)));
+        }
+        let (cells, records) = (median(cells), median(records));
+        let size = bytes as f64 / 1e6;
+        println!(
+            "{name:<12} {size:>6.1} MB {cells:>24.3} {records:>11.3} {:>6.2}",
+            cells / records.max(1e-9)
+        );
+    }
+}
+
+/// A table of numbers with 15 digits that look random.
+fn text(rows: usize, separator: char, decimal: char) -> String {
+    let mut text = String::new();
+    let names: Vec<String> = (0..COLUMNS)
+        .map(|column| format!("column_{column}"))
+        .collect();
+    text += &names.join(&separator.to_string());
+    let mut state = 1_u64;
+    for cell in 0..rows * COLUMNS {
+        text.push(if cell % COLUMNS == 0 { '\n' } else { separator });
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let (whole, fraction) = (state >> 54, (state >> 14) % 1_000_000_000_000);
+        let sign = if state & 8192 == 0 { "" } else { "-" };
+        let _ = write!(text, "{sign}{whole}{decimal}{fraction:012}");
+    }
+    text.push('\n');
+    text
+}
+
+fn as_cells(path: &Path, rows: usize) -> usize {
+    let table = read(path, Bound::TABLE, &Form::default()).expect("a table");
+    assert_eq!((table.row_count(), table.columns().len()), (rows, COLUMNS));
+    table.row_count()
+}
+
+fn as_records(path: &Path, separator: char) -> usize {
+    let separator = u8::try_from(separator).expect("ASCII");
+    let reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .from_path(path);
+    let records = reader.expect("a file").into_records();
+    let records: Vec<csv::StringRecord> = records.map(|record| record.expect("a record")).collect();
+    records.len()
+}
+
+/// Seconds of processor that work takes.
+fn seconds(work: impl FnOnce() -> usize) -> f64 {
+    let before = cpu_seconds();
+    std::hint::black_box(work());
+    cpu_seconds() - before
+}
+
+/// Time of this process on a processor, s.
+fn cpu_seconds() -> f64 {
+    let times = fs::read_to_string("/proc/self/schedstat").unwrap_or_default();
+    let first = times.split_whitespace().next().unwrap_or_default();
+    first.parse::<f64>().unwrap_or_default() / 1e9
+}
+
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
+}
