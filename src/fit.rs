@@ -321,7 +321,8 @@ impl Calibration {
 /// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
+/// # let read = read_session(&logs, mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
 /// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// # let stations = &joined.stations;
 /// use posegrid::fit::{FitSettings, Freedom, identify, observations};

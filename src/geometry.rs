@@ -4,6 +4,7 @@
 //! through [`Transform::claim`] and [`Position::claim`], which state what is claimed.
 
 pub mod placement;
+mod rotation_order;
 pub mod typed;
 
 use std::fmt;
@@ -11,6 +12,7 @@ use std::marker::PhantomData;
 use std::ops::Mul;
 
 pub use placement::{EulerOrder, Placement, PlacementError};
+pub use rotation_order::{NoOrder, RotationOrder};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

@@ -9,6 +9,7 @@
 //! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | `schema robot` |
 //! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
+//! | [`station_tables`] | How is a table of stations read, where there are no logs? | `inspect` |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
 //! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
@@ -35,6 +36,9 @@ pub mod pipeline_file {}
 
 #[doc = include_str!("guide/logs.md")]
 pub mod logs {}
+
+#[doc = include_str!("guide/station_tables.md")]
+pub mod station_tables {}
 
 #[doc = include_str!("guide/tables.md")]
 pub mod tables {}

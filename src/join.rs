@@ -12,6 +12,8 @@
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
 //! 7. [`mod@began`]: the date of the session.
+//!
+//! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
 
 pub mod average;
 pub mod began;
@@ -35,6 +37,7 @@ mod settings;
 pub mod settle;
 pub mod stationary;
 pub mod supposed;
+pub mod tabled;
 
 use nalgebra::{Point3, UnitQuaternion};
 
@@ -56,6 +59,7 @@ pub use reading::{
     Value, one_source,
 };
 pub use settings::JoinSettings;
+pub use tabled::{RowItem, RowReject};
 
 /// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
@@ -66,6 +70,8 @@ pub struct Joined {
     pub clock: ClockEstimate,
     /// Tracker dwells and readings left out, with reasons.
     pub rejects: Vec<JoinReject>,
+    /// Rows and readings of a table of stations left out, with reasons; empty where logs were joined.
+    pub row_rejects: Vec<RowReject>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
@@ -231,7 +237,8 @@ pub struct JoinInput {
 /// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
+/// # let read = read_session(&logs, mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
 /// let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// let paired = joined.stations.iter().filter(|station| !station.measured().is_empty()).count();
 /// assert!(paired > 50);
@@ -274,6 +281,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         stations,
         clock,
         rejects: dispositions.rejects(&readings)?,
+        row_rejects: Vec::new(),
         counts: dispositions.counts(),
         found: Found {
             stationary_rad: seen.stationary_rad,

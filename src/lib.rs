@@ -26,6 +26,8 @@
 //! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
 //!
+//! A table of stations is an input like logs: [`io::station_table`] reads it, and [`join::tabled`] makes its rows stations.
+//!
 //! There is one road from logs to stations: [`io::log::read_session`] replays the samples of the logs into the detector of dwells
 //! ([`join::stationary::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
 //!

@@ -17,7 +17,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("figures", ""),
     ("progress", ""),
     // The stages, in the order of the data.
-    ("ingest", "units"),
+    ("ingest", "geometry units"),
     ("join", "figures geometry ingest kinematics units"),
     ("setup", "figures geometry join kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),

@@ -9,8 +9,9 @@ use clap::Args;
 use super::messages::Printable;
 use super::run::{near, work};
 use crate::geometry::rpy;
+use crate::ingest::{Mapping, StationsSettings};
 use crate::kinematics::{Arm, Convention, Joint};
-use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
+use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides, Reads};
 use crate::units::to_step;
 
 /// Check a pipeline file and show what it would do, without opening a log.
@@ -108,11 +109,10 @@ fn split(configuration: &Configuration) -> String {
         .iter()
         .flat_map(|piece| piece.training.iter().chain(&piece.test));
     let counts: BTreeMap<_, _> = sessions
-        .map(|session| {
-            (
-                &session.name,
-                (session.logs.controller.len(), session.logs.tracker.len()),
-            )
+        .filter_map(|session| {
+            let logs = session.recorded.logs()?;
+            let counts = (logs.controller.len(), logs.tracker.len());
+            Some((&session.name, counts))
         })
         .filter(|(_, counts)| *counts != (1, 1))
         .collect();
@@ -212,11 +212,14 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     )
 }
 
-/// What no log states.
-fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
+/// The topics of logs.
+fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
-    let controller = &configuration.mapping.controller;
-    let tracker = &configuration.mapping.tracker;
+    let Mapping {
+        controller,
+        tracker,
+        ..
+    } = mapping;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
     let mut named = vec![
@@ -226,10 +229,49 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
         ),
         ("tracker", topic(&tracker.topic, tracker.time, &length)),
     ];
-    if let Some(commanded) = &configuration.mapping.commanded {
+    if let Some(commanded) = &mapping.commanded {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
         named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
+    named
+}
+
+/// The columns of tables of stations.
+fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
+    let angle = format!("{:?}", stations.joint_unit).to_lowercase();
+    let joints = format!("{} in {angle}", stations.joints.join(", "));
+    let pose = |position: &[String; 3], unit| {
+        format!(
+            "{} in {}",
+            position.join(", "),
+            format!("{unit:?}").to_lowercase()
+        )
+    };
+    let mut named = vec![("joints", joints)];
+    let targets = stations.target_names();
+    for (own, target) in stations.measured.iter().zip(&targets) {
+        let words = pose(&own.position, own.unit);
+        named.push((
+            "measured",
+            if targets.len() > 1 {
+                format!("{target}: {words}")
+            } else {
+                words
+            },
+        ));
+    }
+    if let Some(own) = &stations.commanded {
+        named.push(("commanded", pose(&own.position, own.unit)));
+    }
+    named
+}
+
+/// What no log states.
+fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
+    let mut named = match &configuration.reads {
+        Reads::Logs(mapping) => topics(mapping),
+        Reads::Tables(stations) => columns(stations),
+    };
     named.push((
         "error frame",
         configuration.stages.base_in_words().to_owned(),

@@ -1,9 +1,10 @@
-//! `posegrid inspect LOG…`: what is in a log, what is wrong with it, and a pipeline snippet that would read it.
+//! `posegrid inspect FILE…`: what is in a log or a table of stations, what is wrong with it, and a pipeline snippet that would read it.
 //!
 //! Names come from the file, so they are escaped before they are printed.
 
 mod describe;
 mod snippet;
+mod table;
 
 use std::fmt::Write as _;
 use std::fs;
@@ -12,41 +13,83 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::progress::Bars;
+use super::robot::ArmFlags;
 use super::streams::Undelivered;
-use super::{DONE, NO_RESULT, NOT_MET, messages};
-use crate::io::inspect::inspect;
+use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, messages};
+use crate::io::input::Bound;
+use crate::io::inspect::table::{Arms, Guess, inspect as inspect_table};
+use crate::io::inspect::{Inspection, inspect};
 use crate::io::log::Limits;
+use crate::io::robot::Selection;
 
 pub use describe::describe;
 pub use snippet::snippet;
 
-/// Show what is in MCAP logs, and how a pipeline file would read them.
+/// Show what is in MCAP logs or tables of stations, and how a pipeline file would read them.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
 Examples:
   posegrid inspect controller.mcap tracker.mcap
   posegrid inspect arm_0.mcap arm_1.mcap laser.mcap.zst   (a split recording, a log in zstd)
   posegrid inspect sessions/mon                           (every log in a folder)
+  posegrid inspect measured.csv                           (a table of joints and measured points)
+  posegrid inspect measured.xlsx --robot ur10e            (or --robot robot.toml, or --robot arm.urdf --tip tool0)
 
-Exit codes: 0 every log is sound; 3 some log is damaged, or was cut; 1 some file cannot be read as a log.")]
+Of a table (CSV and other texts, Parquet, JSON, YAML, a spreadsheet) the columns are guessed by their names and values, and then tried
+on the nominal arm: what remains in the median, base and target fitted, tells degrees from radians, metres from millimetres and the
+order of the joints. Without --robot every ready robot with as many joints is tried.
+
+Exit codes: 0 every file is sound; 3 some log is damaged, or was cut, or rows of a table were left out; 1 some file cannot be read;
+2 bad usage, or --robot is no robot file.")]
 pub struct InspectArgs {
-    /// The logs, or folders with logs
-    #[arg(required = true, value_name = "LOG")]
-    pub logs: Vec<PathBuf>,
+    /// The logs or tables, or folders with logs
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// The arm of a table: a robot file, a URDF, or the name of a ready robot
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// The arm in the file
+    #[command(flatten)]
+    pub arm: ArmFlags,
 }
 
-/// Inspects each log; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable.
+/// Inspects each file; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable, 2: no arm.
 pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
     inspect_all(args, bars).unwrap_or_else(Undelivered::exit_code)
 }
 
-/// Inspects the logs until all are done, or the reader of stdout has left.
+/// Inspects the files until all are done, or the reader of stdout has left.
 fn inspect_all(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
+    let paths: Vec<PathBuf> = args.files.iter().flat_map(|path| files_in(path)).collect();
+    let (tables, logs): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        paths.iter().partition(|path| table::is_table(path));
+    let selection = args.arm.selection();
+    let arms = match (&args.robot, &tables[..]) {
+        // Logs need no arm.
+        (None, []) => Arms::default(),
+        (robot, _) => match table::arm::arms(robot.as_deref(), &selection) {
+            Ok(arms) => arms,
+            Err(error) => {
+                tracing::error!("{error}");
+                return Ok(BAD_USAGE);
+            }
+        },
+    };
+    let of_logs = inspect_logs(&logs, bars)?;
+    let of_tables = inspect_tables(&tables, &selection, &arms, bars)?;
+    // Unreadable outranks damaged.
+    Ok([NO_RESULT, NOT_MET]
+        .into_iter()
+        .find(|code| [of_logs, of_tables].contains(code))
+        .unwrap_or(DONE))
+}
+
+fn inspect_logs(paths: &[&PathBuf], bars: &Bars) -> Result<u8, Undelivered> {
     let progress = bars.of("inspect");
-    let mut found = Vec::new();
+    let mut found: Vec<Inspection> = Vec::new();
     let mut unreadable = false;
-    for path in args.logs.iter().flat_map(|path| logs_in(path)) {
-        match inspect(&path, Limits::default(), &progress) {
+    for path in paths {
+        match inspect(path, Limits::default(), &progress) {
             Ok(log) => {
                 messages::result(describe(&log), bars)?;
                 found.push(log);
@@ -61,15 +104,61 @@ fn inspect_all(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
         messages::result(snippet, bars)?;
     }
     let damaged = found.iter().any(|log| !log.read_summary.rejects.is_empty());
-    Ok(match (unreadable, damaged) {
+    Ok(outcome(unreadable, damaged))
+}
+
+fn inspect_tables(
+    paths: &[&PathBuf],
+    selection: &Selection,
+    arms: &Arms,
+    bars: &Bars,
+) -> Result<u8, Undelivered> {
+    let (mut unreadable, mut left_out) = (false, false);
+    // Tables of one mapping share a section.
+    let mut guesses: Vec<(Vec<&Path>, Guess)> = Vec::new();
+    for path in paths {
+        match inspect_table(path, Bound::of(Limits::default()), arms) {
+            Ok(found) => {
+                left_out |= !found.left_out.is_empty();
+                messages::result(table::describe(path, &found), bars)?;
+                add(&mut guesses, path, found.guess.ok());
+            }
+            Err(error) => {
+                tracing::error!("{error}");
+                unreadable = true;
+            }
+        }
+    }
+    for (paths, guess) in &guesses {
+        messages::result(table::section(paths, guess, selection), bars)?;
+    }
+    Ok(outcome(unreadable, left_out))
+}
+
+/// Adds a table to those with the same settings beside it in the folder.
+fn add<'p>(guesses: &mut Vec<(Vec<&'p Path>, Guess)>, path: &'p Path, guess: Option<Guess>) {
+    let Some(guess) = guess else {
+        return;
+    };
+    let same = guesses.iter_mut().find(|(paths, own)| {
+        own.settings == guess.settings && paths.iter().all(|other| other.parent() == path.parent())
+    });
+    match same {
+        Some((paths, _)) => paths.push(path),
+        None => guesses.push((vec![path], guess)),
+    }
+}
+
+const fn outcome(unreadable: bool, damaged: bool) -> u8 {
+    match (unreadable, damaged) {
         (true, _) => NO_RESULT,
         (false, true) => NOT_MET,
         (false, false) => DONE,
-    })
+    }
 }
 
-/// The logs in a folder, by name; a path that is no folder with logs is itself the log.
-fn logs_in(path: &Path) -> Vec<PathBuf> {
+/// The logs in a folder, by name; a path that is no folder with logs is itself the file.
+fn files_in(path: &Path) -> Vec<PathBuf> {
     let is_log = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.ends_with(".mcap") || name.ends_with(".mcap.zst")
@@ -146,8 +235,8 @@ mod tests {
             fs::write(folder.path().join(name), b"").expect("writable");
         }
         let expected = ["a.mcap.zst", "b.mcap"].map(|name| folder.path().join(name));
-        assert_eq!(logs_in(folder.path()), expected);
+        assert_eq!(files_in(folder.path()), expected);
         let file = folder.path().join("notes.txt");
-        assert_eq!(logs_in(&file), std::slice::from_ref(&file));
+        assert_eq!(files_in(&file), std::slice::from_ref(&file));
     }
 }

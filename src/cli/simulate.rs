@@ -10,12 +10,14 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use nalgebra::Vector3;
 use thiserror::Error;
 
 use super::robot::ArmFlags;
 use crate::ingest::Recording;
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
 use crate::io::robot::{self, Selection};
+use crate::io::station_table;
 use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
 use crate::kinematics::Arm;
@@ -24,7 +26,7 @@ use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
 
 mod flags;
 
-use flags::{ErrorFlags, PoseFlags};
+use flags::{ErrorFlags, PoseFlags, Triple, triple};
 
 /// Make a synthetic session with known truth, as the two MCAP logs of a cell.
 #[derive(Debug, Clone, Args)]
@@ -35,7 +37,11 @@ Example: a KR 210 measured on a uniform grid of 120 mm
 
 Example: the same arm in another session, driven by commands that a table corrected
   posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out tuesday --arm 1 --seed 2 \\
-    --home 0,-75,100,25,55,-15 --poses corrected.csv")]
+    --home 0,-75,100,25,55,-15 --poses corrected.csv
+
+Example: three reflectors, in a table of stations
+  posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out three --seed 3 \\
+    --home 0,-75,100,25,55,-15 --random-joints 200 --table --beside 120,0,0 --beside 0,120,0")]
 pub struct SimulateArgs {
     /// Nominal arm: a robot file, or a URDF
     pub robot: PathBuf,
@@ -59,6 +65,12 @@ pub struct SimulateArgs {
     /// Name of the robot in the logs; the robot file's name where it is missing.
     #[arg(long)]
     pub robot_name: Option<String>,
+    /// Write a table of the stations too, stations.csv, as a perfect join would find them; its head has the section that reads it
+    #[arg(long)]
+    table: bool,
+    /// A further reflector in that table, at this place in the frame of the measured one, mm; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "table")]
+    beside: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
     #[command(flatten)]
@@ -140,6 +152,8 @@ pub struct SimulatedSession {
     pub out: PathBuf,
     /// The session.
     pub simulated: Simulated,
+    /// Whether a table of its stations was written too.
+    pub table: bool,
 }
 
 impl fmt::Display for SimulatedSession {
@@ -160,7 +174,9 @@ impl fmt::Display for SimulatedSession {
             "attained minus commanded: mean {:.3} mm, rms {:.3} mm, largest {:.3} mm",
             error.mean, error.rms, error.max
         )?;
-        write!(f, "written to {}: {}", self.out.display(), FILES.join(", "))
+        let table = self.table.then_some(TABLE);
+        let files: Vec<&str> = FILES.into_iter().chain(table).collect();
+        write!(f, "written to {}: {}", self.out.display(), files.join(", "))
     }
 }
 
@@ -171,14 +187,19 @@ const FILES: [&str; 4] = [
     "truth_stations.csv",
 ];
 
-/// Makes the session and writes its four files.
+/// The table of stations, where one is asked for.
+const TABLE: &str = "stations.csv";
+
+/// Makes the session and writes its files.
 pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError> {
     let arm = read_arm(&args.robot, &args.arm_in_file.selection())?;
     let listed = args.poses.poses.as_deref().map(listed).transpose()?;
     let settings = args.settings(&arm, listed.as_deref())?;
+    let table = args.table.then_some(TABLE);
     if let Some(path) = FILES
-        .map(|file| args.out.join(file))
         .into_iter()
+        .chain(table)
+        .map(|file| args.out.join(file))
         .find(|path| path.exists())
     {
         return Err(SimulateCommandError::Exists(path));
@@ -190,6 +211,7 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     Ok(SimulatedSession {
         out: args.out.clone(),
         simulated,
+        table: args.table,
     })
 }
 
@@ -244,7 +266,27 @@ impl SimulateArgs {
         written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
         written(&stations, |sink| {
             Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?)
-        })
+        })?;
+        if self.table {
+            let text = self.stations_table(arm, simulated);
+            written(&self.out.join(TABLE), |sink| {
+                Ok(sink.write_all(text.as_bytes())?)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The table of the stations, with a reading of each reflector.
+    fn stations_table(&self, arm: &Arm, simulated: &Simulated) -> String {
+        let beside: Vec<Vector3<f64>> = self
+            .beside
+            .iter()
+            .map(|Triple(at)| Vector3::from(*at))
+            .collect();
+        let names: Vec<String> = (1..=beside.len() + 1)
+            .map(|number| format!("T{number}"))
+            .collect();
+        station_table::csv(&simulated.stations_with(&beside), arm, &names)
     }
 
     fn source(&self) -> String {

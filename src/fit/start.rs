@@ -9,6 +9,7 @@ use super::observation::Observation;
 use super::problem::{Freedom, Problem};
 use super::{FitError, FitSettings, solve};
 use crate::geometry::{Base, Tracker, Transform, align};
+use crate::join::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, BatchChain};
 
@@ -31,7 +32,25 @@ pub fn frames(
 ) -> Result<Vec<Frames>, FitError> {
     settings.check_targets()?;
     let aligned = (0..sessions).map(|session| aligned(arm, observations, session, settings));
-    let mut frames = aligned.collect::<Result<Vec<_>, _>>()?;
+    let frames = aligned.collect::<Result<Vec<_>, _>>()?;
+    let (settled, misfit_mm) = settled(arm, observations, frames, settings);
+    if misfit_mm <= NOMINAL_MM {
+        return Ok(settled);
+    }
+    // A target far from the flange is not reached from there.
+    let far = (0..sessions).map(|session| far(arm, observations, session, &settled[session]));
+    let (other, other_mm) = self::settled(arm, observations, far.collect(), settings);
+    Ok(if other_mm < misfit_mm { other } else { settled })
+}
+
+/// Bases and targets fitted from these frames, and what they leave of the positions, mm.
+fn settled(
+    arm: &Arm,
+    observations: &[Observation],
+    mut frames: Vec<Frames>,
+    settings: &FitSettings,
+) -> (Vec<Frames>, f64) {
+    let mut misfit_mm = f64::INFINITY;
     for _ in 0..PASSES {
         let problem = Problem::new(
             observations,
@@ -42,13 +61,47 @@ pub fn frames(
         );
         // With one tool orientation base and target are confounded; the solver's damping takes the shortest step there.
         let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
+        misfit_mm = problem.misfit_mm(&solution.offsets);
         frames = problem.frames(&solution.offsets);
         // The frames contain the offsets: further passes would change nothing.
         if solution.offsets.amax() < SETTLED {
             break;
         }
     }
-    Ok(frames)
+    (frames, misfit_mm)
+}
+
+/// The frames of a session whose targets may sit far from the flange; those of `near` where nothing is found.
+fn far(arm: &Arm, observations: &[Observation], session: usize, near: &Frames) -> Frames {
+    let of = |keep: &dyn Fn(&Observation) -> bool| -> Option<Placement> {
+        let own = observations
+            .iter()
+            .filter(|o| o.session == session && keep(o));
+        let own: Vec<&Observation> = own.collect();
+        let readings = own
+            .iter()
+            .zip(flanges(arm, &own))
+            .filter_map(|(o, flange)| {
+                let attained = o.point()?.position.coords;
+                Some(ReadingAtFlange { flange, attained })
+            });
+        Placement::fit_far(&readings.collect::<Vec<_>>())
+    };
+    let sources = near.sources().iter().enumerate().map(|(source, near)| {
+        let found = of(&|o| o.source == SourceId(source) && o.target == TargetId(0));
+        found.map_or(*near, |found| Transform::claim(found.tracker_from_base))
+    });
+    let bases: Vec<Transform<Tracker, Base>> = sources.collect();
+    let targets = near.targets().iter().enumerate().map(|(target, near)| {
+        let is_own = |o: &&Observation| o.session == session && o.target == TargetId(target);
+        let seen: Vec<&Observation> = observations.iter().filter(is_own).collect();
+        let found = of(&|o| o.source == SourceId(0) && o.target == TargetId(target));
+        let place = found.map_or(near.isometry().translation, |found| found.target_mm.into());
+        Transform::claim(Isometry3::from_parts(place, turn(arm, &seen, &bases)))
+    });
+    let targets = targets.collect();
+    let found = Frames::new(bases.clone(), targets);
+    found.unwrap_or_else(|| near.clone())
 }
 
 /// The base in each source's frame from flange origins alone, and each target's mean turn where orientations are measured.
@@ -75,12 +128,7 @@ fn aligned(
         if seen.is_empty() {
             return Err(FitError::UnseenTarget { session, target });
         }
-        let flanges = flanges(arm, &seen);
-        let turns = seen.iter().zip(&flanges).filter_map(|(o, flange)| {
-            let base = bases[o.source.0].isometry();
-            Some((base.rotation * flange.rotation).inverse() * o.measured.turn()?.orientation)
-        });
-        let turn = mean_rotation(turns).unwrap_or_else(UnitQuaternion::identity);
+        let turn = turn(arm, &seen, &bases);
         Ok(Transform::claim(Isometry3::from_parts(
             Translation3::identity(),
             turn,
@@ -88,6 +136,20 @@ fn aligned(
     });
     let places = places.collect::<Result<Vec<_>, _>>()?;
     Ok(Frames::new(bases, places).expect("at least one of each is asked for"))
+}
+
+/// The mean turn of a target at the flange; none where no orientation was measured.
+fn turn(
+    arm: &Arm,
+    seen: &[&Observation],
+    bases: &[Transform<Tracker, Base>],
+) -> UnitQuaternion<f64> {
+    let flanges = flanges(arm, seen);
+    let turns = seen.iter().zip(&flanges).filter_map(|(o, flange)| {
+        let base = bases[o.source.0].isometry();
+        Some((base.rotation * flange.rotation).inverse() * o.measured.turn()?.orientation)
+    });
+    mean_rotation(turns).unwrap_or_else(UnitQuaternion::identity)
 }
 
 /// The base in the frame of a source, from the target that the source saw most often: the others sit elsewhere at the flange.

@@ -4,6 +4,7 @@
 //! nothing else; for any other type, `fields` gives the paths inside a message.
 
 mod fields;
+mod stations;
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -15,6 +16,10 @@ use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
+};
+pub use stations::{
+    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings, TableTime,
+    TimeColumn,
 };
 
 /// `[controller]`: joint angles.
@@ -145,7 +150,7 @@ impl Mapping {
 
 impl AngleUnit {
     /// Radians in one of this unit.
-    pub(super) const fn to_rad(self) -> f64 {
+    pub const fn to_rad(self) -> f64 {
         match self {
             Self::Rad => 1.0,
             Self::Deg => PI / 180.0,

@@ -6,6 +6,7 @@
 
 mod clock;
 mod sizes;
+pub mod table;
 
 use std::collections::BTreeMap;
 use std::path::Path;

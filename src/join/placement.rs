@@ -15,6 +15,15 @@ use crate::geometry::align;
 /// be distinguished: then this prior alone decides, and the residuals do not depend on it.
 const TARGET_PRIOR_MM: f64 = 300.0;
 const ROUNDS: usize = 12;
+/// A nominal arm is off by less than this, mm: a placement that leaves more is a wrong one.
+pub(crate) const NOMINAL_MM: f64 = 30.0;
+/// Distances of far targets from the flange, mm.
+const FAR_MM: [f64; 3] = [150.0, 400.0, 1000.0];
+/// Readings that far targets are looked for with, at most.
+const FAR_READINGS: usize = 100;
+/// Starts that are followed, of the best, and for how many rounds.
+const FAR_STARTS: usize = 6;
+const FAR_ROUNDS: usize = 50;
 /// A step below this (mm, or rad times 1000) ends the search.
 const STEP_DONE: f64 = 1e-3;
 
@@ -49,16 +58,46 @@ impl Placement {
 
     /// The placement that fits most of `readings`; `None` where they do not determine it (fewer than three, or on a line).
     pub fn fit(readings: &[ReadingAtFlange]) -> Option<Self> {
-        let mut placement = Self::start(readings)?;
-        for _ in 0..ROUNDS {
-            let scale = placement.median_mm(readings).max(0.01);
-            let step = placement.step(readings, scale)?;
-            placement = placement.moved(&step);
+        Self::start(readings, Vector3::zeros())?.refined(readings, ROUNDS)
+    }
+
+    /// The placement that fits most of `readings`, wherever the target sits: [`Self::fit`] starts with it at the flange, from where a
+    /// target further away than the flange moves is not always reached. Where that leaves more than a nominal arm is off by, targets in
+    /// all directions and at three distances are starts too.
+    pub fn fit_far(readings: &[ReadingAtFlange]) -> Option<Self> {
+        let near = Self::fit(readings);
+        if near.is_some_and(|near| near.median_mm(readings) <= NOMINAL_MM) {
+            return near;
+        }
+        let stride = readings.len().div_ceil(FAR_READINGS).max(1);
+        let spread: Vec<ReadingAtFlange> = readings.iter().step_by(stride).copied().collect();
+        let mut starts: Vec<Self> = far_targets()
+            .filter_map(|target| Self::start(&spread, target))
+            .collect();
+        starts.sort_by(|a, b| a.median_mm(&spread).total_cmp(&b.median_mm(&spread)));
+        let far = starts.into_iter().take(FAR_STARTS);
+        let far = far.filter_map(|start| {
+            start
+                .refined(&spread, FAR_ROUNDS)?
+                .refined(readings, ROUNDS)
+        });
+        let median_mm = |placement: &Self| placement.median_mm(readings);
+        near.into_iter()
+            .chain(far)
+            .min_by(|a, b| median_mm(a).total_cmp(&median_mm(b)))
+    }
+
+    /// The placement after at most so many rounds.
+    fn refined(mut self, readings: &[ReadingAtFlange], rounds: usize) -> Option<Self> {
+        for _ in 0..rounds {
+            let scale = self.median_mm(readings).max(0.01);
+            let step = self.step(readings, scale)?;
+            self = self.moved(&step);
             if scaled(&step) < STEP_DONE {
                 break;
             }
         }
-        Some(placement)
+        Some(self)
     }
 
     /// Median distance over `readings`, mm.
@@ -67,17 +106,17 @@ impl Placement {
         median(&mut distances)
     }
 
-    /// The starting placement: Kabsch's closed form with the target at the flange.
-    fn start(readings: &[ReadingAtFlange]) -> Option<Self> {
+    /// The starting placement: Kabsch's closed form with the target at this place.
+    fn start(readings: &[ReadingAtFlange], target_mm: Vector3<f64>) -> Option<Self> {
         let to: Vec<_> = readings.iter().map(|s| Point3::from(s.attained)).collect();
         let from: Vec<_> = readings
             .iter()
-            .map(|s| Point3::from(s.flange.translation.vector))
+            .map(|s| s.flange * Point3::from(target_mm))
             .collect();
         let tracker_from_base = align(&to, &from, &vec![1.0; to.len()])?;
         Some(Self {
             tracker_from_base,
-            target_mm: Vector3::zeros(),
+            target_mm,
         })
     }
 
@@ -131,6 +170,14 @@ impl Placement {
     }
 }
 
+/// Places to look for a far target: along the axes, the diagonals of faces and of the cube, at three distances, mm.
+fn far_targets() -> impl Iterator<Item = Vector3<f64>> {
+    let directions = (0..27).map(|number| Vector3::new(number % 3, number / 3 % 3, number / 9));
+    let directions = directions.map(|own| own.map(|index| f64::from(index) - 1.0));
+    let directions = directions.filter_map(|own| own.try_normalize(0.0));
+    directions.flat_map(|direction| FAR_MM.map(|mm| direction * mm))
+}
+
 /// The largest component of a step, mm; angles count as the motion at a distance of one metre.
 fn scaled(step: &SVector<f64, 9>) -> f64 {
     let reach_mm = |index: usize| if (3..6).contains(&index) { 1000.0 } else { 1.0 };
@@ -178,6 +225,27 @@ mod tests {
             found.target_mm
         );
         assert!(found.median_mm(&seen) < 0.1);
+    }
+
+    #[test]
+    fn a_target_further_away_than_the_flange_moves_is_found() {
+        // Two axes that cross: the flange stays on a circle of 475 mm, the target is 834 mm from it.
+        let truth = Placement {
+            tracker_from_base: isometry_from_rpy([500.0, -600.0, 900.0], [2.2, 0.3, -0.9]),
+            target_mm: Vector3::new(177.0, -636.0, 509.0),
+        };
+        let reading = |k: i32| {
+            let (tilt, turn) = (0.5 * (f64::from(k) * 0.7).sin(), 0.31 * f64::from(k));
+            let flange = isometry_from_rpy([0.0; 3], [-1.6, 0.0, tilt])
+                * isometry_from_rpy([0.0, 0.0, -475.0], [0.0, 0.0, turn]);
+            ReadingAtFlange {
+                attained: truth.predict(&flange),
+                flange,
+            }
+        };
+        let seen: Vec<ReadingAtFlange> = (0..60).map(reading).collect();
+        let found = Placement::fit_far(&seen).expect("sixty poses");
+        assert!(found.median_mm(&seen) < 0.1, "{}", found.median_mm(&seen));
     }
 
     #[test]

@@ -258,6 +258,8 @@ fn session(name: &str) -> Session {
             start_ns: None,
             end_ns: None,
             station: None,
+            line: None,
+            column: None,
         }],
     }
 }

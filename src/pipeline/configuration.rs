@@ -25,9 +25,9 @@ use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
-use crate::fit::{ErrorBase, SurveyedBase};
+use crate::fit::{ErrorBase, FitSettings, SurveyedBase};
 use crate::geometry::Placement;
-use crate::ingest::Mapping;
+use crate::ingest::{Mapping, StationsSettings};
 use crate::io::input::{self, Bound};
 use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
@@ -39,7 +39,9 @@ use crate::similarity::SimilaritySettings;
 
 pub use error::{ConfigurationError, ConfigurationErrorKind};
 pub use files::Files;
-pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
+pub use sessions::{
+    LeftOut, POOLED, Recorded, SessionFiles, SessionTable, SetAside, Why, WorkPiece,
+};
 pub use stated::StatedSetUp;
 pub use tree::Tree;
 
@@ -56,8 +58,8 @@ pub struct Configuration {
     pub arm: Arm,
     /// The conditions that the results are valid for.
     pub valid_for: Conditions,
-    /// The reading of the logs.
-    pub mapping: Mapping,
+    /// The reading of what sessions were recorded as.
+    pub reads: Reads,
     /// The largest sizes that a log may have.
     pub limits: Limits,
     /// Share of a log's bytes that may be lost to damage before its session fails.
@@ -92,6 +94,41 @@ pub struct Configuration {
     pub sampling_plan: Option<String>,
 }
 
+/// The reading of what sessions were recorded as.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reads {
+    /// Topics, clocks and units of the two logs.
+    Logs(Box<Mapping>),
+    /// Columns and units of tables of stations.
+    Tables(Box<StationsSettings>),
+}
+
+impl Reads {
+    /// Topics, clocks and units of the two logs; `None` where sessions are tables.
+    pub fn mapping(&self) -> Option<&Mapping> {
+        match self {
+            Self::Logs(mapping) => Some(mapping),
+            Self::Tables(_) => None,
+        }
+    }
+
+    /// Where the readings come from, in words: `on /tracker/point`.
+    pub fn of_readings(&self) -> String {
+        match self {
+            Self::Logs(mapping) => format!("on {}", mapping.tracker.topic),
+            Self::Tables(stations) => format!(
+                "in the columns {}",
+                stations
+                    .measured
+                    .iter()
+                    .map(|own| own.position.join(", "))
+                    .collect::<Vec<_>>()
+                    .join("; ")
+            ),
+        }
+    }
+}
+
 /// Options of the command line that override the pipeline file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Overrides {
@@ -121,6 +158,7 @@ impl Configuration {
             &tree,
             &folder.named(),
             &file.input,
+            file.stations.as_ref(),
             file.limits,
             overrides,
         )?;
@@ -129,7 +167,7 @@ impl Configuration {
             pipeline: stem.into_owned(),
             robot: file.robot.name.clone(),
             robot_file,
-            mapping: mapping(&file, &arm),
+            reads: reads(path, &file, &arm)?,
             settings: manifest::canonical(&file)?,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
@@ -227,21 +265,32 @@ fn read_arm(
     })
 }
 
-fn mapping(file: &PipelineFile, arm: &Arm) -> Mapping {
-    Mapping {
-        controller: file.controller.clone(),
+/// The reading of the logs, or of the tables where the file names columns.
+fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, ConfigurationError> {
+    if let Some(stations) = &file.stations {
+        return Ok(Reads::Tables(Box::new(stations.clone())));
+    }
+    let missing = || {
+        let kind = ConfigurationErrorKind::Missing {
+            key: "[controller]",
+            reason: "logs need it and the topic of [tracker]; tables of stations need [stations]",
+        };
+        kind.at(path)
+    };
+    let (Some(controller), Some(tracker)) = (&file.controller, &file.tracker.mapping) else {
+        return Err(missing());
+    };
+    let joints = arm.joints().iter();
+    Ok(Reads::Logs(Box::new(Mapping {
+        controller: controller.clone(),
         commanded: file
             .commanded
             .as_ref()
-            .map(|section| section.mapping.clone()),
-        tracker: file.tracker.mapping.clone(),
-        joints: arm
-            .joints()
-            .iter()
-            .map(|joint| joint.name.clone())
-            .collect(),
+            .and_then(|section| section.mapping.clone()),
+        tracker: tracker.clone(),
+        joints: joints.map(|joint| joint.name.clone()).collect(),
         slides: slides(arm),
-    }
+    })))
 }
 
 /// Whether each joint slides; empty where none does.
@@ -254,7 +303,10 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
     let fit = &file.fit.geometric;
     StageSettings {
         noise: file.noise(),
-        fit: fit.clone(),
+        fit: FitSettings {
+            target_names: several_targets(file),
+            ..fit.clone()
+        },
         full: file.fit.full.clone().measured_by(&file.tracker.uncertainty),
         up: placed.up,
         flange_from_tool: placed.flange_from_tool,
@@ -273,6 +325,12 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
         leave_sessions_out: file.report.leave_sessions_out,
         tool_tip: placed.tool_tip,
     }
+}
+
+/// Names of the targets of a table with several, the main one first; empty where there is one.
+fn several_targets(file: &PipelineFile) -> Vec<String> {
+    let names = file.stations.as_ref().map(StationsSettings::target_names);
+    names.filter(|names| names.len() > 1).unwrap_or_default()
 }
 
 fn remarks(file: &PipelineFile) -> Vec<String> {

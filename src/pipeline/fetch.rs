@@ -14,7 +14,6 @@ use thiserror::Error;
 use super::configuration::{SessionFiles, Tree, WorkPiece};
 use crate::io::lake::temporary;
 use crate::io::store::StoreError;
-use crate::io::targets;
 
 /// Prefix of the names of folders with copies.
 const COPIES: &str = "posegrid-logs";
@@ -60,7 +59,7 @@ impl Fetched {
         }
         temporary::clean_folders(COPIES);
         let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
-        for path in logs_of(&mut piece) {
+        for path in files_of(&mut piece) {
             let own = folder
                 .path()
                 .join(format!("{}.{}", copies.len() + 1, ending(path)));
@@ -98,26 +97,34 @@ impl Fetched {
 }
 
 /// Every path to a file of a piece of work.
-fn logs_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
+fn files_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
     let sessions = piece.training.iter_mut().chain(&mut piece.test);
     sessions.flat_map(|session| {
         let SessionFiles {
-            logs, corrected, ..
+            recorded,
+            corrected,
+            ..
         } = session;
-        logs.controller
-            .iter_mut()
-            .chain(&mut logs.tracker)
-            .chain(corrected)
+        recorded.paths_mut().into_iter().chain(corrected)
     })
 }
 
-/// The extension of a copy, which determines how it is read.
+/// Extensions of tables, which determine how they are read.
+const TABLES: [&str; 11] = [
+    "csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx", "ods",
+];
+
+/// The extension of a copy.
 fn ending(path: &Path) -> &'static str {
-    match targets::Form::of(path) {
-        Ok(targets::Form::Csv) => "csv",
-        Ok(targets::Form::Parquet) => "parquet",
-        _ => "mcap",
-    }
+    let own = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    TABLES
+        .into_iter()
+        .find(|known| *known == own)
+        .unwrap_or("mcap")
 }
 
 /// Copies the object at an address.

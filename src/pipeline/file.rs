@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
@@ -17,7 +18,7 @@ use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
-    PoseFields, TimeSource, TrackerFile, TrackerSettings,
+    PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -28,14 +29,18 @@ use crate::similarity::SimilaritySettings;
 
 /// A whole pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, remote = "Self")]
 pub struct PipelineFile {
     /// `[robot]`: the arm, and the conditions that its results are valid for.
     pub robot: RobotSection,
     /// `[input]`: the place of the sessions, and the files of each.
     pub input: InputSection,
-    /// `[controller]`: joint angles.
-    pub controller: ControllerSettings,
+    /// `[controller]`: joint angles in a log; absent where sessions are tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller: Option<ControllerSettings>,
+    /// `[stations]`: columns of the tables of stations; absent where sessions are logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stations: Option<StationsSettings>,
     /// `[commanded]`, where the controller's log has commands.
     pub commanded: Option<CommandedSection>,
     /// `[tracker]`: readings of the target.
@@ -64,6 +69,55 @@ pub struct PipelineFile {
     pub plan: Option<PlanSection>,
     /// `[output]`.
     pub output: OutputSection,
+}
+
+impl<'de> Deserialize<'de> for PipelineFile {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let file = Self::deserialize(from)?;
+        recorded_one_way(&file).map_err(D::Error::custom)?;
+        Ok(file)
+    }
+}
+
+impl Serialize for PipelineFile {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, to)
+    }
+}
+
+/// Checks that a file is about logs or about tables of stations, with all that either needs.
+fn recorded_one_way(file: &PipelineFile) -> Result<(), String> {
+    let tracker = file.tracker.mapping.is_some();
+    let commanded = file
+        .commanded
+        .as_ref()
+        .map(|section| section.mapping.is_some());
+    if file.stations.is_none() {
+        let topic = "has no `topic`, which logs need; for a table of stations write [stations]";
+        return match (&file.controller, tracker, commanded) {
+            _ if file.input.stations.is_some() => {
+                Err("[input] stations names a table, so there has to be a section [stations] with its columns".to_owned())
+            }
+            (None, ..) => Err("missing section [controller]; for a table of stations write [stations]".to_owned()),
+            (_, false, _) => Err(format!("[tracker] {topic}")),
+            (_, _, Some(false)) => Err(format!("[commanded] {topic}")),
+            _ => Ok(()),
+        };
+    }
+    let unused = [
+        (file.controller.is_some(), "[controller]"),
+        (tracker, "[tracker] topic"),
+        (commanded == Some(true), "[commanded] topic"),
+    ];
+    if let Some((_, key)) = unused.iter().find(|(is_there, _)| *is_there) {
+        return Err(format!(
+            "{key} is for logs, and sessions are tables of stations here: leave it out"
+        ));
+    }
+    if file.input.stations.is_none() {
+        return Err("[input] has no `stations`, the table of a session: a name or pattern like \"measured.csv\"".to_owned());
+    }
+    Ok(())
 }
 
 impl PipelineFile {
@@ -142,6 +196,9 @@ pub struct InputSection {
     /// The tracker's log; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
+    /// The table of stations, instead of the two logs: a name in the session's folder or a pattern.
+    #[serde(default, skip_serializing)]
+    pub stations: Option<LogNames>,
     /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session
     /// whose folder has one is also judged by it.
     #[serde(default = "corrected_targets", skip_serializing)]
@@ -214,15 +271,27 @@ pub enum SessionsBy {
     FileName,
     /// Files of the folder whose metadata record `session` names it under `session`.
     Metadata,
+    /// Rows of tables in the folder whose column `[stations] session` names it.
+    Column,
 }
 
 impl SessionsBy {
     /// The definition of a session, as text.
-    pub fn of(self, controller: &LogNames, tracker: &LogNames) -> String {
+    pub fn of(self, input: &InputSection) -> String {
+        let (controller, tracker) = (&input.controller, &input.tracker);
+        if let Some(stations) = &input.stations {
+            return match self {
+                Self::Folder => format!("a sub-folder with {stations}"),
+                Self::FileName | Self::Metadata => format!("a file {stations}"),
+                Self::Column => {
+                    format!("rows of {stations} with one name in the column [stations] session")
+                }
+            };
+        }
         match self {
             Self::Folder => format!("a sub-folder with {controller} and {tracker}"),
             Self::FileName => format!("a pair of files {controller} and {tracker}"),
-            Self::Metadata => format!(
+            Self::Metadata | Self::Column => format!(
                 "two files, one of {controller} and one of {tracker}, with the same name in a metadata record `session`"
             ),
         }
@@ -246,9 +315,9 @@ pub enum Pool {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "CommandedKeys")]
 pub struct CommandedSection {
-    /// Topic, time source, unit and fields.
+    /// Topic, time source, unit and fields; absent where sessions are tables.
     #[serde(flatten)]
-    pub mapping: CommandedSettings,
+    pub mapping: Option<CommandedSettings>,
     /// The frame commands are stated in, in the base frame of the robot file.
     pub base_from_command: Placement,
     /// The controller's tool at the flange.
@@ -261,7 +330,7 @@ pub struct CommandedSection {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CommandedKeys {
-    topic: String,
+    topic: Option<String>,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
     #[serde(default)]
@@ -276,9 +345,9 @@ struct CommandedKeys {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "TrackerKeys")]
 pub struct TrackerSection {
-    /// Topic, time source, unit and fields.
+    /// Topic, time source, unit and fields; absent where sessions are tables.
     #[serde(flatten)]
-    pub mapping: TrackerSettings,
+    pub mapping: Option<TrackerSettings>,
     /// The instrument's uncertainty.
     pub uncertainty: TrackerUncertainty,
     /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
@@ -289,7 +358,7 @@ pub struct TrackerSection {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TrackerKeys {
-    topic: String,
+    topic: Option<String>,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
     #[serde(default)]
@@ -501,15 +570,18 @@ impl TryFrom<CommandedKeys> for CommandedSection {
     type Error = MissingConvention;
     fn try_from(keys: CommandedKeys) -> Result<Self, MissingConvention> {
         let missing = |key, choices| MissingConvention::new("commanded", key, choices);
-        let mapping = CommandedFile {
-            topic: keys.topic,
+        let of_topic = |topic| CommandedFile {
+            topic,
             time: keys.time,
             unit: keys.unit,
             fields: keys.fields,
             frame: keys.frame,
         };
         Ok(Self {
-            mapping: mapping.try_into()?,
+            mapping: keys
+                .topic
+                .map(|topic| of_topic(topic).try_into())
+                .transpose()?,
             base_from_command: keys
                 .base_from_command
                 .ok_or(missing("base_from_command", PLACED))?,
@@ -524,8 +596,8 @@ impl TryFrom<CommandedKeys> for CommandedSection {
 impl TryFrom<TrackerKeys> for TrackerSection {
     type Error = MissingConvention;
     fn try_from(keys: TrackerKeys) -> Result<Self, MissingConvention> {
-        let mapping = TrackerFile {
-            topic: keys.topic,
+        let of_topic = |topic| TrackerFile {
+            topic,
             time: keys.time,
             unit: keys.unit,
             fields: keys.fields,
@@ -534,7 +606,10 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             ignore_orientation: keys.ignore_orientation,
         };
         Ok(Self {
-            mapping: mapping.try_into()?,
+            mapping: keys
+                .topic
+                .map(|topic| of_topic(topic).try_into())
+                .transpose()?,
             uncertainty: keys.uncertainty.ok_or(MissingConvention::new(
                 "tracker",
                 "uncertainty",

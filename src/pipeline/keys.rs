@@ -43,6 +43,9 @@ pub struct KeySection {
     /// Whether a file without the section is not read.
     #[serde(default)]
     pub required: bool,
+    /// The section with which a file is read without this one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unless: Option<String>,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,
@@ -76,6 +79,12 @@ pub struct Key {
     /// Whether its section is not read without it.
     #[serde(default)]
     pub required: bool,
+    /// The section with which its own is read without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unless: Option<String>,
+    /// The section that has to be in the file with it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub with: Option<String>,
     /// Whether its word decides which of the other keys of the section there are.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tag: bool,

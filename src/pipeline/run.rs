@@ -35,7 +35,7 @@ use crate::report::{Angles, Split};
 
 pub use error::RunError;
 pub(super) use inputs::{input, work};
-pub(super) use session::{joined, read};
+pub(super) use session::session;
 
 /// The result of a finished piece of work.
 #[derive(Debug, Clone)]
@@ -106,8 +106,7 @@ fn run_local(
         return already_there(configuration, &lake, &key);
     };
     let mut joined = |files: &SessionFiles| {
-        let read = session::read_for(configuration, files, &mut run, progress);
-        let joined = read.and_then(|read| joined(configuration, files, read));
+        let joined = session(configuration, files, Some(&mut run), progress);
         joined.map_err(|error| error.of(files))
     };
     let training = piece
@@ -211,8 +210,8 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
         format!("; {:.0} µrad in orientation", 1e6 * rad)
     });
     let tracker = format!(
-        "on {}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
-        configuration.mapping.tracker.topic,
+        "{}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
+        configuration.reads.of_readings(),
         of.range_um,
         of.range_um_per_m,
         of.transverse_um,

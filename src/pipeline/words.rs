@@ -70,15 +70,18 @@ fn session_words(session: &JoinedSession) -> String {
     let stations = &session.joined.stations;
     let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
     let paired = stations.iter().filter(is_paired).count();
-    let clock = &session.joined.clock.model;
-    format!(
-        "{}: {} stations, {paired} measured, {} not; tracker clock {:+.4} s ahead, drift {:+.2} ppm",
+    let counted = format!(
+        "{}: {} stations, {paired} measured, {} not",
         session.name,
         stations.len(),
-        stations.len() - paired,
-        clock.offset_ns / NS_PER_S,
-        clock.drift * 1e6
-    )
+        stations.len() - paired
+    );
+    let clock = &session.joined.clock;
+    if clock.matched_edges == 0 {
+        return format!("{counted}; {}", clock.method);
+    }
+    let (ahead_s, ppm) = (clock.model.offset_ns / NS_PER_S, clock.model.drift * 1e6);
+    format!("{counted}; tracker clock {ahead_s:+.4} s ahead, drift {ppm:+.2} ppm")
 }
 
 /// For each session with several targets what stands for the readings of its stations.

@@ -101,7 +101,7 @@ fn positions(stated: &SetUp, factor: f64, unit: &str) -> Option<Hypothesis> {
         ..stated.clone()
     };
     let mistake = format!("the reported positions of joints that slide are in {unit}");
-    let edit = format!("[controller] length_unit = \"{unit}\"");
+    let edit = format!("{} = \"{unit}\"", stated.unit_keys.slides);
     Some(Hypothesis::new(mistake, edit, set_up))
 }
 
@@ -119,7 +119,8 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
             ..stated.clone()
         };
         let mistake = format!("the reported joint angles are in {unit}");
-        Hypothesis::new(mistake, format!("[controller] unit = \"{unit}\""), set_up)
+        let edit = format!("{} = \"{unit}\"", stated.unit_keys.angles);
+        Hypothesis::new(mistake, edit, set_up)
     };
     let mut all = vec![
         angle("deg", 1.0_f64.to_radians()),
@@ -132,7 +133,7 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
             reading_scale: factor,
             ..stated.clone()
         };
-        let edit = format!("[tracker] unit = \"{unit}\"");
+        let edit = format!("{} = \"{unit}\"", stated.unit_keys.readings);
         all.push(Hypothesis::new(
             format!("the tracker's positions are in {unit}"),
             edit,
@@ -142,7 +143,7 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
             command_scale: factor,
             ..stated.clone()
         };
-        let edit = format!("[commanded] unit = \"{unit}\"");
+        let edit = format!("{} = \"{unit}\"", stated.unit_keys.commands);
         all.push(Hypothesis::new(
             format!("the commanded positions are in {unit}"),
             edit,

@@ -26,6 +26,38 @@ pub struct SetUp {
     pub target_is_tool: bool,
     /// The surveyed base in the tracker's frame, mm; `None` where it is fitted.
     pub tracker_from_base: Option<Isometry3<f64>>,
+    /// The keys that state the units.
+    pub unit_keys: UnitKeys,
+}
+
+/// The keys of a pipeline file that state units, for whoever has to edit one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnitKeys {
+    /// Of reported angles.
+    pub angles: &'static str,
+    /// Of reported positions of joints that slide.
+    pub slides: &'static str,
+    /// Of measured positions.
+    pub readings: &'static str,
+    /// Of commanded positions.
+    pub commands: &'static str,
+}
+
+impl UnitKeys {
+    /// Where sessions are logs.
+    pub const LOGS: Self = Self {
+        angles: "[controller] unit",
+        slides: "[controller] length_unit",
+        readings: "[tracker] unit",
+        commands: "[commanded] unit",
+    };
+    /// Where sessions are tables of stations.
+    pub const TABLES: Self = Self {
+        angles: "[stations] joint_unit",
+        slides: "[stations] length_unit",
+        readings: "[stations.measured] unit",
+        commands: "[stations.commanded] unit",
+    };
 }
 
 impl SetUp {
@@ -42,6 +74,7 @@ impl SetUp {
             target: None,
             target_is_tool: false,
             tracker_from_base: None,
+            unit_keys: UnitKeys::LOGS,
         }
     }
 

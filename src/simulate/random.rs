@@ -57,6 +57,8 @@ pub enum Ingredient {
     Posterior = 22,
     /// Repeatability of an arm as a whole.
     Scatter = 23,
+    /// Readings of further reflectors.
+    Beside = 24,
 }
 
 /// One stream of random numbers.

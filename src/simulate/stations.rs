@@ -3,6 +3,8 @@
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::Simulated;
+use super::random::{Ingredient, Stream};
+use super::tracker::off;
 use super::truth::TrueStation;
 use crate::ingest::TargetReadings;
 use crate::join::{
@@ -24,6 +26,35 @@ impl Simulated {
             .iter()
             .map(|truth| self.station(truth, &clock))
             .collect()
+    }
+
+    /// The same stations with readings of further reflectors, at these places in the frame of the measured target, mm; the noise of
+    /// each reading is its own, and each is lost as often as a station is.
+    pub fn stations_with(&self, beside: &[Vector3<f64>]) -> Vec<Station> {
+        let settings = &self.truth.settings;
+        let mut noise = Stream::new(settings.seed, Ingredient::Beside);
+        let mut stations = self.stations();
+        for (station, truth) in stations.iter_mut().zip(&self.truth.stations) {
+            for (place, at) in beside.iter().enumerate() {
+                let (normal, drawn) = (noise.normal3(), noise.uniform());
+                let seen = truth.tracker_from_target * Point3::from(*at);
+                let position = seen + off(&seen.coords, &normal, &settings.tracker);
+                let main = station.readings.first();
+                let is_lost = drawn < settings.tracker.lost_share;
+                if let Some(main) = main.filter(|_| !is_lost).cloned() {
+                    station.readings.push(Reading {
+                        target: TargetId(place + 1),
+                        value: Value::Point(MeanPoint {
+                            position,
+                            scatter_mm: [0.0; 3],
+                            stated_covariance: None,
+                        }),
+                        ..main
+                    });
+                }
+            }
+        }
+        stations
     }
 
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {

@@ -256,7 +256,11 @@ impl<'a> View<'a> {
 }
 
 /// Error of the instrument, mm: its scale error, and noise made from three standard normal numbers.
-fn off(beam: &Vector3<f64>, normal: &Vector3<f64>, tracker: &TrackerErrors) -> Vector3<f64> {
+pub(super) fn off(
+    beam: &Vector3<f64>,
+    normal: &Vector3<f64>,
+    tracker: &TrackerErrors,
+) -> Vector3<f64> {
     beam * tracker.scale + along_and_across(beam, normal, tracker)
 }
 

@@ -164,7 +164,7 @@ fn files_of_other_formats_are_reported_with_what_to_do() {
         ("a.db3", b"SQLite format 3\0", "ros2 bag convert"),
         ("a.mcap.gz", b"\x1f\x8b\x08\0\0\0\0\0", "gunzip"),
         ("a.h5", b"\x89HDF\r\n\x1a\n", "HDF5"),
-        ("a.csv", b"time,x,y,z\n1,2,3,4\n", "CSV"),
+        ("a.log", b"time,x,y,z\n1,2,3,4\n", "CSV"),
         ("a.mcap.zst", b"\x28\xb5\x2f\xfdxxxx", "zstd"),
     ];
     for (name, bytes, advice) in cases {

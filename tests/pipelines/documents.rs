@@ -68,7 +68,13 @@ fn read(piece: &str) -> Result<(), Box<dyn std::error::Error>> {
         let file: RobotFile = with(robot, piece)?.try_into()?;
         file.arm()?;
     } else {
-        let _: PipelineFile = with("pipelines/plan-kr210.toml", piece)?.try_into()?;
+        let of_tables = piece.contains("[stations");
+        let file = if of_tables {
+            "stations-wam"
+        } else {
+            "plan-kr210"
+        };
+        let _: PipelineFile = with(&format!("pipelines/{file}.toml"), piece)?.try_into()?;
     }
     Ok(())
 }

@@ -295,7 +295,7 @@ struct List(Vec<f64>);
 
 /// Three numbers separated by commas.
 #[derive(Debug, Clone, Copy)]
-struct Triple([f64; 3]);
+pub(super) struct Triple(pub(super) [f64; 3]);
 
 fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
@@ -309,7 +309,7 @@ fn list(text: &str) -> Result<List, String> {
     numbers.map(List)
 }
 
-fn triple(text: &str) -> Result<Triple, String> {
+pub(super) fn triple(text: &str) -> Result<Triple, String> {
     let List(numbers) = list(text)?;
     let count = numbers.len();
     <[f64; 3]>::try_from(numbers)

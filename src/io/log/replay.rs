@@ -69,7 +69,8 @@ pub struct SessionRead {
 /// let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
 /// let rule = configuration.join.arm_rule();
-/// let read = read_session(&logs, &configuration.mapping, configuration.limits, &rule, &mut (), &Quiet)?;
+/// let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
+/// let read = read_session(&logs, mapping, configuration.limits, &rule, &mut (), &Quiet)?;
 /// assert!(read.rejects.is_empty(), "nothing is lost");
 /// assert!(read.input.joints.stretches.len() > 50, "dwells of the arm");
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -372,6 +372,8 @@ mod tests {
             "start_ns",
             "end_ns",
             "station",
+            "line",
+            "column",
         ];
         let wrong = wrong
             .key(&RunKey::new("r", "s", "0"))

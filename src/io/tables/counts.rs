@@ -21,11 +21,12 @@ pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
     counts
 }
 
-const STREAMS: [(&str, &str); 4] = [
+const STREAMS: [(&str, &str); 5] = [
     ("joints", "joint messages"),
     ("commands", "command messages"),
     ("readings", "reading messages"),
     ("temperatures", "temperature messages"),
+    ("rows", "table rows"),
 ];
 
 /// Messages of each stream that the pipeline file maps, where logs were read.
@@ -44,7 +45,11 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
             read: sum(format!("{stream}.messages"))?,
             kept: sum(format!("{stream}.kept")).unwrap_or(0),
             rejected: nonzero([(
-                "not_decoded_or_not_finite",
+                if stream == "rows" {
+                    "not_usable"
+                } else {
+                    "not_decoded_or_not_finite"
+                },
                 sum(format!("{stream}.rejected")).unwrap_or(0),
             )]),
         })

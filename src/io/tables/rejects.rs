@@ -4,7 +4,7 @@ use super::stations::Unpaired;
 use crate::ingest::{LogReject, SpanClock};
 use crate::io::table::{Word, row, words};
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::{JoinReject, Station};
+use crate::join::{JoinReject, RowItem, RowReject, Station};
 
 row! {
     /// Items left out for one reason at one place.
@@ -33,8 +33,12 @@ row! {
         start_ns: Option<i64>,
         /// Last moment, ns.
         end_ns: Option<i64>,
-        /// The station of a dwell; `None` for other items.
+        /// The station of a dwell, or of a reading in a table; `None` for other items.
         station: Option<usize>,
+        /// Line in a table of stations, from 1.
+        line: Option<u64>,
+        /// The column at fault in a table of stations.
+        column: Option<String>,
     }
 }
 
@@ -58,6 +62,8 @@ pub enum RejectKind {
     Readings,
     /// A dwell.
     Dwell,
+    /// A row of a table of stations.
+    Rows,
 }
 
 words! {
@@ -67,6 +73,7 @@ words! {
         Messages: "messages",
         Readings: "readings",
         Dwell: "dwell",
+        Rows: "rows",
     }
 }
 
@@ -75,7 +82,8 @@ pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
     let logs = session.log_rejects.iter().map(of_log);
     let readings = session.joined.rejects.iter().map(of_readings);
     let dwells = session.joined.stations.iter().filter_map(of_dwell);
-    let all = logs.chain(readings).chain(dwells).enumerate();
+    let rows = session.joined.row_rejects.iter().map(of_row);
+    let all = logs.chain(rows).chain(readings).chain(dwells).enumerate();
     all.map(|(reject, row)| RejectRow { reject, ..row })
         .collect()
 }
@@ -96,6 +104,8 @@ fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
         start_ns: None,
         end_ns: None,
         station: None,
+        line: None,
+        column: None,
     }
 }
 
@@ -117,6 +127,20 @@ fn of_log(log: &LogReject) -> RejectRow {
         start_ns: log.time_span_ns.map(|(start, _)| start),
         end_ns: log.time_span_ns.map(|(_, end)| end),
         ..of(Stage::Ingest, kind, number, &log.reason)
+    }
+}
+
+fn of_row(reject: &RowReject) -> RejectRow {
+    let (stage, kind) = match reject.kind {
+        RowItem::Row => (Stage::Ingest, RejectKind::Rows),
+        RowItem::Reading => (Stage::Join, RejectKind::Readings),
+    };
+    RejectRow {
+        file: Some(reject.file.clone()),
+        station: reject.station,
+        line: Some(reject.line),
+        column: reject.column.clone(),
+        ..of(stage, kind, 1, &reject.reason)
     }
 }
 

@@ -9,7 +9,7 @@ use super::{ConfigurationError, ConfigurationErrorKind};
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
-use crate::ingest::WrongFields;
+use crate::ingest::{StationsSettings, WrongFields};
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
@@ -38,6 +38,7 @@ pub(super) fn check(
     file.join
         .check()
         .map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
+    commands(path, file)?;
     if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
         return Err(ConfigurationErrorKind::Missing {
             key: "[tracker] uncertainty.orientation_rad",
@@ -48,6 +49,25 @@ pub(super) fn check(
     Ok(())
 }
 
+/// Checks that commands of tables have frames, and that frames of commands have commands.
+fn commands(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> {
+    let Some(stations) = &file.stations else {
+        return Ok(());
+    };
+    let (key, reason) = match (&stations.commanded, &file.commanded) {
+        (Some(_), None) => (
+            "[commanded]",
+            "[stations] has commanded poses; state their frames: base_from_command, flange_from_tool, target_is_tool",
+        ),
+        (None, Some(_)) => (
+            "[stations] commanded",
+            "[commanded] states the frames of commands; name their columns, or leave [commanded] out",
+        ),
+        _ => return Ok(()),
+    };
+    Err(ConfigurationErrorKind::Missing { key, reason }.at(path))
+}
+
 /// Checks that the unit of positions is stated where `arm` has a joint that slides, and nowhere else.
 pub(super) fn length_unit(
     path: &Path,
@@ -55,7 +75,11 @@ pub(super) fn length_unit(
     arm: &Arm,
 ) -> Result<(), ConfigurationError> {
     let slide = arm.joints().iter().find(|joint| joint.slides);
-    let (found, wanted) = match (slide, file.controller.length_unit) {
+    let stated = match (&file.stations, &file.controller) {
+        (Some(stations), _) => stations.length_unit,
+        (None, controller) => controller.as_ref().and_then(|own| own.length_unit),
+    };
+    let (found, wanted) = match (slide, stated) {
         (Some(joint), None) => (
             "absent".to_owned(),
             format!(
@@ -70,7 +94,12 @@ pub(super) fn length_unit(
         ),
         _ => return Ok(()),
     };
-    let key = "[controller] length_unit".to_owned();
+    let section = if file.stations.is_some() {
+        "stations"
+    } else {
+        "controller"
+    };
+    let key = format!("[{section}] length_unit");
     Err(told(path, Wrong { key, found, wanted }))
 }
 
@@ -139,16 +168,22 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
             wanted: fields.wanted,
         }
     };
-    let controller = &file.controller.fields;
-    controller.check(joints).map_err(of_section("controller"))?;
-    paths("[controller] fields", &controller.paths())?;
-    let tracker = &file.tracker.mapping.fields;
-    tracker.check().map_err(of_section("tracker"))?;
-    paths("[tracker] fields", &tracker.paths())?;
-    let Some(commanded) = file.commanded.as_ref() else {
+    if let Some(stations) = &file.stations {
+        return columns(stations, joints);
+    }
+    if let Some(controller) = file.controller.as_ref().map(|own| &own.fields) {
+        controller.check(joints).map_err(of_section("controller"))?;
+        paths("[controller] fields", &controller.paths())?;
+    }
+    if let Some(tracker) = file.tracker.mapping.as_ref().map(|own| &own.fields) {
+        tracker.check().map_err(of_section("tracker"))?;
+        paths("[tracker] fields", &tracker.paths())?;
+    }
+    let commanded = file.commanded.as_ref();
+    let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else {
         return Ok(());
     };
-    let commanded = &commanded.mapping.fields;
+    let commanded = &commanded.fields;
     commanded.check().map_err(of_section("commanded"))?;
     wrong_unless(
         commanded.temperature.is_none(),
@@ -157,6 +192,58 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         "left out: temperatures are read by [tracker]",
     )?;
     paths("[commanded] fields", &commanded.paths())
+}
+
+/// Checks the columns of a table of stations that need no table to be wrong.
+fn columns(stations: &StationsSettings, joints: usize) -> Check {
+    wrong_unless(
+        stations.joints.len() == joints,
+        "[stations] joints",
+        format!("{} columns", stations.joints.len()),
+        format!("{joints}, one for each reported joint of the robot file, from base to flange"),
+    )?;
+    let names = stations.target_names();
+    let is_long = stations.target.is_some();
+    wrong_unless(
+        !names.is_empty(),
+        if is_long {
+            "[stations] targets"
+        } else {
+            "[stations] measured"
+        },
+        "empty",
+        "the targets that are measured, the main one first",
+    )?;
+    let twice = names
+        .iter()
+        .enumerate()
+        .find(|(place, name)| names[..*place].contains(name));
+    wrong_unless(
+        twice.is_none(),
+        "[stations] targets",
+        twice.map_or_else(String::new, |(_, name)| format!("{name:?} twice")),
+        "names, each of one target",
+    )?;
+    wrong_unless(
+        is_long || stations.targets.is_empty(),
+        "[stations] targets",
+        "without target",
+        "left out: each table of [[stations.measured]] has the name of its target",
+    )?;
+    wrong_unless(
+        !is_long || (stations.station.is_some() && stations.measured.len() == 1),
+        "[stations] target",
+        "a column of targets",
+        "beside `station`, the column that says which rows belong together, and one [stations.measured]",
+    )?;
+    each(stations.missing.iter(), |number| {
+        wrong_unless(
+            number.is_finite(),
+            "[stations] missing",
+            number,
+            "finite numbers; blanks and NaN are missing anyway",
+        )
+    })
 }
 
 fn paths(key: &str, paths: &[&str]) -> Check {

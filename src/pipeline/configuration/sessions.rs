@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use super::tree::Tree;
 use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
+use crate::ingest::StationsSettings;
 use crate::io::log::{Limits, SessionLogs};
 use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
 use found::{Found, Session};
@@ -21,13 +22,53 @@ use found::{Found, Session};
 /// The session of a pooled fit.
 pub const POOLED: &str = "pooled";
 
-/// One session's logs.
+/// The files that a session was recorded into.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Recorded {
+    /// The logs of its two sides.
+    Logs(SessionLogs),
+    /// A table of its stations.
+    Table(SessionTable),
+}
+
+impl Recorded {
+    /// Its logs; `None` of a table.
+    pub const fn logs(&self) -> Option<&SessionLogs> {
+        match self {
+            Self::Logs(logs) => Some(logs),
+            Self::Table(_) => None,
+        }
+    }
+
+    /// The path of each file, for changes.
+    pub fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
+        match self {
+            Self::Logs(logs) => logs
+                .controller
+                .iter_mut()
+                .chain(&mut logs.tracker)
+                .collect(),
+            Self::Table(table) => vec![&mut table.path],
+        }
+    }
+}
+
+/// A table with the stations of a session.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SessionTable {
+    /// The file.
+    pub path: PathBuf,
+    /// The session's name in the table's column of sessions; `None` where the whole table is of one session.
+    pub session: Option<String>,
+}
+
+/// One session's files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionFiles {
     /// The session's name.
     pub name: String,
-    /// The files of its two sides.
-    pub logs: SessionLogs,
+    /// What was measured.
+    pub recorded: Recorded,
     /// The file of corrected targets that drove it.
     pub corrected: Option<PathBuf>,
 }
@@ -102,16 +143,21 @@ pub(super) fn list(
     tree: &Tree,
     folder: &Path,
     input: &InputSection,
+    stations: Option<&StationsSettings>,
     limits: Limits,
     overrides: &Overrides,
 ) -> Result<Listed, ConfigurationError> {
-    for (key, names) in [
+    let logs = [
         ("controller", &input.controller),
         ("tracker", &input.tracker),
-    ] {
+    ];
+    let table = input.stations.as_ref().map(|names| ("stations", names));
+    let named = logs.into_iter().filter(|_| table.is_none()).chain(table);
+    for (key, names) in named {
         name_sessions(path, key, names, input.sessions_by)?;
     }
-    let found = Found::look(tree, folder, input, limits).map_err(|source| {
+    by_what_there_is(path, input, stations)?;
+    let found = Found::look(tree, folder, input, stations, limits).map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
@@ -136,6 +182,40 @@ pub(super) fn list(
         // Entries that are no session matter only where every session of the folder is asked for.
         left_out: named.map_or(found.left_out, |_| Vec::new()),
     })
+}
+
+/// Checks that sessions are made by something that their files have.
+fn by_what_there_is(
+    path: &Path,
+    input: &InputSection,
+    stations: Option<&StationsSettings>,
+) -> Result<(), ConfigurationError> {
+    let has_column = stations.is_some_and(|stations| stations.session.is_some());
+    let (found, wanted) = match (input.sessions_by, stations.is_some()) {
+        (SessionsBy::Column, false) => (
+            "column",
+            "\"folder\", \"file_name\" or \"metadata\": logs have no columns",
+        ),
+        (SessionsBy::Metadata, true) => (
+            "metadata",
+            "\"folder\", \"file_name\" or \"column\": tables have no metadata",
+        ),
+        (SessionsBy::Column, true) if !has_column => (
+            "column",
+            "with [stations] session, the column that names a row's session",
+        ),
+        (SessionsBy::Folder | SessionsBy::FileName, true) if has_column => (
+            "not column",
+            "\"column\", as [stations] session names a column of sessions",
+        ),
+        _ => return Ok(()),
+    };
+    let setting = ConfigurationErrorKind::Setting {
+        key: "[input] sessions_by".to_owned(),
+        found: format!("{found:?}"),
+        wanted: wanted.to_owned(),
+    };
+    Err(setting.at(path))
 }
 
 /// Checks that names have `{session}` in their last part where sessions are found by it, and nowhere else.
@@ -231,12 +311,12 @@ fn judge(session: &Session) -> Result<SessionFiles, Why> {
 
 impl Session {
     fn files(&self) -> Result<SessionFiles, &Why> {
-        let files = |logs: &SessionLogs| SessionFiles {
+        let files = |recorded: &Recorded| SessionFiles {
             name: self.name.clone(),
-            logs: logs.clone(),
+            recorded: recorded.clone(),
             corrected: self.corrected.clone(),
         };
-        self.logs.as_ref().map(files)
+        self.recorded.as_ref().map(files)
     }
 }
 
@@ -291,7 +371,7 @@ fn nothing(
     let left = found.left_out.iter();
     ConfigurationError::NoSessions {
         folder: folder.to_owned(),
-        wanted: input.sessions_by.of(&input.controller, &input.tracker),
+        wanted: input.sessions_by.of(input),
         left_out: left
             .map(|left| format!("{} ({})", left.name, left.reason))
             .collect(),

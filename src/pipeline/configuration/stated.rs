@@ -10,7 +10,7 @@ use crate::geometry::Placement;
 use crate::io::robot::ready::{READY, ReadyRobot};
 use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
-use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp};
+use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys};
 
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
@@ -40,6 +40,11 @@ impl StatedSetUp {
                     .map(|target| Vector3::from(target.xyz_mm)),
                 target_is_tool: placed.target_is_tool == Some(true),
                 tracker_from_base: surveyed,
+                unit_keys: if file.stations.is_some() {
+                    UnitKeys::TABLES
+                } else {
+                    UnitKeys::LOGS
+                },
                 ..SetUp::of_arm(arm.clone())
             },
             alternatives: Alternatives {

@@ -97,7 +97,7 @@ fn of_section(
     let of_place = |place: &str| {
         let steps: Vec<&str> = place.split('.').filter(|step| !step.is_empty()).collect();
         let found = tables(file, &steps, text);
-        if found.is_empty() && section.required {
+        if found.is_empty() && section.required && !has_section(file, section.unless.as_ref()) {
             return vec![whole(section)];
         }
         let lack = |found: &Found<'_, '_>| of_table(reference, section, place, file, found);
@@ -117,6 +117,11 @@ fn whole(section: &'static KeySection) -> Lack {
 
 fn required(section: &'static KeySection) -> impl Iterator<Item = &'static Key> {
     section.keys.iter().filter(|key| key.required)
+}
+
+/// Whether the file has the section that makes another one needless.
+fn has_section(file: &DeTable<'_>, section: Option<&String>) -> bool {
+    section.is_some_and(|section| file.keys().any(|key| key.get_ref() == section))
 }
 
 /// Whether a key belongs to every turning joint of the convention that the file names. Other kinds of joint lack some of the keys.
@@ -142,7 +147,8 @@ fn of_table(
     // Which keys there have to be follows from a tag: the reader tells it.
     let tagged = section.keys.iter().any(|key| key.tag);
     let needed = section.keys.iter();
-    let needed = needed.filter(|key| key.required || is_of_convention(key, file, found.table));
+    let is_required = |key: &Key| key.required && !has_section(file, key.unless.as_ref());
+    let needed = needed.filter(|key| is_required(key) || is_of_convention(key, file, found.table));
     let missing = needed.filter(|key| !tagged && !has(&key.key));
     let unknown = found.table.keys().map(|key| key.get_ref().to_string());
     Lack {

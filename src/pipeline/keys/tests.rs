@@ -113,8 +113,50 @@ impl Parity {
     /// The least file with a change in the section at a path.
     fn with(&self, place: &str, change: impl FnOnce(&mut Table)) -> Result<String, String> {
         let mut file = self.least();
+        self.meet(&mut file, place.split('.').next().unwrap_or_default());
         change(self.open(&mut file, place));
+        for section in self.asked_for(&file) {
+            self.meet(&mut file, &section);
+        }
         (self.read)(Value::Table(file))
+    }
+
+    /// Sections that a key of the file needs and that the file does not have.
+    fn asked_for(&self, file: &Table) -> Vec<String> {
+        let keys = self.places().flat_map(|(section, place)| {
+            let own = section.keys.iter().filter(|key| key.with.is_some());
+            own.map(move |key| (place, key))
+        });
+        let asked = keys.filter(|(place, key)| {
+            let own = file.get(*place).and_then(Value::as_table);
+            own.is_some_and(|own| own.contains_key(&key.key))
+        });
+        let sections = asked.filter_map(|(_, key)| key.with.clone());
+        sections.filter(|name| !file.contains_key(name)).collect()
+    }
+
+    /// Makes a file one with this section: without what it makes needless, and with the keys that need it.
+    fn meet(&self, file: &mut Table, name: &str) {
+        let needless = |of: &Option<String>| of.as_deref() == Some(name);
+        let mut met = false;
+        for section in &self.reference.sections {
+            if needless(&section.unless) {
+                file.remove(&section.name);
+                met = true;
+            } else if let Some(Value::Table(table)) = file.get_mut(&section.name) {
+                for key in &section.keys {
+                    if needless(&key.unless) {
+                        table.remove(&key.key);
+                    } else if needless(&key.with) {
+                        let example = key.example.clone().expect("an example");
+                        table.entry(key.key.clone()).or_insert(example);
+                    }
+                }
+            }
+        }
+        if met {
+            self.open(file, name);
+        }
     }
 
     /// Every place of every section that is a table and nothing else.

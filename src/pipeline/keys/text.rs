@@ -18,7 +18,11 @@ impl fmt::Display for KeyReference {
 
 impl fmt::Display for KeySection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let required = if self.required { "  required" } else { "" };
+        let required = match &self.unless {
+            _ if !self.required => String::new(),
+            None => "  required".to_owned(),
+            Some(section) => format!("  required without [{section}]"),
+        };
         writeln!(f, "\n{}{required}", self.heading())?;
         writeln!(f, "    {}", self.about)?;
         self.keys.iter().try_for_each(|key| write!(f, "{key}"))
@@ -62,7 +66,10 @@ impl Key {
     /// What holds where the key is absent.
     fn without(&self) -> String {
         match (&self.default, &self.absent) {
-            _ if self.required => "required".to_owned(),
+            _ if self.required => match &self.unless {
+                None => "required".to_owned(),
+                Some(section) => format!("required without [{section}]"),
+            },
             (Some(value), _) => format!("default {value}"),
             (None, Some(words)) => format!("without it: {words}"),
             (None, None) => "may be left out".to_owned(),

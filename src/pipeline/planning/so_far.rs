@@ -166,10 +166,7 @@ impl Planning {
             .flat_map(|piece| &piece.training)
             .next();
         let files = files.expect("a configuration of one session has its files");
-        let read = run::read(&configuration, files, &mut (), progress);
-        Ok(read
-            .and_then(|read| run::joined(&configuration, files, read))
-            .map_err(Box::new)?)
+        Ok(run::session(&configuration, files, None, progress).map_err(Box::new)?)
     }
 
     /// The full error model of the stations that take part.

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::io::lake::LakeError;
 use crate::io::log::LogError;
+use crate::io::station_table::StationTableError;
 use crate::io::tables::PublishError;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
@@ -37,6 +38,17 @@ pub enum RunError {
     /// A log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// A table of stations cannot be read.
+    #[error(transparent)]
+    Table(#[from] StationTableError),
+    /// A session of logs where the pipeline file reads tables, or the other way round.
+    #[error(
+        "session {session}: it was recorded in another way than [input] reads: as logs or as a table of stations"
+    )]
+    OtherKind {
+        /// The session.
+        session: String,
+    },
     /// One session of the work cannot be used; a pool may do without it.
     #[error("{source}")]
     OfSession {

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::RunError;
 use crate::io::input::{self, Bound};
-use crate::io::log::read_metadata;
+use crate::io::log::{SessionLogs, read_metadata};
+use crate::io::station_table;
 use crate::manifest::{self, Input, Work};
-use crate::pipeline::configuration::{Configuration, SessionFiles, WorkPiece};
+use crate::pipeline::configuration::{
+    Configuration, Reads, Recorded, SessionFiles, SessionTable, WorkPiece,
+};
 
 /// The work's identity. A log is opened here only where neither the pipeline file nor the command line names the robot.
 pub(in crate::pipeline) fn work(
@@ -15,7 +18,7 @@ pub(in crate::pipeline) fn work(
 ) -> Result<Work, RunError> {
     let mut inputs = vec![input(&configuration.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
-        inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
+        inputs.extend(session_inputs(configuration, files).map_err(|error| error.of(files))?);
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
     Ok(Work {
@@ -29,16 +32,54 @@ pub(in crate::pipeline) fn work(
     })
 }
 
-fn session_inputs(files: &SessionFiles) -> Result<Vec<Input>, RunError> {
-    let (logs, name) = (&files.logs, &files.name);
-    let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
-    if logs.tracker != logs.controller {
-        inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
-    }
+fn session_inputs(
+    configuration: &Configuration,
+    files: &SessionFiles,
+) -> Result<Vec<Input>, RunError> {
+    let name = &files.name;
+    let mut inputs = match &files.recorded {
+        Recorded::Logs(logs) => both_logs(logs, name)?,
+        Recorded::Table(table) => vec![table_input(
+            configuration,
+            table,
+            &format!("{name}/stations"),
+        )?],
+    };
     let corrected = files.corrected.iter();
     let corrected = corrected.map(|path| input(path, &format!("{name}/corrected")));
     inputs.extend(corrected.collect::<Result<Vec<_>, _>>()?);
     Ok(inputs)
+}
+
+fn both_logs(logs: &SessionLogs, name: &str) -> Result<Vec<Input>, RunError> {
+    let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
+    if logs.tracker != logs.controller {
+        inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
+    }
+    Ok(inputs)
+}
+
+/// A table as an input: the file, or its rows of one session where it has several.
+fn table_input(
+    configuration: &Configuration,
+    table: &SessionTable,
+    name: &str,
+) -> Result<Input, RunError> {
+    let (Some(session), Reads::Tables(settings)) = (&table.session, &configuration.reads) else {
+        return input(&table.path, name);
+    };
+    let bound = Bound::of(configuration.limits);
+    let rows = station_table::of_session(&table.path, settings, session, bound)?;
+    let wrong = |source| RunError::Input {
+        path: table.path.clone(),
+        source,
+    };
+    let (digest, bytes) = manifest::digest(rows.as_bytes()).map_err(wrong)?;
+    Ok(Input {
+        name: name.to_owned(),
+        bytes,
+        digest,
+    })
 }
 
 /// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
@@ -90,6 +131,7 @@ fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
-    let mut metadata = read_metadata(&files.logs, configuration.limits)?;
+    let logs = files.recorded.logs().ok_or_else(none)?;
+    let mut metadata = read_metadata(logs, configuration.limits)?;
     metadata.remove("session.robot").ok_or_else(none)
 }

@@ -1,97 +1,190 @@
-//! One session: read and joined.
+//! One session: read and joined, from its two logs or from a table of its stations.
+
+use std::collections::BTreeMap;
 
 use nalgebra::Isometry3;
 
 use super::RunError;
 use crate::fit::commanded::{CommandFrames, commanded};
+use crate::ingest::{Mapping, StationsSettings};
+use crate::io::input::Bound;
 use crate::io::lake::OpenRun;
-use crate::io::log::{JointSink, SessionRead, read_session};
+use crate::io::log::{JointSink, SessionLogs, SessionRead, read_session};
+use crate::io::station_table;
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::supposed::Supposed;
-use crate::join::{JoinError, Joined, join};
-use crate::pipeline::configuration::{Configuration, SessionFiles};
+use crate::join::tabled::tabled;
+use crate::join::{JoinError, Joined, RowItem, join};
+use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
 use crate::setup::{self, Evidence, Finding};
 
-/// Reads a session, and writes its decoded samples at the same time, where they are to be published.
-pub(super) fn read_for(
+/// Reads and joins a session. Decoded samples of its logs are written to `run`, where there is one and the pipeline file publishes
+/// them.
+pub(in crate::pipeline) fn session(
     configuration: &Configuration,
     files: &SessionFiles,
-    run: &mut OpenRun<'_>,
+    run: Option<&mut OpenRun<'_>>,
     progress: &dyn Progress,
-) -> Result<SessionRead, RunError> {
-    if !configuration.logs {
-        return read(configuration, files, &mut (), progress);
-    }
-    let mut samples = LogTable::new(run, &files.name);
-    let read = read(configuration, files, &mut samples, progress)?;
-    if let Some(table) = samples.finish(&read.input)? {
-        run.keep(table);
-    }
-    Ok(read)
-}
-
-/// Reads a session; its joint samples go to `sink` too.
-pub(in crate::pipeline) fn read(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    sink: &mut dyn JointSink,
-    progress: &dyn Progress,
-) -> Result<SessionRead, RunError> {
-    let (logs, mapping, rule) = (
-        &files.logs,
-        &configuration.mapping,
-        configuration.join.arm_rule(),
-    );
-    let read = read_session(logs, mapping, configuration.limits, &rule, sink, progress)?;
-    // No more of the logs may be lost than the pipeline file allows.
-    damage::within(&read.counts, configuration.max_lost_share).map_err(|damage| {
-        RunError::Damaged {
-            session: files.name.clone(),
-            damage,
-        }
-    })?;
-    Ok(read)
-}
-
-/// Joins a session that was read.
-pub(in crate::pipeline) fn joined(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    read: SessionRead,
 ) -> Result<JoinedSession, RunError> {
-    let joined = join(&read.input, &configuration.arm, &configuration.join)
-        .map_err(|source| unjoined(configuration, files, &read, source))?;
-    let set_up = set_up(configuration, files, &read, &joined)?;
+    match (&files.recorded, &configuration.reads) {
+        (Recorded::Logs(logs), Reads::Logs(mapping)) => {
+            let own = OwnLogs {
+                configuration,
+                files,
+                logs,
+                mapping,
+            };
+            own.joined(own.read_into(run, progress)?)
+        }
+        (Recorded::Table(table), Reads::Tables(settings)) => {
+            of_table(configuration, files, table, settings)
+        }
+        // Sessions are looked for as what the pipeline file reads.
+        (Recorded::Logs(_), Reads::Tables(_)) | (Recorded::Table(_), Reads::Logs(_)) => {
+            Err(RunError::OtherKind {
+                session: files.name.clone(),
+            })
+        }
+    }
+}
+
+/// The logs of a session, and how they are read.
+struct OwnLogs<'a> {
+    configuration: &'a Configuration,
+    files: &'a SessionFiles,
+    logs: &'a SessionLogs,
+    mapping: &'a Mapping,
+}
+
+impl OwnLogs<'_> {
+    /// Reads the logs, and writes their decoded samples at the same time, where they are to be published.
+    fn read_into(
+        &self,
+        run: Option<&mut OpenRun<'_>>,
+        progress: &dyn Progress,
+    ) -> Result<SessionRead, RunError> {
+        let Some(run) = run.filter(|_| self.configuration.logs) else {
+            return self.read(&mut (), progress);
+        };
+        let mut samples = LogTable::new(run, &self.files.name);
+        let read = self.read(&mut samples, progress)?;
+        if let Some(table) = samples.finish(&read.input)? {
+            run.keep(table);
+        }
+        Ok(read)
+    }
+
+    /// Reads the logs; their joint samples go to `sink` too.
+    fn read(
+        &self,
+        sink: &mut dyn JointSink,
+        progress: &dyn Progress,
+    ) -> Result<SessionRead, RunError> {
+        let (limits, rule) = (
+            self.configuration.limits,
+            self.configuration.join.arm_rule(),
+        );
+        let read = read_session(self.logs, self.mapping, limits, &rule, sink, progress)?;
+        // No more of the logs may be lost than the pipeline file allows.
+        damage::within(&read.counts, self.configuration.max_lost_share).map_err(|damage| {
+            RunError::Damaged {
+                session: self.files.name.clone(),
+                damage,
+            }
+        })?;
+        Ok(read)
+    }
+
+    /// Joins the logs that were read.
+    fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
+        let (configuration, files) = (self.configuration, self.files);
+        let joined = join(&read.input, &configuration.arm, &configuration.join)
+            .map_err(|source| unjoined(configuration, files, &read, source))?;
+        // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
+        let set_up = set_up(configuration, files, &joined, || {
+            explained_anew(configuration, &read)
+        })?;
+        Ok(JoinedSession {
+            sampling_plan: read.metadata.get("session.plan").cloned(),
+            log_rejects: read.rejects,
+            counts: read.counts,
+            set_up,
+            ..with_commands(configuration, files, joined)?
+        })
+    }
+}
+
+/// The session of a table of stations.
+fn of_table(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    table: &SessionTable,
+    settings: &StationsSettings,
+) -> Result<JoinedSession, RunError> {
+    let joints = configuration.arm.joints().iter();
+    let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
+    let bound = Bound::of(configuration.limits);
+    let read = station_table::read(
+        &table.path,
+        settings,
+        table.session.as_deref(),
+        &slides,
+        bound,
+    )?;
+    let joined = tabled(read.rows, &configuration.arm, &configuration.join);
+    let set_up = set_up(configuration, files, &joined, || None)?;
+    Ok(JoinedSession {
+        counts: row_counts(read.read, &joined),
+        set_up,
+        ..with_commands(configuration, files, joined)?
+    })
+}
+
+/// Rows read, kept and rejected, as the messages of a log are counted.
+fn row_counts(read: u64, joined: &Joined) -> BTreeMap<String, u64> {
+    let rejects = joined.row_rejects.iter();
+    let rejected = rejects.filter(|own| own.kind == RowItem::Row).count() as u64;
+    let counts = [
+        ("rows.messages", read),
+        ("rows.kept", read.saturating_sub(rejected)),
+        ("rows.rejected", rejected),
+    ];
+    counts.map(|(name, count)| (name.to_owned(), count)).into()
+}
+
+/// A session with the commands of its stations and the targets that drove it.
+fn with_commands(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    joined: Joined,
+) -> Result<JoinedSession, RunError> {
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,
     };
-    let commanded = commanded(
-        &joined.stations,
-        &configuration.arm,
-        &configuration.command_frames.unwrap_or(no_commands),
-    );
+    let frames = configuration.command_frames.unwrap_or(no_commands);
     Ok(JoinedSession {
         name: files.name.clone(),
-        sampling_plan: read.metadata.get("session.plan").cloned(),
+        sampling_plan: None,
         driven_by: driven::driven_by(files, &joined.stations, configuration.limits)?,
-        log_rejects: read.rejects,
-        counts: read.counts,
+        log_rejects: Vec::new(),
+        counts: BTreeMap::new(),
+        commanded: commanded(&joined.stations, &configuration.arm, &frames),
         joined,
-        commanded,
-        set_up,
+        set_up: None,
     })
 }
 
-/// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small.
+/// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small. `anew` is
+/// the mistake that explains it when the session is joined anew.
 fn set_up(
     configuration: &Configuration,
     files: &SessionFiles,
-    read: &SessionRead,
     joined: &Joined,
+    anew: impl FnOnce() -> Option<Finding>,
 ) -> Result<Option<Finding>, RunError> {
     let stated = &configuration.set_up;
     let gate_mm = configuration.join.geometry_gate_mm;
@@ -99,12 +192,7 @@ fn set_up(
     let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
     match found {
         Some(finding) if finding.is_grave => {
-            // Where nothing explains all of it, the logs may be joined at a wrong offset.
-            let anew = if finding.explains_all {
-                None
-            } else {
-                explained_anew(configuration, read)
-            };
+            let anew = if finding.explains_all { None } else { anew() };
             Err(RunError::SetUp {
                 session: files.name.clone(),
                 finding: Box::new(anew.unwrap_or(finding)),

@@ -109,7 +109,7 @@ impl Source {
             return None;
         };
         let session = fetched.piece().training.last()?;
-        let mut metadata = read_metadata(&session.logs, configuration.limits).ok()?;
+        let mut metadata = read_metadata(session.recorded.logs()?, configuration.limits).ok()?;
         metadata.remove("session.plan")
     }
 

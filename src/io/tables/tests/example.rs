@@ -21,7 +21,10 @@ use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
-use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
+use crate::join::{
+    ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
+    Station,
+};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
 use crate::report::frame::StatedFrame;
@@ -135,9 +138,18 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 readings: 4,
                 reason: "moving: the target was not stationary".to_owned(),
             }],
+            row_rejects: vec![RowReject {
+                kind: RowItem::Reading,
+                file: "measured.csv".to_owned(),
+                line: 734,
+                column: Some("x [mm]".to_owned()),
+                station: Some(2),
+                reason: "missing: the cell is blank".to_owned(),
+            }],
             counts: ReadingCounts {
                 kept: 20,
                 moving: 4,
+                missing: 1,
                 ..ReadingCounts::default()
             },
             found: Found {

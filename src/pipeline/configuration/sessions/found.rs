@@ -5,8 +5,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+mod tables;
+
 use super::growing::growing;
-use super::{LeftOut, POOLED, Tree, Why, logs};
+use super::{LeftOut, POOLED, Recorded, SessionTable, Tree, Why, logs};
+use crate::ingest::StationsSettings;
+use crate::io::input::Bound;
 use crate::io::lake;
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
@@ -17,8 +21,8 @@ use logs::Lack;
 pub struct Session {
     /// Its name.
     pub name: String,
-    /// The files of its two sides.
-    pub logs: Result<SessionLogs, Why>,
+    /// What was measured.
+    pub recorded: Result<Recorded, Why>,
     /// The file of corrected targets that drove it.
     pub corrected: Option<PathBuf>,
 }
@@ -32,6 +36,7 @@ pub struct Found<'a> {
     tree: &'a Tree,
     folder: &'a Path,
     input: &'a InputSection,
+    stations: Option<&'a StationsSettings>,
     limits: Limits,
     /// By name.
     pub sessions: Vec<Session>,
@@ -45,20 +50,23 @@ impl<'a> Found<'a> {
         tree: &'a Tree,
         folder: &'a Path,
         input: &'a InputSection,
+        stations: Option<&'a StationsSettings>,
         limits: Limits,
     ) -> io::Result<Self> {
         let mut found = Self {
             tree,
             folder,
             input,
+            stations,
             limits,
             sessions: Vec::new(),
             left_out: Vec::new(),
         };
-        match input.sessions_by {
-            SessionsBy::Folder => found.by_folder()?,
-            SessionsBy::FileName => found.by_file_name()?,
-            SessionsBy::Metadata => found.by_metadata()?,
+        match (&input.stations, input.sessions_by) {
+            (Some(names), _) => found.tables(names)?,
+            (None, SessionsBy::Folder) => found.by_folder()?,
+            (None, SessionsBy::FileName) => found.by_file_name()?,
+            (None, SessionsBy::Metadata | SessionsBy::Column) => found.by_metadata()?,
         }
         found.names_are_sound();
         Ok(found)
@@ -69,7 +77,7 @@ impl<'a> Found<'a> {
         let found = self.sessions.iter().find(|session| session.name == name);
         found.cloned().unwrap_or_else(|| Session {
             name: name.to_owned(),
-            logs: Err(Why::Bad(self.not_there(name))),
+            recorded: Err(Why::Bad(self.not_there(name))),
             corrected: None,
         })
     }
@@ -197,7 +205,7 @@ impl<'a> Found<'a> {
         };
         self.sessions.push(Session {
             name,
-            logs,
+            recorded: logs.map(Recorded::Logs),
             corrected,
         });
     }
@@ -229,12 +237,12 @@ impl<'a> Found<'a> {
             if session.name == POOLED {
                 let reason =
                     format!("{POOLED:?} is what pooled fits are named; rename the session");
-                session.logs = Err(Why::Bad(reason));
+                session.recorded = Err(Why::Bad(reason));
             } else if let Err(error) = lake::check_name("session", &session.name) {
-                session.logs = Err(Why::Bad(error.to_string()));
+                session.recorded = Err(Why::Bad(error.to_string()));
             } else if counts[&session.name] > 1 {
                 let reason = "two folders have this name, as far as it is text; rename one";
-                session.logs = Err(Why::Bad(reason.to_owned()));
+                session.recorded = Err(Why::Bad(reason.to_owned()));
             }
         }
     }

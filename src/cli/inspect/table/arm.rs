@@ -1,0 +1,59 @@
+//! The arm that a table is said to be of: a robot file, a URDF, or the name of a ready robot.
+
+use std::io;
+use std::path::Path;
+
+use thiserror::Error;
+
+use crate::io::inspect::table::Arms;
+use crate::io::robot::ready::ReadyRobot;
+use crate::io::robot::{self, Selection};
+use crate::pipeline::robot_file::{self, NoRobotFile};
+
+/// The reason why there is no arm.
+#[derive(Debug, Error)]
+pub enum NoArm {
+    /// The file cannot be read.
+    #[error("--robot {path}: {source}; `posegrid robot --list` names the ready robots")]
+    Read {
+        /// The argument.
+        path: String,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// It is no robot file.
+    #[error("--robot {path}{}: {source}", source.on_line())]
+    File {
+        /// The argument.
+        path: String,
+        /// The fault.
+        source: Box<NoRobotFile>,
+    },
+}
+
+/// The arm that was named, or the ready ones.
+pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> {
+    let Some(path) = robot else {
+        return Ok(Arms::ready());
+    };
+    let named = path.display().to_string();
+    let ready = path.to_str().and_then(ReadyRobot::find);
+    let (file, text) = match (robot::text(path), ready) {
+        (Ok(text), _) => (named.clone(), text),
+        (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
+            (robot.file.to_owned(), robot.text.to_owned())
+        }
+        (Err(source), _) => {
+            return Err(NoArm::Read {
+                path: named,
+                source,
+            });
+        }
+    };
+    let arm = robot_file::arm(path, &text, selection);
+    let arm = arm.map_err(|source| NoArm::File {
+        path: named,
+        source: Box::new(source),
+    })?;
+    Ok(Arms::named(file, arm))
+}

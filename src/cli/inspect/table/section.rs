@@ -1,0 +1,390 @@
+//! The sections of a pipeline file that would read a table of stations, with what is unsure beside each line.
+
+use std::path::Path;
+
+use nalgebra::Isometry3;
+
+use crate::cli::inspect::{escaped, toml_text};
+use crate::geometry::rpy;
+use crate::ingest::{
+    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings, TableTime,
+};
+use crate::io::inspect::table::{Commands, Guess, Key};
+use crate::io::robot::Selection;
+
+use super::{angle, length};
+
+/// Lines of TOML, each with what is unsure about it.
+struct Lines<'g> {
+    guess: &'g Guess,
+    text: String,
+}
+
+/// The sections that read the tables at `paths`, which are all of one guess.
+pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection) -> String {
+    let mut lines = Lines {
+        guess,
+        text: "# A pipeline file would read this with (guessed: check it; what is unsure says why):\n\n".to_owned(),
+    };
+    lines.robot(selection);
+    lines.input(paths);
+    lines.stations(&guess.settings);
+    if let Some(commands) = guess
+        .commands
+        .as_ref()
+        .filter(|_| guess.settings.commanded.is_some())
+    {
+        lines.commanded(commands);
+    }
+    lines.head("tracker");
+    lines.text += "# uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }  \
+                   # from the instrument's data sheet\n";
+    lines.text
+}
+
+impl Lines<'_> {
+    fn head(&mut self, name: &str) {
+        let gap = if self.text.ends_with("\n\n") {
+            ""
+        } else {
+            "\n"
+        };
+        self.text.extend([gap, "[", name, "]\n"]);
+    }
+
+    /// A key with its value, and what is unsure about `about`.
+    fn key(&mut self, key: &str, value: &str, about: Option<Key>) {
+        let doubts = self
+            .guess
+            .doubts
+            .iter()
+            .filter(|doubt| Some(doubt.key) == about);
+        let words: Vec<String> = doubts.map(|doubt| escaped(&doubt.words)).collect();
+        let unsure = if words.is_empty() {
+            String::new()
+        } else {
+            format!("  # unsure: {}", words.join("; "))
+        };
+        self.text.extend([key, " = ", value, &unsure, "\n"]);
+    }
+
+    fn robot(&mut self, selection: &Selection) {
+        self.head("robot");
+        let guess = self.guess;
+        let found = guess
+            .verdict
+            .as_ref()
+            .filter(|verdict| guess.arm_is_named || verdict.agrees());
+        let named = if guess.arm_is_named {
+            guess.arms.first()
+        } else {
+            None
+        };
+        let file = found.map(|verdict| &guess.arms[verdict.best.arm]).or(named);
+        if let Some(ready) = file.filter(|_| !guess.arm_is_named) {
+            let name = ready.trim_end_matches(".toml");
+            self.text
+                .extend(["# posegrid robot ", name, " > ", ready, "\n"]);
+        }
+        self.key(
+            "file",
+            &toml_text(file.map_or("robot.toml", String::as_str)),
+            Some(Key::Robot),
+        );
+        for (key, value) in [("base", &selection.base), ("tip", &selection.tip)] {
+            if let Some(value) = value {
+                self.key(key, &toml_text(value), None);
+            }
+        }
+    }
+
+    fn input(&mut self, paths: &[&Path]) {
+        self.head("input");
+        let folder = paths
+            .first()
+            .and_then(|path| path.parent())
+            .map(|path| path.to_string_lossy().into_owned());
+        let folder = folder
+            .filter(|folder| !folder.is_empty())
+            .unwrap_or_else(|| ".".to_owned());
+        self.key("folder", &toml_text(&folder), None);
+        if !self.guess.sessions.is_empty() {
+            self.key("sessions_by", "\"column\"", Some(Key::Session));
+            let files: Vec<String> = paths
+                .iter()
+                .map(|path| toml_text(&path.file_name().unwrap_or_default().to_string_lossy()))
+                .collect();
+            self.key("stations", &list_or_one(&files), None);
+            return;
+        }
+        self.key("sessions_by", "\"file_name\"", None);
+        let stems: Vec<String> = paths
+            .iter()
+            .map(|path| toml_text(&path.file_stem().unwrap_or_default().to_string_lossy()))
+            .collect();
+        self.key("sessions", &format!("[{}]", stems.join(", ")), None);
+        let mut endings: Vec<String> = Vec::new();
+        for path in paths {
+            let pattern = toml_text(&format!(
+                "{{session}}.{}",
+                path.extension().unwrap_or_default().to_string_lossy()
+            ));
+            if !endings.contains(&pattern) {
+                endings.push(pattern);
+            }
+        }
+        self.key("stations", &list_or_one(&endings), None);
+    }
+
+    fn stations(&mut self, settings: &StationsSettings) {
+        self.head("stations");
+        self.key("joints", &list(&settings.joints), Some(Key::Joints));
+        self.key(
+            "joint_unit",
+            &format!("\"{}\"", angle(settings.joint_unit)),
+            Some(Key::JointUnit),
+        );
+        if let Some(unit) = settings.length_unit {
+            self.key(
+                "length_unit",
+                &format!("\"{}\"", length(unit)),
+                Some(Key::LengthUnit),
+            );
+        }
+        let columns = [
+            ("session", &settings.session, Key::Session),
+            ("station", &settings.station, Key::Target),
+            ("target", &settings.target, Key::Target),
+        ];
+        for (key, column, about) in columns {
+            if let Some(column) = column {
+                self.key(key, &toml_text(column), Some(about));
+            }
+        }
+        if !settings.targets.is_empty() {
+            self.key("targets", &list(&settings.targets), None);
+        }
+        if let Some(time) = &settings.time {
+            let value = format!(
+                "{{ column = {}, unit = \"{}\" }}",
+                toml_text(&time.column),
+                word(time.unit)
+            );
+            self.key("time", &value, Some(Key::Time));
+        }
+        if let Some(temperature) = &settings.temperature {
+            self.key("temperature", &toml_text(temperature), None);
+        }
+        if let Some(commanded) = &settings.commanded {
+            self.pose(commanded);
+        }
+        for reading in &settings.measured {
+            self.reading(reading, settings.measured.len() > 1);
+        }
+    }
+
+    fn pose(&mut self, commanded: &PoseColumns) {
+        self.head("stations.commanded");
+        self.key("position", &list(&commanded.position), None);
+        self.key("unit", &format!("\"{}\"", length(commanded.unit)), None);
+        if let Some(orientation) = &commanded.orientation {
+            self.key("orientation", &of_orientation(orientation), None);
+        }
+    }
+
+    fn reading(&mut self, reading: &ReadingColumns, is_of_several: bool) {
+        if is_of_several {
+            self.head("[stations.measured]");
+        } else {
+            self.head("stations.measured");
+        }
+        if let Some(name) = &reading.name {
+            self.key("name", &toml_text(name), None);
+        }
+        self.key("position", &list(&reading.position), Some(Key::Position));
+        self.key(
+            "unit",
+            &format!("\"{}\"", length(reading.unit)),
+            Some(Key::Unit),
+        );
+        if let Some(sd) = &reading.sd {
+            self.key("sd", &list(sd), None);
+        }
+        match &reading.orientation {
+            Some(orientation) => self.key(
+                "orientation",
+                &of_orientation(orientation),
+                Some(Key::Orientation),
+            ),
+            None => self.left_out(),
+        }
+    }
+
+    /// The comment about an orientation that the table has and that is left out.
+    fn left_out(&mut self) {
+        let doubts = self
+            .guess
+            .doubts
+            .iter()
+            .filter(|doubt| doubt.key == Key::Orientation);
+        for doubt in doubts {
+            self.text
+                .extend(["# orientation: ", &escaped(&doubt.words), "\n"]);
+        }
+    }
+
+    /// The frames of the commands.
+    fn commanded(&mut self, commands: &Commands) {
+        self.head("commanded");
+        self.key(
+            "base_from_command",
+            &placement(&commands.base_from_command),
+            Some(Key::Commanded),
+        );
+        self.key(
+            "flange_from_tool",
+            &placement(&commands.flange_from_tool),
+            Some(Key::Commanded),
+        );
+        self.text +=
+            "target_is_tool = false  # true where the commanded point is the measured target\n";
+    }
+}
+
+const fn word(unit: TableTime) -> &'static str {
+    match unit {
+        TableTime::S => "s",
+        TableTime::Ms => "ms",
+        TableTime::Us => "us",
+        TableTime::Ns => "ns",
+        TableTime::Iso8601 => "iso8601",
+    }
+}
+
+fn list(texts: &[String]) -> String {
+    let texts: Vec<String> = texts.iter().map(|text| toml_text(text)).collect();
+    format!("[{}]", texts.join(", "))
+}
+
+fn list_or_one(values: &[String]) -> String {
+    match values {
+        [one] => one.clone(),
+        several => format!("[{}]", several.join(", ")),
+    }
+}
+
+fn of_orientation(orientation: &OrientationColumns) -> String {
+    let mut keys = match &orientation.form {
+        OrientationForm::Quaternion(own) => vec![format!("quaternion_xyzw = {}", list(own))],
+        OrientationForm::Angles(own, order, unit) => vec![
+            format!("angles = {}", list(own)),
+            format!("order = \"{}\"", String::from(*order)),
+            format!("unit = \"{}\"", angle(*unit)),
+        ],
+        OrientationForm::Vector(own, unit) => vec![
+            format!("rotation_vector = {}", list(own)),
+            format!("unit = \"{}\"", angle(*unit)),
+        ],
+        OrientationForm::Matrix(own) => vec![format!("matrix = {}", list(own))],
+    };
+    if !orientation.sd.is_empty() {
+        keys.push(format!("sd = {}", list(&orientation.sd)));
+    }
+    format!("{{ {} }}", keys.join(", "))
+}
+
+/// A placement to tenths of a millimetre and hundredths of a degree.
+fn placement(placed: &Isometry3<f64>) -> String {
+    let rounded = |value: f64, step: f64| (value / step).round() * step + 0.0;
+    let [x, y, z] = placed.translation.vector.map(|mm| rounded(mm, 0.1)).into();
+    let [roll, pitch, yaw] = rpy(&placed.rotation).map(|rad| rounded(rad.to_degrees(), 0.01));
+    format!(
+        "{{ xyz_mm = [{x:.1}, {y:.1}, {z:.1}], euler_deg = [{roll:.2}, {pitch:.2}, {yaw:.2}], euler_order = \"fixed-xyz\" }}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::input::Bound;
+    use crate::io::inspect::table::{Arms, inspect};
+
+    /// Rows of joints and of a position, with names that TOML and terminals must not act on.
+    const TABLE: &str = "\"J1 \"\"a\"\"\";\"J2 \"\"a\"\"\";\"J3 \"\"a\"\"\";\"J4 \"\"a\"\"\";\"J5 \"\"a\"\"\";\"J6 \"\"a\"\"\";\
+T1\u{1b} x;T1\u{1b} y;T1\u{1b} z;T2 x;T2 y;T2 z;T1\u{1b} rx;T1\u{1b} ry;T1\u{1b} rz;time
+";
+
+    fn written(header: &str) -> String {
+        let mut text = header.to_owned();
+        for number in 0..20_u32 {
+            let t = f64::from(number);
+            let values = [
+                t.sin(),
+                t.cos(),
+                t / 20.0,
+                0.3 * t.sin(),
+                0.5 * t.cos(),
+                0.1 * t,
+                100.0 * t.sin(),
+                200.0 * t.cos(),
+                30.0 * t,
+            ];
+            let more = [
+                110.0 * t.sin(),
+                190.0 * t.cos(),
+                31.0 * t,
+                0.1 * t,
+                0.2,
+                0.3 * t.sin(),
+                1.7e9 + t,
+            ];
+            let texts: Vec<String> = values
+                .iter()
+                .chain(&more)
+                .map(|value| format!("{value:.4}"))
+                .collect();
+            text += &(texts.join(";") + "\n");
+        }
+        text
+    }
+
+    #[test]
+    fn the_printed_section_is_the_guess() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a \"b\".csv");
+        std::fs::write(&path, written(TABLE)).expect("writable");
+        let found = inspect(&path, Bound::TARGETS, &Arms::ready()).expect("a table");
+        let guess = found.guess.expect("joints and positions");
+        assert_eq!(guess.settings.measured.len(), 2, "{:?}", guess.settings);
+        let text = section(&[&path], &guess, &Selection::default());
+        assert!(!text.contains('\u{1b}'), "{text}");
+        let sections: toml::Table = toml::from_str(&text).expect("sound TOML");
+        let stations: StationsSettings = sections["stations"].clone().try_into().expect("settings");
+        assert_eq!(stations, guess.settings);
+        assert_eq!(sections["input"]["sessions"][0].as_str(), Some("a \"b\""));
+        assert_eq!(
+            sections["input"]["stations"].as_str(),
+            Some("{session}.csv")
+        );
+        assert!(text.contains("# unsure: "), "{text}");
+    }
+
+    #[test]
+    fn frames_are_rounded_and_parse_as_placements() {
+        let placed = Isometry3::new(
+            nalgebra::Vector3::new(1.26, -0.04, 3.0),
+            nalgebra::Vector3::new(0.0, 0.0, std::f64::consts::PI),
+        );
+        let text = placement(&placed);
+        assert!(
+            text.starts_with("{ xyz_mm = [1.3, 0.0, 3.0], euler_deg = [0.00, 0.00, "),
+            "{text}"
+        );
+        let table: toml::Table = toml::from_str(&format!("a = {text}")).expect("sound TOML");
+        let read: crate::geometry::Placement = table["a"].clone().try_into().expect("a placement");
+        assert!(
+            (read.isometry().expect("a rotation").rotation.angle() - std::f64::consts::PI).abs()
+                < 1e-3
+        );
+    }
+}

@@ -1,0 +1,336 @@
+//! `[stations]`: the columns of a table of stations, for sessions that were recorded as tables instead of logs.
+//!
+//! A row is a station, or in the long form (`station`, `target`) a reading of one target at a station. A column is named as in the
+//! table's header; a value may be a sum or difference of columns and numbers, with blanks around `+` and `-`: `"x_t + x_dif"`.
+//! Units and orders of angles have no default: few tables state them.
+
+use std::fmt;
+
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use thiserror::Error;
+
+use super::{AngleUnit, LengthUnit};
+use crate::geometry::RotationOrder;
+
+/// `[stations]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationsSettings {
+    /// The character between cells. Absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub separator: Option<char>,
+    /// The decimal mark. Absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decimal: Option<char>,
+    /// The sheet of a workbook. Absent: its first one with a table.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<String>,
+    /// Line of the header, from 1. Absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub header: Option<u64>,
+    /// The value of each reported joint, from base to flange.
+    pub joints: Vec<String>,
+    /// Unit of the joints that turn.
+    pub joint_unit: AngleUnit,
+    /// Unit of the joints that slide; absent for an arm without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_unit: Option<LengthUnit>,
+    /// Column with the name of a row's session, where one table holds several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session: Option<String>,
+    /// Column with the name of a row's station. A long table needs it; elsewhere no two rows may have one name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub station: Option<String>,
+    /// Column with the name of a row's target: each row has one reading, and the rows of a station belong together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// Names of the targets in the column `target`, the main one first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub targets: Vec<String>,
+    /// When a station was measured. Absent: stations are in the order of the rows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeColumn>,
+    /// Temperature, °C.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<String>,
+    /// Numbers that stand for a missing reading; so do blanks, and a position of three zeros.
+    #[serde(default = "missing")]
+    pub missing: Vec<f64>,
+    /// The commanded pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commanded: Option<PoseColumns>,
+    /// The reading of the target, or of each of several, the main one first.
+    #[serde(deserialize_with = "one_or_several")]
+    pub measured: Vec<ReadingColumns>,
+}
+
+/// When a station was measured.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeColumn {
+    /// The column.
+    pub column: String,
+    /// Its unit, or how a date is written.
+    pub unit: TableTime,
+}
+
+/// Unit of the times in a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TableTime {
+    /// Seconds.
+    S,
+    /// Milliseconds.
+    Ms,
+    /// Microseconds.
+    Us,
+    /// Nanoseconds.
+    Ns,
+    /// A date and a time as ISO 8601 writes them; without an offset in UTC.
+    Iso8601,
+}
+
+/// Columns of a pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseColumns {
+    /// x, y and z.
+    pub position: [String; 3],
+    /// Their unit.
+    pub unit: LengthUnit,
+    /// The orientation; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<OrientationColumns>,
+}
+
+/// Columns of the reading of a target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReadingColumns {
+    /// The target's name. A single target needs none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// x, y and z in the instrument's frame.
+    pub position: [String; 3],
+    /// Their unit.
+    pub unit: LengthUnit,
+    /// Standard deviations of x, y and z, in the same unit: of a single sample where `samples` is given, otherwise of the reading.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<[String; 3]>,
+    /// Covariance xx, xy, xz, yy, yz, zz in the square of that unit; it replaces the instrument's uncertainty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<[String; 6]>,
+    /// Number of samples in the reading. Absent: one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<String>,
+    /// The orientation of the target; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<OrientationColumns>,
+}
+
+/// Columns of an orientation, in one of four forms.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "OrientationKeys", into = "OrientationKeys")]
+pub struct OrientationColumns {
+    /// The form and its columns.
+    pub form: OrientationForm,
+    /// Standard deviation about each axis, one column or three, in the unit of the angles (rad of a quaternion or matrix).
+    pub sd: Vec<String>,
+}
+
+/// Form of an orientation.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OrientationForm {
+    /// A quaternion x y z w.
+    Quaternion([String; 4]),
+    /// Three angles, with the order of their axes.
+    Angles([String; 3], RotationOrder, AngleUnit),
+    /// A rotation vector: the axis, as long as the angle.
+    Vector([String; 3], AngleUnit),
+    /// A rotation matrix, row by row.
+    Matrix([String; 9]),
+}
+
+/// The orientation as written in the file.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct OrientationKeys {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quaternion_xyzw: Option<[String; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    angles: Option<[String; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    order: Option<RotationOrder>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rotation_vector: Option<[String; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    matrix: Option<[String; 9]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<AngleUnit>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    sd: Vec<String>,
+}
+
+/// Keys of an orientation that do not fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum OrientationError {
+    /// No form, several, or one without what it needs.
+    #[error(
+        "an orientation has one of quaternion_xyzw (4 columns), angles (3 columns, with order and unit), rotation_vector (3 columns, \
+         with unit) or matrix (9 columns, row by row)"
+    )]
+    OneForm,
+    /// Neither one nor three columns.
+    #[error("sd of an orientation has one column, or three")]
+    Deviations,
+}
+
+impl TryFrom<OrientationKeys> for OrientationColumns {
+    type Error = OrientationError;
+    fn try_from(keys: OrientationKeys) -> Result<Self, OrientationError> {
+        let form = match (
+            keys.quaternion_xyzw,
+            keys.angles,
+            keys.rotation_vector,
+            keys.matrix,
+        ) {
+            (Some(columns), None, None, None) if keys.order.is_none() => {
+                OrientationForm::Quaternion(columns)
+            }
+            (None, Some(columns), None, None) => match (keys.order, keys.unit) {
+                (Some(order), Some(unit)) => OrientationForm::Angles(columns, order, unit),
+                _ => return Err(OrientationError::OneForm),
+            },
+            (None, None, Some(columns), None) if keys.order.is_none() => {
+                OrientationForm::Vector(columns, keys.unit.ok_or(OrientationError::OneForm)?)
+            }
+            (None, None, None, Some(columns)) if keys.order.is_none() => {
+                OrientationForm::Matrix(columns)
+            }
+            _ => return Err(OrientationError::OneForm),
+        };
+        if !matches!(keys.sd.len(), 0 | 1 | 3) {
+            return Err(OrientationError::Deviations);
+        }
+        Ok(Self { form, sd: keys.sd })
+    }
+}
+
+impl From<OrientationColumns> for OrientationKeys {
+    fn from(columns: OrientationColumns) -> Self {
+        let mut keys = Self {
+            sd: columns.sd,
+            ..Self::default()
+        };
+        match columns.form {
+            OrientationForm::Quaternion(own) => keys.quaternion_xyzw = Some(own),
+            OrientationForm::Angles(own, order, unit) => {
+                (keys.angles, keys.order, keys.unit) = (Some(own), Some(order), Some(unit));
+            }
+            OrientationForm::Vector(own, unit) => {
+                (keys.rotation_vector, keys.unit) = (Some(own), Some(unit));
+            }
+            OrientationForm::Matrix(own) => keys.matrix = Some(own),
+        }
+        keys
+    }
+}
+
+impl StationsSettings {
+    /// Names of the targets, the main one first; a single one that has no name is `target`.
+    pub fn target_names(&self) -> Vec<String> {
+        if self.target.is_some() {
+            return self.targets.clone();
+        }
+        let named = self.measured.iter().enumerate();
+        let usual = |place: usize| {
+            if place == 0 {
+                "target".to_owned()
+            } else {
+                format!("target {}", place + 1)
+            }
+        };
+        named
+            .map(|(place, own)| own.name.clone().unwrap_or_else(|| usual(place)))
+            .collect()
+    }
+}
+
+/// Numbers that instruments and spreadsheets write for a missing reading.
+fn missing() -> Vec<f64> {
+    vec![9999.0, -9999.0]
+}
+
+/// One table, or a list of them.
+fn one_or_several<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<ReadingColumns>, D::Error> {
+    struct OneOrSeveral;
+    impl<'de> Visitor<'de> for OneOrSeveral {
+        type Value = Vec<ReadingColumns>;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("the columns of a reading, or a list of them")
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+            ReadingColumns::deserialize(MapAccessDeserializer::new(map)).map(|one| vec![one])
+        }
+        fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+            Vec::deserialize(SeqAccessDeserializer::new(list))
+        }
+    }
+    from.deserialize_any(OneOrSeveral)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAST: &str = "joints = [\"a\"]\njoint_unit = \"deg\"\n";
+
+    fn read(more: &str) -> Result<StationsSettings, String> {
+        toml::from_str(&format!("{LEAST}{more}"))
+            .map_err(|error: toml::de::Error| error.message().to_owned())
+    }
+
+    #[test]
+    fn one_target_or_several_and_four_forms_of_orientation() {
+        let one = read("[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n").unwrap();
+        assert_eq!(one.target_names(), ["target"]);
+        let two = "[[measured]]\nname = \"A\"\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n\
+                   [[measured]]\nname = \"B\"\nposition = [\"u\", \"v\", \"w\"]\nunit = \"m\"\n";
+        assert_eq!(read(two).unwrap().target_names(), ["A", "B"]);
+        for orientation in [
+            "quaternion_xyzw = [\"a\", \"b\", \"c\", \"d\"]",
+            "angles = [\"a\", \"b\", \"c\"], order = \"moving-xyz\", unit = \"deg\", sd = [\"e\"]",
+            "rotation_vector = [\"a\", \"b\", \"c\"], unit = \"rad\"",
+            "matrix = [\"a\", \"b\", \"c\", \"d\", \"e\", \"f\", \"g\", \"h\", \"i\"]",
+        ] {
+            let text = format!(
+                "[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\norientation = {{ {orientation} }}\n"
+            );
+            let own = read(&text).unwrap();
+            // What is written is read back: a run's name follows from it.
+            let written = toml::to_string(&own).unwrap();
+            assert_eq!(toml::from_str::<StationsSettings>(&written).unwrap(), own);
+        }
+    }
+
+    #[test]
+    fn an_orientation_states_its_convention() {
+        let told = |orientation: &str| {
+            let text = format!(
+                "[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\norientation = {{ {orientation} }}\n"
+            );
+            read(&text).unwrap_err()
+        };
+        assert!(
+            told("angles = [\"a\", \"b\", \"c\"], unit = \"deg\"").contains("with order and unit")
+        );
+        assert!(
+            told("angles = [\"a\", \"b\", \"c\"], order = \"xyz\", unit = \"deg\"")
+                .contains("no order of axes")
+        );
+        assert!(told("rotation_vector = [\"a\", \"b\", \"c\"]").contains("with unit"));
+        assert!(read("[measured]\nposition = [\"x\", \"y\"]\nunit = \"mm\"\n").is_err());
+    }
+}

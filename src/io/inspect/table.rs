@@ -1,0 +1,84 @@
+//! Inspect: a table of measured stations → its columns, and how `[stations]` of a pipeline file would read them.
+//!
+//! 1. `columns`: kinds of values and range of each column; `names`: the words of its name and the unit in it.
+//! 2. `groups` and `roles`: columns along x, y, z and numbered ones become positions, orientations, standard deviations, joints.
+//! 3. `choices`: readings of the columns that may be meant; `long`: whether a row is a reading of one target.
+//! 4. `by_arm`: the nominal arm decides between them, and tells units and order of the joints; `turns` tells the form of
+//!    orientations, `commands` the frame of commanded poses.
+//! 5. `guess`: the settings, with everything that is unsure.
+//!
+//! Nothing is fitted but base and target of the nominal arm, and nothing is changed: what it says is checked by a person.
+
+mod by_arm;
+mod choices;
+mod columns;
+mod commands;
+mod groups;
+mod guess;
+mod long;
+mod names;
+mod roles;
+mod spread;
+mod sum;
+#[cfg(test)]
+mod tests;
+mod turns;
+mod uses;
+
+use std::path::Path;
+
+use crate::io::input::Bound;
+use crate::io::measured_table::{self, Form, MeasuredTable, MeasuredTableError};
+
+pub use by_arm::{Arms, Differs, Tried, Verdict};
+pub use choices::{Choice, Part};
+pub use columns::ColumnSummary;
+pub use commands::Commands;
+pub use guess::{Doubt, Guess, Key};
+pub use names::StatedUnit;
+
+/// The contents of a table.
+#[derive(Debug)]
+pub struct TableInspection {
+    /// Number of rows read.
+    pub rows: usize,
+    /// What was found of its form.
+    pub remarks: Vec<String>,
+    /// Lines that are no row of the table, each with the reason.
+    pub left_out: Vec<(u64, String)>,
+    /// The word for what a line is: `line`, `row`, `record`.
+    pub counted: &'static str,
+    /// Its columns.
+    pub columns: Vec<ColumnSummary>,
+    /// How `[stations]` would read it; what is missing where it would not.
+    pub guess: Result<Guess, String>,
+}
+
+/// Inspects the table at `path`: the arm that it is of is one of `arms`.
+///
+/// # Errors
+/// Those of [`measured_table::read`].
+pub fn inspect(
+    path: &Path,
+    bound: Bound,
+    arms: &Arms,
+) -> Result<TableInspection, MeasuredTableError> {
+    let table = measured_table::read(path, bound, &Form::default())?;
+    Ok(of_table(&table, arms))
+}
+
+fn of_table(table: &MeasuredTable, arms: &Arms) -> TableInspection {
+    let columns = columns::summaries(table);
+    let left_out = table
+        .left_out()
+        .iter()
+        .map(|row| (row.line, row.reason.to_string()));
+    TableInspection {
+        rows: table.row_count(),
+        remarks: table.remarks().to_vec(),
+        left_out: left_out.collect(),
+        counted: table.counted().word(),
+        guess: guess::guess(table, &columns, arms),
+        columns,
+    }
+}

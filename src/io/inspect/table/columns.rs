@@ -1,0 +1,120 @@
+//! The values of each column in numbers: how many there are of each kind, and their range.
+
+use std::collections::BTreeSet;
+
+use super::names::Named;
+use crate::io::measured_table::{Cell, MeasuredTable};
+
+/// The most different texts of a column that are kept.
+const MOST_TEXTS: usize = 12;
+/// Numbers that instruments write for a missing reading, as `[stations] missing` has them where nothing else is stated.
+const MISSING: [f64; 2] = [9999.0, -9999.0];
+
+/// One column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnSummary {
+    /// Its name.
+    pub name: String,
+    /// The name in words, with the unit.
+    pub named: Named,
+    /// Number of cells with a number.
+    pub numbers: usize,
+    /// Number of cells with NaN or infinity.
+    pub not_finite: usize,
+    /// Number of blank cells.
+    pub blanks: usize,
+    /// Number of cells with a text.
+    pub texts: usize,
+    /// Number of cells with 0.
+    pub zeros: usize,
+    /// Number of cells with 9999 or −9999, which stand for a missing reading.
+    pub missing: usize,
+    /// Least and largest number, those that stand for a missing reading left out; `None` without any.
+    pub range: Option<(f64, f64)>,
+    /// Its different texts, in order, up to twelve.
+    pub different: BTreeSet<String>,
+    /// Whether there are more different texts.
+    pub has_more: bool,
+}
+
+impl ColumnSummary {
+    fn of(table: &MeasuredTable, column: usize) -> Self {
+        let name = table.columns()[column].clone();
+        let unit_line = table.units().and_then(|units| units.get(column));
+        let mut summary = Self {
+            named: Named::of(&name, unit_line.map(String::as_str)),
+            name,
+            numbers: 0,
+            not_finite: 0,
+            blanks: 0,
+            texts: 0,
+            zeros: 0,
+            missing: 0,
+            range: None,
+            different: BTreeSet::new(),
+            has_more: false,
+        };
+        for row in 0..table.row_count() {
+            summary.add(table.cell(row, column));
+        }
+        summary
+    }
+
+    fn add(&mut self, cell: Cell<'_>) {
+        match cell {
+            Cell::Blank => self.blanks += 1,
+            Cell::Number(number) if !number.is_finite() => self.not_finite += 1,
+            Cell::Number(number) => self.add_number(number),
+            Cell::Text(text) => {
+                self.texts += 1;
+                self.has_more |=
+                    self.different.len() == MOST_TEXTS && !self.different.contains(text);
+                if self.different.len() < MOST_TEXTS {
+                    self.different.insert(text.to_owned());
+                }
+            }
+        }
+    }
+
+    fn add_number(&mut self, number: f64) {
+        self.numbers += 1;
+        self.zeros += usize::from(number == 0.0);
+        if MISSING.contains(&number) {
+            self.missing += 1;
+            return;
+        }
+        let (low, high) = self.range.unwrap_or((number, number));
+        self.range = Some((low.min(number), high.max(number)));
+    }
+
+    /// Whether it is one of numbers: more cells have one than a text.
+    pub fn is_numeric(&self) -> bool {
+        self.numbers > self.texts && self.range.is_some()
+    }
+
+    /// The largest absolute value; 0 without numbers.
+    pub fn largest(&self) -> f64 {
+        self.range
+            .map_or(0.0, |(low, high)| low.abs().max(high.abs()))
+    }
+
+    /// Whether its numbers differ.
+    pub fn varies(&self) -> bool {
+        self.range.is_some_and(|(low, high)| low < high)
+    }
+}
+
+/// Every column, in the order of the table.
+pub fn summaries(table: &MeasuredTable) -> Vec<ColumnSummary> {
+    (0..table.columns().len())
+        .map(|column| ColumnSummary::of(table, column))
+        .collect()
+}
+
+/// The number in a cell; `None` where a reading is missing there.
+pub fn number(table: &MeasuredTable, row: usize, column: usize) -> Option<f64> {
+    match table.cell(row, column) {
+        Cell::Number(number) if number.is_finite() && !MISSING.contains(&number) => Some(number),
+        Cell::Number(_) | Cell::Blank | Cell::Text(_) => None,
+    }
+}

@@ -1,0 +1,89 @@
+//! The orientation of a target, by the form that turns with the arm.
+
+use nalgebra::UnitQuaternion;
+
+use super::{Doubt, Key, Work};
+use crate::geometry::RotationOrder;
+use crate::ingest::{AngleUnit, OrientationColumns, OrientationForm};
+use crate::io::inspect::table::choices::Target;
+use crate::io::inspect::table::turns::{Form, turned};
+
+/// The most forms that a doubt names.
+const MOST_NAMED: usize = 4;
+
+impl Work<'_> {
+    /// The columns of a target's orientation; `None` where it has none, or none that turns with the arm.
+    pub(super) fn orientation(
+        &self,
+        target: &Target,
+        doubts: &mut Vec<Doubt>,
+    ) -> Option<OrientationColumns> {
+        let columns = target.turn.as_ref()?;
+        let mut doubt = |words: String| {
+            doubts.push(Doubt {
+                key: Key::Orientation,
+                words,
+            });
+        };
+        let Some(placement) = self.placement else {
+            let largest = columns
+                .columns()
+                .iter()
+                .map(|&column| self.columns[column].largest())
+                .fold(0.0, f64::max);
+            let form = Form::all(columns, largest).into_iter().next()?;
+            doubt("no arm tells the order of axes and the unit: this is the most usual one for such numbers".to_owned());
+            return Some(self.columns_of(&form, target.turn_sd));
+        };
+        let turn = placement.tracker_from_base.rotation;
+        let flanges: Vec<(usize, UnitQuaternion<f64>)> = self
+            .flanges
+            .iter()
+            .map(|(row, flange)| (*row, turn * flange.rotation))
+            .collect();
+        let Some(found) = turned(self.table, columns, &flanges) else {
+            doubt("it is left out: no order of axes turns with the arm".to_owned());
+            return None;
+        };
+        if !found.as_good.is_empty() {
+            let words: Vec<String> = found
+                .as_good
+                .iter()
+                .take(MOST_NAMED)
+                .map(Form::in_words)
+                .collect();
+            doubt(format!(
+                "these agree with the arm as well ({:.2}°): {}",
+                found.median_rad.to_degrees(),
+                words.join(", ")
+            ));
+        }
+        Some(self.columns_of(&found.form, target.turn_sd))
+    }
+
+    /// The form with the names of its columns.
+    pub(super) fn columns_of(&self, form: &Form, sd: Option<[usize; 3]>) -> OrientationColumns {
+        let name = |column: usize| self.names[column].clone();
+        let form = match *form {
+            Form::Quaternion(own) => OrientationForm::Quaternion(own.map(name)),
+            Form::Angles(own, order, unit) => OrientationForm::Angles(own.map(name), order, unit),
+            Form::Vector(own, unit) => OrientationForm::Vector(own.map(name), unit),
+        };
+        OrientationColumns {
+            form,
+            sd: sd.map(|sd| sd.map(name).into()).unwrap_or_default(),
+        }
+    }
+}
+
+impl Form {
+    fn in_words(&self) -> String {
+        let unit = |unit: AngleUnit| if unit == AngleUnit::Deg { "deg" } else { "rad" };
+        let order = |order: RotationOrder| String::from(order);
+        match *self {
+            Self::Quaternion(_) => "the quaternion with w in the other place".to_owned(),
+            Self::Angles(_, own, own_unit) => format!("{} in {}", order(own), unit(own_unit)),
+            Self::Vector(_, own_unit) => format!("a rotation vector in {}", unit(own_unit)),
+        }
+    }
+}

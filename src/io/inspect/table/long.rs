@@ -1,0 +1,132 @@
+//! The long form: a row is a reading of one target, and several rows are a station.
+//!
+//! It is told by the joints: they repeat from row to row, and no two rows have the same joints and the same target.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::columns::{ColumnSummary, number};
+use super::names::Sense;
+use crate::io::measured_table::{Cell, MeasuredTable};
+
+/// The most targets of a long table.
+const MOST_TARGETS: usize = 12;
+/// A table is long where it has fewer different joint vectors than this share of its rows.
+const REPEATS: f64 = 0.75;
+
+/// The columns that make a table a long one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Long {
+    /// Names of targets.
+    pub target: usize,
+    /// Names of stations.
+    pub station: usize,
+    /// Names in the column of targets, the one with most rows first.
+    pub targets: Vec<String>,
+}
+
+/// A cell as the name of a station or target; `None` where it is blank.
+pub fn name(cell: Cell<'_>) -> Option<String> {
+    match cell {
+        Cell::Blank => None,
+        Cell::Number(number) => Some(number.to_string()),
+        Cell::Text(text) => Some(text.trim().to_owned()).filter(|text| !text.is_empty()),
+    }
+}
+
+/// The long form of a table with these joints; `None` where each row is a station.
+pub fn long(table: &MeasuredTable, columns: &[ColumnSummary], joints: &[usize]) -> Option<Long> {
+    let poses: Vec<Vec<u64>> = (0..table.row_count())
+        .map(|row| pose(table, joints, row))
+        .collect();
+    let different: BTreeSet<&Vec<u64>> = poses.iter().collect();
+    if poses.is_empty() || different.len() as f64 > REPEATS * poses.len() as f64 {
+        return None;
+    }
+    let target = (0..columns.len())
+        .filter(|column| !joints.contains(column))
+        .find_map(|column| {
+            let targets = targets(table, &columns[column], column, &poses)?;
+            Some((column, targets))
+        });
+    let (target, targets) = target?;
+    let is_station = |column: &usize| {
+        *column != target && !joints.contains(column) && names_poses(table, *column, &poses)
+    };
+    let stations: Vec<usize> = (0..columns.len()).filter(is_station).collect();
+    let named = stations
+        .iter()
+        .find(|&&column| columns[column].named.has(Sense::Station));
+    let station = *named.or(stations.first())?;
+    Some(Long {
+        target,
+        station,
+        targets,
+    })
+}
+
+fn pose(table: &MeasuredTable, joints: &[usize], row: usize) -> Vec<u64> {
+    joints
+        .iter()
+        .map(|&column| number(table, row, column).map_or(u64::MAX, f64::to_bits))
+        .collect()
+}
+
+/// The names of targets in a column; `None` where it names something else: too many, or two rows of one pose with one name.
+fn targets(
+    table: &MeasuredTable,
+    summary: &ColumnSummary,
+    column: usize,
+    poses: &[Vec<u64>],
+) -> Option<Vec<String>> {
+    let is_text = summary.texts > summary.numbers;
+    if !is_text && !summary.named.has(Sense::Target) {
+        return None;
+    }
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    let mut seen = BTreeSet::new();
+    for (row, pose) in poses.iter().enumerate() {
+        let Some(name) = name(table.cell(row, column)) else {
+            continue;
+        };
+        if !seen.insert((pose, name.clone())) {
+            return None;
+        }
+        *counts.entry(name).or_default() += 1;
+        if counts.len() > MOST_TARGETS {
+            return None;
+        }
+    }
+    let mut names: Vec<(usize, String)> = counts
+        .into_iter()
+        .map(|(name, count)| (usize::MAX - count, name))
+        .collect();
+    names.sort();
+    (names.len() >= 2).then(|| names.into_iter().map(|(_, name)| name).collect())
+}
+
+/// Whether a column has one name for each pose, and another for every other pose.
+fn names_poses(table: &MeasuredTable, column: usize, poses: &[Vec<u64>]) -> bool {
+    let mut of_name: BTreeMap<String, &Vec<u64>> = BTreeMap::new();
+    let same = |row: usize, pose| {
+        let name = name(table.cell(row, column))?;
+        Some(*of_name.entry(name).or_insert(pose) == pose)
+    };
+    let is_one: Option<Vec<bool>> = poses
+        .iter()
+        .enumerate()
+        .map({
+            let mut same = same;
+            move |(row, pose)| same(row, pose)
+        })
+        .collect();
+    let different: BTreeSet<&Vec<u64>> = poses.iter().collect();
+    is_one.is_some_and(|all| all.iter().all(|own| *own))
+        && of_count(table, column) == different.len()
+}
+
+fn of_count(table: &MeasuredTable, column: usize) -> usize {
+    let names: BTreeSet<Option<String>> = (0..table.row_count())
+        .map(|row| name(table.cell(row, column)))
+        .collect();
+    names.len()
+}

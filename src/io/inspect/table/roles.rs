@@ -1,0 +1,396 @@
+//! Roles of groups and columns, by their names and values: positions, orientations, standard deviations, joints.
+
+use super::columns::{ColumnSummary, number};
+use super::groups::{self, AxisGroup, NumberedGroup};
+use super::names::{Sense, any_has, has_sense};
+use super::spread::spread;
+use super::sum::{self, Position};
+use crate::io::measured_table::MeasuredTable;
+
+/// Angles and lengths beyond this are no angles in degrees: a turn, with some room.
+const LARGEST_DEG: f64 = 400.0;
+/// The most joints of an arm.
+const MOST_JOINTS: usize = 16;
+/// A group that moves by less than this share of what the others move does not move with the arm.
+const STILL: f64 = 0.02;
+/// Words that say nothing about whose position it is.
+const GENERIC: &str =
+    "pos position point translation trans p xyz coord coordinate coordinates pose mean avg average";
+
+/// Whose position it is, by the words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Whose {
+    /// An instrument's.
+    Measured,
+    /// Nobody says.
+    Unknown,
+    /// Computed by the controller from its joints.
+    Controller,
+    /// Commanded or nominal.
+    Command,
+}
+
+/// Columns of an orientation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TurnColumns {
+    /// A quaternion; the order is that of the names.
+    Quaternion([usize; 4]),
+    /// Three angles, or a rotation vector.
+    Angles([usize; 3]),
+}
+
+/// Columns of a position with what belongs to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// The words of its names.
+    pub words: Vec<String>,
+    /// The columns.
+    pub columns: [usize; 3],
+    /// Whose it is.
+    pub whose: Whose,
+    /// Its orientation.
+    pub turn: Option<TurnColumns>,
+    /// Its standard deviations.
+    pub sd: Option<[usize; 3]>,
+    /// The standard deviations of its orientation.
+    pub turn_sd: Option<[usize; 3]>,
+    /// Whether it moves as the others do.
+    pub moves: bool,
+}
+
+impl Placed {
+    /// The position in its columns.
+    pub fn position(&self) -> Position {
+        sum::of_columns(self.columns)
+    }
+}
+
+/// Columns of the joints.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JointSet {
+    /// The columns from base to flange.
+    pub columns: Vec<usize>,
+    /// Why it is unsure; `None` where names say it.
+    pub doubt: Option<String>,
+}
+
+/// Kinds of groups along axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Position,
+    Turn,
+    Deviation,
+    TurnDeviation,
+    Difference,
+    Other,
+}
+
+/// Groups of columns by their roles.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Roles {
+    /// Positions, in the order of their columns.
+    pub positions: Vec<Placed>,
+    /// Differences from another position, with their words.
+    pub differences: Vec<[usize; 3]>,
+    /// Sets of joints, those that names say best first.
+    pub joints: Vec<JointSet>,
+    /// Columns with another use: speeds, forces.
+    pub other: Vec<usize>,
+}
+
+impl Roles {
+    /// The roles of the columns of a table. `names` are the joints of arms that may be meant, from base to flange.
+    pub fn of(table: &MeasuredTable, columns: &[ColumnSummary], names: &[Vec<String>]) -> Self {
+        let mut groups: Vec<(Kind, AxisGroup)> = groups::along_axes(columns)
+            .into_iter()
+            .map(|group| (kind(columns, &group), group))
+            .collect();
+        let numbered = groups::numbered(columns);
+        let quaternions = numbered
+            .iter()
+            .filter_map(|group| numbered_quaternion(table, group));
+        groups.extend(quaternions.map(|group| (Kind::Turn, group)));
+        let used: Vec<usize> = groups
+            .iter()
+            .flat_map(|(_, group)| in_group(group))
+            .collect();
+        let of_kind = |wanted: Kind| {
+            groups
+                .iter()
+                .filter(move |(kind, _)| *kind == wanted)
+                .map(|(_, group)| group)
+        };
+        let mut roles = Self {
+            positions: of_kind(Kind::Position)
+                .map(|group| placed(columns, group, &groups))
+                .collect(),
+            differences: of_kind(Kind::Difference)
+                .map(|group| group.columns)
+                .collect(),
+            joints: joint_sets(columns, &numbered, names, &used),
+            other: of_kind(Kind::Other).flat_map(in_group).collect(),
+        };
+        // A difference of nothing is a position of an odd name.
+        if roles.positions.is_empty() {
+            roles.differences.clear();
+            roles.positions = of_kind(Kind::Difference)
+                .map(|group| placed(columns, group, &groups))
+                .collect();
+        }
+        roles.mark_still(table);
+        roles
+    }
+
+    /// Marks positions that do not move with the arm: reference reflectors. Commands may have another unit and are left alone.
+    fn mark_still(&mut self, table: &MeasuredTable) {
+        let own = self
+            .positions
+            .iter_mut()
+            .filter(|own| matches!(own.whose, Whose::Measured | Whose::Unknown));
+        let mut own: Vec<(f64, &mut Placed)> = own
+            .map(|own| (spread(table, &own.position()), own))
+            .collect();
+        let most = own.iter().map(|(spread, _)| *spread).fold(0.0, f64::max);
+        for (spread, own) in &mut own {
+            own.moves = *spread > STILL * most;
+        }
+    }
+
+    /// Columns that have a role.
+    pub fn used(&self) -> Vec<usize> {
+        let placed = self.positions.iter().flat_map(|own| {
+            let turn: Vec<usize> = own
+                .turn
+                .iter()
+                .flat_map(|turn| turn.columns().to_vec())
+                .collect();
+            let sd = own.sd.into_iter().chain(own.turn_sd).flatten();
+            own.columns
+                .into_iter()
+                .chain(turn)
+                .chain(sd)
+                .collect::<Vec<_>>()
+        });
+        let differences = self.differences.iter().flatten().copied();
+        let joints = self.joints.iter().flat_map(|set| set.columns.clone());
+        placed
+            .chain(differences)
+            .chain(joints)
+            .chain(self.other.iter().copied())
+            .collect()
+    }
+}
+
+impl TurnColumns {
+    /// Its columns, in order.
+    pub fn columns(&self) -> &[usize] {
+        match self {
+            Self::Quaternion(own) => own,
+            Self::Angles(own) => own,
+        }
+    }
+}
+
+fn in_group(group: &AxisGroup) -> Vec<usize> {
+    group.columns.into_iter().chain(group.w).collect()
+}
+
+fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
+    let has = |sense| any_has(&group.words, sense);
+    let largest = in_group(group)
+        .iter()
+        .map(|&column| columns[column].largest())
+        .fold(0.0, f64::max);
+    let least = group
+        .columns
+        .iter()
+        .filter_map(|&column| columns[column].range)
+        .map(|(low, _)| low);
+    let is_positive = least.fold(f64::INFINITY, f64::min) >= 0.0;
+    let is_turn = group.w.is_some() || (has(Sense::Turn) && largest <= LARGEST_DEG);
+    match (is_turn, has(Sense::Deviation) && is_positive) {
+        (false, true) => Kind::Deviation,
+        (true, true) => Kind::TurnDeviation,
+        (true, false) => Kind::Turn,
+        (false, false) if has(Sense::Difference) => Kind::Difference,
+        (false, false) if group.words.iter().any(|word| has_sense(word, Sense::Other)) => {
+            Kind::Other
+        }
+        (false, false) => Kind::Position,
+    }
+}
+
+/// What is left of a group's words without those of its kind and without generic ones: whose it is.
+fn owner(words: &[String]) -> Vec<&String> {
+    let generic: Vec<&str> = GENERIC.split_whitespace().collect();
+    let of_kind = |word: &str| has_sense(word, Sense::Turn) || has_sense(word, Sense::Deviation);
+    words
+        .iter()
+        .filter(|word| !generic.contains(&word.as_str()) && !of_kind(word))
+        .collect()
+}
+
+/// A position with the groups that belong to it: those of the same owner, or the only one where there is one position only.
+fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGroup)]) -> Placed {
+    let is_only = groups
+        .iter()
+        .filter(|(kind, _)| *kind == Kind::Position)
+        .count()
+        == 1;
+    let of_kind = |wanted: Kind| {
+        let all: Vec<&AxisGroup> = groups
+            .iter()
+            .filter(|(kind, _)| *kind == wanted)
+            .map(|(_, own)| own)
+            .collect();
+        let own = all
+            .iter()
+            .find(|own| owner(&own.words) == owner(&group.words));
+        own.or_else(|| all.first().filter(|_| is_only && all.len() == 1))
+            .map(|own| (*own).clone())
+    };
+    let turn = of_kind(Kind::Turn).map(|own| match own.w {
+        Some(w) => TurnColumns::Quaternion([own.columns[0], own.columns[1], own.columns[2], w]),
+        None => TurnColumns::Angles(own.columns),
+    });
+    Placed {
+        whose: whose(columns, group),
+        turn,
+        sd: of_kind(Kind::Deviation).map(|own| own.columns),
+        turn_sd: of_kind(Kind::TurnDeviation).map(|own| own.columns),
+        words: group.words.clone(),
+        columns: group.columns,
+        moves: true,
+    }
+}
+
+fn whose(columns: &[ColumnSummary], group: &AxisGroup) -> Whose {
+    let words = &columns[group.columns[0]].named.words;
+    let has = |sense| any_has(words, sense);
+    match (
+        has(Sense::Command),
+        has(Sense::Measured),
+        has(Sense::Controller),
+    ) {
+        (true, ..) => Whose::Command,
+        (_, true, _) => Whose::Measured,
+        (_, _, true) => Whose::Controller,
+        _ => Whose::Unknown,
+    }
+}
+
+/// Four numbered columns whose squares sum up to one are a quaternion: w first, as ABB and most papers number it from q1 and q0.
+fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<AxisGroup> {
+    let &[w, x, y, z] = &group.columns[..] else {
+        return None;
+    };
+    let is_unit = |row: usize| {
+        let parts = group
+            .columns
+            .iter()
+            .map(|&column| number(table, row, column));
+        let squares: Option<f64> = parts.map(|part| part.map(|part| part * part)).sum();
+        squares.is_none_or(|squares| (squares - 1.0).abs() < 1e-2)
+    };
+    let is_turn = any_has(&group.words, Sense::Turn);
+    (is_turn && (0..table.row_count()).all(is_unit)).then(|| AxisGroup {
+        words: group.words.clone(),
+        columns: [x, y, z],
+        w: Some(w),
+    })
+}
+
+/// Sets of joints by names: those of a known arm, numbered ones, and columns that all say "joint".
+fn joint_sets(
+    columns: &[ColumnSummary],
+    numbered: &[NumberedGroup],
+    names: &[Vec<String>],
+    used: &[usize],
+) -> Vec<JointSet> {
+    let may_be = |column: usize| may_be_joint(&columns[column]) && !used.contains(&column);
+    let known = names.iter().filter_map(|names| of_names(columns, names));
+    let of_numbers = numbered
+        .iter()
+        .filter(|group| any_has(&group.words, Sense::Joint));
+    let of_numbers = of_numbers.map(|group| group.columns.clone());
+    let says_joint = |column: &usize| {
+        columns[*column]
+            .named
+            .words
+            .iter()
+            .any(|word| word.contains("joint"))
+    };
+    let all: Vec<usize> = (0..columns.len())
+        .filter(|&column| may_be(column))
+        .filter(says_joint)
+        .collect();
+    let mut sets: Vec<Vec<usize>> = known.collect();
+    let mut others: Vec<Vec<usize>> = of_numbers.chain([all]).chain(of_letters(columns)).collect();
+    // Of several, those that are no commands come first, and then the larger ones.
+    others.sort_by_key(|set| (is_command(columns, set), usize::MAX - set.len()));
+    sets.extend(others);
+    let mut kept: Vec<Vec<usize>> = Vec::new();
+    for set in sets {
+        let is_whole =
+            (2..=MOST_JOINTS).contains(&set.len()) && set.iter().all(|&column| may_be(column));
+        let is_part = kept
+            .iter()
+            .any(|own| set.iter().all(|column| own.contains(column)));
+        if is_whole && !is_part {
+            kept.push(set);
+        }
+    }
+    let doubt = |set: &Vec<usize>| {
+        is_command(columns, set).then(|| "they are named as commanded angles".to_owned())
+    };
+    kept.into_iter()
+        .map(|set| JointSet {
+            doubt: doubt(&set),
+            columns: set,
+        })
+        .collect()
+}
+
+fn is_command(columns: &[ColumnSummary], set: &[usize]) -> bool {
+    set.iter()
+        .any(|&column| columns[column].named.has(Sense::Command))
+}
+
+/// Whether a column's values and words let it be a joint's.
+fn may_be_joint(column: &ColumnSummary) -> bool {
+    let other = [Sense::Other, Sense::Temperature, Sense::Time];
+    let is_other = column.named.words.iter().any(|word| {
+        // `a` and `q` are joints here; single letters of other quantities are not meant.
+        word.len() > 1 && other.iter().any(|sense| has_sense(word, *sense))
+    });
+    let deviates = column
+        .named
+        .words
+        .iter()
+        .any(|word| word.len() > 1 && has_sense(word, Sense::Deviation));
+    column.is_numeric() && !is_other && !deviates
+}
+
+/// The columns with the names of an arm's joints.
+fn of_names(columns: &[ColumnSummary], names: &[String]) -> Option<Vec<usize>> {
+    let column = |name: &String| {
+        columns
+            .iter()
+            .position(|own| own.name.trim().eq_ignore_ascii_case(name))
+    };
+    names.iter().map(column).collect()
+}
+
+/// Joints that makers name by letters and words.
+fn of_letters(columns: &[ColumnSummary]) -> Vec<Vec<usize>> {
+    let series = ["s l u r b t", "base shoulder elbow wrist1 wrist2 wrist3"];
+    let column = |name: &str| {
+        columns
+            .iter()
+            .position(|own| own.named.words.concat() == *name)
+    };
+    series
+        .iter()
+        .filter_map(|names| names.split_whitespace().map(column).collect())
+        .collect()
+}

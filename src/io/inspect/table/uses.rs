@@ -1,0 +1,144 @@
+//! Columns of a row besides its numbers: time, temperature, session.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::columns::{ColumnSummary, number};
+use super::long;
+use super::names::Sense;
+use crate::ingest::{TableTime, TimeColumn};
+use crate::io::measured_table::{Cell, MeasuredTable};
+
+/// Most sessions of one table.
+const MOST_SESSIONS: usize = 100;
+/// Temperatures of places where people measure, °C.
+const TEMPERATURES: (f64, f64) = (-30.0, 80.0);
+
+/// A column of times.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Time {
+    /// It can be used; the second says why its unit is unsure.
+    Usable(TimeColumn, Option<String>),
+    /// It cannot, for this reason.
+    Unusable(String, String),
+}
+
+/// The column of times; `None` where no name says it.
+pub fn time(table: &MeasuredTable, columns: &[ColumnSummary], used: &[usize]) -> Option<Time> {
+    let named = |column: &usize| columns[*column].named.has(Sense::Time) && !used.contains(column);
+    let column = (0..columns.len()).find(named)?;
+    let name = columns[column].name.clone();
+    Some(match unit(table, &columns[column], column) {
+        Ok((unit, doubt)) => Time::Usable(TimeColumn { column: name, unit }, doubt),
+        Err(reason) => Time::Unusable(name, reason),
+    })
+}
+
+/// The unit of times, with why it is unsure; or why they are none.
+fn unit(
+    table: &MeasuredTable,
+    summary: &ColumnSummary,
+    column: usize,
+) -> Result<(TableTime, Option<String>), String> {
+    if summary.texts > summary.numbers {
+        return is_iso(table, column)
+            .then_some((TableTime::Iso8601, None))
+            .ok_or_else(|| {
+                "its texts are no dates and times as ISO 8601 writes them (2026-11-23T08:30:00Z)"
+                    .to_owned()
+            });
+    }
+    let times: Vec<f64> = (0..table.row_count())
+        .filter_map(|row| number(table, row, column))
+        .collect();
+    let different: BTreeSet<u64> = times.iter().map(|time| time.to_bits()).collect();
+    let (Some((low, high)), true) = (summary.range, different.len() > 1) else {
+        return Err("all rows have the same time: digits of it are lost".to_owned());
+    };
+    if different.len() < times.len() {
+        return Err("rows have the same time as others: digits of it are lost".to_owned());
+    }
+    if times.iter().all(|time| is_written_date(*time)) {
+        return Err(
+            "its numbers are dates written in digits (20260714164124), which is no unit of time"
+                .to_owned(),
+        );
+    }
+    let since_1970 = [
+        (1e9, TableTime::S),
+        (1e12, TableTime::Ms),
+        (1e15, TableTime::Us),
+        (1e18, TableTime::Ns),
+    ];
+    // From the year 2001 to 2128.
+    let found = since_1970
+        .into_iter()
+        .find(|(scale, _)| low >= *scale && high < 5.0 * scale);
+    Ok(match found {
+        Some((_, unit)) => (unit, None),
+        None => (
+            TableTime::S,
+            Some(format!("its numbers are {low} to {high}: s, ms, us or ns")),
+        ),
+    })
+}
+
+/// Whether a number has the digits of a date and time.
+fn is_written_date(number: f64) -> bool {
+    let [year, month, day] = [1e10, 1e8, 1e6].map(|unit| (number / unit).floor());
+    (1970.0..2100.0).contains(&year)
+        && (1.0..13.0).contains(&(month % 100.0))
+        && (1.0..32.0).contains(&(day % 100.0))
+}
+
+fn is_iso(table: &MeasuredTable, column: usize) -> bool {
+    let is_date = |text: &str| {
+        let mut bytes = text.trim().bytes();
+        let date = "0000-00-00".bytes().all(|wanted| {
+            bytes
+                .next()
+                .is_some_and(|own| own == wanted || (wanted == b'0' && own.is_ascii_digit()))
+        });
+        date && matches!(bytes.next(), Some(b'T' | b' '))
+    };
+    (0..table.row_count()).all(|row| match table.cell(row, column) {
+        Cell::Text(text) => is_date(text),
+        Cell::Blank | Cell::Number(_) => false,
+    })
+}
+
+/// The column of temperatures.
+pub fn temperature(columns: &[ColumnSummary], used: &[usize]) -> Option<usize> {
+    let fits = |column: &usize| {
+        let own = &columns[*column];
+        let is_usual = own
+            .range
+            .is_some_and(|(low, high)| low > TEMPERATURES.0 && high < TEMPERATURES.1);
+        own.named.has(Sense::Temperature) && own.is_numeric() && is_usual && !used.contains(column)
+    };
+    (0..columns.len()).find(fits)
+}
+
+/// The column of sessions, by its name: each session is some rows one after another. With the number of rows of each.
+pub fn session(
+    table: &MeasuredTable,
+    columns: &[ColumnSummary],
+    used: &[usize],
+) -> Option<(usize, BTreeMap<String, usize>)> {
+    let named =
+        |column: &usize| columns[*column].named.has(Sense::Session) && !used.contains(column);
+    (0..columns.len()).filter(named).find_map(|column| {
+        let names: Option<Vec<String>> = (0..table.row_count())
+            .map(|row| long::name(table.cell(row, column)))
+            .collect();
+        let names = names?;
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        for name in &names {
+            *counts.entry(name.clone()).or_default() += 1;
+        }
+        let runs = 1 + names.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let is_session = (2..=MOST_SESSIONS).contains(&counts.len())
+            && runs == counts.len()
+            && 2 * counts.len() <= names.len();
+        is_session.then_some((column, counts))
+    })
+}

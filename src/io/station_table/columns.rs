@@ -1,0 +1,263 @@
+//! The values that `[stations]` names, found among the columns of a table.
+
+use super::StationTableErrorKind;
+use crate::ingest::{
+    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings,
+};
+use crate::io::measured_table::{Cell, MeasuredTable};
+
+/// A sum and difference of columns and numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sum {
+    /// Columns, each with its sign.
+    terms: Vec<(f64, usize)>,
+    /// The numbers, summed.
+    constant: f64,
+}
+
+/// The value of a sum in one row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Value<'t> {
+    /// A finite number.
+    Number(f64),
+    /// A cell is blank, not a number, or one of the numbers that stand for a missing reading.
+    Missing(usize),
+    /// A cell holds a text.
+    Text(usize, &'t str),
+}
+
+/// The columns of everything that a row states.
+#[derive(Debug)]
+pub struct Columns {
+    /// Of each joint.
+    pub joints: Vec<Sum>,
+    /// Of the station's name.
+    pub station: Option<usize>,
+    /// Of the target's name.
+    pub target: Option<usize>,
+    /// Of the time.
+    pub time: Option<usize>,
+    /// Of the temperature.
+    pub temperature: Option<Sum>,
+    /// Of the commanded pose.
+    pub commanded: Option<Pose>,
+    /// Of the reading of each target.
+    pub measured: Vec<Measured>,
+}
+
+/// The columns of a pose.
+#[derive(Debug)]
+pub struct Pose {
+    /// x, y and z.
+    pub position: Vec<Sum>,
+    /// The numbers of the orientation, in the order of its form.
+    pub orientation: Option<Vec<Sum>>,
+}
+
+/// The columns of a reading.
+#[derive(Debug)]
+pub struct Measured {
+    /// The pose.
+    pub pose: Pose,
+    /// Standard deviations of x, y and z.
+    pub sd: Vec<Sum>,
+    /// Covariance.
+    pub covariance: Vec<Sum>,
+    /// Number of samples.
+    pub samples: Option<Sum>,
+    /// Standard deviations of the orientation.
+    pub orientation_sd: Vec<Sum>,
+}
+
+type Found<T> = Result<T, StationTableErrorKind>;
+
+impl Columns {
+    /// The columns of `settings` in `table`.
+    pub fn find(table: &MeasuredTable, settings: &StationsSettings) -> Found<Self> {
+        let named = |key: &'static str, column: &Option<String>| {
+            let column = column.as_ref();
+            column.map(|column| one(table, key, column)).transpose()
+        };
+        let measured = settings
+            .measured
+            .iter()
+            .map(|own| Measured::find(table, own));
+        let commanded = settings.commanded.as_ref();
+        let temperature = settings.temperature.as_ref();
+        Ok(Self {
+            joints: sums(table, "joints", &settings.joints)?,
+            station: named("station", &settings.station)?,
+            target: named("target", &settings.target)?,
+            time: named(
+                "time",
+                &settings.time.as_ref().map(|time| time.column.clone()),
+            )?,
+            temperature: temperature
+                .map(|own| Sum::find(table, "temperature", own))
+                .transpose()?,
+            commanded: commanded
+                .map(|own| Pose::of_command(table, own))
+                .transpose()?,
+            measured: measured.collect::<Found<_>>()?,
+        })
+    }
+}
+
+impl Pose {
+    fn find(
+        table: &MeasuredTable,
+        key: &str,
+        position: &[String],
+        orientation: Option<&OrientationColumns>,
+    ) -> Found<Self> {
+        let turn = |own: &OrientationColumns| {
+            sums(table, &format!("{key}.orientation"), own.form.columns())
+        };
+        Ok(Self {
+            position: sums(table, &format!("{key}.position"), position)?,
+            orientation: orientation.map(turn).transpose()?,
+        })
+    }
+
+    fn of_command(table: &MeasuredTable, own: &PoseColumns) -> Found<Self> {
+        Self::find(table, "commanded", &own.position, own.orientation.as_ref())
+    }
+}
+
+impl Measured {
+    fn find(table: &MeasuredTable, own: &ReadingColumns) -> Found<Self> {
+        let sd = own.sd.as_ref().map_or(&[][..], |sd| sd);
+        let covariance = own
+            .covariance
+            .as_ref()
+            .map_or(&[][..], |covariance| covariance);
+        let samples = own.samples.as_ref();
+        let turn_sd = own.orientation.as_ref().map_or(&[][..], |turn| &turn.sd);
+        Ok(Self {
+            pose: Pose::find(table, "measured", &own.position, own.orientation.as_ref())?,
+            sd: sums(table, "measured.sd", sd)?,
+            covariance: sums(table, "measured.covariance", covariance)?,
+            samples: samples
+                .map(|own| Sum::find(table, "measured.samples", own))
+                .transpose()?,
+            orientation_sd: sums(table, "measured.orientation.sd", turn_sd)?,
+        })
+    }
+}
+
+impl OrientationForm {
+    /// Its columns, in order.
+    fn columns(&self) -> &[String] {
+        match self {
+            Self::Quaternion(own) => own,
+            Self::Angles(own, ..) | Self::Vector(own, _) => own,
+            Self::Matrix(own) => own,
+        }
+    }
+}
+
+fn sums(table: &MeasuredTable, key: &str, values: &[String]) -> Found<Vec<Sum>> {
+    values
+        .iter()
+        .map(|value| Sum::find(table, key, value))
+        .collect()
+}
+
+/// The column of that name.
+pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize> {
+    table
+        .find(column)
+        .map_err(|source| StationTableErrorKind::Column {
+            key: key.to_owned(),
+            value: column.to_owned(),
+            source: Box::new(source),
+        })
+}
+
+impl Sum {
+    /// The sum that `value` writes: a column of exactly that name, or columns and numbers with ` + ` and ` - ` between them.
+    fn find(table: &MeasuredTable, key: &str, value: &str) -> Found<Self> {
+        if let Ok(column) = table.find(value) {
+            return Ok(Self {
+                terms: vec![(1.0, column)],
+                constant: 0.0,
+            });
+        }
+        let mut sum = Self {
+            terms: Vec::new(),
+            constant: 0.0,
+        };
+        for (sign, term) in terms(value) {
+            match (table.find(term), term.parse::<f64>()) {
+                (Ok(column), _) => sum.terms.push((sign, column)),
+                (Err(_), Ok(number)) if number.is_finite() => sum.constant += sign * number,
+                (Err(source), _) => {
+                    return Err(StationTableErrorKind::Column {
+                        key: key.to_owned(),
+                        value: value.to_owned(),
+                        source: Box::new(source),
+                    });
+                }
+            }
+        }
+        if sum.terms.is_empty() {
+            return Err(StationTableErrorKind::Empty {
+                key: key.to_owned(),
+                value: value.to_owned(),
+            });
+        }
+        Ok(sum)
+    }
+
+    /// Its value in a row; a cell of one of these numbers is missing.
+    pub fn value<'t>(&self, table: &'t MeasuredTable, row: usize, missing: &[f64]) -> Value<'t> {
+        let mut sum = self.constant;
+        for &(sign, column) in &self.terms {
+            match table.cell(row, column) {
+                Cell::Number(number) if number.is_finite() && !missing.contains(&number) => {
+                    sum += sign * number;
+                }
+                Cell::Number(_) | Cell::Blank => return Value::Missing(column),
+                Cell::Text(text) => return Value::Text(column, text),
+            }
+        }
+        Value::Number(sum)
+    }
+}
+
+/// The terms of a sum, each with its sign: an operator stands between blanks, and a minus may stand before the first term.
+fn terms(value: &str) -> Vec<(f64, &str)> {
+    let mut rest = value.trim();
+    let mut sign = 1.0;
+    if let Some(after) = rest.strip_prefix("- ").or_else(|| rest.strip_prefix("-")) {
+        (rest, sign) = (after.trim_start(), -1.0);
+    }
+    let mut terms = Vec::new();
+    loop {
+        let next = [(" + ", 1.0), (" - ", -1.0)];
+        let next = next
+            .iter()
+            .filter_map(|(mark, sign)| Some((rest.find(mark)?, *sign)));
+        let Some((at, next_sign)) = next.min_by_key(|(at, _)| *at) else {
+            terms.push((sign, rest.trim()));
+            return terms;
+        };
+        terms.push((sign, rest[..at].trim()));
+        (rest, sign) = (&rest[at + 3..], next_sign);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operators_stand_between_blanks() {
+        assert_eq!(terms("x_t + x_dif"), [(1.0, "x_t"), (1.0, "x_dif")]);
+        assert_eq!(
+            terms("-a - b + 3.5"),
+            [(-1.0, "a"), (-1.0, "b"), (1.0, "3.5")]
+        );
+        assert_eq!(terms("pos-x"), [(1.0, "pos-x")]);
+    }
+}

@@ -1,0 +1,86 @@
+//! Errors of a table of stations: which file, which key of `[stations]`, which column, and what there is instead.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::io::measured_table::{ColumnError, MeasuredTableError};
+use crate::join::RowReject;
+
+/// Why a table gives no stations.
+#[derive(Debug, Error)]
+pub enum StationTableError {
+    /// The file cannot be read as a table.
+    #[error(transparent)]
+    Table(Box<MeasuredTableError>),
+    /// Its columns or rows are not those that the pipeline file names.
+    #[error("{}: {kind}", path.display())]
+    Stations {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        kind: Box<StationTableErrorKind>,
+    },
+}
+
+/// What is wrong with a table's columns or rows.
+#[derive(Debug, Error)]
+pub enum StationTableErrorKind {
+    /// A column that the table does not have, or has twice.
+    #[error(
+        "[stations] {key} = {value:?}: {source}; `posegrid inspect` shows the columns and suggests the section"
+    )]
+    Column {
+        /// The key of `[stations]`.
+        key: String,
+        /// Its value.
+        value: String,
+        /// The fault.
+        source: Box<ColumnError>,
+    },
+    /// A value that names no column at all.
+    #[error(
+        "[stations] {key} = {value:?} names no column: write a column, or columns and numbers with \" + \" or \" - \" between them"
+    )]
+    Empty {
+        /// The key of `[stations]`.
+        key: String,
+        /// Its value.
+        value: String,
+    },
+    /// No row at all, or none of the session.
+    #[error("it has no row of a station")]
+    NoRows,
+    /// Rows, and none that can be used.
+    #[error("none of its {rows} rows can be used; the first, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |column| format!(", column {column:?}")))]
+    NothingKept {
+        /// Number of rows.
+        rows: usize,
+        /// Line of the first one.
+        line: u64,
+        /// The column at fault.
+        column: Option<String>,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+impl StationTableErrorKind {
+    /// The error of the file at `path`.
+    pub(super) fn at(self, path: &Path) -> StationTableError {
+        StationTableError::Stations {
+            path: path.to_owned(),
+            kind: Box::new(self),
+        }
+    }
+
+    /// The error of a table without a usable row, by the first one that was left out.
+    pub(super) fn nothing(rows: usize, first: Option<&RowReject>) -> Self {
+        first.map_or(Self::NoRows, |first| Self::NothingKept {
+            rows,
+            line: first.line,
+            column: first.column.clone(),
+            reason: first.reason.clone(),
+        })
+    }
+}

@@ -1,0 +1,566 @@
+//! Cells → rows in rad, mm and ns, with a reject for everything that cannot be used.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+
+use super::columns::{Columns, Measured, Pose, Sum, Value as Cellular};
+use super::{StationTable, name};
+use crate::ingest::{
+    AngleUnit, LengthUnit, OrientationColumns, OrientationForm, StationsSettings, TableTime,
+};
+use crate::io::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
+use crate::join::tabled::{Row, RowItem, RowReading, RowReject, Rows};
+use crate::join::{Command, MeanOrientation, MeanPoint, TargetId, Value};
+use crate::units::round_ns;
+
+/// A quaternion or matrix further from a rotation than this is none.
+const ROTATION: f64 = 0.01;
+
+/// Reads the rows of one table.
+struct Reader<'a> {
+    table: &'a MeasuredTable,
+    columns: &'a Columns,
+    settings: &'a StationsSettings,
+    slides: &'a [bool],
+    file: String,
+    rejects: Vec<RowReject>,
+}
+
+/// The stations of a long table so far.
+#[derive(Default)]
+struct Long {
+    rows: Vec<Row>,
+    /// Place of each station among the rows, by its name.
+    places: BTreeMap<String, usize>,
+    /// Places and targets that have a reading.
+    seen: BTreeSet<(usize, TargetId)>,
+}
+
+/// Why a value is not used: the column at fault, and the reason.
+struct Fault {
+    column: Option<usize>,
+    reason: String,
+}
+
+/// The rows of `own`, and the rejects of everything else in them.
+pub(super) fn rows(
+    table: &MeasuredTable,
+    columns: &Columns,
+    settings: &StationsSettings,
+    own: &[usize],
+    slides: &[bool],
+    file: String,
+) -> StationTable {
+    let mut reader = Reader {
+        table,
+        columns,
+        settings,
+        slides,
+        file,
+        rejects: Vec::new(),
+    };
+    let broken = broken(table, settings);
+    for (line, reason) in &broken {
+        reader.reject(RowItem::Row, *line, Fault::of(reason.clone()));
+    }
+    let rows = match columns.target {
+        None => reader.wide(own),
+        Some(target) => reader.long(own, target),
+    };
+    StationTable {
+        rows: Rows {
+            file: reader.file,
+            rows,
+            rejects: reader.rejects,
+        },
+        read: (own.len() + broken.len()) as u64,
+        remarks: Vec::new(),
+    }
+}
+
+/// Lines of rows with too few or too many cells, and why they are no rows; where rows name their sessions, these name none. Repeated
+/// headers and comments are no rows at all.
+fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<(u64, String)> {
+    let left_out = table
+        .left_out()
+        .iter()
+        .filter(|_| settings.session.is_none());
+    let is_row = |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. });
+    left_out
+        .filter(is_row)
+        .map(|row| (row.line, row.reason.to_string()))
+        .collect()
+}
+
+impl Reader<'_> {
+    /// Rows that are a station each.
+    fn wide(&mut self, own: &[usize]) -> Vec<Row> {
+        let mut named: BTreeMap<String, u64> = BTreeMap::new();
+        let mut rows = Vec::with_capacity(own.len());
+        for &row in own {
+            let made = self.once(row, &mut named).and_then(|()| self.station(row));
+            match made {
+                Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
+                Ok(mut station) => {
+                    for (place, measured) in self.columns.measured.iter().enumerate() {
+                        self.add_reading(&mut station, row, TargetId(place), place, measured);
+                    }
+                    rows.push(station);
+                }
+            }
+        }
+        rows
+    }
+
+    /// Rows that are a reading each; those with one name are a station, in the order in which the names first stand.
+    fn long(&mut self, own: &[usize], target_column: usize) -> Vec<Row> {
+        let mut long = Long::default();
+        let columns = self.columns;
+        for &row in own {
+            match self.placed(row, target_column, &mut long) {
+                Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
+                Ok((place, target)) => {
+                    if let [measured, ..] = &columns.measured[..] {
+                        self.add_reading(&mut long.rows[place], row, target, 0, measured);
+                    }
+                }
+            }
+        }
+        for row in &mut long.rows {
+            row.readings.sort_by_key(|reading| reading.target);
+        }
+        long.rows
+    }
+
+    /// The station and the target of a row of a long table; a station that no earlier row names is new.
+    fn placed(
+        &self,
+        row: usize,
+        target_column: usize,
+        long: &mut Long,
+    ) -> Result<(usize, TargetId), Fault> {
+        let target = self.target(row, target_column)?;
+        let column = self.columns.station;
+        let station = column.and_then(|column| name(self.table.cell(row, column)));
+        let station = station.ok_or_else(|| Fault::in_column(column, "it names no station"))?;
+        let place = if let Some(&place) = long.places.get(&station) {
+            self.same_joints(row, &long.rows[place])?;
+            place
+        } else {
+            long.rows.push(self.station(row)?);
+            long.places.insert(station, long.rows.len() - 1);
+            long.rows.len() - 1
+        };
+        if long.seen.insert((place, target)) {
+            return Ok((place, target));
+        }
+        let line = long.rows[place].line;
+        Err(Fault::of(format!(
+            "the station of line {line} has a reading of this target already"
+        )))
+    }
+
+    /// The target that a row of a long table names.
+    fn target(&self, row: usize, column: usize) -> Result<TargetId, Fault> {
+        let named = name(self.table.cell(row, column))
+            .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
+        let place = self
+            .settings
+            .targets
+            .iter()
+            .position(|target| *target == named);
+        let unknown = || {
+            Fault::in_column(
+                Some(column),
+                &format!("its target {named:?} is none of [stations] targets"),
+            )
+        };
+        place.map(TargetId).ok_or_else(unknown)
+    }
+
+    /// Checks that a row of a station has the joint angles of the station's first row.
+    fn same_joints(&self, row: usize, station: &Row) -> Result<(), Fault> {
+        let same = self
+            .joints(row)?
+            .iter()
+            .zip(&station.joints)
+            .all(|(own, other)| (own - other).abs() <= 1e-9);
+        let differ = || {
+            Fault::of(format!(
+                "its joint angles are not those of line {}, which is of the same station",
+                station.line
+            ))
+        };
+        same.then_some(()).ok_or_else(differ)
+    }
+
+    /// Checks that no earlier row names the same station.
+    fn once(&self, row: usize, named: &mut BTreeMap<String, u64>) -> Result<(), Fault> {
+        let column = self.columns.station;
+        let Some(own) = column.and_then(|column| name(self.table.cell(row, column))) else {
+            return Ok(());
+        };
+        let line = self.table.line(row);
+        if let Some(earlier) = named.get(&own) {
+            let reason = format!("line {earlier} is of the same station");
+            return Err(Fault::in_column(column, &reason));
+        }
+        named.insert(own, line);
+        Ok(())
+    }
+
+    /// A station without its readings.
+    fn station(&self, row: usize) -> Result<Row, Fault> {
+        let temperature = self
+            .columns
+            .temperature
+            .as_ref()
+            .map(|own| self.value(own, row));
+        Ok(Row {
+            line: self.table.line(row),
+            joints: self.joints(row)?,
+            command: self.command(row)?,
+            time_ns: self.time_ns(row)?,
+            temperature_c: temperature.and_then(Result::ok),
+            readings: Vec::new(),
+        })
+    }
+
+    /// Joint angles in rad, positions of joints that slide in mm.
+    fn joints(&self, row: usize) -> Result<Vec<f64>, Fault> {
+        let lengths = self.settings.length_unit.map_or(1.0, LengthUnit::to_mm);
+        let joints = self.columns.joints.iter().enumerate();
+        let joint = |(place, sum): (usize, &Sum)| {
+            let slides = self.slides.get(place).copied().unwrap_or(false);
+            let factor = if slides {
+                lengths
+            } else {
+                self.settings.joint_unit.to_rad()
+            };
+            Ok(factor * self.value(sum, row)?)
+        };
+        joints.map(joint).collect()
+    }
+
+    /// The commanded pose; `None` where the row has none.
+    fn command(&self, row: usize) -> Result<Option<Command>, Fault> {
+        let (Some(columns), Some(settings)) = (&self.columns.commanded, &self.settings.commanded)
+        else {
+            return Ok(None);
+        };
+        let Some(position) = self.if_there(self.position(columns, row, settings.unit))? else {
+            return Ok(None);
+        };
+        let orientation = match (&columns.orientation, &settings.orientation) {
+            (Some(sums), Some(form)) => self.if_there(self.orientation(sums, row, form))?,
+            _ => None,
+        };
+        Ok(Some(Command {
+            position,
+            orientation,
+        }))
+    }
+
+    /// `None` of a value with a blank cell.
+    #[expect(
+        clippy::unused_self,
+        reason = "a question of the row, as its neighbours are"
+    )]
+    fn if_there<T>(&self, value: Result<T, Fault>) -> Result<Option<T>, Fault> {
+        match value {
+            Ok(value) => Ok(Some(value)),
+            Err(fault) if fault.is_blank() => Ok(None),
+            Err(fault) => Err(fault),
+        }
+    }
+
+    /// When the row was measured, ns; `None` where the table does not state it.
+    fn time_ns(&self, row: usize) -> Result<Option<i64>, Fault> {
+        let (Some(column), Some(time)) = (self.columns.time, &self.settings.time) else {
+            return Ok(None);
+        };
+        let factor = match time.unit {
+            TableTime::S => 1e9,
+            TableTime::Ms => 1e6,
+            TableTime::Us => 1e3,
+            TableTime::Ns => 1.0,
+            TableTime::Iso8601 => {
+                let text = name(self.table.cell(row, column)).unwrap_or_default();
+                let ns = iso_8601_ns(&text);
+                return ns.map(Some).ok_or_else(|| {
+                    Fault::in_column(
+                        Some(column),
+                        &format!("{text:?} is no date and time as ISO 8601 writes them"),
+                    )
+                });
+            }
+        };
+        match self.table.cell(row, column) {
+            Cell::Number(number) if number.is_finite() => Ok(Some(round_ns(factor * number))),
+            Cell::Number(_) | Cell::Blank => Err(Fault::in_column(Some(column), "it has no time")),
+            Cell::Text(text) => Err(Fault::in_column(
+                Some(column),
+                &format!("{text:?} is no number"),
+            )),
+        }
+    }
+
+    /// Adds the reading of a target to its station, or rejects it.
+    fn add_reading(
+        &mut self,
+        station: &mut Row,
+        row: usize,
+        target: TargetId,
+        place: usize,
+        measured: &Measured,
+    ) {
+        let line = self.table.line(row);
+        match self.reading(row, place, measured) {
+            Ok((value, samples)) => station.readings.push(RowReading {
+                target,
+                line,
+                value,
+                samples,
+            }),
+            Err(fault) => self.reject(RowItem::Reading, line, fault),
+        }
+    }
+
+    fn reading(
+        &self,
+        row: usize,
+        place: usize,
+        columns: &Measured,
+    ) -> Result<(Value, usize), Fault> {
+        let settings = &self.settings.measured[place];
+        let position = self.position(&columns.pose, row, settings.unit)?;
+        let (to_mm, samples) = (settings.unit.to_mm(), self.samples(columns, row)?);
+        let sd = columns.sd.iter().map(|sum| self.deviation(sum, row));
+        let sd = sd.collect::<Result<Vec<f64>, Fault>>()?;
+        let covariance = columns
+            .covariance
+            .iter()
+            .map(|sum| Ok(to_mm * to_mm * self.value(sum, row)?));
+        let covariance = covariance.collect::<Result<Vec<f64>, Fault>>()?;
+        let point = MeanPoint {
+            position,
+            scatter_mm: <[f64; 3]>::try_from(&sd[..])
+                .map_or([0.0; 3], |sd| sd.map(|sd| to_mm * sd)),
+            stated_covariance: <[f64; 6]>::try_from(&covariance[..]).ok(),
+        };
+        let turn = match (&columns.pose.orientation, &settings.orientation) {
+            (Some(sums), Some(form)) => {
+                self.if_there(self.turn(sums, &columns.orientation_sd, row, form))?
+            }
+            _ => None,
+        };
+        Ok((Value::of(point, turn), samples))
+    }
+
+    /// Number of samples in a reading.
+    fn samples(&self, columns: &Measured, row: usize) -> Result<usize, Fault> {
+        let Some(sum) = &columns.samples else {
+            return Ok(1);
+        };
+        let number = self.value(sum, row)?;
+        let whole = number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a whole number from 1 to 2³²"
+        )]
+        whole
+            .then_some(number as usize)
+            .ok_or_else(|| Fault::of(format!("{number} samples are no number of samples")))
+    }
+
+    /// A standard deviation; zero where the cell is blank: the instrument's own uncertainty remains.
+    fn deviation(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
+        let sd = self.if_there(self.value(sum, row))?.unwrap_or(0.0);
+        (sd >= 0.0)
+            .then_some(sd)
+            .ok_or_else(|| Fault::of(format!("a standard deviation of {sd}")))
+    }
+
+    /// A position, mm. Three zeros are what some instruments write for a missing reflector.
+    fn position(&self, columns: &Pose, row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
+        let values = columns.position.iter().map(|sum| self.value(sum, row));
+        let values = values.collect::<Result<Vec<f64>, Fault>>()?;
+        if values.iter().all(|value| *value == 0.0) {
+            return Err(Fault::blank(
+                None,
+                "missing: a position of zeros, which instruments write where they measured nothing",
+            ));
+        }
+        Ok(Point3::from_slice(&values) * unit.to_mm())
+    }
+
+    fn turn(
+        &self,
+        sums: &[Sum],
+        deviations: &[Sum],
+        row: usize,
+        columns: &OrientationColumns,
+    ) -> Result<MeanOrientation, Fault> {
+        let to_rad = match columns.form {
+            OrientationForm::Angles(_, _, unit) | OrientationForm::Vector(_, unit) => unit.to_rad(),
+            OrientationForm::Quaternion(_) | OrientationForm::Matrix(_) => AngleUnit::Rad.to_rad(),
+        };
+        let squares = deviations
+            .iter()
+            .map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
+        let squares = squares.collect::<Result<Vec<f64>, Fault>>()?;
+        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        Ok(MeanOrientation {
+            orientation: self.orientation(sums, row, columns)?,
+            scatter_rad: to_rad * mean.sqrt(),
+        })
+    }
+
+    fn orientation(
+        &self,
+        sums: &[Sum],
+        row: usize,
+        columns: &OrientationColumns,
+    ) -> Result<UnitQuaternion<f64>, Fault> {
+        let values = sums.iter().map(|sum| self.value(sum, row));
+        let values = values.collect::<Result<Vec<f64>, Fault>>()?;
+        rotation(&values, &columns.form)
+    }
+
+    /// The number that a sum gives in a row.
+    fn value(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
+        match sum.value(self.table, row, &self.settings.missing) {
+            Cellular::Number(number) => Ok(number),
+            Cellular::Missing(column) => {
+                let words = match self.table.cell(row, column) {
+                    Cell::Number(number) if number.is_finite() => {
+                        format!("missing: {number}, which [stations] missing lists")
+                    }
+                    Cell::Number(_) => "missing: not a finite number".to_owned(),
+                    Cell::Blank | Cell::Text(_) => "missing: the cell is blank".to_owned(),
+                };
+                Err(Fault::blank(Some(column), &words))
+            }
+            Cellular::Text(column, text) => {
+                let text: String = text.chars().take(40).collect();
+                Err(Fault::in_column(
+                    Some(column),
+                    &format!("{text:?} is no number"),
+                ))
+            }
+        }
+    }
+
+    fn reject(&mut self, kind: RowItem, line: u64, fault: Fault) {
+        let column = fault
+            .column
+            .map(|column| self.table.columns()[column].clone());
+        self.rejects.push(RowReject {
+            kind,
+            file: self.file.clone(),
+            line,
+            column,
+            station: None,
+            reason: fault.reason,
+        });
+    }
+}
+
+impl Fault {
+    fn of(reason: String) -> Self {
+        Self {
+            column: None,
+            reason,
+        }
+    }
+
+    fn in_column(column: Option<usize>, reason: &str) -> Self {
+        Self {
+            column,
+            reason: reason.to_owned(),
+        }
+    }
+
+    /// Of a value that is not there; the reason begins with `missing`.
+    fn blank(column: Option<usize>, reason: &str) -> Self {
+        Self::in_column(column, reason)
+    }
+
+    fn is_blank(&self) -> bool {
+        self.reason.starts_with("missing")
+    }
+}
+
+/// The rotation of an orientation's numbers.
+fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64>, Fault> {
+    match (form, values) {
+        (OrientationForm::Quaternion(_), &[x, y, z, w]) => {
+            let quaternion = Quaternion::new(w, x, y, z);
+            let norm = quaternion.norm();
+            let near = (norm - 1.0).abs() <= ROTATION;
+            near.then(|| UnitQuaternion::from_quaternion(quaternion))
+                .ok_or_else(|| {
+                    Fault::of(format!(
+                        "a quaternion of norm {norm:.3}, and a rotation has norm 1"
+                    ))
+                })
+        }
+        (OrientationForm::Angles(_, order, unit), &[a, b, c]) => {
+            Ok(order.rotation([a, b, c].map(|angle| unit.to_rad() * angle)))
+        }
+        (OrientationForm::Vector(_, unit), values) if values.len() == 3 => Ok(
+            UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from_row_slice(values)),
+        ),
+        (OrientationForm::Matrix(_), values) if values.len() == 9 => {
+            let matrix = Matrix3::from_row_slice(values);
+            let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+            let turns = off <= ROTATION && matrix.determinant() > 0.0;
+            turns
+                .then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix)))
+                .ok_or_else(|| Fault::of("a matrix that is no rotation: its rows are not of length 1 and at right angles".to_owned()))
+        }
+        _ => Err(Fault::of(
+            "an orientation with a wrong number of values".to_owned(),
+        )),
+    }
+}
+
+/// Nanoseconds since 1970, UTC, of a date and time; without an offset it is in UTC.
+fn iso_8601_ns(text: &str) -> Option<i64> {
+    let with_offset = chrono::DateTime::parse_from_rfc3339(&text.replacen(' ', "T", 1)).ok();
+    let plain = || {
+        let forms = [
+            "%Y-%m-%dT%H:%M:%S%.f",
+            "%Y-%m-%d %H:%M:%S%.f",
+            "%Y-%m-%dT%H:%M",
+            "%Y-%m-%d %H:%M",
+        ];
+        let mut times = forms
+            .iter()
+            .filter_map(|form| chrono::NaiveDateTime::parse_from_str(text, form).ok());
+        times.next()?.and_utc().timestamp_nanos_opt()
+    };
+    with_offset.map_or_else(plain, |time| time.timestamp_nanos_opt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_read_with_and_without_an_offset() {
+        let noon = 1_604_923_200_000_000_000;
+        for text in [
+            "2020-11-09T12:00:00Z",
+            "2020-11-09 12:00:00",
+            "2020-11-09T13:00:00+01:00",
+            "2020-11-09 12:00",
+            "2020-11-09T12:00:00.000",
+        ] {
+            assert_eq!(iso_8601_ns(text), Some(noon), "{text}");
+        }
+        assert_eq!(iso_8601_ns("2,02011E+13"), None);
+    }
+}

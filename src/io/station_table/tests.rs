@@ -1,0 +1,226 @@
+//! Tables as people have them, read by a section: units, sums, long form, missing readings, sessions.
+
+use std::fs;
+use std::path::PathBuf;
+
+use super::*;
+use crate::join::tabled::RowItem;
+use crate::join::{TargetId, Value};
+
+/// A file in a folder of its own.
+struct Table {
+    folder: tempfile::TempDir,
+}
+
+impl Table {
+    fn new(text: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("measured.csv"), text).unwrap();
+        Self { folder }
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.path().join("measured.csv")
+    }
+
+    fn read(&self, section: &str, session: Option<&str>) -> Result<StationTable, String> {
+        let settings = settings(section);
+        read(
+            &self.path(),
+            &settings,
+            session,
+            &[false, true],
+            Bound::TARGETS,
+        )
+        .map_err(|error| error.to_string())
+    }
+}
+
+fn settings(section: &str) -> StationsSettings {
+    toml::from_str(section).unwrap_or_else(|error| panic!("{error}"))
+}
+
+const WIDE: &str = "joints = [\"a\", \"s\"]\njoint_unit = \"deg\"\nlength_unit = \"m\"\n\
+    [[measured]]\nname = \"A\"\nposition = [\"x\", \"y\", \"z - 1\"]\nunit = \"m\"\nsd = [\"sd\", \"sd\", \"sd\"]\n\
+    [[measured]]\nname = \"B\"\nposition = [\"u\", \"v\", \"w\"]\nunit = \"mm\"\n\
+    orientation = { rotation_vector = [\"r\", \"r\", \"r\"], unit = \"deg\" }\n";
+
+#[test]
+fn units_sums_and_two_targets_are_read() {
+    let table = Table::new(
+        "a,s,x,y,z,sd,u,v,w,r\n\
+         90,0.25,1,2,3,0.001,10,20,30,0\n\
+         180,0.5,4,5,6,,9999,0,1,0\n",
+    );
+    let read = table.read(WIDE, None).unwrap();
+    assert_eq!(
+        (read.read, read.rows.rows.len(), read.rows.rejects.len()),
+        (2, 2, 1)
+    );
+    let first = &read.rows.rows[0];
+    assert!((first.joints[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+    assert!((first.joints[1] - 250.0).abs() < 1e-12);
+    let Value::Point(point) = first.readings[0].value else {
+        panic!("{:?} is no point", first.readings[0].value)
+    };
+    assert_eq!(
+        point.position,
+        nalgebra::Point3::new(1000.0, 2000.0, 2000.0)
+    );
+    assert_eq!(
+        nalgebra::Vector3::from(point.scatter_mm),
+        nalgebra::Vector3::repeat(1.0)
+    );
+    assert!(matches!(first.readings[1].value, Value::Pose(..)));
+    // The second station's second target was not measured; a blank deviation leaves the instrument's.
+    let second = &read.rows.rows[1];
+    assert_eq!(second.readings.len(), 1);
+    let scatter_mm = second.readings[0].value.point().unwrap().scatter_mm;
+    assert_eq!(
+        nalgebra::Vector3::from(scatter_mm),
+        nalgebra::Vector3::zeros()
+    );
+    let reject = &read.rows.rejects[0];
+    assert_eq!(
+        (reject.kind, reject.line, reject.column.as_deref()),
+        (RowItem::Reading, 3, Some("u"))
+    );
+}
+
+#[test]
+fn rows_of_a_long_table_with_one_name_are_a_station() {
+    let section = "joints = [\"a\", \"s\"]\njoint_unit = \"rad\"\nlength_unit = \"mm\"\nstation = \"pose\"\ntarget = \"ball\"\n\
+        targets = [\"A\", \"B\", \"C\"]\n[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n";
+    let table = Table::new(
+        "pose;ball;a;s;x;y;z\n\
+         p1;C;0,1;5;7;8;9\n\
+         p1;A;0,1;5;1;2;3\n\
+         p2;A;0,2;6;1;2;4\n\
+         p1;B;0,9;5;1;2;3\n\
+         p2;A;0,2;6;1;2;5\n\
+         p2;F;0,2;6;1;2;5\n\
+         ;A;0,2;6;1;2;5\n",
+    );
+    let read = table.read(section, None).unwrap();
+    assert_eq!((read.read, read.rows.rows.len()), (7, 2));
+    let targets: Vec<TargetId> = read.rows.rows[0]
+        .readings
+        .iter()
+        .map(|reading| reading.target)
+        .collect();
+    assert_eq!(targets, [TargetId(0), TargetId(2)]);
+    let told: Vec<(u64, &str)> = read
+        .rows
+        .rejects
+        .iter()
+        .map(|own| (own.line, own.reason.as_str()))
+        .collect();
+    let expected = [
+        (5, "not those of line 2"),
+        (6, "has a reading of this target already"),
+        (7, "\"F\" is none of [stations] targets"),
+        (8, "names no station"),
+    ];
+    assert_eq!(told.len(), expected.len(), "{told:?}");
+    for ((line, reason), (wanted, words)) in told.into_iter().zip(expected) {
+        assert!(line == wanted && reason.contains(words), "{line}: {reason}");
+    }
+}
+
+#[test]
+fn a_session_is_its_own_rows_whatever_stands_beside_them() {
+    let section = "joints = [\"a\", \"s\"]\njoint_unit = \"deg\"\nlength_unit = \"mm\"\nsession = \"day\"\n\
+        [measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n";
+    let one = "day,a,s,x,y,z\nmon,1,2,3,4,5\ntue,1,2,3,4,6\nmon,2,2,3,4,7\n";
+    let more = "day;a;s;x;y;z\nwed;1;2;3;4;5\nmon;1,0;2;3;4;5\nmon;2;2;3;4;7\n";
+    let (one, more) = (Table::new(one), Table::new(more));
+    let settings = settings(section);
+    let names = |table: &Table| {
+        sessions(&table.path(), &settings, Bound::TARGETS)
+            .unwrap()
+            .0
+    };
+    assert_eq!(
+        (names(&one), names(&more)),
+        (
+            vec!["mon".to_owned(), "tue".to_owned()],
+            vec!["mon".to_owned(), "wed".to_owned()]
+        )
+    );
+    assert_eq!(one.read(section, Some("mon")).unwrap().rows.rows.len(), 2);
+    let own = |table: &Table, session| {
+        of_session(&table.path(), &settings, session, Bound::TARGETS).unwrap()
+    };
+    assert_eq!(own(&one, "mon"), own(&more, "mon"));
+    assert_ne!(own(&one, "mon"), own(&one, "tue"));
+    assert!(
+        one.read(section, Some("sun"))
+            .unwrap_err()
+            .contains("no row of a station")
+    );
+}
+
+#[test]
+fn a_column_that_is_not_there_is_told_with_its_key() {
+    let table = Table::new("a,s,x,y,z,sd,u,v,w,r\n1,2,3,4,5,6,7,8,9,10\n");
+    let told = table
+        .read(&WIDE.replace("\"z - 1\"", "\"zz - 1\""), None)
+        .unwrap_err();
+    assert!(
+        told.contains("measured.csv") && told.contains("[stations] measured.position = \"zz - 1\""),
+        "{told}"
+    );
+    let told = table
+        .read(&WIDE.replace("\"z - 1\"", "\"1 - 2\""), None)
+        .unwrap_err();
+    assert!(told.contains("names no column"), "{told}");
+    // A text in the only row: the error names line and column.
+    let table = Table::new("a,s,x,y,z,sd,u,v,w,r\nnone,2,3,4,5,6,7,8,9,10\n");
+    let told = table.read(WIDE, None).unwrap_err();
+    assert!(
+        told.contains("none of its 1 rows") && told.contains("line 2, column \"a\""),
+        "{told}"
+    );
+}
+
+#[test]
+fn what_is_written_is_read_by_the_section_in_its_head() {
+    let file: crate::kinematics::RobotFile =
+        toml::from_str(include_str!("../../../pipelines/robots/ur10.toml")).unwrap();
+    let arm = file.arm().unwrap();
+    let home: Vec<f64> = arm.home().unwrap().to_vec();
+    let poses = crate::simulate::Poses::Joints {
+        count: 12,
+        lower: home.iter().map(|q| q - 0.5).collect(),
+        upper: home.iter().map(|q| q + 0.5).collect(),
+    };
+    let settings = crate::simulate::SimulateSettings::realistic(3, home, poses);
+    let simulated = crate::simulate::simulate(&arm, &settings).unwrap();
+    let stations = simulated.stations_with(&[nalgebra::Vector3::new(120.0, 0.0, 0.0)]);
+    let names = ["T1".to_owned(), "T2".to_owned()];
+    let text = csv(&stations, &arm, &names);
+    let lines = text.lines().skip(1);
+    let section: Vec<&str> = lines.map_while(|line| line.strip_prefix("# ")).collect();
+    let section = section.join("\n");
+    let table = Table::new(&text);
+    let settings: toml::Table = toml::from_str(&section).unwrap();
+    let settings: StationsSettings = settings["stations"].clone().try_into().unwrap();
+    let read = read(&table.path(), &settings, None, &[false; 6], Bound::TARGETS).unwrap();
+    assert_eq!(read.rows.rows.len(), stations.len());
+    for (row, station) in read.rows.rows.iter().zip(&stations) {
+        let away = row
+            .joints
+            .iter()
+            .zip(&station.joints)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(away < 1e-8, "{away}");
+        assert_eq!(row.readings.len(), station.readings.len());
+        for (own, reading) in row.readings.iter().zip(&station.readings) {
+            assert_eq!((own.target, own.samples), (reading.target, reading.kept));
+            let away_mm =
+                (own.value.point().unwrap().position - reading.position().unwrap()).norm();
+            assert!(away_mm < 1e-6, "{away_mm}");
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Stations → a table of them as CSV, which the section in its head reads.
+
+use std::fmt::Write as _;
+
+use crate::join::{Reading, Station, TargetId};
+use crate::kinematics::{Arm, Joint};
+
+/// Decimals of angles in degrees, and of lengths in mm.
+const DECIMALS: usize = 7;
+
+/// The table of these stations, with the readings of targets of these names in their order. Angles are in degrees, positions in mm;
+/// readings that are missing are blank. Comments above the header say how a pipeline file reads it.
+pub fn csv(stations: &[Station], arm: &Arm, targets: &[String]) -> String {
+    let mut text = section(arm, targets);
+    let joints = arm.joints().iter().map(|joint| joint.name.clone());
+    let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
+    let readings = targets.iter().flat_map(|target| of_target(target));
+    let header: Vec<String> = ["station".to_owned()]
+        .into_iter()
+        .chain(joints)
+        .chain(["temperature".to_owned()])
+        .chain(commands)
+        .chain(readings)
+        .collect();
+    let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
+    writeln!(text, "{}", named.join(",")).expect("a string");
+    for station in stations {
+        writeln!(text, "{}", row(station, arm, targets.len())).expect("a string");
+    }
+    text
+}
+
+/// Columns of a target's reading: position, standard deviation of a sample, number of samples.
+fn of_target(target: &str) -> [String; 7] {
+    ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"].map(|own| format!("{target}_{own}"))
+}
+
+/// The section that reads the table, as comments.
+fn section(arm: &Arm, targets: &[String]) -> String {
+    let list = |names: &[String]| {
+        format!(
+            "[{}]",
+            names
+                .iter()
+                .map(|name| format!("{name:?}"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        )
+    };
+    let joints: Vec<String> = arm
+        .joints()
+        .iter()
+        .map(|joint| joint.name.clone())
+        .collect();
+    let mut lines = vec![
+        "Stations of a simulated session. A pipeline file reads them with".to_owned(),
+        "[stations]".to_owned(),
+        format!("joints = {}", list(&joints)),
+        "joint_unit = \"deg\"".to_owned(),
+    ];
+    lines.extend(arm.has_slides().then(|| "length_unit = \"mm\"".to_owned()));
+    lines.push("temperature = \"temperature\"".to_owned());
+    lines.push(
+        "commanded = { position = [\"command_x\", \"command_y\", \"command_z\"], unit = \"mm\", orientation = { quaternion_xyzw = \
+         [\"command_qx\", \"command_qy\", \"command_qz\", \"command_qw\"] } }"
+            .to_owned(),
+    );
+    for target in targets {
+        let columns = of_target(target);
+        let several = targets.len() > 1;
+        lines.push(
+            if several {
+                "[[stations.measured]]"
+            } else {
+                "[stations.measured]"
+            }
+            .to_owned(),
+        );
+        lines.extend(several.then(|| format!("name = {target:?}")));
+        lines.push(format!("position = {}", list(&columns[..3])));
+        lines.push("unit = \"mm\"".to_owned());
+        lines.push(format!("sd = {}", list(&columns[3..6])));
+        lines.push(format!("samples = {:?}", columns[6]));
+    }
+    lines.iter().fold(String::new(), |mut text, line| {
+        writeln!(text, "# {line}").expect("a string");
+        text
+    })
+}
+
+fn row(station: &Station, arm: &Arm, targets: usize) -> String {
+    let joints = arm.joints().iter().zip(&station.joints);
+    let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
+    let temperature = station
+        .readings
+        .first()
+        .and_then(|reading| reading.temperature_c);
+    let mut cells = vec![station.number.to_string()];
+    cells.extend(joints);
+    cells.push(temperature.map_or_else(String::new, |celsius| celsius.to_string()));
+    cells.extend(command(station));
+    for target in (0..targets).map(TargetId) {
+        let reading = station
+            .measured()
+            .iter()
+            .find(|reading| reading.target == target);
+        cells.extend(reading.map_or_else(|| std::array::from_fn(|_| String::new()), measured));
+    }
+    cells.join(",")
+}
+
+/// Position and quaternion of the command; blank where there is none.
+fn command(station: &Station) -> [String; 7] {
+    let Some(command) = &station.command else {
+        return std::array::from_fn(|_| String::new());
+    };
+    let [x, y, z] = command.position.coords.into();
+    let turn = command.orientation.map(|turn| turn.coords.into());
+    let quaternion: [String; 4] = turn.map_or_else(
+        || std::array::from_fn(|_| String::new()),
+        |turn: [f64; 4]| turn.map(|component| format!("{component:.9}")),
+    );
+    let [qx, qy, qz, qw] = quaternion;
+    [number(x), number(y), number(z), qx, qy, qz, qw]
+}
+
+fn measured(reading: &Reading) -> [String; 7] {
+    let Some(point) = reading.value.point() else {
+        return std::array::from_fn(|_| String::new());
+    };
+    let [x, y, z] = point.position.coords.into();
+    let [sd_x, sd_y, sd_z] = point.scatter_mm.map(number);
+    [
+        number(x),
+        number(y),
+        number(z),
+        sd_x,
+        sd_y,
+        sd_z,
+        reading.kept.to_string(),
+    ]
+}
+
+fn number(value: f64) -> String {
+    format!("{value:.DECIMALS$}")
+}
+
+/// A name as a cell: in quotes where it holds a separator or a quote.
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}

@@ -1,0 +1,347 @@
+//! Rows of a table of stations → stations: somebody else has joined them, so there is one clock and no dwell to find.
+//!
+//! Every row becomes a station or is left out with its reason, and so is every reading:
+//!
+//! 1. rows are in order of time where every one has a time, otherwise in the table's order, a second apart;
+//! 2. a row that repeats another to the last digit is a copy;
+//! 3. readings far from every place that the nominal arm can have had are of another reflector, as with logs
+//!    ([`super::placement`]).
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::pattern::MIN_PAIRS;
+use super::placement::{Placement, ReadingAtFlange};
+use super::{
+    ClockEstimate, Command, Found, GATE_REACH, JoinSettings, Joined, Pairing, Reading,
+    ReadingCounts, SourceId, Station, TargetId, Unmeasured, Value,
+};
+use crate::kinematics::Arm;
+use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
+
+/// A row of a table: a station with the readings of its targets.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Its line in the file, from 1.
+    pub line: u64,
+    /// Angles of the reported joints, rad; mm of a joint that slides.
+    pub joints: Vec<f64>,
+    /// The commanded pose; absent where the table has none.
+    pub command: Option<Command>,
+    /// When it was measured, ns; absent where the table does not state it.
+    pub time_ns: Option<i64>,
+    /// Temperature, °C.
+    pub temperature_c: Option<f64>,
+    /// The readings, in the order of targets.
+    pub readings: Vec<RowReading>,
+}
+
+/// The reading of one target in a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RowReading {
+    /// The target.
+    pub target: TargetId,
+    /// Its line in the file, from 1; of a long table its own.
+    pub line: u64,
+    /// The mean of its samples, in the instrument's frame.
+    pub value: Value,
+    /// Number of samples in the mean.
+    pub samples: usize,
+}
+
+/// A row or reading of a table that was left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RowReject {
+    /// The kind of item.
+    pub kind: RowItem,
+    /// Name of the table's file.
+    pub file: String,
+    /// Its line in the file, from 1.
+    pub line: u64,
+    /// The column at fault; `None` where it is none of them.
+    pub column: Option<String>,
+    /// Number of the station that the row became; `None` where it became none.
+    pub station: Option<usize>,
+    /// Why.
+    pub reason: String,
+}
+
+/// The kind of an item of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowItem {
+    /// A row.
+    Row,
+    /// A reading of one target.
+    Reading,
+}
+
+/// A table's rows as its reader found them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Rows {
+    /// Name of the file.
+    pub file: String,
+    /// Rows with joint angles, in the table's order.
+    pub rows: Vec<Row>,
+    /// Rows and readings that the reader left out; the station is not known yet.
+    pub rejects: Vec<RowReject>,
+}
+
+/// The stations of a table. `counts` has each reading of a target once; those that the reader left out are missing.
+pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
+    let Rows {
+        file,
+        rows,
+        mut rejects,
+    } = rows;
+    let (rows, timed) = in_order(rows);
+    let (rows, copies) = without_copies(rows, &file);
+    let mut missing = rejects
+        .iter()
+        .filter(|own| own.kind == RowItem::Reading)
+        .count() as u64;
+    missing += copies
+        .iter()
+        .map(|(_, readings)| *readings as u64)
+        .sum::<u64>();
+    rejects.extend(copies.into_iter().map(|(reject, _)| reject));
+    let gates = Gates::new(&rows, arm, settings);
+    let stations: Vec<Station> = rows
+        .iter()
+        .enumerate()
+        .map(|(number, row)| gates.station(number, row, timed))
+        .collect();
+    let far = rows
+        .iter()
+        .zip(&stations)
+        .flat_map(|(row, station)| gates.far(row, station, &file));
+    let far: Vec<RowReject> = far.collect();
+    let by_line: BTreeMap<u64, usize> = rows
+        .iter()
+        .zip(&stations)
+        .map(|(row, station)| (row.line, station.number))
+        .collect();
+    for reject in rejects
+        .iter_mut()
+        .filter(|own| own.kind == RowItem::Reading)
+    {
+        reject.station = reject
+            .station
+            .or_else(|| by_line.get(&reject.line).copied());
+    }
+    let kept = stations
+        .iter()
+        .map(|station| station.measured().len() as u64)
+        .sum();
+    let unpaired = far.len() as u64;
+    rejects.extend(far);
+    rejects.sort_by_key(|own| own.line);
+    Joined {
+        clock: one_clock(stations.first().map(|station| station.start), timed),
+        stations,
+        rejects: Vec::new(),
+        row_rejects: rejects,
+        counts: ReadingCounts {
+            kept,
+            unpaired,
+            missing,
+            ..ReadingCounts::default()
+        },
+        found: Found {
+            stationary_rad: 0.0,
+            stationary_mm: 0.0,
+            settle_s: 0.0,
+        },
+    }
+}
+
+/// The rows in order of time, and whether they have times.
+fn in_order(mut rows: Vec<Row>) -> (Vec<Row>, bool) {
+    let timed = !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some());
+    if timed {
+        rows.sort_by_key(|row| row.time_ns);
+    }
+    (rows, timed)
+}
+
+/// The rows without those that repeat an earlier one to the last digit; for each of them its reject and number of readings.
+fn without_copies(rows: Vec<Row>, file: &str) -> (Vec<Row>, Vec<(RowReject, usize)>) {
+    let mut first: BTreeMap<Vec<u64>, u64> = BTreeMap::new();
+    let (mut kept, mut copies) = (Vec::with_capacity(rows.len()), Vec::new());
+    for row in rows {
+        let line = *first.entry(digits(&row)).or_insert(row.line);
+        if line == row.line || row.readings.is_empty() {
+            kept.push(row);
+            continue;
+        }
+        let reject = RowReject {
+            kind: RowItem::Row,
+            file: file.to_owned(),
+            line: row.line,
+            column: None,
+            station: None,
+            reason: format!(
+                "a copy of line {line}: joints, readings and time are the same to the last digit"
+            ),
+        };
+        copies.push((reject, row.readings.len()));
+    }
+    (kept, copies)
+}
+
+/// Everything that is measured in a row, as bits.
+fn digits(row: &Row) -> Vec<u64> {
+    let time = row.time_ns.map_or(0, i64::cast_unsigned);
+    let readings = row.readings.iter().flat_map(|reading| {
+        let point = reading
+            .value
+            .point()
+            .map_or([0.0; 3], |point| point.position.coords.into());
+        [reading.target.0 as u64]
+            .into_iter()
+            .chain(point.map(f64::to_bits))
+    });
+    [time]
+        .into_iter()
+        .chain(row.joints.iter().map(|angle| angle.to_bits()))
+        .chain(readings)
+        .collect()
+}
+
+/// The clock of a table: that of its times.
+fn one_clock(origin: Option<Stamp<crate::units::Controller>>, timed: bool) -> ClockEstimate {
+    let method = if timed {
+        "one table, so one clock: nothing had to be joined"
+    } else {
+        "one table without times: stations are in its order and count as a second apart"
+    };
+    ClockEstimate {
+        model: ClockModel {
+            origin: origin.unwrap_or(Stamp::from_ns(0)),
+            offset_ns: 0.0,
+            drift: 0.0,
+        },
+        offset_se_ns: 0.0,
+        drift_se: 0.0,
+        matched_edges: 0,
+        edge_rms_ns: 0.0,
+        method: method.to_owned(),
+    }
+}
+
+/// For each target how far from the nominal arm its readings may be.
+struct Gates<'a> {
+    arm: &'a Arm,
+    /// Placement of the target and distance allowed, mm; `None` where too few readings place it.
+    targets: BTreeMap<TargetId, Option<(Placement, f64)>>,
+}
+
+impl<'a> Gates<'a> {
+    fn new(rows: &[Row], arm: &'a Arm, settings: &JoinSettings) -> Self {
+        let mut readings: BTreeMap<TargetId, Vec<ReadingAtFlange>> = BTreeMap::new();
+        for row in rows {
+            let flange = *arm.flange(&row.joints).isometry();
+            for reading in &row.readings {
+                if let Some(attained) = place(reading) {
+                    readings
+                        .entry(reading.target)
+                        .or_default()
+                        .push(ReadingAtFlange { flange, attained });
+                }
+            }
+        }
+        let gate = |readings: Vec<ReadingAtFlange>| {
+            let placement =
+                Placement::fit_far(&readings).filter(|_| readings.len() >= MIN_PAIRS)?;
+            let reach_mm = GATE_REACH * placement.median_mm(&readings);
+            Some((placement, settings.geometry_gate_mm.max(reach_mm)))
+        };
+        Self {
+            arm,
+            targets: readings
+                .into_iter()
+                .map(|(target, own)| (target, gate(own)))
+                .collect(),
+        }
+    }
+
+    /// Distance of a reading from the nominal arm where that is too far, mm; `None` where it may be of its target.
+    fn too_far(&self, row: &Row, reading: &RowReading) -> Option<f64> {
+        let (placement, gate_mm) = self.targets.get(&reading.target)?.as_ref()?;
+        let away_mm = placement.distance_mm(&ReadingAtFlange {
+            flange: *self.arm.flange(&row.joints).isometry(),
+            attained: place(reading)?,
+        });
+        (away_mm > *gate_mm).then_some(away_mm)
+    }
+
+    fn station(&self, number: usize, row: &Row, timed: bool) -> Station {
+        let near = row
+            .readings
+            .iter()
+            .filter(|reading| self.too_far(row, reading).is_none());
+        let at = stamp(number, row, timed);
+        let readings: Vec<Reading> = near.map(|reading| read(reading, row, at)).collect();
+        let pairing = match (&readings[..], &row.readings[..]) {
+            ([_, ..], _) => Pairing::Paired,
+            ([], []) => Pairing::Unmeasured(Unmeasured::NoReadings),
+            ([], [_, ..]) => Pairing::Unmeasured(Unmeasured::WrongTarget),
+        };
+        Station {
+            number,
+            start: Stamp::from_ns(at),
+            end: Stamp::from_ns(at),
+            joints: row.joints.clone(),
+            joint_samples: 1,
+            command: row.command.clone(),
+            readings,
+            pairing,
+        }
+    }
+
+    /// The readings of a row that are too far from the arm.
+    fn far<'r>(
+        &'r self,
+        row: &'r Row,
+        station: &'r Station,
+        file: &'r str,
+    ) -> impl Iterator<Item = RowReject> + 'r {
+        row.readings.iter().filter_map(move |reading| {
+            let away_mm = self.too_far(row, reading)?;
+            Some(RowReject {
+                kind: RowItem::Reading,
+                file: file.to_owned(),
+                line: reading.line,
+                column: None,
+                station: Some(station.number),
+                reason: format!("{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"),
+            })
+        })
+    }
+}
+
+/// The moment of a station, ns.
+fn stamp(number: usize, row: &Row, timed: bool) -> i64 {
+    let by_order = round_ns(NS_PER_S * number as f64);
+    row.time_ns.filter(|_| timed).unwrap_or(by_order)
+}
+
+fn place(reading: &RowReading) -> Option<Vector3<f64>> {
+    reading.value.point().map(|point| point.position.coords)
+}
+
+fn read(reading: &RowReading, row: &Row, at: i64) -> Reading {
+    Reading {
+        source: SourceId::ONLY,
+        target: reading.target,
+        value: reading.value,
+        kept: reading.samples,
+        taken: reading.samples,
+        first: Stamp::from_ns(at),
+        last: Stamp::from_ns(at),
+        temperature_c: row.temperature_c,
+    }
+}
+
+#[cfg(test)]
+mod tests;
