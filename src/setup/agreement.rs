@@ -71,7 +71,16 @@ pub struct Agreement([Option<f64>; 6]);
 impl Agreement {
     /// The disagreement of `set_up` with the logs.
     pub fn of(set_up: &SetUp, evidence: &Evidence) -> Self {
-        let seen = Seen::of(set_up, evidence);
+        Self::by(&Seen::of(set_up, evidence), set_up, evidence)
+    }
+
+    /// The disagreement of the set-up that is stated, whose target may sit far from the flange. Mistakes are not looked for with such
+    /// a target: it would make many of them agree better than they are.
+    pub(super) fn of_stated(stated: &SetUp, evidence: &Evidence) -> Self {
+        Self::by(&Seen::of_far_target(stated, evidence), stated, evidence)
+    }
+
+    fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
         Self(Relation::ALL.map(|relation| {
             match relation {
                 Relation::Arm => Some(seen.arm()),
@@ -126,6 +135,16 @@ impl Seen {
     pub(super) fn of(set_up: &SetUp, evidence: &Evidence) -> Self {
         let unplaced = Self::unplaced(set_up, evidence);
         let placement = Placement::fit(&readings(&unplaced.flanges, &unplaced.measured));
+        Self {
+            placement,
+            ..unplaced
+        }
+    }
+
+    /// With the target looked for far from the flange too, where it does not agree near it.
+    fn of_far_target(set_up: &SetUp, evidence: &Evidence) -> Self {
+        let unplaced = Self::unplaced(set_up, evidence);
+        let placement = Placement::fit_far(&readings(&unplaced.flanges, &unplaced.measured));
         Self {
             placement,
             ..unplaced

@@ -89,7 +89,7 @@ pub fn check(
     if evidence.stations.is_empty() {
         return None;
     }
-    let agreement = Agreement::of(stated, evidence);
+    let agreement = Agreement::of_stated(stated, evidence);
     let (relation, worst) = agreement.worst();
     if worst <= relation.usual() {
         return None;
@@ -219,5 +219,40 @@ impl fmt::Display for Finding {
             )?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::geometry::isometry_from_rpy;
+    use crate::kinematics::RobotFile;
+    use crate::setup::{Dwelt, SetUp};
+
+    #[test]
+    fn a_target_far_from_the_flange_of_a_positioner_is_no_mistake() {
+        let file: RobotFile =
+            toml::from_str(include_str!("../../tests/robots/positioner.toml")).unwrap();
+        let stated = SetUp::of_arm(file.arm().unwrap());
+        let camera_from_base = isometry_from_rpy([3.8, -592.3, -585.6], [-1.6, 0.0, 0.0]);
+        let dwelt = |k: i32| {
+            let reported = vec![0.52 * (0.9 * f64::from(k)).sin(), 0.07 * f64::from(k)];
+            let target = stated.flange(&reported) * Point3::new(177.0, -636.0, 509.0);
+            Dwelt {
+                measured: (camera_from_base * target).coords,
+                reported,
+                command: None,
+            }
+        };
+        let sound = Evidence::spread((0..90).map(dwelt).collect());
+        assert_eq!(check(&stated, &sound, &Alternatives::default(), 30.0), None);
+        // Readings that do not follow the axes are one.
+        let mut other = sound;
+        for (place, station) in other.stations.iter_mut().enumerate() {
+            station.measured += Vector3::x() * 40.0 * (place % 7) as f64;
+        }
+        assert!(check(&stated, &other, &Alternatives::default(), 30.0).is_some());
     }
 }
