@@ -25,7 +25,7 @@ pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, Temperatu
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
-    Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
+    MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
     ReadingColumns, StampField, StationsSettings, TableTime, TimeColumn, TimeSource, TimeUnit,
     TrackerSettings, WrongFields,
 };

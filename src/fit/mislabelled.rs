@@ -11,7 +11,7 @@
 //! 4. the fitted places of each session are compared with the stated ones, with the known distances, or with those of the first
 //!    session, under every permutation.
 //!
-//! A reading's own target is believed unless another explains three times as much: what cannot be told apart stays as it is named.
+//! A reading's own target is believed unless another explains three times as much: what cannot be distinguished stays as it is named.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -43,11 +43,11 @@ pub struct Mislabelled {
     pub session: usize,
     /// Number of the station.
     pub station: usize,
-    /// What is wrong with them.
+    /// The fault of its readings.
     pub wrong: Wrong,
 }
 
-/// What is wrong with a station's readings.
+/// The fault of a station's readings.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Wrong {
     /// They are of other targets than they name: all of them.
@@ -265,7 +265,7 @@ impl Read {
         }
     }
 
-    /// What is wrong with the station's readings; nothing where they pass.
+    /// The faults of the station's readings; none where they pass.
     fn wrong(&self, gate: &Gate) -> Vec<Mislabelled> {
         let named = self.named();
         let found = |wrong| Mislabelled {

@@ -18,8 +18,8 @@ pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
 pub use stations::{
-    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings, TableTime,
-    TimeColumn,
+    MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings,
+    TableTime, TimeColumn,
 };
 
 /// `[controller]`: joint angles.

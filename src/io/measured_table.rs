@@ -54,7 +54,7 @@ pub enum Cell<'a> {
     Blank,
     /// The double nearest to the number that is written there; NaN where the file writes `nan` or `inf` in any spelling.
     Number(f64),
-    /// What is written there, where it is no number.
+    /// The text written there, where it is no number.
     Text(&'a str),
 }
 

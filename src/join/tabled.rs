@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 use super::pattern::MIN_PAIRS;
 use super::placement::{Placement, ReadingAtFlange};
@@ -106,16 +106,10 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         .sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
     let gates = Gates::new(&rows, arm, settings);
-    let stations: Vec<Station> = rows
-        .iter()
-        .enumerate()
-        .map(|(number, row)| gates.station(number, row, timed))
-        .collect();
-    let far = rows
-        .iter()
-        .zip(&stations)
-        .flat_map(|(row, station)| gates.far(row, station, &file));
-    let far: Vec<RowReject> = far.collect();
+    let judged = rows.iter().enumerate();
+    let judged = judged.map(|(number, row)| gates.judged(number, row, timed, &file));
+    let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
+    let far = far.concat();
     let by_line: BTreeMap<u64, usize> = rows
         .iter()
         .zip(&stations)
@@ -265,29 +259,38 @@ impl<'a> Gates<'a> {
         }
     }
 
-    /// Distance of a reading from the nominal arm where that is too far, mm; `None` where it may be of its target.
-    fn too_far(&self, row: &Row, reading: &RowReading) -> Option<f64> {
-        let (placement, gate_mm) = self.targets.get(&reading.target)?.as_ref()?;
-        let away_mm = placement.distance_mm(&ReadingAtFlange {
-            flange: *self.arm.flange(&row.joints).isometry(),
-            attained: place(reading)?,
-        });
-        (away_mm > *gate_mm).then_some(away_mm)
-    }
-
-    fn station(&self, number: usize, row: &Row, timed: bool) -> Station {
-        let near = row
-            .readings
-            .iter()
-            .filter(|reading| self.too_far(row, reading).is_none());
+    /// A row's station, and its readings that are too far from the nominal arm.
+    fn judged(
+        &self,
+        number: usize,
+        row: &Row,
+        timed: bool,
+        file: &str,
+    ) -> (Station, Vec<RowReject>) {
+        let flange = *self.arm.flange(&row.joints).isometry();
         let at = stamp(number, row, timed);
-        let readings: Vec<Reading> = near.map(|reading| read(reading, row, at)).collect();
-        let pairing = match (&readings[..], &row.readings[..]) {
+        let (mut readings, mut far) = (Vec::new(), Vec::new());
+        for reading in &row.readings {
+            match self.too_far(&flange, reading) {
+                None => readings.push(read(reading, row, at)),
+                Some(away_mm) => far.push(RowReject {
+                    kind: RowItem::Reading,
+                    file: file.to_owned(),
+                    line: reading.line,
+                    column: None,
+                    station: Some(number),
+                    reason: format!(
+                        "{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"
+                    ),
+                }),
+            }
+        }
+        let pairing = match (&readings[..], &far[..]) {
             ([_, ..], _) => Pairing::Paired,
             ([], []) => Pairing::Unmeasured(Unmeasured::NoReadings),
             ([], [_, ..]) => Pairing::Unmeasured(Unmeasured::WrongTarget),
         };
-        Station {
+        let station = Station {
             number,
             start: Stamp::from_ns(at),
             end: Stamp::from_ns(at),
@@ -296,27 +299,18 @@ impl<'a> Gates<'a> {
             command: row.command.clone(),
             readings,
             pairing,
-        }
+        };
+        (station, far)
     }
 
-    /// The readings of a row that are too far from the arm.
-    fn far<'r>(
-        &'r self,
-        row: &'r Row,
-        station: &'r Station,
-        file: &'r str,
-    ) -> impl Iterator<Item = RowReject> + 'r {
-        row.readings.iter().filter_map(move |reading| {
-            let away_mm = self.too_far(row, reading)?;
-            Some(RowReject {
-                kind: RowItem::Reading,
-                file: file.to_owned(),
-                line: reading.line,
-                column: None,
-                station: Some(station.number),
-                reason: format!("{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"),
-            })
-        })
+    /// Distance of a reading from the nominal arm where that is too far, mm; `None` where it may be of its target.
+    fn too_far(&self, flange: &Isometry3<f64>, reading: &RowReading) -> Option<f64> {
+        let (placement, gate_mm) = self.targets.get(&reading.target)?.as_ref()?;
+        let away_mm = placement.distance_mm(&ReadingAtFlange {
+            flange: *flange,
+            attained: place(reading)?,
+        });
+        (away_mm > *gate_mm).then_some(away_mm)
     }
 }
 

@@ -77,7 +77,8 @@ impl Agreement {
     /// The disagreement of the set-up that is stated, whose target may sit far from the flange. Mistakes are not looked for with such
     /// a target: it would make many of them agree better than they are.
     pub(super) fn of_stated(stated: &SetUp, evidence: &Evidence) -> Self {
-        Self::by(&Seen::of_far_target(stated, evidence), stated, evidence)
+        let seen = Seen::placed_by(Placement::fit_far, stated, evidence);
+        Self::by(&seen, stated, evidence)
     }
 
     fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
@@ -133,20 +134,18 @@ pub(super) struct Seen {
 
 impl Seen {
     pub(super) fn of(set_up: &SetUp, evidence: &Evidence) -> Self {
-        let unplaced = Self::unplaced(set_up, evidence);
-        let placement = Placement::fit(&readings(&unplaced.flanges, &unplaced.measured));
-        Self {
-            placement,
-            ..unplaced
-        }
+        Self::placed_by(Placement::fit, set_up, evidence)
     }
 
-    /// With the target looked for far from the flange too, where it does not agree near it.
-    fn of_far_target(set_up: &SetUp, evidence: &Evidence) -> Self {
+    /// With base and target found by `fit`.
+    fn placed_by(
+        fit: fn(&[ReadingAtFlange]) -> Option<Placement>,
+        set_up: &SetUp,
+        evidence: &Evidence,
+    ) -> Self {
         let unplaced = Self::unplaced(set_up, evidence);
-        let placement = Placement::fit_far(&readings(&unplaced.flanges, &unplaced.measured));
         Self {
-            placement,
+            placement: fit(&readings(&unplaced.flanges, &unplaced.measured)),
             ..unplaced
         }
     }

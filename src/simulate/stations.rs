@@ -28,7 +28,7 @@ impl Simulated {
             .collect()
     }
 
-    /// The same stations with readings of further reflectors, at these places in the frame of the measured target, mm; the noise of
+    /// These stations with readings of further reflectors, at these places in the frame of the measured target, mm; the noise of
     /// each reading is its own, and each is lost as often as a station is.
     pub fn stations_with(&self, beside: &[Vector3<f64>]) -> Vec<Station> {
         let settings = &self.truth.settings;

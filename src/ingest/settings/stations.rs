@@ -66,6 +66,9 @@ pub struct StationsSettings {
     pub measured: Vec<ReadingColumns>,
 }
 
+/// Numbers that instruments and spreadsheets write for a missing reading, where `missing` states none.
+pub const MISSING: [f64; 2] = [9999.0, -9999.0];
+
 /// When a station was measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -258,9 +261,8 @@ impl StationsSettings {
     }
 }
 
-/// Numbers that instruments and spreadsheets write for a missing reading.
 fn missing() -> Vec<f64> {
-    vec![9999.0, -9999.0]
+    MISSING.into()
 }
 
 /// One table, or a list of them.

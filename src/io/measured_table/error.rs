@@ -13,11 +13,11 @@ use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
 pub struct MeasuredTableError {
     /// The file.
     pub file: PathBuf,
-    /// What is wrong with it.
+    /// The fault in it.
     pub kind: MeasuredTableErrorKind,
 }
 
-/// What is wrong with a file.
+/// The fault in a file.
 #[derive(Debug, Error)]
 pub enum MeasuredTableErrorKind {
     /// It cannot be opened, is no file or is too large.

@@ -2,6 +2,9 @@
 //!
 //! A new file there is a line in [`READY`]; a test holds the list against the folder.
 
+use crate::kinematics::RobotFile;
+use crate::setup::KnownArm;
+
 /// A ready robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadyRobot {
@@ -9,6 +12,18 @@ pub struct ReadyRobot {
     pub file: &'static str,
     /// The file's text.
     pub text: &'static str,
+}
+
+/// The arm of every ready robot, with the name of its file; a test reads every file.
+pub fn arms() -> Vec<KnownArm> {
+    let arm = |robot: &ReadyRobot| {
+        let arm = toml::from_str::<RobotFile>(robot.text).ok()?.arm().ok()?;
+        Some(KnownArm {
+            file: robot.file.to_owned(),
+            arm,
+        })
+    };
+    READY.iter().filter_map(arm).collect()
 }
 
 /// The files by their names.
@@ -97,5 +112,9 @@ mod tests {
             "either name"
         );
         assert!(ReadyRobot::find("ur1").is_none());
+    }
+    #[test]
+    fn every_file_is_an_arm() {
+        assert_eq!(arms().len(), READY.len());
     }
 }

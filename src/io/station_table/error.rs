@@ -18,12 +18,12 @@ pub enum StationTableError {
     Stations {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The fault in it.
         kind: Box<StationTableErrorKind>,
     },
 }
 
-/// What is wrong with a table's columns or rows.
+/// The fault in a table's columns or rows.
 #[derive(Debug, Error)]
 pub enum StationTableErrorKind {
     /// A column that the table does not have, or has twice.

@@ -41,6 +41,8 @@ struct Long {
 struct Fault {
     column: Option<usize>,
     reason: String,
+    /// Whether there is no value, rather than a wrong one.
+    is_missing: bool,
 }
 
 /// The rows of `own`, and the rejects of everything else in them.
@@ -249,30 +251,17 @@ impl Reader<'_> {
         else {
             return Ok(None);
         };
-        let Some(position) = self.if_there(self.position(columns, row, settings.unit))? else {
+        let Some(position) = if_there(self.position(columns, row, settings.unit))? else {
             return Ok(None);
         };
         let orientation = match (&columns.orientation, &settings.orientation) {
-            (Some(sums), Some(form)) => self.if_there(self.orientation(sums, row, form))?,
+            (Some(sums), Some(form)) => if_there(self.orientation(sums, row, form))?,
             _ => None,
         };
         Ok(Some(Command {
             position,
             orientation,
         }))
-    }
-
-    /// `None` of a value with a blank cell.
-    #[expect(
-        clippy::unused_self,
-        reason = "a question of the row, as its neighbours are"
-    )]
-    fn if_there<T>(&self, value: Result<T, Fault>) -> Result<Option<T>, Fault> {
-        match value {
-            Ok(value) => Ok(Some(value)),
-            Err(fault) if fault.is_blank() => Ok(None),
-            Err(fault) => Err(fault),
-        }
     }
 
     /// When the row was measured, ns; `None` where the table does not state it.
@@ -351,7 +340,7 @@ impl Reader<'_> {
         };
         let turn = match (&columns.pose.orientation, &settings.orientation) {
             (Some(sums), Some(form)) => {
-                self.if_there(self.turn(sums, &columns.orientation_sd, row, form))?
+                if_there(self.turn(sums, &columns.orientation_sd, row, form))?
             }
             _ => None,
         };
@@ -377,7 +366,7 @@ impl Reader<'_> {
 
     /// A standard deviation; zero where the cell is blank: the instrument's own uncertainty remains.
     fn deviation(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
-        let sd = self.if_there(self.value(sum, row))?.unwrap_or(0.0);
+        let sd = if_there(self.value(sum, row))?.unwrap_or(0.0);
         (sd >= 0.0)
             .then_some(sd)
             .ok_or_else(|| Fault::of(format!("a standard deviation of {sd}")))
@@ -388,7 +377,7 @@ impl Reader<'_> {
         let values = columns.position.iter().map(|sum| self.value(sum, row));
         let values = values.collect::<Result<Vec<f64>, Fault>>()?;
         if values.iter().all(|value| *value == 0.0) {
-            return Err(Fault::blank(
+            return Err(Fault::missing(
                 None,
                 "missing: a position of zeros, which instruments write where they measured nothing",
             ));
@@ -441,7 +430,7 @@ impl Reader<'_> {
                     Cell::Number(_) => "missing: not a finite number".to_owned(),
                     Cell::Blank | Cell::Text(_) => "missing: the cell is blank".to_owned(),
                 };
-                Err(Fault::blank(Some(column), &words))
+                Err(Fault::missing(Some(column), &words))
             }
             Cellular::Text(column, text) => {
                 let text: String = text.chars().take(40).collect();
@@ -473,23 +462,32 @@ impl Fault {
         Self {
             column: None,
             reason,
+            is_missing: false,
         }
     }
 
     fn in_column(column: Option<usize>, reason: &str) -> Self {
         Self {
             column,
-            reason: reason.to_owned(),
+            ..Self::of(reason.to_owned())
         }
     }
 
-    /// Of a value that is not there; the reason begins with `missing`.
-    fn blank(column: Option<usize>, reason: &str) -> Self {
-        Self::in_column(column, reason)
+    /// A value that is not there.
+    fn missing(column: Option<usize>, reason: &str) -> Self {
+        Self {
+            is_missing: true,
+            ..Self::in_column(column, reason)
+        }
     }
+}
 
-    fn is_blank(&self) -> bool {
-        self.reason.starts_with("missing")
+/// A value, or `None` where there is none.
+fn if_there<T>(value: Result<T, Fault>) -> Result<Option<T>, Fault> {
+    match value {
+        Ok(value) => Ok(Some(value)),
+        Err(fault) if fault.is_missing => Ok(None),
+        Err(fault) => Err(fault),
     }
 }
 

@@ -7,10 +7,10 @@ use nalgebra::{Isometry3, Vector3};
 use super::Placed;
 use crate::fit::ErrorBase;
 use crate::geometry::Placement;
-use crate::io::robot::ready::{READY, ReadyRobot};
-use crate::kinematics::{Arm, RobotFile};
+use crate::io::robot::ready;
+use crate::kinematics::Arm;
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
-use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys};
+use crate::setup::{Alternatives, FrameKey, OtherReading, SetUp, UnitKeys};
 
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
@@ -48,23 +48,11 @@ impl StatedSetUp {
                 ..SetUp::of_arm(arm.clone())
             },
             alternatives: Alternatives {
-                arms: Arc::new(LazyLock::new(ready_arms)),
+                arms: Arc::new(LazyLock::new(ready::arms)),
                 readings: other_conventions(file),
             },
         }
     }
-}
-
-/// The ready arms; a test reads every file.
-fn ready_arms() -> Vec<KnownArm> {
-    let arm = |robot: &ReadyRobot| {
-        let arm = toml::from_str::<RobotFile>(robot.text).ok()?.arm().ok()?;
-        Some(KnownArm {
-            file: robot.file.to_owned(),
-            arm,
-        })
-    };
-    READY.iter().filter_map(arm).collect()
 }
 
 /// The stated placements under other conventions.
@@ -96,14 +84,4 @@ fn other_conventions(file: &PipelineFile) -> Vec<OtherReading> {
         }));
     }
     all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_ready_robot_file_is_an_arm() {
-        assert_eq!(ready_arms().len(), READY.len());
-    }
 }

@@ -16,9 +16,9 @@ use super::spread::spread;
 use super::sum::position;
 use crate::ingest::{AngleUnit, LengthUnit};
 use crate::io::measured_table::MeasuredTable;
-use crate::io::robot::ready::{READY, ReadyRobot};
+use crate::io::robot::ready;
 use crate::join::JoinSettings;
-use crate::kinematics::{Arm, RobotFile};
+use crate::kinematics::Arm;
 use crate::setup::{
     self, Agreement, Alternatives, Dwelt, Evidence, KnownArm, Relation, SetUp, UnitKeys,
 };
@@ -51,7 +51,7 @@ impl Arms {
     /// The ready arms.
     pub fn ready() -> Self {
         Self {
-            known: ready(),
+            known: ready::arms(),
             is_named: false,
         }
     }
@@ -63,18 +63,6 @@ impl Arms {
             is_named: true,
         }
     }
-}
-
-/// The ready arms; a test reads every file.
-fn ready() -> Vec<KnownArm> {
-    let arm = |robot: &ReadyRobot| {
-        let arm = toml::from_str::<RobotFile>(robot.text).ok()?.arm().ok()?;
-        Some(KnownArm {
-            file: robot.file.to_owned(),
-            arm,
-        })
-    };
-    READY.iter().filter_map(arm).collect()
 }
 
 /// One reading of the columns on one arm.
@@ -431,7 +419,7 @@ impl Bench<'_> {
         // A named arm may have been taken for another one; ready ones have all been tried.
         let alternatives = if self.arms.is_named {
             Alternatives {
-                arms: Arc::new(LazyLock::new(ready)),
+                arms: Arc::new(LazyLock::new(ready::arms)),
                 readings: Vec::new(),
             }
         } else {

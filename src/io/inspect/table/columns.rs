@@ -3,12 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::names::Named;
+use crate::ingest::MISSING;
 use crate::io::measured_table::{Cell, MeasuredTable};
 
 /// The most different texts of a column that are kept.
 const MOST_TEXTS: usize = 12;
-/// Numbers that instruments write for a missing reading, as `[stations] missing` has them where nothing else is stated.
-const MISSING: [f64; 2] = [9999.0, -9999.0];
 
 /// One column.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,7 +13,9 @@ use super::long::{self, Long};
 use super::roles::{Roles, Whose};
 use super::sum::position;
 use super::uses::{self, Time};
-use crate::ingest::{AngleUnit, LengthUnit, PoseColumns, ReadingColumns, StationsSettings};
+use crate::ingest::{
+    AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, StationsSettings,
+};
 use crate::io::measured_table::MeasuredTable;
 use crate::join::placement::{Placement, ReadingAtFlange};
 
@@ -23,8 +25,6 @@ const MOST_STATIONS: usize = 250;
 const LARGEST_RAD: f64 = 2.1 * std::f64::consts::PI;
 /// Positions that are all below this are in metres: no arm is as large, and none as small.
 const LARGEST_M: f64 = 30.0;
-/// Numbers that stand for a missing reading where nothing else is stated.
-const MISSING: [f64; 2] = [9999.0, -9999.0];
 
 /// A key of the sections that may be unsure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,7 +67,7 @@ pub struct Doubt {
 pub struct Guess {
     /// `[stations]`.
     pub settings: StationsSettings,
-    /// What is unsure about it.
+    /// The doubts about it.
     pub doubts: Vec<Doubt>,
     /// What was seen and is not used.
     pub notes: Vec<String>,
@@ -345,7 +345,7 @@ impl<'t> Work<'t> {
             arm_is_named: arms.is_named,
             choices: choices
                 .iter()
-                .map(|choice| told_apart(choice, self.names))
+                .map(|choice| whose_choice(choice, self.names))
                 .collect(),
             commands,
             base: self.placement.map(|placement| placement.tracker_from_base),
@@ -470,7 +470,7 @@ fn usable(
 }
 
 /// Joints and main position of a choice, with whose position it is where that is not an instrument's.
-fn told_apart(choice: &Choice, names: &[String]) -> String {
+fn whose_choice(choice: &Choice, names: &[String]) -> String {
     let whose = match (choice.whose, choice.part) {
         (_, Part::Base) => " (the position without the differences)",
         (Whose::Command, _) => " (commanded or nominal by its name)",

@@ -220,7 +220,7 @@ fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
     }
 }
 
-/// What is left of a group's words without those of its kind and without generic ones: whose it is.
+/// The words of a group without those of its kind and without generic ones, which say whose it is.
 fn owner(words: &[String]) -> Vec<&String> {
     let generic: Vec<&str> = GENERIC.split_whitespace().collect();
     let of_kind = |word: &str| has_sense(word, Sense::Turn) || has_sense(word, Sense::Deviation);

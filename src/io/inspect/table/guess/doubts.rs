@@ -1,4 +1,4 @@
-//! What is unsure about a guess, in words: why, and the alternative.
+//! Doubts about a guess, in words: why, and the alternative.
 
 use super::{Doubt, Key, Work};
 use crate::ingest::{AngleUnit, LengthUnit};
