@@ -26,8 +26,8 @@ pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetRea
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
     MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
-    ReadingColumns, StampField, StationsSettings, TableTime, TimeColumn, TimeSource, TimeUnit,
-    TrackerSettings, WrongFields,
+    ReadingColumns, ReferenceColumns, StampField, StandsOn, StationsSettings, TableTime,
+    TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};

@@ -31,6 +31,7 @@ pub mod pattern;
 pub mod placement;
 pub mod reading;
 pub mod readings;
+pub mod references;
 #[cfg(test)]
 mod scene;
 mod settings;
@@ -72,6 +73,8 @@ pub struct Joined {
     pub rejects: Vec<JoinReject>,
     /// Rows and readings of a table of stations left out, with reasons; empty where logs were joined.
     pub row_rejects: Vec<RowReject>,
+    /// The courses of references that were followed; empty where there were none.
+    pub references: Vec<tabled::ReferenceCourse>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
@@ -162,6 +165,8 @@ pub enum Unmeasured {
     OutsideTrackerLog,
     /// Its readings are far from every place that the arm can have had: a wrong reflector or a lost beam.
     WrongTarget,
+    /// The instrument or the base moved, and where it stood is not known.
+    InstrumentMoved,
 }
 
 /// The clocks and the method by which they were found.
@@ -282,6 +287,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         clock,
         rejects: dispositions.rejects(&readings)?,
         row_rejects: Vec::new(),
+        references: Vec::new(),
         counts: dispositions.counts(),
         found: Found {
             stationary_rad: seen.stationary_rad,

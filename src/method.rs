@@ -9,6 +9,7 @@
 //! | [`frames`] | In which frame, unit and clock is a number? | [`crate::geometry`], [`crate::units`] |
 //! | [`kinematics`] | Where is the reflector for given joint angles, and how does it move with each parameter? | [`crate::kinematics`] |
 //! | [`join`] | Which readings of the tracker belong to which dwell of the arm? | [`crate::join`] |
+//! | [`references`] | Did the instrument or the base move while it was measured? | [`crate::join::references`] |
 //! | [`set_up`] | Do logs and files describe one cell? | [`crate::setup`] |
 //! | [`identification`] | Which parameters does the session determine, and how well? | [`crate::fit`] |
 //! | [`error_model`] | What is left after the geometry, and how is it predicted? | [`crate::fit::full`] |
@@ -37,6 +38,9 @@ pub mod kinematics {}
 
 #[doc = include_str!("method/join.md")]
 pub mod join {}
+
+#[doc = include_str!("method/references.md")]
+pub mod references {}
 
 #[doc = include_str!("method/set_up.md")]
 pub mod set_up {}

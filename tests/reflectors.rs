@@ -112,6 +112,7 @@ fn point(position: Point3<f64>) -> MeanPoint {
             0.0,
             NOISE_MM * NOISE_MM,
         ]),
+        motion_covariance: None,
     }
 }
 

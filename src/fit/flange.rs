@@ -185,6 +185,7 @@ fn of_all(
         // The scatter of each target's readings is in the covariance.
         scatter_mm: [0.0; 3],
         stated_covariance: Some([c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2)]),
+        motion_covariance: None,
     };
     let turn = MeanOrientation {
         orientation,
@@ -262,6 +263,7 @@ mod tests {
                 position: flange * Point3::from(PLACES[target]) + off(target),
                 scatter_mm: [0.0; 3],
                 stated_covariance: None,
+                motion_covariance: None,
             }),
             kept: 10,
             taken: 12,

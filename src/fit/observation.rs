@@ -78,6 +78,8 @@ pub struct Observation {
     /// The flange's orientation from the readings of several targets; only on the main target's observation, and not fitted: the
     /// readings that it is from are.
     pub flange: Option<MeasuredFlange>,
+    /// Whether the motion that references show was taken out of it: what drifts then drifts no more.
+    pub follows_references: bool,
 }
 
 impl Observation {
@@ -98,6 +100,7 @@ impl Observation {
             }),
             settling_error: None,
             flange: None,
+            follows_references: false,
         }
     }
 
@@ -178,6 +181,10 @@ pub fn observations(
             measured: Measured::of(reading, source, noise.repeatability_mm),
             settling_error: None,
             flange: None,
+            follows_references: reading
+                .value
+                .point()
+                .is_some_and(|point| point.motion_covariance.is_some()),
         })
     };
     let of = |station| {

@@ -81,6 +81,7 @@ fn station(arm: &Arm, number: usize) -> Station {
             position: pose.translation.vector.into(),
             scatter_mm: [0.0; 3],
             stated_covariance: None,
+            motion_covariance: None,
         };
         let turn = MeanOrientation {
             orientation: pose.rotation,

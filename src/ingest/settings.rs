@@ -18,8 +18,8 @@ pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
 pub use stations::{
-    MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings,
-    TableTime, TimeColumn,
+    MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
+    StandsOn, StationsSettings, TableTime, TimeColumn,
 };
 
 /// `[controller]`: joint angles.

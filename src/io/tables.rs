@@ -3,9 +3,9 @@
 //!
 //! Inputs are the domain structs of [`Outcome`] and the statements of the pipeline file ([`PublishContext`]); outputs are
 //! rows with their checked [`Table`]s:
-//! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`; `logs` are written where they are read ([`logs`]);
-//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
-//!    `grid_steps`, `compensation`, `accuracy`.
+//! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`, `reference_motion`; `logs` are written where they are read ([`logs`]);
+//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `references`, `joint_errors`, `residuals`,
+//!    `semivariograms`, `grid_steps`, `compensation`, `accuracy`.
 //!
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
 
@@ -24,6 +24,7 @@ pub mod outcome;
 pub mod parameters;
 pub mod past;
 pub mod plan_figures;
+pub mod references;
 pub mod rejects;
 pub mod residuals;
 pub mod runs;
@@ -58,6 +59,7 @@ use compensation::NodeRow;
 use grid_steps::StepRow;
 use joint_errors::JointErrorRow;
 use parameters::ParameterRow;
+use references::{MotionRow, ReferenceRow};
 use rejects::RejectRow;
 use residuals::ResidualRow;
 use runs::Ending;
@@ -137,6 +139,8 @@ pub struct SessionRows {
     pub rejects: Rows<RejectRow>,
     /// `clocks`.
     pub clocks: Rows<ClockRow>,
+    /// `reference_motion`.
+    pub reference_motion: Rows<MotionRow>,
 }
 
 impl SessionRows {
@@ -147,16 +151,19 @@ impl SessionRows {
             stations: Row::table(stations::rows(session, arm), key)?,
             rejects: Row::table(rejects::rows(session), key)?,
             clocks: Row::table(vec![clocks::row(&session.joined.clock)], key)?,
+            reference_motion: Row::table(references::motions(session), key)?,
         })
     }
 
-    /// The tables in the order of the stages.
-    pub const fn tables(&self) -> [&Table; 3] {
-        [
+    /// The tables that are written, in the order of the stages.
+    pub fn tables(&self) -> impl Iterator<Item = &Table> {
+        let motion = where_there(&self.reference_motion.table);
+        let always = [
             &self.stations.table,
             &self.rejects.table,
             &self.clocks.table,
-        ]
+        ];
+        always.into_iter().chain(motion)
     }
 }
 
@@ -169,6 +176,8 @@ pub struct RunRows {
     pub parameters: Rows<ParameterRow>,
     /// `scales`.
     pub scales: Rows<ScaleRow>,
+    /// `references`.
+    pub references: Rows<ReferenceRow>,
     /// `joint_errors`.
     pub joint_errors: Rows<JointErrorRow>,
     /// `residuals`.
@@ -203,6 +212,7 @@ impl RunRows {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
+            references: Row::table(references::places(outcome), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
             residuals: Row::table(
                 residuals::rows(&outcome.residuals, &outcome.targets.names),
@@ -215,9 +225,9 @@ impl RunRows {
         })
     }
 
-    /// The tables in the order of the stages.
-    pub const fn tables(&self) -> [&Table; 9] {
-        [
+    /// The tables that are written, in the order of the stages.
+    pub fn tables(&self) -> impl Iterator<Item = &Table> {
+        let always = [
             &self.calibrations.table,
             &self.parameters.table,
             &self.scales.table,
@@ -227,8 +237,15 @@ impl RunRows {
             &self.steps.table,
             &self.compensation.table,
             &self.accuracy.table,
-        ]
+        ];
+        let references = where_there(&self.references.table);
+        always.into_iter().chain(references)
     }
+}
+
+/// A table that few sessions have anything for, where it has rows: the others have no file of it.
+fn where_there(table: &Table) -> Option<&Table> {
+    (table.rows() > 0).then_some(table)
 }
 
 /// The ending of a run, for its row in `runs`.

@@ -206,6 +206,7 @@ impl Evidence<'_> {
             position: Point3::from(mean),
             scatter_mm: scatter.into(),
             stated_covariance: all.covariances.as_ref().map(stated),
+            motion_covariance: None,
         };
         let turn = |(orientation, scatter_rad)| MeanOrientation {
             orientation,

@@ -78,6 +78,8 @@ pub struct MeanPoint {
     pub scatter_mm: [f64; 3],
     /// Mean of the instrument's own stated position covariance (xx xy xz yy yz zz, mm²); absent where it states none.
     pub stated_covariance: Option<[f64; 6]>,
+    /// Covariance that following the references adds (xx xy xz yy yz zz, mm²); absent where no references were followed.
+    pub motion_covariance: Option<[f64; 6]>,
 }
 
 /// The mean of a dwell's orientations.

@@ -4,12 +4,15 @@
 //!
 //! 1. rows are in order of time where every one has a time, otherwise in the table's order, a second apart;
 //! 2. a row that repeats another to the last digit is a copy;
-//! 3. readings far from every place that the nominal arm can have had are of another reflector, as with logs
+//! 3. the motion of references on floor or base is taken out ([`carried`]);
+//! 4. readings far from every place that the nominal arm can have had are of another reflector, as with logs
 //!    ([`super::placement`]).
+
+mod carried;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::pattern::MIN_PAIRS;
 use super::placement::{Placement, ReadingAtFlange};
@@ -17,8 +20,12 @@ use super::{
     ClockEstimate, Command, Found, GATE_REACH, JoinSettings, Joined, Pairing, Reading,
     ReadingCounts, SourceId, Station, TargetId, Unmeasured, Value,
 };
+use crate::ingest::StandsOn;
+use crate::join::references::ReferenceId;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
+
+pub use carried::{LookAt, ReferenceCourse};
 
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +42,30 @@ pub struct Row {
     pub temperature_c: Option<f64>,
     /// The readings, in the order of targets.
     pub readings: Vec<RowReading>,
+    /// The references that were read at the station.
+    pub references: Vec<RowReference>,
+}
+
+/// A row with readings of references alone, between stations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ApartRow {
+    /// Its line in the file, from 1.
+    pub line: u64,
+    /// When it was measured, ns; absent where the table does not state it.
+    pub time_ns: Option<i64>,
+    /// The references.
+    pub references: Vec<RowReference>,
+}
+
+/// The reading of a reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RowReference {
+    /// The reference.
+    pub reference: ReferenceId,
+    /// Its line in the file, from 1.
+    pub line: u64,
+    /// Its position in the instrument's frame, mm.
+    pub position: Point3<f64>,
 }
 
 /// The reading of one target in a row.
@@ -74,6 +105,8 @@ pub enum RowItem {
     Row,
     /// A reading of one target.
     Reading,
+    /// A reading of a reference.
+    Reference,
 }
 
 /// A table's rows as its reader found them.
@@ -83,6 +116,10 @@ pub struct Rows {
     pub file: String,
     /// Rows with joint angles, in the table's order.
     pub rows: Vec<Row>,
+    /// Rows with readings of references alone, in the table's order.
+    pub apart: Vec<ApartRow>,
+    /// Name of each reference, and what it stands on.
+    pub references: Vec<(String, StandsOn)>,
     /// Rows and readings that the reader left out; the station is not known yet.
     pub rejects: Vec<RowReject>,
 }
@@ -92,10 +129,12 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let Rows {
         file,
         rows,
+        apart,
+        references,
         mut rejects,
     } = rows;
     let (rows, timed) = in_order(rows);
-    let (rows, copies) = without_copies(rows, &file);
+    let (mut rows, copies) = without_copies(rows, &file);
     let mut missing = rejects
         .iter()
         .filter(|own| own.kind == RowItem::Reading)
@@ -105,9 +144,17 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         .map(|(_, readings)| *readings as u64)
         .sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
+    let carried = carried::carry(&mut rows, &apart, &references, timed, &file);
+    rejects.extend(carried.rejects);
+    let unmoved = take_out(&mut rows, &carried.left_out, &file);
+    let unpaired = unmoved.len() as u64;
+    rejects.extend(unmoved);
     let gates = Gates::new(&rows, arm, settings);
     let judged = rows.iter().enumerate();
-    let judged = judged.map(|(number, row)| gates.judged(number, row, timed, &file));
+    let judged = judged.map(|(number, row)| {
+        let moved = carried.left_out.contains_key(&number);
+        gates.judged(number, row, timed, &file, moved)
+    });
     let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
     let far = far.concat();
     let by_line: BTreeMap<u64, usize> = rows
@@ -127,7 +174,7 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         .iter()
         .map(|station| station.measured().len() as u64)
         .sum();
-    let unpaired = far.len() as u64;
+    let unpaired = unpaired + far.len() as u64;
     rejects.extend(far);
     rejects.sort_by_key(|own| own.line);
     Joined {
@@ -135,6 +182,7 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         stations,
         rejects: Vec::new(),
         row_rejects: rejects,
+        references: carried.courses,
         counts: ReadingCounts {
             kept,
             unpaired,
@@ -147,6 +195,23 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
             settle_s: 0.0,
         },
     }
+}
+
+/// Takes the readings of rows whose motion is not known out of them, as rejects.
+fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>, file: &str) -> Vec<RowReject> {
+    let mut rejects = Vec::new();
+    for (place, reason) in left_out {
+        let readings = rows[*place].readings.drain(..);
+        rejects.extend(readings.map(|reading| RowReject {
+            kind: RowItem::Reading,
+            file: file.to_owned(),
+            line: reading.line,
+            column: None,
+            station: Some(*place),
+            reason: reason.clone(),
+        }));
+    }
+    rejects
 }
 
 /// The rows in order of time, and whether they have times.
@@ -266,6 +331,7 @@ impl<'a> Gates<'a> {
         row: &Row,
         timed: bool,
         file: &str,
+        moved: bool,
     ) -> (Station, Vec<RowReject>) {
         let flange = *self.arm.flange(&row.joints).isometry();
         let at = stamp(number, row, timed);
@@ -287,6 +353,7 @@ impl<'a> Gates<'a> {
         }
         let pairing = match (&readings[..], &far[..]) {
             ([_, ..], _) => Pairing::Paired,
+            ([], _) if moved => Pairing::Unmeasured(Unmeasured::InstrumentMoved),
             ([], []) => Pairing::Unmeasured(Unmeasured::NoReadings),
             ([], [_, ..]) => Pairing::Unmeasured(Unmeasured::WrongTarget),
         };

@@ -4,6 +4,7 @@
 
 use std::fmt::Write as _;
 
+use super::words::references;
 use super::{compared, damage};
 use crate::fit::{Identifiability, Model};
 use crate::grid::Tolerance;
@@ -70,7 +71,10 @@ pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
         Some(format!("{}: check the set-up: {finding}", session.name))
     });
     let lost = sessions().flat_map(|session| damage::words(&session.name, &session.counts));
-    set_up.chain(lost).collect()
+    set_up
+        .chain(lost)
+        .chain(references::warned(outcome))
+        .collect()
 }
 
 /// The sessions, when they were measured, and their stations.

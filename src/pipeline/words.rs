@@ -1,5 +1,7 @@
 //! Everything that a run finds beside its summary, as lines for a person.
 
+pub(super) mod references;
+
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
@@ -13,7 +15,10 @@ use crate::units::NS_PER_S;
 /// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let named = scales::named(&outcome.scales).into_iter();
-    let named = several_targets(outcome).chain(named);
+    let named = references::followed(outcome)
+        .into_iter()
+        .chain(several_targets(outcome))
+        .chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
     named.chain(more).collect()
 }
@@ -24,6 +29,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let headlines = outcome.accuracy.iter().filter(|a| is_headline(a));
     let mut words: Vec<String> = sessions.map(session_words).collect();
+    words.extend(references::followed(outcome));
     words.extend(several_targets(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));

@@ -48,6 +48,7 @@ impl Simulated {
                             position,
                             scatter_mm: [0.0; 3],
                             stated_covariance: None,
+                            motion_covariance: None,
                         }),
                         ..main
                     });
@@ -99,6 +100,7 @@ impl Simulated {
             position: Point3::from(mean),
             scatter_mm: scatter(readings, &kept, &mean),
             stated_covariance: None,
+            motion_covariance: None,
         };
         let turned = turned.map(|(orientation, scatter_rad)| MeanOrientation {
             orientation,

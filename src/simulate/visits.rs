@@ -100,6 +100,7 @@ fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Sta
         position: mean.position,
         scatter_mm: [mean.scatter.0; 3],
         stated_covariance: None,
+        motion_covariance: None,
     };
     let turn = MeanOrientation {
         orientation: mean.orientation,

@@ -153,6 +153,7 @@ fn truth_station(row: &csv::StringRecord) -> Station {
                 position: Point3::new(x, need(8), need(9)),
                 scatter_mm: [0.0; 3],
                 stated_covariance: None,
+                motion_covariance: None,
             },
             MeanOrientation {
                 orientation: UnitQuaternion::from_quaternion(Quaternion::new(

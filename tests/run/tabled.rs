@@ -280,3 +280,5 @@ fn a_wrong_section_is_told_with_the_remedy() {
     told("joint_unit = \"deg\"", "joint_unit = \"rad\"")
         .expect(1, &["contradict the stated set-up", "deg"]);
 }
+
+mod references;

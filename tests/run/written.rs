@@ -42,8 +42,28 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "rejects.kind",
-        &["rows"],
+        &["rows", "references"],
         "tests/run/tabled.rs: these cells have logs, and rows are of tables of stations",
+    ),
+    (
+        "references.stands_on",
+        &["base", "floor"],
+        "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations",
+    ),
+    (
+        "reference_motion.stands_on",
+        &["base", "floor"],
+        "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations",
+    ),
+    (
+        "reference_motion.event",
+        &["bump", "shock"],
+        "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations",
+    ),
+    (
+        "history.kind",
+        &["reference"],
+        "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations",
     ),
     (
         "grid_steps.angles",
@@ -77,7 +97,12 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "stations.reason",
-        &["target_moved", "wrong_target", "several_candidates"],
+        &[
+            "target_moved",
+            "wrong_target",
+            "instrument_moved",
+            "several_candidates",
+        ],
         "src/join/fault_tests.rs: readings moved by hand while the arm is stationary",
     ),
     (
@@ -89,6 +114,9 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
 
 /// Columns that have a value in no run here, and why.
 const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
+    ("references.", OF_TABLES),
+    ("reference_motion.", OF_TABLES),
+    ("stations.motion_cov_", OF_TABLES),
     (
         "rejects.line",
         "tests/run/tabled.rs: these cells have logs, and lines are of tables of stations",
@@ -111,6 +139,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("logs.stated_cov_", NO_COVARIANCE),
     ("stations.stated_cov_", NO_COVARIANCE),
 ];
+const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
 const NO_COVARIANCE: &str = "the simulated tracker states none; tests/logs/encodings reads them, tests/tables.rs writes them";
 

@@ -106,6 +106,7 @@ impl Truth {
             position: (seen.translation.vector + noise(0) * NOISE_MM + shift).into(),
             scatter_mm: [0.0; 3],
             stated_covariance: None,
+            motion_covariance: None,
         };
         let turn = MeanOrientation {
             orientation: seen.rotation * UnitQuaternion::from_scaled_axis(noise(9) * NOISE_RAD),

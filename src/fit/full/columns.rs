@@ -45,8 +45,15 @@ pub(super) fn layout(
         let orders = (3.0 * span / settings.drift_length_stations)
             .ceil()
             .clamp(6.0, 40.0) as usize;
-        layout.push(Block::WarmUp, 3 * orders);
-        (0..sessions).for_each(|session| layout.push(Block::Drift(session), 3 * orders));
+        let drifting: Vec<usize> = (0..sessions)
+            .filter(|own| drifts(observations, *own))
+            .collect();
+        if !drifting.is_empty() {
+            layout.push(Block::WarmUp, 3 * orders);
+        }
+        for session in drifting {
+            layout.push(Block::Drift(session), 3 * orders);
+        }
     }
     if settings.session_scale_ppm > 0.0 {
         (0..sessions).for_each(|session| layout.push(Block::Scale(session), 1));
@@ -66,6 +73,12 @@ pub(super) fn layout(
         }
     }
     layout
+}
+
+/// Whether a session's base may have drifted unseen: references that were followed show the drift itself.
+fn drifts(observations: &[Observation], session: usize) -> bool {
+    let mut own = observations.iter().filter(|o| o.session == session);
+    own.any(|o| !o.follows_references)
 }
 
 /// The middle of each session's stations by the nominal arm, in the base frame, mm.

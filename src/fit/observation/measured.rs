@@ -154,10 +154,12 @@ pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) ->
 
 impl MeasuredPoint {
     fn of(point: &MeanPoint, reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
-        let mut instrument = point.stated_covariance.map_or_else(
-            || source.uncertainty.covariance(&point.position),
-            |[xx, xy, xz, yy, yz, zz]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        );
+        let mut instrument = point
+            .stated_covariance
+            .map_or_else(|| source.uncertainty.covariance(&point.position), symmetric);
+        instrument += point
+            .motion_covariance
+            .map_or_else(Matrix3::zeros, symmetric);
         for axis in 0..3 {
             instrument[(axis, axis)] += point.scatter_mm[axis].powi(2) / reading.kept.max(1) as f64;
         }
@@ -171,6 +173,11 @@ impl MeasuredPoint {
                 .map_or_else(isotropic, |factor| factor.l()),
         }
     }
+}
+
+/// A symmetric matrix from xx xy xz yy yz zz.
+fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 impl MeasuredOrientation {

@@ -64,6 +64,9 @@ pub struct StationsSettings {
     /// The reading of the target, or of each of several, the main one first.
     #[serde(deserialize_with = "one_or_several")]
     pub measured: Vec<ReadingColumns>,
+    /// Reference reflectors on floor or base, which should not move.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<ReferenceColumns>,
 }
 
 /// Numbers that instruments and spreadsheets write for a missing reading, where `missing` states none.
@@ -131,6 +134,32 @@ pub struct ReadingColumns {
     /// The orientation of the target; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<OrientationColumns>,
+}
+
+/// A reference reflector: its name, what it stands on, and its columns.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceColumns {
+    /// Its name; in a long table as the column `target` has it.
+    pub name: String,
+    /// What it stands on.
+    pub on: StandsOn,
+    /// x, y and z in the instrument's frame; absent in a long table, whose rows have the columns of `measured`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<[String; 3]>,
+    /// Their unit; absent where `position` is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<LengthUnit>,
+}
+
+/// What a reference reflector stands on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StandsOn {
+    /// The robot's base: it shows where the base is in the instrument's frame.
+    Base,
+    /// The floor: it shows where the instrument is.
+    Floor,
 }
 
 /// Columns of an orientation, in one of four forms.

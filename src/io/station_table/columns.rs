@@ -43,6 +43,8 @@ pub struct Columns {
     pub commanded: Option<Pose>,
     /// Of the reading of each target.
     pub measured: Vec<Measured>,
+    /// Of the position of each reference; empty in a long table, whose references have the columns of `measured`.
+    pub references: Vec<Vec<Sum>>,
 }
 
 /// The columns of a pose.
@@ -82,6 +84,9 @@ impl Columns {
             .measured
             .iter()
             .map(|own| Measured::find(table, own));
+        let references = settings.references.iter();
+        let references = references.filter_map(|own| own.position.as_ref());
+        let references = references.map(|own| sums(table, "references.position", own));
         let commanded = settings.commanded.as_ref();
         let temperature = settings.temperature.as_ref();
         Ok(Self {
@@ -99,6 +104,7 @@ impl Columns {
                 .map(|own| Pose::of_command(table, own))
                 .transpose()?,
             measured: measured.collect::<Found<_>>()?,
+            references: references.collect::<Found<_>>()?,
         })
     }
 }
@@ -207,6 +213,11 @@ impl Sum {
             });
         }
         Ok(sum)
+    }
+
+    /// Its columns.
+    pub fn columns(&self) -> impl Iterator<Item = usize> {
+        self.terms.iter().map(|(_, column)| *column)
     }
 
     /// Its value in a row; a cell of one of these numbers is missing.

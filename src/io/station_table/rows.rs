@@ -1,5 +1,7 @@
 //! Cells → rows in rad, mm and ns, with a reject for everything that cannot be used.
 
+mod references;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -10,7 +12,7 @@ use crate::ingest::{
     AngleUnit, LengthUnit, OrientationColumns, OrientationForm, StationsSettings, TableTime,
 };
 use crate::io::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
-use crate::join::tabled::{Row, RowItem, RowReading, RowReject, Rows};
+use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanOrientation, MeanPoint, TargetId, Value};
 use crate::units::round_ns;
 
@@ -24,6 +26,8 @@ struct Reader<'a> {
     settings: &'a StationsSettings,
     slides: &'a [bool],
     file: String,
+    /// Rows with readings of references alone.
+    apart: Vec<ApartRow>,
     rejects: Vec<RowReject>,
 }
 
@@ -60,6 +64,7 @@ pub(super) fn rows(
         settings,
         slides,
         file,
+        apart: Vec::new(),
         rejects: Vec::new(),
     };
     let broken = broken(table, settings);
@@ -74,6 +79,12 @@ pub(super) fn rows(
         rows: Rows {
             file: reader.file,
             rows,
+            apart: reader.apart,
+            references: settings
+                .references
+                .iter()
+                .map(|own| (own.name.clone(), own.on))
+                .collect(),
             rejects: reader.rejects,
         },
         read: (own.len() + broken.len()) as u64,
@@ -101,10 +112,15 @@ impl Reader<'_> {
         let mut named: BTreeMap<String, u64> = BTreeMap::new();
         let mut rows = Vec::with_capacity(own.len());
         for &row in own {
+            let references = self.references(row);
             let made = self.once(row, &mut named).and_then(|()| self.station(row));
             match made {
+                Err(fault) if fault.is_missing && !references.is_empty() => {
+                    self.add_apart(row, references);
+                }
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok(mut station) => {
+                    station.references = references;
                     for (place, measured) in self.columns.measured.iter().enumerate() {
                         self.add_reading(&mut station, row, TargetId(place), place, measured);
                     }
@@ -120,6 +136,10 @@ impl Reader<'_> {
         let mut long = Long::default();
         let columns = self.columns;
         for &row in own {
+            if let Some(reference) = self.named_reference(row, target_column) {
+                self.add_reference(reference, row, &mut long);
+                continue;
+            }
             match self.placed(row, target_column, &mut long) {
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok((place, target)) => {
@@ -143,17 +163,7 @@ impl Reader<'_> {
         long: &mut Long,
     ) -> Result<(usize, TargetId), Fault> {
         let target = self.target(row, target_column)?;
-        let column = self.columns.station;
-        let station = column.and_then(|column| name(self.table.cell(row, column)));
-        let station = station.ok_or_else(|| Fault::in_column(column, "it names no station"))?;
-        let place = if let Some(&place) = long.places.get(&station) {
-            self.same_joints(row, &long.rows[place])?;
-            place
-        } else {
-            long.rows.push(self.station(row)?);
-            long.places.insert(station, long.rows.len() - 1);
-            long.rows.len() - 1
-        };
+        let place = self.station_of(row, long)?;
         if long.seen.insert((place, target)) {
             return Ok((place, target));
         }
@@ -161,6 +171,23 @@ impl Reader<'_> {
         Err(Fault::of(format!(
             "the station of line {line} has a reading of this target already"
         )))
+    }
+
+    /// The station of a row of a long table; one that no earlier row names is new.
+    fn station_of(&self, row: usize, long: &mut Long) -> Result<usize, Fault> {
+        let column = self.columns.station;
+        let station = column.and_then(|column| name(self.table.cell(row, column)));
+        let station = station.ok_or_else(|| Fault {
+            is_missing: true,
+            ..Fault::in_column(column, "it names no station")
+        })?;
+        if let Some(&place) = long.places.get(&station) {
+            self.same_joints(row, &long.rows[place])?;
+            return Ok(place);
+        }
+        long.rows.push(self.station(row)?);
+        long.places.insert(station, long.rows.len() - 1);
+        Ok(long.rows.len() - 1)
     }
 
     /// The target that a row of a long table names.
@@ -226,6 +253,7 @@ impl Reader<'_> {
             time_ns: self.time_ns(row)?,
             temperature_c: temperature.and_then(Result::ok),
             readings: Vec::new(),
+            references: Vec::new(),
         })
     }
 
@@ -337,6 +365,7 @@ impl Reader<'_> {
             scatter_mm: <[f64; 3]>::try_from(&sd[..])
                 .map_or([0.0; 3], |sd| sd.map(|sd| to_mm * sd)),
             stated_covariance: <[f64; 6]>::try_from(&covariance[..]).ok(),
+            motion_covariance: None,
         };
         let turn = match (&columns.pose.orientation, &settings.orientation) {
             (Some(sums), Some(form)) => {
@@ -374,7 +403,11 @@ impl Reader<'_> {
 
     /// A position, mm. Three zeros are what some instruments write for a missing reflector.
     fn position(&self, columns: &Pose, row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
-        let values = columns.position.iter().map(|sum| self.value(sum, row));
+        self.place(&columns.position, row, unit)
+    }
+
+    fn place(&self, sums: &[Sum], row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
+        let values = sums.iter().map(|sum| self.value(sum, row));
         let values = values.collect::<Result<Vec<f64>, Fault>>()?;
         if values.iter().all(|value| *value == 0.0) {
             return Err(Fault::missing(

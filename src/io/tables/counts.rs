@@ -21,12 +21,13 @@ pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
     counts
 }
 
-const STREAMS: [(&str, &str); 5] = [
+const STREAMS: [(&str, &str); 6] = [
     ("joints", "joint messages"),
     ("commands", "command messages"),
     ("readings", "reading messages"),
     ("temperatures", "temperature messages"),
     ("rows", "table rows"),
+    ("references", "readings of references"),
 ];
 
 /// Messages of each stream that the pipeline file maps, where logs were read.
@@ -45,10 +46,10 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
             read: sum(format!("{stream}.messages"))?,
             kept: sum(format!("{stream}.kept")).unwrap_or(0),
             rejected: nonzero([(
-                if stream == "rows" {
-                    "not_usable"
-                } else {
-                    "not_decoded_or_not_finite"
+                match stream {
+                    "rows" => "not_usable",
+                    "references" => "stray",
+                    _ => "not_decoded_or_not_finite",
                 },
                 sum(format!("{stream}.rejected")).unwrap_or(0),
             )]),

@@ -61,6 +61,7 @@ words! {
         SinceFirst: "since_first",
         Parameter: "parameter",
         JointCurve: "joint_curve",
+        Reference: "reference",
     }
     Control { InControl: "in_control", OutOfControl: "out_of_control", NotShown: "not_shown" }
 }

@@ -56,4 +56,6 @@ pub enum Kind {
     Parameter,
     /// A point of a joint's error curve.
     JointCurve,
+    /// Distance of a reference from its place in the base frame at the segment's first session that has it.
+    Reference,
 }

@@ -64,6 +64,8 @@ pub enum RejectKind {
     Dwell,
     /// A row of a table of stations.
     Rows,
+    /// A reading of a reference.
+    References,
 }
 
 words! {
@@ -74,6 +76,7 @@ words! {
         Readings: "readings",
         Dwell: "dwell",
         Rows: "rows",
+        References: "references",
     }
 }
 
@@ -134,6 +137,7 @@ fn of_row(reject: &RowReject) -> RejectRow {
     let (stage, kind) = match reject.kind {
         RowItem::Row => (Stage::Ingest, RejectKind::Rows),
         RowItem::Reading => (Stage::Join, RejectKind::Readings),
+        RowItem::Reference => (Stage::Join, RejectKind::References),
     };
     RejectRow {
         file: Some(reject.file.clone()),

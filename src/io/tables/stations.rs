@@ -60,6 +60,15 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
+        /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
+        motion_cov_mm2 as [
+            motion_cov_xx_mm2,
+            motion_cov_xy_mm2,
+            motion_cov_xz_mm2,
+            motion_cov_yy_mm2,
+            motion_cov_yz_mm2,
+            motion_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
         /// Number of readings of the dwell.
         readings: Option<usize>,
         /// Number of them in the mean position.
@@ -101,6 +110,7 @@ words! {
         Unmeasured(Unmeasured::TargetMoved): "target_moved",
         Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
         Unmeasured(Unmeasured::WrongTarget): "wrong_target",
+        Unmeasured(Unmeasured::InstrumentMoved): "instrument_moved",
         SeveralCandidates: "several_candidates",
     }
 }
@@ -184,6 +194,7 @@ fn measured(station: &Station) -> StationRow {
         scatter_mm: point.map(|point| point.scatter_mm),
         scatter_orientation_rad: turn.map(|turn| turn.scatter_rad),
         stated_cov_mm2: point.and_then(|point| point.stated_covariance),
+        motion_cov_mm2: point.and_then(|point| point.motion_covariance),
         readings: reading.map(|reading| reading.taken),
         readings_kept: reading.map(|reading| reading.kept),
         first_reading_ns: reading.map(|reading| reading.first.ns()),

@@ -101,6 +101,8 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<CalibrationRow>(),
         as_schema::<ParameterRow>(),
         as_schema::<ScaleRow>(),
+        as_schema::<ReferenceRow>(),
+        as_schema::<MotionRow>(),
         as_schema::<JointErrorRow>(),
         as_schema::<ResidualRow>(),
         as_schema::<SemivariogramRow>(),
@@ -153,7 +155,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     assert!(lake.start(&key()).unwrap().is_none());
     let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
     let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
-    for table in session.tables().into_iter().chain(run.tables()) {
+    for table in session.tables().chain(run.tables()) {
         assert_eq!(&lake.read(&table.schema().table, &key()).unwrap(), table);
         assert!(table.rows() > 0, "{}", table.schema().table);
     }
@@ -161,9 +163,11 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     assert_read_back(&lake, &session.stations);
     assert_read_back(&lake, &session.rejects);
     assert_read_back(&lake, &session.clocks);
+    assert_read_back(&lake, &session.reference_motion);
     assert_read_back(&lake, &run.calibrations);
     assert_read_back(&lake, &run.parameters);
     assert_read_back(&lake, &run.scales);
+    assert_read_back(&lake, &run.references);
     assert_read_back(&lake, &run.joint_errors);
     assert_read_back(&lake, &run.residuals);
     assert_read_back(&lake, &run.semivariograms);
@@ -215,7 +219,7 @@ fn the_same_outcome_gives_the_same_bytes() {
     let bytes = || -> Vec<Vec<u8>> {
         let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
         let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
-        let all = session.tables().into_iter().chain(run.tables());
+        let all = session.tables().chain(run.tables());
         all.map(|table| crate::io::table::write(table, Vec::new()).unwrap())
             .collect()
     };

@@ -36,6 +36,7 @@ fn reading(position: Point3<f64>, line: u64) -> RowReading {
         position,
         scatter_mm: [0.0; 3],
         stated_covariance: None,
+        motion_covariance: None,
     };
     RowReading {
         target: TargetId::ONLY,

@@ -236,12 +236,42 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         "a column of targets",
         "beside `station`, the column that says which rows belong together, and one [stations.measured]",
     )?;
+    references(stations)?;
     each(stations.missing.iter(), |number| {
         wrong_unless(
             number.is_finite(),
             "[stations] missing",
             number,
             "finite numbers; blanks and NaN are missing anyway",
+        )
+    })
+}
+
+/// Checks the references of a table: names of their own, and columns where the table is not long.
+fn references(stations: &StationsSettings) -> Check {
+    let is_long = stations.target.is_some();
+    let targets = stations.target_names();
+    each(stations.references.iter().enumerate(), |(place, own)| {
+        let earlier = stations.references[..place].iter().map(|other| &other.name);
+        wrong_unless(
+            !targets.iter().chain(earlier).any(|name| *name == own.name),
+            "[[stations.references]] name",
+            format!("{:?} twice", own.name),
+            "a name that no other reference and no target has",
+        )?;
+        wrong_unless(
+            own.position.is_some() != is_long && own.unit.is_some() != is_long,
+            "[[stations.references]] position",
+            if is_long {
+                "columns in a long table"
+            } else {
+                "no columns"
+            },
+            if is_long {
+                "left out, as `unit`: rows of references have the columns of [stations.measured]"
+            } else {
+                "three columns, with their unit"
+            },
         )
     })
 }

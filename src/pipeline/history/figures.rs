@@ -1,5 +1,8 @@
-//! Figures over the sessions: those charted, and the parameters and joint curves that the runs published.
+//! Figures over the sessions: those charted, the parameters and joint curves that the runs published, and the references.
 
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
 use rayon::prelude::*;
 
 use crate::history::control::Charted;
@@ -8,6 +11,7 @@ use crate::io::table::Row;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::past::{Figure, Kind, PastSession};
+use crate::io::tables::references::ReferenceRow;
 use crate::io::tables::words::Unit;
 use crate::report::Model;
 
@@ -22,8 +26,54 @@ pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<
         .par_iter()
         .map(|session| of_session(lake, session))
         .collect();
-    let (figures, wrong): (Vec<_>, Vec<_>) = read.into_iter().unzip();
-    (figures, wrong.concat())
+    let (mut figures, wrong): (Vec<_>, Vec<_>) = read.into_iter().unzip();
+    let mut wrong: Vec<String> = wrong.concat();
+    let mut first = BTreeMap::new();
+    for (session, own) in sessions.iter().zip(&mut figures) {
+        match references(lake, session, &mut first) {
+            Ok(more) => own.extend(more),
+            Err(reason) => wrong.push(reason),
+        }
+    }
+    (figures, wrong)
+}
+
+/// The place of a reference in the base frame, mm, and its standard deviation per axis, by segment and name.
+type Places = BTreeMap<(usize, String), (Point3<f64>, f64)>;
+
+/// How far each reference of a session is from its place in the segment's first session that has it: there the base moved on the
+/// floor, the reference on the base, or the frame that the arm shows. A reference that was moved during the session counts by its first
+/// place.
+fn references(
+    lake: &Lake,
+    session: &PastSession,
+    first: &mut Places,
+) -> Result<Vec<Figure>, String> {
+    // Runs of versions before these tables have none.
+    let there = lake.has(ReferenceRow::TABLE, &session.key);
+    if !there.map_err(|error| error.to_string())? {
+        return Ok(Vec::new());
+    }
+    let rows: Vec<ReferenceRow> = read(lake, session)?;
+    let own = rows
+        .into_iter()
+        .filter(|row| row.moved_by_mm.is_none() && row.of_session == session.key.session);
+    let figure = |row: ReferenceRow| {
+        let at = Point3::from(row.in_base?);
+        let key = (session.judged.segment, row.reference.clone());
+        let (before, before_sd_mm) = *first.entry(key).or_insert((at, row.sd_mm));
+        Some(Figure {
+            kind: Kind::Reference,
+            name: row.reference,
+            joint: None,
+            angle_rad: None,
+            value: (at - before).norm(),
+            sd: Some(row.sd_mm.hypot(before_sd_mm)),
+            unit: Unit::Mm,
+            charted: None,
+        })
+    };
+    Ok(own.filter_map(figure).collect())
 }
 
 fn of_session(lake: &Lake, session: &PastSession) -> (Vec<Figure>, Vec<String>) {

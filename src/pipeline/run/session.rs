@@ -145,14 +145,34 @@ fn of_table(
 
 /// Rows read, kept and rejected, as the messages of a log are counted.
 fn row_counts(read: u64, joined: &Joined) -> BTreeMap<String, u64> {
-    let rejects = joined.row_rejects.iter();
-    let rejected = rejects.filter(|own| own.kind == RowItem::Row).count() as u64;
-    let counts = [
-        ("rows.messages", read),
-        ("rows.kept", read.saturating_sub(rejected)),
-        ("rows.rejected", rejected),
-    ];
-    counts.map(|(name, count)| (name.to_owned(), count)).into()
+    let rejected = |kind: RowItem| {
+        let rejects = joined.row_rejects.iter();
+        rejects.filter(|own| own.kind == kind).count() as u64
+    };
+    let rows = (
+        "rows",
+        read.saturating_sub(rejected(RowItem::Row)),
+        rejected(RowItem::Row),
+    );
+    let used = joined
+        .references
+        .iter()
+        .flat_map(|course| &course.followed.places);
+    let used: u64 = used.map(|place| place.readings as u64).sum();
+    let references = ("references", used, rejected(RowItem::Reference));
+    let has_references = used > 0 || references.2 > 0;
+    let streams = [Some(rows), has_references.then_some(references)];
+    let counts = streams
+        .into_iter()
+        .flatten()
+        .flat_map(|(name, kept, rejected)| {
+            [
+                (format!("{name}.messages"), kept + rejected),
+                (format!("{name}.kept"), kept),
+                (format!("{name}.rejected"), rejected),
+            ]
+        });
+    counts.collect()
 }
 
 /// A session with the commands of its stations and the targets that drove it.

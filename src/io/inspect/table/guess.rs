@@ -336,6 +336,7 @@ impl<'t> Work<'t> {
                 time,
                 temperature: temperature.map(|column| self.names[column].clone()),
                 missing: MISSING.into(),
+                references: Vec::new(),
                 commanded,
                 measured,
             },

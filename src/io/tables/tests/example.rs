@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::super::{GridBasis, PublishContext};
 use crate::compensation::Conditions;
@@ -19,8 +19,10 @@ use crate::fit::{
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
-use crate::ingest::{LogReject, LossKind, SpanClock};
+use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
 use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
+use crate::join::references::{Look, ReferenceId, follow};
+use crate::join::tabled::{LookAt, ReferenceCourse};
 use crate::join::{
     ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
     Station,
@@ -146,6 +148,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 station: Some(2),
                 reason: "missing: the cell is blank".to_owned(),
             }],
+            references: vec![references()],
             counts: ReadingCounts {
                 kept: 20,
                 moving: 4,
@@ -159,6 +162,38 @@ fn session(stations: Vec<Station>) -> JoinedSession {
             },
         },
         commanded,
+    }
+}
+
+/// Two references on the floor, read at four rows of which one is no station.
+fn references() -> ReferenceCourse {
+    let look = |place: u32| Look {
+        at_s: f64::from(place),
+        seen: [0.0, 900.0]
+            .into_iter()
+            .enumerate()
+            .map(|(own, x)| {
+                (
+                    ReferenceId(own),
+                    Point3::new(x, 0.01 * f64::from(place), 5.0),
+                )
+            })
+            .collect(),
+    };
+    let looks: Vec<Look> = (0..4).map(look).collect();
+    let at = |place: i64| LookAt {
+        line: 2 + place.unsigned_abs(),
+        at_ns: 1_000_000_000 * place,
+        station: (place != 1).then_some(place.unsigned_abs() as usize),
+        seen: 2,
+    };
+    ReferenceCourse {
+        on: StandsOn::Floor,
+        names: ["F1", "F2"].map(str::to_owned).into(),
+        followed: follow(&looks).expect("four looks"),
+        looks: (0..4).map(at).collect(),
+        is_taken_out: true,
+        is_timed: false,
     }
 }
 

@@ -1,0 +1,209 @@
+//! `references`: places of the reference reflectors among each other and in the base frame; `reference_motion`: how they moved
+//! together, look by look.
+
+use nalgebra::Point3;
+
+use crate::ingest::StandsOn;
+use crate::io::table::{row, words};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::SourceId;
+use crate::join::references::{Event, Motion, Place};
+use crate::join::tabled::ReferenceCourse;
+use crate::report::Model;
+
+row! {
+    /// One place of a reference.
+    pub struct ReferenceRow of "references" {
+        /// The session.
+        of_session: String,
+        /// The reference's name.
+        reference: String,
+        /// Line of the look from which it is in this place.
+        from_line: u64,
+        /// What it stands on.
+        stands_on: StandsOn,
+        /// Its place in the instrument's frame of the first look, mm.
+        at as [x_mm, y_mm, z_mm]: [f64; 3],
+        /// Standard deviation of the place among the others, per axis, mm.
+        sd_mm: f64,
+        /// Its place in the base frame of the geometric model, mm; `None` of a session that did not train.
+        in_base as [base_x_mm, base_y_mm, base_z_mm]: Option<[f64; 3]>,
+        /// Readings used.
+        readings: usize,
+        /// Readings left out.
+        left_out: usize,
+        /// Root mean square distance of the readings used from the place, with the motion taken out, mm.
+        scatter_mm: f64,
+        /// Distance from its place before, mm; `None` of its first place.
+        moved_by_mm: Option<f64>,
+    }
+}
+
+row! {
+    /// The references of floor or base at one look.
+    pub struct MotionRow of "reference_motion" {
+        /// What they stand on.
+        stands_on: StandsOn,
+        /// Line of the look in the table of stations.
+        line: u64,
+        /// The station; `None` of a look between stations.
+        station: Option<usize>,
+        /// The moment, ns.
+        at_ns: i64,
+        /// Number of references read.
+        seen: usize,
+        /// The part of the session.
+        part: usize,
+        /// What happened at the look.
+        event: Option<MotionEvent>,
+        /// Shift of the references' middle since the first look, mm.
+        shift_mm as [shift_x_mm, shift_y_mm, shift_z_mm]: [f64; 3],
+        /// Rotation since the first look as a rotation vector, rad.
+        turn_rad as [turn_x_rad, turn_y_rad, turn_z_rad]: [f64; 3],
+        /// Lower triangle of the covariance of shift and rotation, row by row, mm², mm·rad and rad².
+        covariance: Vec<f64>,
+        /// The middle of the references at the first look, mm.
+        middle as [middle_x_mm, middle_y_mm, middle_z_mm]: [f64; 3],
+        /// Whether the references tell rotations.
+        tells_turns: bool,
+        /// Whether this motion was taken out of the readings.
+        is_taken_out: bool,
+    }
+}
+
+/// What happened at a look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MotionEvent {
+    /// All references jumped together since the look before.
+    Bump,
+    /// All references were elsewhere together at this look alone.
+    Shock,
+}
+
+words! {
+    StandsOn { Base: "base", Floor: "floor" }
+    MotionEvent { Bump: "bump", Shock: "shock" }
+}
+
+/// The places of all references of the run's sessions.
+pub fn places(outcome: &Outcome<'_>) -> Vec<ReferenceRow> {
+    let geometric = outcome
+        .calibrations
+        .iter()
+        .find(|(model, _)| *model == Model::Geometric);
+    let training = outcome.training.iter().enumerate();
+    let training = training.flat_map(|(place, session)| {
+        let frames = geometric.and_then(|(_, own)| own.frames.get(place));
+        let base = frames.map(|own| own.tracker_from_base(SourceId::ONLY).isometry().inverse());
+        of_session(session, move |at| base.map(|base| base.transform_point(at)))
+    });
+    let test = outcome
+        .test
+        .iter()
+        .flat_map(|session| of_session(session, |_| None));
+    let mut rows: Vec<ReferenceRow> = training.chain(test).collect();
+    rows.sort_by(|a, b| {
+        let key =
+            |row: &ReferenceRow| (row.of_session.clone(), row.reference.clone(), row.from_line);
+        key(a).cmp(&key(b))
+    });
+    rows
+}
+
+fn of_session(
+    session: &JoinedSession,
+    in_base: impl Fn(&Point3<f64>) -> Option<Point3<f64>>,
+) -> Vec<ReferenceRow> {
+    let row = |course: &ReferenceCourse, own: &Place| ReferenceRow {
+        of_session: session.name.clone(),
+        reference: course.names[own.reference.0].clone(),
+        from_line: course.looks[own.from].line,
+        stands_on: course.on,
+        at: own.position.coords.into(),
+        sd_mm: own.sd_mm,
+        in_base: in_base(&own.position).map(|at| at.coords.into()),
+        readings: own.readings,
+        left_out: strays(course, own),
+        scatter_mm: own.scatter_mm,
+        moved_by_mm: moved_by(course, own),
+    };
+    let courses = session.joined.references.iter();
+    courses
+        .flat_map(|course| {
+            course
+                .followed
+                .places
+                .iter()
+                .map(move |own| row(course, own))
+        })
+        .collect()
+}
+
+/// Stray readings of a reference while it was in a place.
+fn strays(course: &ReferenceCourse, own: &Place) -> usize {
+    let places = course.followed.places.iter();
+    let next = places.filter(|other| other.reference == own.reference && other.from > own.from);
+    let until = next.map(|other| other.from).min().unwrap_or(usize::MAX);
+    let events = course.followed.events.iter();
+    let is_own = |event: &&Event| match event {
+        Event::Stray {
+            look, reference, ..
+        } => *reference == own.reference && (own.from..until).contains(look),
+        Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => false,
+    };
+    events.filter(is_own).count()
+}
+
+fn moved_by(course: &ReferenceCourse, own: &Place) -> Option<f64> {
+    let mut events = course.followed.events.iter();
+    events.find_map(|event| match *event {
+        Event::Moved {
+            look,
+            reference,
+            by_mm,
+        } if reference == own.reference && look == own.from => Some(by_mm),
+        Event::Moved { .. } | Event::Bump { .. } | Event::Shock { .. } | Event::Stray { .. } => {
+            None
+        }
+    })
+}
+
+/// The motion of a session's references.
+pub fn motions(session: &JoinedSession) -> Vec<MotionRow> {
+    let courses = session.joined.references.iter();
+    courses
+        .flat_map(|course| (0..course.looks.len()).map(|look| motion(course, look)))
+        .collect()
+}
+
+fn motion(course: &ReferenceCourse, look: usize) -> MotionRow {
+    let (at, own): (_, &Motion) = (&course.looks[look], &course.followed.motions[look]);
+    let middle = own.middle;
+    let lower = (0..6).flat_map(|row| (0..=row).map(move |column| own.covariance[(row, column)]));
+    MotionRow {
+        stands_on: course.on,
+        line: at.line,
+        station: at.station,
+        at_ns: at.at_ns,
+        seen: at.seen,
+        part: own.part,
+        event: event(course, look),
+        shift_mm: (own.moved.transform_point(&middle) - middle).into(),
+        turn_rad: own.moved.rotation.scaled_axis().into(),
+        covariance: lower.collect(),
+        middle: middle.coords.into(),
+        tells_turns: course.followed.tells_turns,
+        is_taken_out: course.is_taken_out,
+    }
+}
+
+fn event(course: &ReferenceCourse, look: usize) -> Option<MotionEvent> {
+    let mut events = course.followed.events.iter();
+    events.find_map(|event| match event {
+        Event::Bump { before, .. } if *before == look => Some(MotionEvent::Bump),
+        Event::Shock { look: own, .. } if *own == look => Some(MotionEvent::Shock),
+        Event::Bump { .. } | Event::Shock { .. } | Event::Stray { .. } | Event::Moved { .. } => {
+            None
+        }
+    })
+}

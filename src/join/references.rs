@@ -1,0 +1,473 @@
+//! Reference reflectors: points on the floor or on the robot's base that should not move. What their readings move together is
+//! the motion of the instrument, or of the base, and it is taken out of the readings of the target.
+//!
+//! 1. [`shape`]: the places of the references among each other; whether they tell rotations (three that are not in line).
+//! 2. [`walk`]: their common motion as a random walk with shocks, with its covariance at every look.
+//! 3. [`sizes`]: noise, walk and shocks by likelihood, from a robust start.
+//! 4. [`events`]: what is none of these, one after another by its significance: a bump (the walk jumps), a shock at one look,
+//!    a stray reading, a reference that was moved.
+//!
+//! A bump ends a part of the session. Where the references tell all six motions, the parts are carried into one frame; where they
+//! do not, nothing ties the parts together ([`Followed::is_bridged`]).
+
+mod events;
+mod shape;
+mod sizes;
+mod walk;
+
+use std::collections::BTreeMap;
+
+use nalgebra::{
+    Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
+};
+
+use shape::{Shape, State};
+use walk::{Course, Moves, Ratios};
+
+/// A reference's index among those of its session, from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ReferenceId(pub usize);
+
+/// One look at the references: a moment, and the places where those that were measured stood.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look {
+    /// The moment, s.
+    pub at_s: f64,
+    /// The references measured and their positions in the instrument's frame, mm; none of them twice.
+    pub seen: Vec<(ReferenceId, Point3<f64>)>,
+}
+
+/// The motion of references in the instrument's frame since the session's first look.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// From where something stood at first to where it stands now.
+    pub moved: Isometry3<f64>,
+    /// The middle of the references, where the shift of `covariance` is, at first, mm.
+    pub middle: Point3<f64>,
+    /// Covariance of shift (mm) and rotation vector (rad) at the middle, along the instrument's axes.
+    pub covariance: Matrix6<f64>,
+    /// The part of the session, from 0: a bump begins a new one.
+    pub part: usize,
+}
+
+/// An event of the references that is neither noise nor drift.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// All of them jumped together between two looks: the instrument was bumped, or the base.
+    Bump {
+        /// The last look before it at which references were measured.
+        after: usize,
+        /// The first look behind it at which references were measured.
+        before: usize,
+        /// Shift of the references' middle, mm.
+        shift_mm: f64,
+        /// Rotation, rad; 0 where rotations are not told.
+        turn_rad: f64,
+    },
+    /// All of them were elsewhere together at one look.
+    Shock {
+        /// The look.
+        look: usize,
+        /// Shift of the references' middle from the look before, mm.
+        shift_mm: f64,
+        /// Rotation, rad; 0 where rotations are not told.
+        turn_rad: f64,
+    },
+    /// One reading is of another reflector, or wrong: it is left out.
+    Stray {
+        /// The look.
+        look: usize,
+        /// The reference.
+        reference: ReferenceId,
+        /// Distance from where the others put it, mm.
+        away_mm: f64,
+    },
+    /// One reference was moved among the others; from this look on it counts as a new one.
+    Moved {
+        /// The first look in its new place.
+        look: usize,
+        /// The reference.
+        reference: ReferenceId,
+        /// Distance between its places, mm.
+        by_mm: f64,
+    },
+}
+
+/// One place of a reference in the instrument's frame at the session's first look.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// The reference.
+    pub reference: ReferenceId,
+    /// Its first look in this place.
+    pub from: usize,
+    /// The place, mm.
+    pub position: Point3<f64>,
+    /// Standard deviation per axis of the place among the others, mm.
+    pub sd_mm: f64,
+    /// Number of readings used.
+    pub readings: usize,
+    /// Root mean square distance of those readings from it, mm.
+    pub scatter_mm: f64,
+}
+
+/// Sizes of the noise and of the motion, as standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sizes {
+    /// Of a reading, per axis, mm.
+    pub reading_mm: f64,
+    /// Of the walk's shift over a second, per axis, mm.
+    pub walk_mm: f64,
+    /// Of the walk's rotation over a second, per axis, rad; 0 where rotations are not told.
+    pub walk_rad: f64,
+    /// Of the shift at one look, per axis, mm.
+    pub shock_mm: f64,
+    /// Of the rotation at one look, per axis, rad; 0 where rotations are not told.
+    pub shock_rad: f64,
+}
+
+/// The course of a set of references.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Followed {
+    /// The motion at each look.
+    pub motions: Vec<Motion>,
+    /// The places, in order of references and looks.
+    pub places: Vec<Place>,
+    /// Everything that is neither noise nor drift, in order of looks.
+    pub events: Vec<Event>,
+    /// Sizes of noise and motion.
+    pub sizes: Sizes,
+    /// Whether the references tell rotations.
+    pub tells_turns: bool,
+}
+
+impl Followed {
+    /// Whether the parts of the session are tied together: there is one, or the references tell all six motions.
+    pub fn is_bridged(&self) -> bool {
+        self.tells_turns || self.motions.iter().all(|motion| motion.part == 0)
+    }
+}
+
+impl Event {
+    /// The first look behind it.
+    pub const fn look(&self) -> usize {
+        match self {
+            Self::Bump { before, .. } => *before,
+            Self::Shock { look, .. } | Self::Stray { look, .. } | Self::Moved { look, .. } => *look,
+        }
+    }
+}
+
+impl Motion {
+    /// No motion, at the first part.
+    pub fn none(middle: Point3<f64>) -> Self {
+        Self {
+            moved: Isometry3::identity(),
+            middle,
+            covariance: Matrix6::zeros(),
+            part: 0,
+        }
+    }
+
+    /// A position measured now, in the instrument's frame of the first look, mm.
+    pub fn undone(&self, position: &Point3<f64>) -> Point3<f64> {
+        self.moved.inverse_transform_point(position)
+    }
+
+    /// An orientation measured now, in the instrument's frame of the first look.
+    pub fn undone_turn(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        self.moved.rotation.inverse() * orientation
+    }
+
+    /// Covariance that the motion's own uncertainty gives a position measured now, in the frame of the first look, mm².
+    pub fn covariance_at(&self, position: &Point3<f64>) -> Matrix3<f64> {
+        let arm = position - self.moved.transform_point(&self.middle);
+        let mut by_motion = Matrix3x6::zeros();
+        by_motion.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        let turned = -arm.cross_matrix();
+        by_motion.fixed_view_mut::<3, 3>(0, 3).copy_from(&turned);
+        let now = by_motion * self.covariance * by_motion.transpose();
+        let back = self.moved.rotation.inverse().to_rotation_matrix();
+        back * now * back.inverse()
+    }
+}
+
+/// Follows a set of references; `None` where fewer than two looks saw any.
+pub fn follow(looks: &[Look]) -> Option<Followed> {
+    let seen = looks.iter().filter(|look| !look.seen.is_empty());
+    if seen.count() < 2 {
+        return None;
+    }
+    let robust = sizes::robust(looks);
+    // Events by robust sizes, sizes by likelihood without those events, and events anew by those sizes.
+    let mut first = Work::new(looks);
+    events::find(&mut first, robust.ratios, robust.noise_mm2);
+    first.settle(robust.ratios);
+    let likely = first.likely(robust.ratios);
+    let noise_mm2 = first.settle(likely).noise_mm2;
+    let mut work = Work::new(looks);
+    events::find(&mut work, likely, noise_mm2);
+    let ratios = work.likely(likely);
+    let course = work.settle(ratios);
+    Some(work.followed(&course, ratios))
+}
+
+/// A set of references while it is followed.
+struct Work<'a> {
+    looks: &'a [Look],
+    shape: Shape,
+    /// Events so far.
+    events: Vec<Found>,
+    /// The state at each look, which rotations are linear around.
+    states: Vec<State>,
+}
+
+/// An event that has been found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Found {
+    /// The walk jumps before the look.
+    Jump(usize),
+    /// A shock at the look.
+    Shock(usize),
+    /// A reading of a reference at a look.
+    Stray(usize, ReferenceId),
+    /// A reference is in a new place from a look on.
+    Moved(usize, ReferenceId),
+}
+
+/// Rounds in which places, motion and the point of linearisation are found in turn.
+const ROUNDS: usize = 4;
+
+impl<'a> Work<'a> {
+    fn new(looks: &'a [Look]) -> Self {
+        Self {
+            shape: Shape::still(looks),
+            looks,
+            events: Vec::new(),
+            states: vec![(Vector3::zeros(), Vector3::zeros()); looks.len()],
+        }
+    }
+
+    /// The used readings of a look as rows: the reference, what the state does to it, and the rest of it.
+    fn rows(
+        &self,
+        i: usize,
+        look: &'a Look,
+    ) -> impl Iterator<Item = (ReferenceId, Matrix3x6<f64>, Vector3<f64>)> {
+        shape::used(i, look, &self.events).filter_map(move |(reference, at)| {
+            let place = self
+                .shape
+                .places
+                .get(&shape::place_of(reference, i, &self.events))?;
+            let (row, y) = self.shape.row(place, at, &self.states[i]);
+            Some((reference, row, y))
+        })
+    }
+
+    /// What the readings of each look say of the state there.
+    fn told(&self) -> Vec<walk::Look> {
+        let looks = self.looks.iter().enumerate();
+        looks.map(|(i, look)| self.told_by(i, look)).collect()
+    }
+
+    fn told_by(&self, i: usize, look: &'a Look) -> walk::Look {
+        let mut told = walk::Look {
+            at_s: look.at_s,
+            information: Matrix6::zeros(),
+            score: Vector6::zeros(),
+            squares: 0.0,
+            rows: 0,
+            jumps: self.events.contains(&Found::Jump(i)),
+            shaken: self.events.contains(&Found::Shock(i)),
+        };
+        for (_, row, y) in self.rows(i, look) {
+            told.information += row.transpose() * row;
+            told.score += row.transpose() * y;
+            told.squares += y.norm_squared();
+            told.rows += 3;
+        }
+        told
+    }
+
+    /// Finds states and places in turn, until both agree.
+    fn settle(&mut self, ratios: Ratios) -> Course {
+        let moves = self.shape.moves;
+        let mut course = walk::course(&self.told(), ratios, moves);
+        for _ in 0..ROUNDS {
+            let radius = self.shape.radius_mm;
+            let states = course.states.iter().map(|(state, _)| {
+                let (shift, turn) = (state.fixed_rows::<3>(0), state.fixed_rows::<3>(3));
+                (shift.into_owned(), turn / radius)
+            });
+            self.states = states.collect();
+            self.shape = self.shape.settled(self.looks, &self.events, &self.states);
+            course = walk::course(&self.told(), ratios, moves);
+        }
+        course
+    }
+
+    /// The sizes of greatest likelihood with the events found.
+    fn likely(&self, start: Ratios) -> Ratios {
+        let several = self.shape.places.len() > 1;
+        sizes::likely(&self.told(), start, self.shape.moves, several)
+    }
+
+    /// The result, in the frame of the first look.
+    fn followed(&self, course: &Course, ratios: Ratios) -> Followed {
+        let noise_mm2 = course.noise_mm2;
+        let pose = |state: &State| {
+            let about = Translation3::from(self.shape.middle);
+            let turn = UnitQuaternion::from_scaled_axis(state.1);
+            Translation3::from(state.0) * about * turn * about.inverse()
+        };
+        let first = pose(&self.states[0]);
+        let middle = first.transform_point(&Point3::from(self.shape.middle));
+        let mut part = 0;
+        let motions = self.states.iter().zip(&course.states).enumerate();
+        let motions = motions.map(|(i, (state, (_, covariance)))| {
+            part += usize::from(self.events.contains(&Found::Jump(i)));
+            Motion {
+                moved: pose(state) * first.inverse(),
+                middle,
+                covariance: self.in_radians(covariance) * noise_mm2,
+                part,
+            }
+        });
+        let motions: Vec<Motion> = motions.collect();
+        let size = |ratio: f64| (ratio * noise_mm2).sqrt();
+        let radius = self.shape.radius_mm;
+        let mut events: Vec<Event> = self
+            .events
+            .iter()
+            .map(|event| self.event(event, &motions))
+            .collect();
+        events.sort_by_key(Event::look);
+        Followed {
+            places: self.places(&first, noise_mm2),
+            events,
+            sizes: Sizes {
+                reading_mm: noise_mm2.sqrt(),
+                walk_mm: size(ratios.walk[0]),
+                walk_rad: self.shape.turns(size(ratios.walk[1]) / radius),
+                shock_mm: size(ratios.shock[0]),
+                shock_rad: self.shape.turns(size(ratios.shock[1]) / radius),
+            },
+            tells_turns: self.shape.moves == Moves::ShiftsAndTurns,
+            motions,
+        }
+    }
+
+    /// A covariance of shift and rotation, from the rotation in mm at the radius to rad.
+    fn in_radians(&self, covariance: &Matrix6<f64>) -> Matrix6<f64> {
+        let unit = |i: usize| {
+            if i < 3 {
+                1.0
+            } else {
+                self.shape.radius_mm.recip()
+            }
+        };
+        Matrix6::from_fn(|row, column| covariance[(row, column)] * unit(row) * unit(column))
+    }
+
+    fn places(&self, first: &Isometry3<f64>, noise_mm2: f64) -> Vec<Place> {
+        let mut used: BTreeMap<(ReferenceId, usize), (usize, f64)> = BTreeMap::new();
+        for (i, look) in self.looks.iter().enumerate() {
+            for (reference, at) in shape::used(i, look, &self.events) {
+                let key = shape::place_of(reference, i, &self.events);
+                let undone = self.shape.undone(at, &self.states[i]);
+                let away = self
+                    .shape
+                    .places
+                    .get(&key)
+                    .map_or(0.0, |place| (undone - place).norm_squared());
+                let own = used.entry(key).or_default();
+                *own = (own.0 + 1, own.1 + away);
+            }
+        }
+        let place = |(key, at): (&(ReferenceId, usize), &Vector3<f64>)| {
+            let (readings, squares) = used.get(key).copied().unwrap_or_default();
+            let count = readings.max(1) as f64;
+            Place {
+                reference: key.0,
+                from: key.1,
+                position: first.transform_point(&Point3::from(*at)),
+                sd_mm: (noise_mm2 / count).sqrt(),
+                readings,
+                scatter_mm: (squares / count).sqrt(),
+            }
+        };
+        self.shape.places.iter().map(place).collect()
+    }
+
+    fn event(&self, event: &Found, motions: &[Motion]) -> Event {
+        match *event {
+            Found::Jump(before) => {
+                let earlier = (0..before)
+                    .rev()
+                    .find(|&look| !self.looks[look].seen.is_empty());
+                let after = earlier.unwrap_or(0);
+                let (shift_mm, turn_rad) = apart(&motions[after], &motions[before]);
+                Event::Bump {
+                    after,
+                    before,
+                    shift_mm,
+                    turn_rad,
+                }
+            }
+            Found::Shock(look) => {
+                let (shift_mm, turn_rad) = apart(&motions[look.saturating_sub(1)], &motions[look]);
+                Event::Shock {
+                    look,
+                    shift_mm,
+                    turn_rad,
+                }
+            }
+            Found::Stray(look, reference) => Event::Stray {
+                look,
+                reference,
+                away_mm: self.away_mm(look, reference),
+            },
+            Found::Moved(look, reference) => Event::Moved {
+                look,
+                reference,
+                by_mm: self.moved_mm(look, reference),
+            },
+        }
+    }
+
+    /// Distance of a stray reading from where the others put it, mm.
+    fn away_mm(&self, look: usize, reference: ReferenceId) -> f64 {
+        let mut seen = self.looks[look].seen.iter();
+        let at = seen.find(|(own, _)| *own == reference).map(|(_, at)| at);
+        let place = self
+            .shape
+            .places
+            .get(&shape::place_of(reference, look, &self.events));
+        let (Some(at), Some(place)) = (at, place) else {
+            return 0.0;
+        };
+        (self.shape.undone(at, &self.states[look]) - place).norm()
+    }
+
+    /// Distance between the place of a reference from a look on and its place before, mm.
+    fn moved_mm(&self, look: usize, reference: ReferenceId) -> f64 {
+        let places = &self.shape.places;
+        let before = look
+            .checked_sub(1)
+            .map(|before| shape::place_of(reference, before, &self.events));
+        let before = before.and_then(|key| places.get(&key));
+        let after = places.get(&(reference, look));
+        before
+            .zip(after)
+            .map_or(0.0, |(before, after)| (after - before).norm())
+    }
+}
+
+/// Shift of the middle and angle between two motions, mm and rad.
+fn apart(a: &Motion, b: &Motion) -> (f64, f64) {
+    let by = a.moved.inverse() * b.moved;
+    let shift = b.moved.transform_point(&b.middle) - a.moved.transform_point(&a.middle);
+    (shift.norm(), by.rotation.angle())
+}
+
+#[cfg(test)]
+mod tests;

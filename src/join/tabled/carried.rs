@@ -1,0 +1,360 @@
+//! The references of a table are followed, and their motion is taken out of the readings of its targets.
+//!
+//! References on the base show the base itself and are taken where they tell all six motions; otherwise those on the floor, which
+//! show the instrument, where they do. A reading stays out where the motion at its station is not known: between the two looks
+//! that a bump is between, at a station where all references were elsewhere, and in the smaller parts of a session that nothing
+//! ties to its largest.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+
+use super::{ApartRow, Row, RowItem, RowReading, RowReject};
+use crate::ingest::StandsOn;
+use crate::join::Value;
+use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
+use crate::units::NS_PER_S;
+
+/// The course of a session's references on floor or base.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReferenceCourse {
+    /// What they stand on.
+    pub on: StandsOn,
+    /// Names of all references of the session, in order.
+    pub names: Arc<[String]>,
+    /// Their course.
+    pub followed: Followed,
+    /// The looks of the course, in order of time.
+    pub looks: Vec<LookAt>,
+    /// Whether this motion was taken out of the readings.
+    pub is_taken_out: bool,
+    /// Whether the table states times; otherwise looks count as a second apart.
+    pub is_timed: bool,
+}
+
+/// The moment of a look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LookAt {
+    /// Line in the table, from 1.
+    pub line: u64,
+    /// The moment, ns.
+    pub at_ns: i64,
+    /// Number of the station; `None` of a row between stations.
+    pub station: Option<usize>,
+    /// Number of references that were read.
+    pub seen: usize,
+}
+
+/// What the references say of the rows.
+#[derive(Debug, Default)]
+pub(super) struct Carried {
+    /// The courses of base and floor.
+    pub courses: Vec<ReferenceCourse>,
+    /// Readings of references that were left out.
+    pub rejects: Vec<RowReject>,
+    /// Why a row's readings stay out, by its place.
+    pub left_out: BTreeMap<usize, String>,
+}
+
+/// One row that references may have been read in.
+struct Stop<'a> {
+    /// Place of the station among the rows.
+    row: Option<usize>,
+    line: u64,
+    at_ns: i64,
+    references: &'a [super::RowReference],
+}
+
+/// Follows the references of `rows` and `apart`, and takes their motion out of the readings of `rows`.
+pub(super) fn carry(
+    rows: &mut [Row],
+    apart: &[ApartRow],
+    references: &[(String, StandsOn)],
+    timed: bool,
+    file: &str,
+) -> Carried {
+    if references.is_empty() {
+        return Carried::default();
+    }
+    let names: Arc<[String]> = references.iter().map(|(name, _)| name.clone()).collect();
+    let stops = stops(rows, apart, timed);
+    let mut carried = Carried {
+        rejects: twice(&stops, &names, file),
+        ..Carried::default()
+    };
+    for on in [StandsOn::Base, StandsOn::Floor] {
+        let stands = |id: ReferenceId| references.get(id.0).is_some_and(|(_, own)| *own == on);
+        let looks = looks(&stops, stands);
+        let Some(followed) = follow(&looks) else {
+            carried.rejects.extend(alone(&stops, stands, on, file));
+            continue;
+        };
+        let seen = looks.iter().map(|look| look.seen.len());
+        let at = stops.iter().zip(seen).map(|(stop, seen)| LookAt {
+            line: stop.line,
+            at_ns: stop.at_ns,
+            station: stop.row,
+            seen,
+        });
+        let course = ReferenceCourse {
+            on,
+            names: Arc::clone(&names),
+            looks: at.collect(),
+            followed,
+            is_taken_out: false,
+            is_timed: timed,
+        };
+        carried.rejects.extend(strays(&course, &stops, file));
+        carried.courses.push(course);
+    }
+    let taken = carried
+        .courses
+        .iter()
+        .position(|own| own.followed.tells_turns);
+    let taken = taken.or((!carried.courses.is_empty()).then_some(0));
+    if let Some(course) = taken.and_then(|taken| carried.courses.get_mut(taken)) {
+        course.is_taken_out = true;
+        carried.left_out = take_out(course, rows);
+    }
+    carried
+}
+
+/// Everything in order of time, or of lines where there are no times; looks then count as a second apart.
+fn stops<'a>(rows: &'a [Row], apart: &'a [ApartRow], timed: bool) -> Vec<Stop<'a>> {
+    let stations = rows.iter().enumerate().map(|(place, row)| Stop {
+        row: Some(place),
+        line: row.line,
+        at_ns: row.time_ns.unwrap_or(0),
+        references: &row.references,
+    });
+    let between = apart.iter().map(|row| Stop {
+        row: None,
+        line: row.line,
+        at_ns: row.time_ns.unwrap_or(0),
+        references: &row.references,
+    });
+    let mut stops: Vec<Stop<'a>> = stations.chain(between).collect();
+    if timed {
+        stops.sort_by_key(|stop| (stop.at_ns, stop.line));
+    } else {
+        stops.sort_by_key(|stop| stop.line);
+        let mut at_ns = 0;
+        for stop in &mut stops {
+            stop.at_ns = at_ns;
+            at_ns += 1_000_000_000;
+        }
+    }
+    stops
+}
+
+/// The looks at those references for which `stands` holds; of two readings of one reference in a row the first.
+fn looks(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool) -> Vec<Look> {
+    let first_ns = stops.first().map_or(0, |stop| stop.at_ns);
+    let look = |stop: &Stop<'_>| {
+        let mut seen: BTreeMap<ReferenceId, _> = BTreeMap::new();
+        for own in stop.references.iter().filter(|own| stands(own.reference)) {
+            seen.entry(own.reference).or_insert(own.position);
+        }
+        Look {
+            at_s: (stop.at_ns - first_ns) as f64 / NS_PER_S,
+            seen: seen.into_iter().collect(),
+        }
+    };
+    stops.iter().map(look).collect()
+}
+
+/// A reading of a reference that is left out.
+fn reject(stop: &Stop<'_>, line: u64, reason: String, file: &str) -> RowReject {
+    RowReject {
+        kind: RowItem::Reference,
+        file: file.to_owned(),
+        line,
+        column: None,
+        station: stop.row,
+        reason,
+    }
+}
+
+/// Second readings of a reference in one look.
+fn twice(stops: &[Stop<'_>], names: &[String], file: &str) -> Vec<RowReject> {
+    let of_stop = |stop: &Stop<'_>| {
+        let mut seen = BTreeMap::new();
+        let mut again = Vec::new();
+        for own in stop.references {
+            let first = *seen.entry(own.reference).or_insert(own.line);
+            if first != own.line {
+                let name = &names[own.reference.0];
+                let reason =
+                    format!("reference {name:?} was read at line {first} of the same station");
+                again.push(reject(stop, own.line, reason, file));
+            }
+        }
+        again
+    };
+    stops.iter().flat_map(of_stop).collect()
+}
+
+/// The readings of references that are too few to follow.
+fn alone(
+    stops: &[Stop<'_>],
+    stands: impl Fn(ReferenceId) -> bool,
+    on: StandsOn,
+    file: &str,
+) -> Vec<RowReject> {
+    let reason = format!(
+        "references on the {} were read in one row only: there is no motion to follow",
+        on.word()
+    );
+    let own = stops
+        .iter()
+        .flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
+    let own = own.filter(|(_, own)| stands(own.reference));
+    own.map(|(stop, own)| reject(stop, own.line, reason.clone(), file))
+        .collect()
+}
+
+/// The stray readings of a course, as rejects.
+fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowReject> {
+    let stray = |event: &Event| match *event {
+        Event::Stray {
+            look,
+            reference,
+            away_mm,
+        } => {
+            let stop = &stops[look];
+            let mut own = stop.references.iter();
+            let own = own.find(|own| own.reference == reference);
+            let reason = format!(
+                "reference {:?} is {away_mm:.2} mm from where the others and its own readings put it",
+                course.names[reference.0]
+            );
+            Some(reject(
+                stop,
+                own.map_or(stop.line, |own| own.line),
+                reason,
+                file,
+            ))
+        }
+        Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
+    };
+    course.followed.events.iter().filter_map(stray).collect()
+}
+
+/// Takes the motion of a course out of the rows' readings; the reasons of those rows that stay out.
+fn take_out(course: &ReferenceCourse, rows: &mut [Row]) -> BTreeMap<usize, String> {
+    let main = main_part(course);
+    let mut left_out = BTreeMap::new();
+    for (look, at) in course.looks.iter().enumerate() {
+        let Some(place) = at.station else {
+            continue;
+        };
+        let motion = &course.followed.motions[look];
+        match unknown(course, look, main) {
+            Some(reason) => {
+                left_out.insert(place, reason);
+            }
+            None => {
+                let row = &mut rows[place];
+                row.readings.iter_mut().for_each(|own| undo(own, motion));
+            }
+        }
+    }
+    left_out
+}
+
+/// The part with the most stations, where the parts are not tied together.
+fn main_part(course: &ReferenceCourse) -> Option<usize> {
+    if course.followed.is_bridged() {
+        return None;
+    }
+    let mut stations: BTreeMap<usize, usize> = BTreeMap::new();
+    let parts = course.looks.iter().zip(&course.followed.motions);
+    for (_, motion) in parts.filter(|(look, _)| look.station.is_some()) {
+        *stations.entry(motion.part).or_default() += 1;
+    }
+    // Of equal parts the first.
+    let largest = stations
+        .into_iter()
+        .max_by_key(|(part, count)| (*count, usize::MAX - part));
+    largest.map(|(part, _)| part)
+}
+
+/// Why the motion at a look is not known; `None` where it is.
+fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option<String> {
+    let what = course.on.moves();
+    for event in &course.followed.events {
+        match *event {
+            Event::Bump { after, before, .. } if after < look && look < before => {
+                return Some(format!(
+                    "{what} was bumped between lines {} and {}, at which references were read: which side of it this station is \
+                     on is not known",
+                    course.looks[after].line, course.looks[before].line
+                ));
+            }
+            Event::Shock {
+                look: at, shift_mm, ..
+            } if at == look => {
+                return Some(format!(
+                    "all references were elsewhere at this station alone, by {shift_mm:.2} mm: something moved while it was measured"
+                ));
+            }
+            Event::Bump { .. }
+            | Event::Shock { .. }
+            | Event::Stray { .. }
+            | Event::Moved { .. } => {}
+        }
+    }
+    let part = course.followed.motions[look].part;
+    main.filter(|main| *main != part).map(|_| {
+        format!(
+            "{what} was bumped, and the references do not tell how it turned: stations before and behind a bump have no frame in \
+             common, and those of the larger part are kept; three references that are not in line tell it"
+        )
+    })
+}
+
+impl StandsOn {
+    /// In words.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Base => "base",
+            Self::Floor => "floor",
+        }
+    }
+
+    /// What moves where references on it do.
+    pub const fn moves(self) -> &'static str {
+        match self {
+            Self::Base => "the base or the instrument",
+            Self::Floor => "the instrument",
+        }
+    }
+}
+
+/// Takes a motion out of a reading.
+fn undo(reading: &mut RowReading, motion: &Motion) {
+    let covariance = reading
+        .value
+        .point()
+        .map(|point| motion.covariance_at(&point.position));
+    if let Some(point) = reading.value.point_mut() {
+        point.position = motion.undone(&point.position);
+        point.motion_covariance = covariance.map(|own| six(&own));
+    }
+    if let Value::Pose(_, turn) = &mut reading.value {
+        turn.orientation = motion.undone_turn(&turn.orientation);
+    }
+}
+
+/// xx xy xz yy yz zz of a symmetric matrix.
+fn six(own: &Matrix3<f64>) -> [f64; 6] {
+    [
+        own[(0, 0)],
+        own[(0, 1)],
+        own[(0, 2)],
+        own[(1, 1)],
+        own[(1, 2)],
+        own[(2, 2)],
+    ]
+}

@@ -1,0 +1,142 @@
+//! What the references of the sessions showed, as lines for a person.
+
+use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::references::{Event, Followed, Motion};
+use crate::join::tabled::ReferenceCourse;
+use crate::units::NS_PER_S;
+
+/// One line for each set of references: how many there are, how far they moved, and how well that is known.
+pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
+    each(outcome)
+        .map(|(session, course)| format!("{}: {}", session.name, line(course)))
+        .collect()
+}
+
+/// Bumps and moved references, which somebody has to look at.
+pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>) -> Vec<String> {
+    let of_course = |(session, course): (&JoinedSession, &ReferenceCourse)| {
+        let events = course.followed.events.iter();
+        let words = events.filter_map(|event| warning(course, event));
+        words
+            .map(|words| format!("{}: {words}", session.name))
+            .collect::<Vec<_>>()
+    };
+    each(outcome).flat_map(of_course).collect()
+}
+
+fn each<'o>(
+    outcome: &'o Outcome<'_>,
+) -> impl Iterator<Item = (&'o JoinedSession, &'o ReferenceCourse)> {
+    let sessions = outcome.training.iter().chain(&outcome.test);
+    sessions.flat_map(|session| {
+        session
+            .joined
+            .references
+            .iter()
+            .map(move |own| (session, own))
+    })
+}
+
+fn line(course: &ReferenceCourse) -> String {
+    let followed = &course.followed;
+    let turns = if followed.tells_turns {
+        "which tell rotations"
+    } else {
+        "which tell no rotations (three that are not in line do)"
+    };
+    let taken = if course.is_taken_out {
+        "; this motion is taken out of the readings"
+    } else {
+        ""
+    };
+    let (shift_mm, turn_rad) = farthest(followed);
+    let strays = followed
+        .events
+        .iter()
+        .filter(|event| matches!(event, Event::Stray { .. }))
+        .count();
+    let shocks = followed
+        .events
+        .iter()
+        .filter(|event| matches!(event, Event::Shock { .. }))
+        .count();
+    format!(
+        "{} references on the {}, {turns}: at most {shift_mm:.3} mm and {:.3} mrad from where they were first, read to {:.3} mm; {strays} \
+         stray readings and {shocks} stations at which all were elsewhere left out{taken}",
+        followed.places.len(),
+        course.on.word(),
+        1e3 * turn_rad,
+        followed.sizes.reading_mm,
+    )
+}
+
+/// The farthest shift of the middle and the largest rotation since the first look, apart from shocks.
+fn farthest(followed: &Followed) -> (f64, f64) {
+    let is_shock = |look: usize| {
+        let mut events = followed.events.iter();
+        events.any(|event| matches!(event, Event::Shock { look: own, .. } if *own == look))
+    };
+    let motions = followed.motions.iter().enumerate();
+    let motions = motions.filter(|(look, _)| !is_shock(*look));
+    let of = |motion: &Motion| {
+        let shift = motion.moved.transform_point(&motion.middle) - motion.middle;
+        (shift.norm(), motion.moved.rotation.angle())
+    };
+    motions
+        .map(|(_, motion)| of(motion))
+        .fold((0.0, 0.0), |(shift, turn), own| {
+            (f64::max(shift, own.0), f64::max(turn, own.1))
+        })
+}
+
+fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
+    match *event {
+        Event::Bump {
+            after,
+            before,
+            shift_mm,
+            turn_rad,
+        } => {
+            let turned = if course.followed.tells_turns {
+                format!(" and {:.2} mrad", 1e3 * turn_rad)
+            } else {
+                String::new()
+            };
+            let tied = if course.followed.is_bridged() {
+                "the references tie both parts of the session together"
+            } else {
+                "two parts of the session have nothing in common; only the larger is used"
+            };
+            Some(format!(
+                "{} was bumped between {} and {}: {shift_mm:.2} mm{turned} at the references; {tied}",
+                course.on.moves(),
+                moment(course, after),
+                moment(course, before),
+            ))
+        }
+        Event::Moved {
+            look,
+            reference,
+            by_mm,
+        } => Some(format!(
+            "reference {:?} was moved by {by_mm:.2} mm among the others before {}: it counts as a new one from there",
+            course.names[reference.0],
+            moment(course, look),
+        )),
+        Event::Shock { .. } | Event::Stray { .. } => None,
+    }
+}
+
+/// A look by its station or line, with its time where the table has times.
+fn moment(course: &ReferenceCourse, look: usize) -> String {
+    let at = &course.looks[look];
+    let place = at.station.map_or_else(
+        || format!("line {}", at.line),
+        |station| format!("station {station} (line {})", at.line),
+    );
+    if !course.is_timed {
+        return place;
+    }
+    let since_s = (at.at_ns - course.looks[0].at_ns) as f64 / NS_PER_S;
+    format!("{place}, {:.1} min after the first", since_s / 60.0)
+}

@@ -1,0 +1,198 @@
+//! Reference reflectors in a table: drift and bump of the instrument are taken out of the readings, and told.
+
+use arrow::array::Array as _;
+use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
+
+use super::{HEADER, STATIONS, cell, means, rows};
+use crate::cell::Cell;
+
+const REFERENCES: &str = r#"
+[[stations.references]]
+name = "F1"
+on = "floor"
+position = ["f1x", "f1y", "f1z"]
+unit = "mm"
+
+[[stations.references]]
+name = "F2"
+on = "floor"
+position = ["f2x", "f2y", "f2z"]
+unit = "mm"
+
+[[stations.references]]
+name = "F3"
+on = "floor"
+position = ["f3x", "f3y", "f3z"]
+unit = "mm"
+"#;
+
+/// Columns of x0, y and z in a row.
+const POSITION: [usize; 3] = [14, 16, 17];
+/// The station before which the tripod is bumped.
+const BUMPED: usize = 70;
+
+/// A small generator of numbers from −1 to 1.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
+
+/// The motion of everything in the instrument's frame at a station: a slow drift, and a bump of millimetres.
+fn motion(station: usize) -> Isometry3<f64> {
+    let share = station as f64 / 100.0;
+    let bump = if station < BUMPED { 0.0 } else { 1.0 };
+    let shift = Vector3::new(0.5 * share + 3.0 * bump, -0.2 * share - bump, 0.3 * share);
+    let turn = Vector3::new(1e-4 * share, 0.0, 1e-4 * share + 1e-3 * bump);
+    Isometry3::from_parts(shift.into(), Rotation3::new(turn).into())
+}
+
+/// The table of the quickstart's stations as a moving instrument measures them, with the readings of `count` references.
+fn moved(count: usize) -> String {
+    let number = |cell: &str| cell.replace(',', ".").parse::<f64>().expect("a number");
+    let mut noise = Noise(7);
+    let places = [
+        [900.0, -700.0, -200.0],
+        [1600.0, 300.0, -250.0],
+        [400.0, 600.0, 300.0],
+    ];
+    let mut text = format!("{HEADER};f1x;f1y;f1z;f2x;f2y;f2z;f3x;f3y;f3z\n");
+    for (station, row) in rows().iter().enumerate() {
+        let now = motion(station);
+        let mut cells: Vec<String> = row.split(';').map(str::to_owned).collect();
+        let dx = number(&cells[15]);
+        let at = Point3::from(POSITION.map(|column| number(&cells[column]))) + Vector3::x() * dx;
+        let at = now * at - Vector3::x() * dx;
+        for (axis, column) in POSITION.into_iter().enumerate() {
+            cells[column] = at[axis].to_string().replace('.', ",");
+        }
+        for (place, at) in places.iter().enumerate() {
+            // The third is read at every second station, and once wrongly.
+            let is_read = place < count && (place < 2 || station % 2 == 0);
+            let mut seen = now * Point3::from(*at);
+            if (place, station) == (1, 33) {
+                seen.x += 2.5;
+            }
+            for axis in 0..3 {
+                let value = seen[axis] + 0.03 * noise.next();
+                cells.push(if is_read {
+                    value.to_string().replace('.', ",")
+                } else {
+                    String::new()
+                });
+            }
+        }
+        text.push_str(&cells.join(";"));
+        text.push('\n');
+    }
+    text
+}
+
+fn session(text: &str, references: &str) -> Cell {
+    let cell = cell().with(STATIONS, &format!("{STATIONS}{references}"));
+    std::fs::create_dir_all(cell.session("mon")).expect("writable");
+    std::fs::write(cell.session("mon").join("measured.csv"), text).expect("writable");
+    cell
+}
+
+fn mean(cell: &Cell, model: &str) -> f64 {
+    let all = means(cell);
+    let own = all
+        .iter()
+        .find(|(name, _)| name.starts_with(model) && name.contains("blocks"));
+    own.unwrap_or_else(|| panic!("{model} in {all:?}")).1
+}
+
+#[test]
+fn drift_and_bump_are_taken_out_and_told() {
+    let still = super::with(&super::table(rows()));
+    still.run(&[]).expect(0, &[]);
+    let text = moved(3);
+    let followed = session(&text, REFERENCES);
+    followed.run(&["--verbose"]).expect(
+        0,
+        &[
+            "the instrument was bumped between station 69 (line 71) and station 70 (line 72)",
+            "3 references on the floor, which tell rotations",
+            "1 stray readings",
+            "taken out of the readings",
+        ],
+    );
+    let blind = session(&text, "");
+    let _ = blind.run(&[]);
+    for model in ["geometric", "full"] {
+        let [of_still, of_followed, of_blind] =
+            [&still, &followed, &blind].map(|cell| mean(cell, model));
+        println!("{model}: {of_still} mm still, {of_followed} mm followed, {of_blind} mm blind");
+        assert!(
+            of_followed < 1.1 * of_still + 0.01 && of_blind > 2.0 * of_followed,
+            "{model}: {of_still} mm still, {of_followed} mm followed, {of_blind} mm blind"
+        );
+    }
+    let motion = followed.table("reference_motion", "mon");
+    let (event, taken) = (motion.text("event"), motion.text("stands_on"));
+    let bumps: Vec<usize> = (0..motion.rows())
+        .filter(|&row| event.is_valid(row))
+        .collect();
+    assert_eq!(bumps, [BUMPED]);
+    assert_eq!((motion.rows(), taken.value(0)), (rows().len(), "floor"));
+    let places = followed.table("references", "mon");
+    assert_eq!(places.rows(), 3);
+    let rejects = followed.table("rejects", "mon");
+    let kinds = rejects.text("kind");
+    let own: Vec<usize> = (0..rejects.rows())
+        .filter(|&row| kinds.value(row) == "references")
+        .collect();
+    assert_eq!(own.len(), 1);
+    assert!(
+        rejects
+            .text("reason")
+            .value(own[0])
+            .contains("reference \"F2\" is 2.")
+    );
+    crate::verify::verify(&followed, &[]).expect(0, &[]);
+}
+
+#[test]
+fn two_references_keep_the_larger_part() {
+    let two = REFERENCES
+        .split("\n[[stations.references]]\nname = \"F3\"")
+        .next()
+        .expect("the first two");
+    let cell = session(&moved(2), two);
+    cell.run(&[]).expect(0, &["only the larger is used"]);
+    let stations = cell.table("stations", "mon");
+    let (verdict, reason) = (stations.text("verdict"), stations.text("reason"));
+    let unmeasured: Vec<usize> = (0..stations.rows())
+        .filter(|&row| verdict.value(row) != "paired")
+        .collect();
+    let smaller: Vec<usize> = if 2 * BUMPED > stations.rows() {
+        (BUMPED..stations.rows()).collect()
+    } else {
+        (0..BUMPED).collect()
+    };
+    assert_eq!(unmeasured, smaller);
+    assert!(
+        unmeasured
+            .iter()
+            .all(|&row| reason.value(row) == "instrument_moved")
+    );
+}
+
+#[test]
+fn a_wrong_section_of_references_is_told() {
+    let text = moved(3);
+    let told = |from: &str, to: &str| session(&text, &REFERENCES.replace(from, to)).run(&[]);
+    told("name = \"F2\"", "name = \"F1\"")
+        .expect(2, &["[[stations.references]] name", "\"F1\" twice"]);
+    told("\nposition = [\"f2x\", \"f2y\", \"f2z\"]", "")
+        .expect(2, &["[[stations.references]] position", "three columns"]);
+    told("on = \"floor\"", "on = \"wall\"").expect(2, &["wall"]);
+    told("\"f3z\"", "\"f4z\"").expect(1, &["f4z"]);
+}
