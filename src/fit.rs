@@ -44,7 +44,7 @@ pub mod start;
 mod tool_errors;
 pub mod visits;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -275,7 +275,7 @@ pub struct Calibration {
     pub nominal_structure: Structure,
     /// The structure at the solution, robust weights not applied.
     pub structure: Structure,
-    /// Number of observations in the fit.
+    /// Number of stations in the fit.
     pub poses: usize,
     /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
@@ -393,10 +393,16 @@ fn identify_with(
         frames: problem.frames(&solution.offsets),
         nominal_structure,
         structure,
-        poses: observations.len(),
+        poses: stations(observations),
         misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,
     }
+}
+
+/// Number of stations that were observed, each by one reading or several.
+fn stations(observations: &[Observation]) -> usize {
+    let stations = observations.iter().map(|o| (o.session, o.station));
+    stations.collect::<BTreeSet<_>>().len()
 }
 
 /// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse of rank `rank`.

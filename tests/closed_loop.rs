@@ -1,5 +1,6 @@
-//! An arm that another program wrote is measured, identified, corrected and measured again (`tests/readers/independent_arm.py`): the
-//! table corrects every target of the measured box, and leaves hardly more than the identified arm does.
+//! Arms that another program wrote are measured, identified, corrected and measured again (`tests/readers/independent_arm.py`): the
+//! table corrects every target of the measured box, and leaves hardly more than the identified arm does. One of them has three
+//! reflectors and a tracker that is knocked (`tests/readers/independent_reflectors.py`).
 //!
 //! Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`, which `.ci/run` makes; without one that has the packages the test says
 //! that it did not run, and fails where `CI` is set. Many arms: `python tests/readers/independent_arm.py posegrid --seed 1 --seed 2 …`.
@@ -22,12 +23,12 @@ fn python() -> Option<PathBuf> {
     None
 }
 
-#[test]
-fn the_table_corrects_every_target_of_the_box_about_as_well_as_the_identified_arm() {
+/// What a script says of one arm of its own; a failure where it finds one.
+fn measured(script: &str) {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let ended = Command::new(python)
-        .arg("tests/readers/independent_arm.py")
+        .arg(format!("tests/readers/{script}"))
         .arg(env!("CARGO_BIN_EXE_posegrid"))
         .arg("--folder")
         .arg(folder.path().join("arms"))
@@ -42,4 +43,14 @@ fn the_table_corrects_every_target_of_the_box_about_as_well_as_the_identified_ar
         told(&ended.stdout),
         told(&ended.stderr)
     );
+}
+
+#[test]
+fn the_table_corrects_every_target_of_the_box_about_as_well_as_the_identified_arm() {
+    measured("independent_arm.py");
+}
+
+#[test]
+fn three_reflectors_and_a_tripod_that_is_knocked_correct_places_and_orientations() {
+    measured("independent_reflectors.py");
 }

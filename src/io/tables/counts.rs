@@ -97,7 +97,14 @@ fn dwells(sessions: &[&JoinedSession]) -> StageCount {
 
 /// Stations offered to each geometric fit, and their poses.
 fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
-    let offered = validity::learnt_from(outcome).count() as u64;
+    // Those with readings of other targets alone count in the fit, and have no error of the tool point.
+    let shown = outcome.targets.sessions.iter();
+    let trained = |name: &str| outcome.training.iter().any(|session| session.name == name);
+    let others: usize = shown
+        .filter(|own| trained(&own.session))
+        .map(|own| own.neither)
+        .sum();
+    let offered = (validity::learnt_from(outcome).count() + others) as u64;
     let count = |(model, of): (Model, &'static str)| {
         let (_, calibration) = outcome.calibrations.iter().find(|(own, _)| *own == model)?;
         let kept = calibration.poses as u64;
