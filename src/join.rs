@@ -162,6 +162,8 @@ pub enum Unmeasured {
     OutsideTrackerLog,
     /// Its readings are far from every place that the arm can have had: a wrong reflector or a lost beam.
     WrongTarget,
+    /// Its reading is of the second solution of a planar target, whose normal is mirrored.
+    FlippedView,
 }
 
 /// The clocks and the method by which they were found.

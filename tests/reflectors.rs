@@ -169,7 +169,7 @@ fn noise(six_dof: bool) -> Noise {
     noise.repeatability_mm = 0.005;
     if six_dof {
         noise.sources[0].reads = ReadingKind::Pose;
-        noise.sources[0].uncertainty.orientation_rad = Some(NOISE_RAD);
+        common::state_orientation(&mut noise, NOISE_RAD);
     }
     noise
 }

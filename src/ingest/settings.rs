@@ -78,6 +78,10 @@ pub struct TrackerSettings {
     /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
+    /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
+    /// states it.
+    #[serde(skip_serializing)]
+    pub eye_in_hand: bool,
 }
 
 /// The one of a message's three times that is used as its stamp.
@@ -288,6 +292,7 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             ignore_orientation: file.ignore_orientation,
             fields: file.fields,
             frame: file.frame,
+            eye_in_hand: false,
         })
     }
 }

@@ -27,7 +27,7 @@ use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
 use crate::fit::{ErrorBase, FitSettings, SurveyedBase};
 use crate::geometry::Placement;
-use crate::ingest::{Mapping, StationsSettings};
+use crate::ingest::{Mapping, StationsSettings, TrackerSettings};
 use crate::io::input::{self, Bound};
 use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
@@ -287,7 +287,10 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, Configura
             .commanded
             .as_ref()
             .and_then(|section| section.mapping.clone()),
-        tracker: tracker.clone(),
+        tracker: TrackerSettings {
+            eye_in_hand: file.tracker.is_eye_in_hand(),
+            ..tracker.clone()
+        },
         joints: joints.map(|joint| joint.name.clone()).collect(),
         slides: slides(arm),
     })))

@@ -70,6 +70,10 @@ row! {
         o5: Option<f64>,
         /// s².
         variance_factor: Option<f64>,
+        /// Factor on a camera's stated standard deviations.
+        camera_size: Option<f64>,
+        /// Its standard error.
+        camera_size_se: Option<f64>,
         /// Misfit per axis, mm.
         misfit_mm: Option<f64>,
         /// The loss on a station's residual.
@@ -339,6 +343,8 @@ impl<'a> Identified<'a> {
             o4: observability(|o| o.o4),
             o5: observability(|o| o.o5),
             variance_factor: solution.map(|solution| solution.variance_factor),
+            camera_size: outcome.camera_size.map(|found| found.size),
+            camera_size_se: outcome.camera_size.map(|found| found.size_se),
             misfit_mm: calibration.map(|calibration| calibration.misfit_mm),
             loss: self.loss(context),
             prior_length_mm: some(context.fit.prior_length_mm),

@@ -101,6 +101,7 @@ words! {
         Unmeasured(Unmeasured::TargetMoved): "target_moved",
         Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
         Unmeasured(Unmeasured::WrongTarget): "wrong_target",
+        Unmeasured(Unmeasured::FlippedView): "flipped_view",
         SeveralCandidates: "several_candidates",
     }
 }
