@@ -222,6 +222,8 @@ pub struct JoinInput {
     pub commands: Box<dyn Poses<Controller>>,
     /// The readings of the measured target, in order of tracker time.
     pub readings: Box<dyn Poses<Tracker>>,
+    /// Those of each further target, in the order of their [`TargetId`]; empty where there is one.
+    pub others: Vec<Box<dyn Poses<Tracker>>>,
     /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }

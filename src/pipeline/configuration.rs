@@ -333,6 +333,11 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
 /// Names of the targets of a table with several, the main one first; empty where there is one.
 fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
+    let logged = |tracker: &TrackerSettings| {
+        let targets = tracker.targets.iter();
+        targets.map(|target| target.name.clone()).collect()
+    };
+    let names = names.or_else(|| file.tracker.mapping.as_ref().map(logged));
     names.filter(|names| names.len() > 1).unwrap_or_default()
 }
 

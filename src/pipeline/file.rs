@@ -19,8 +19,8 @@ use crate::fit::{
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
-    PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
+    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, LoggedTarget,
+    MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -378,6 +378,8 @@ struct TrackerKeys {
     temperature: Option<String>,
     #[serde(default)]
     ignore_orientation: bool,
+    #[serde(default)]
+    targets: Vec<LoggedTarget>,
     uncertainty: Option<TrackerUncertainty>,
     camera: Option<CameraUncertainty>,
     tracker_from_base: Option<TrackerFromBase>,
@@ -616,6 +618,7 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             frame: keys.frame,
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
+            targets: keys.targets,
         };
         Ok(Self {
             mapping: keys

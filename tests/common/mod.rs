@@ -251,6 +251,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
             unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
+            targets: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

@@ -262,6 +262,7 @@ pub fn mapping() -> Mapping {
             unit: LengthUnit::Mm,
             temperature: None,
             ignore_orientation: false,
+            targets: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

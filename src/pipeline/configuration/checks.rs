@@ -188,6 +188,9 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         tracker.check().map_err(of_section("tracker"))?;
         paths("[tracker] fields", &tracker.paths())?;
     }
+    if let Some(tracker) = &file.tracker.mapping {
+        tracker.check_targets().map_err(of_section("tracker"))?;
+    }
     let commanded = file.commanded.as_ref();
     let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else {
         return Ok(());
@@ -199,6 +202,12 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         "[commanded] fields.temperature",
         "given",
         "left out: temperatures are read by [tracker]",
+    )?;
+    wrong_unless(
+        commanded.target.is_none(),
+        "[commanded] fields.target",
+        "given",
+        "left out: targets are of [tracker]",
     )?;
     paths("[commanded] fields", &commanded.paths())
 }
