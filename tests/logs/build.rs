@@ -344,6 +344,7 @@ pub fn read_whole(
         commands,
         readings,
         temperatures,
+        others: _,
     } = input;
     let mut angles = JointAngles::of(mapping.joints.len());
     angles.append(&collected.angles);

@@ -407,7 +407,7 @@ impl Recipe {
                 None => beside(&stamp_path, "frame_id")?,
             });
         }
-        for field in target {
+        if let Some(field) = target {
             paths.push(FieldPath::parse(field)?);
         }
         paths.extend(pose_paths(meaning, &fields)?);
