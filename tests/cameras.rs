@@ -5,6 +5,10 @@
 
 mod common;
 
+use std::fmt::Write as _;
+use std::fs;
+
+use assert_cmd::Command;
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{
@@ -483,39 +487,42 @@ fn flipped_views_are_named_and_not_fitted() {
     assert!(flip_rejects(&outcome(&arm, &sound, &settings).training[0]).is_empty());
 }
 
+/// The board's pose in the base frame: where most stations look from a camera at the flange, along its z.
+fn board_of(simulated: &Simulated, session: &JoinedSession) -> Isometry3<f64> {
+    let base = base_of(simulated);
+    let cameras = session.joined.stations.iter().filter_map(pose);
+    let cameras: Vec<Isometry3<f64>> = cameras.map(|own| base.inverse() * own).collect();
+    let ahead = cameras
+        .iter()
+        .map(|own| (own * Point3::new(0.0, 0.0, 900.0)).coords);
+    let middle = ahead.sum::<Vector3<f64>>() / cameras.len() as f64;
+    let normal = cameras.iter().map(|own| own.rotation * Vector3::z());
+    let normal = normal.sum::<Vector3<f64>>();
+    let turn = UnitQuaternion::face_towards(&-normal, &Vector3::x());
+    Isometry3::from_parts(middle.into(), turn)
+}
+
+fn base_of(simulated: &Simulated) -> Isometry3<f64> {
+    let cell = &simulated.truth.settings.cell;
+    posegrid::geometry::isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy)
+}
+
+/// The session as a camera in the place of the tool sees the board: its own pose in the board's frame.
+fn on_the_flange(simulated: &Simulated, session: &JoinedSession) -> JoinedSession {
+    let (base, board) = (base_of(simulated), board_of(simulated, session));
+    let of = |station: &Station| Some((base.inverse() * pose(station)?).inverse() * board);
+    viewed(session, &mut Views::new(5, TRUE_NOISE_PX), of, |own| {
+        own.inverse()
+    })
+    .0
+}
+
 #[test]
 fn a_camera_on_the_flange_finds_the_arm_as_one_in_the_cell_does() {
     let arm = common::arm("kr210-r2700-extra");
     let (simulated, session) = exact(&arm, 11, 220);
-    // The camera sits at the flange and looks along its z; the board lies where most stations look.
-    let cell = &simulated.truth.settings.cell;
-    let base = posegrid::geometry::isometry_from_rpy(
-        cell.tracker_from_base_mm,
-        cell.tracker_from_base_rpy,
-    );
-    let base_from_camera = |station: &Station| Some(base.inverse() * pose(station)?);
-    let cameras: Vec<Isometry3<f64>> = session
-        .joined
-        .stations
-        .iter()
-        .filter_map(base_from_camera)
-        .collect();
-    let ahead = cameras
-        .iter()
-        .map(|own| own * Point3::new(0.0, 0.0, 900.0))
-        .fold(Vector3::zeros(), |sum, own| sum + own.coords);
-    let middle = ahead / cameras.len() as f64;
-    let normal = cameras
-        .iter()
-        .map(|own| own.rotation * Vector3::z())
-        .sum::<Vector3<f64>>();
-    let board = Isometry3::from_parts(
-        middle.into(),
-        UnitQuaternion::face_towards(&-normal, &Vector3::x()),
-    );
-    let mut views = Views::new(5, TRUE_NOISE_PX);
-    let of = |station: &Station| Some(base_from_camera(station)?.inverse() * board);
-    let (seen, _) = viewed(&session, &mut views, of, |own| own.inverse());
+    let seen = on_the_flange(&simulated, &session);
+    let board = board_of(&simulated, &session);
     let camera = CameraUncertainty {
         mounted: Mounted::Flange,
         ..CAMERA
@@ -543,4 +550,154 @@ fn a_camera_on_the_flange_finds_the_arm_as_one_in_the_cell_does() {
     let camera = frames.targets()[0].isometry();
     let away = camera.translation.vector - Vector3::from(TOOL_MM);
     assert!(away.norm() < 3.0, "{away}");
+}
+
+/// A session of the camera on the flange as a table: joints, and the board's pose in the camera's frame.
+fn table(session: &JoinedSession) -> String {
+    let mut text = "q1,q2,q3,q4,q5,q6,x,y,z,qx,qy,qz,qw\n".to_owned();
+    for station in &session.joined.stations {
+        let Some(own) = pose(station) else { continue };
+        let seen = own.inverse();
+        let joints = station.joints.iter().copied();
+        let numbers = joints
+            .chain(seen.translation.vector.iter().copied())
+            .chain(seen.rotation.coords.iter().copied());
+        let numbers: Vec<String> = numbers.map(|number| format!("{number:.9}")).collect();
+        writeln!(text, "{}", numbers.join(",")).expect("a string");
+    }
+    text
+}
+
+/// Runs the table with the camera mounted as stated; its exit code, results and messages.
+fn run_mounted(text: &str, mounted: &str) -> (i32, String, String) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    fs::copy(
+        "pipelines/robots/kr210-r2700-extra.toml",
+        path("robot.toml"),
+    )
+    .expect("copied");
+    fs::create_dir_all(path("sessions/monday")).expect("writable");
+    fs::write(path("sessions/monday/measured.csv"), text).expect("writable");
+    let pipeline = format!(
+        r#"[robot]
+file = "robot.toml"
+name = "eye"
+[input]
+folder = "sessions"
+stations = "measured.csv"
+[stations]
+joints = ["q1", "q2", "q3", "q4", "q5", "q6"]
+joint_unit = "rad"
+[stations.measured]
+position = ["x", "y", "z"]
+unit = "mm"
+orientation = {{ quaternion_xyzw = ["qx", "qy", "qz", "qw"] }}
+[tracker]
+camera = {{ focal_px = 1500, noise_px = 0.2, target_mm = 240, looks_along = [0, 0, 1], mounted = "{mounted}" }}
+[fit]
+orientations = true
+[fit.full]
+enabled = false
+[grid]
+steps_mm = [300]
+[tolerance]
+mm = 2
+share = 0.95
+confidence = 0.95
+[output]
+lake = "lake"
+"#
+    );
+    fs::write(path("eye.toml"), pipeline).expect("writable");
+    let mut command = Command::cargo_bin("posegrid").expect("built");
+    let output = command
+        .args(["run", "eye.toml", "--verbose"])
+        .current_dir(folder.path())
+        .output();
+    let output = output.expect("it runs");
+    let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (
+        output.status.code().expect("it ended"),
+        words(&output.stdout),
+        words(&output.stderr),
+    )
+}
+
+#[test]
+fn a_table_of_a_camera_on_the_flange_runs_and_a_wrong_mounting_is_named() {
+    let arm = common::arm("kr210-r2700-extra");
+    let (simulated, session) = exact(&arm, 11, 220);
+    let seen = on_the_flange(&simulated, &session);
+    let text = table(&seen);
+    let (code, results, messages) = run_mounted(&text, "flange");
+    println!("{results}{messages}");
+    assert!(matches!(code, 0 | 3), "{code}: {messages}");
+    assert!(results.contains("camera: noise 1.5"), "{results}");
+    let (code, _, messages) = run_mounted(&text, "fixed");
+    println!("{messages}");
+    assert_eq!(code, 1);
+    assert!(
+        messages.contains("set [tracker] camera.mounted = \"flange\""),
+        "{messages}"
+    );
+}
+
+#[test]
+fn points_of_a_laser_line_with_their_covariance_find_the_arm_better_than_without() {
+    // A stationary camera and a line of laser light, as in Park's measurement: points are exact across the sheet of light and along
+    // its normal, and five times worse along the line of sight, which differs from station to station.
+    let arm = common::arm("kr210-r2700-extra");
+    let (_, session) = exact(&arm, 11, 220);
+    let place = camera_from_tracker(&session, 1500.0);
+    let of = |station: &Station| Some(place * pose(station)?);
+    let truth = session.joined.stations.iter();
+    let truth: Vec<(Vec<f64>, Vector3<f64>)> = truth
+        .filter_map(|own| Some((own.joints.clone(), of(own)?.translation.vector)))
+        .collect();
+    let mut noise = Views::new(9, 0.0);
+    let (mut with, mut without) = (session.clone(), session.clone());
+    let stations = with
+        .joined
+        .stations
+        .iter_mut()
+        .zip(&mut without.joined.stations);
+    for (station, plain) in stations {
+        let Some(seen) = of(station) else { continue };
+        let ray = seen.translation.vector.normalize();
+        let own = [
+            noise.normal(),
+            noise.normal(),
+            noise.normal(),
+            noise.normal(),
+        ];
+        let off = Vector3::new(own[0], own[1], own[2]) * 0.05 + ray * (0.5 * own[3]);
+        let covariance = nalgebra::Matrix3::identity() * 0.05_f64.powi(2)
+            + ray * ray.transpose() * 0.5_f64.powi(2);
+        let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        let point = |stated| MeanPoint {
+            position: (seen.translation.vector + off).into(),
+            scatter_mm: [0.0; 3],
+            stated_covariance: stated,
+        };
+        for (station, stated) in [
+            (station, Some(places.map(|at| covariance[at]))),
+            (plain, None),
+        ] {
+            let reading = &mut station.readings[0];
+            (reading.value, reading.kept) = (Value::Point(point(stated)), 1);
+        }
+    }
+    let noise = constant(0.3, 1e-3);
+    let [by_covariance, all] = [&with, &without].map(|session| {
+        let found = identified(&arm, session, &noise);
+        println!("s² {:.3}", found.solution.variance_factor);
+        errors(&arm, &found, &truth, f64::INFINITY)[1]
+    });
+    println!(
+        "true error of predicted places: {by_covariance:.4} mm with covariances, {all:.4} mm with one number"
+    );
+    assert!(by_covariance < 0.6 * all && by_covariance < 0.06);
+    let s2 = identified(&arm, &with, &noise).solution.variance_factor;
+    assert!((s2 - 1.0).abs() < 0.2, "{s2}");
 }

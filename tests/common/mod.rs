@@ -216,7 +216,7 @@ pub fn session(name: &str, arm: &Arm) -> Option<SessionRead> {
     Some(read(&logs(name)?, &mapping(arm)))
 }
 
-fn read(logs: &SessionLogs, mapping: &Mapping) -> SessionRead {
+pub fn read(logs: &SessionLogs, mapping: &Mapping) -> SessionRead {
     let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
     let read = read_session(logs, mapping, limits, &rule, &mut (), &Quiet);
     read.expect("a sound recording")

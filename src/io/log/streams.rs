@@ -262,12 +262,12 @@ impl Visitor for Streams<'_, '_> {
 
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
         let Some(reader) = decoder else { return };
-        part.messages[reader.stream as usize] += 1;
+        // A message with an array of poses counts once for each target, as its rows do.
+        let rows = reader.rows();
+        part.messages[reader.stream as usize] += rows as u64;
         if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
-            part.faults
-                .entry((reader.stream, fault))
-                .or_default()
-                .add(message.log_time);
+            let tally = part.faults.entry((reader.stream, fault)).or_default();
+            (0..rows).for_each(|_| tally.add(message.log_time));
         }
     }
 

@@ -201,6 +201,17 @@ impl Reader {
         Ok(())
     }
 
+    /// Number of rows that a message gives.
+    pub(super) const fn rows(&self) -> usize {
+        match self.recipe.meaning {
+            Meaning::Poses { .. } => self.targets.len(),
+            Meaning::NamedAngles
+            | Meaning::Angles
+            | Meaning::Pose { .. }
+            | Meaning::Temperature => 1,
+        }
+    }
+
     /// The target that a message is of, by the name or number in the slot `slot`.
     fn target(&self, values: Values<'_>, slot: usize) -> Result<usize, RowFault> {
         if !self.recipe.has_target {
