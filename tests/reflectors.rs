@@ -35,7 +35,7 @@ use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
     ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits,
 };
-use posegrid::units::{Stamp, Tracker};
+use posegrid::units::{ClockModel, Stamp, Tracker};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -799,7 +799,12 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
     );
 
     // One after another: each reflector for a third of the dwell; nothing while the arm moves.
-    let clock = simulated.truth.clock_model();
+    let clocks = &simulated.truth.settings.clocks;
+    let clock = ClockModel {
+        origin: Stamp::from_ns(clocks.origin_ns),
+        offset_ns: clocks.offset_s * 1e9,
+        drift: clocks.drift_ppm * 1e-6,
+    };
     let third = |stamp: Stamp<Tracker>| {
         let stations = &simulated.truth.stations;
         let own = stations

@@ -86,12 +86,10 @@ impl<'a> Other<'a> {
     }
 
     /// Adds a reading to its station, which is measured with it.
-    fn put(&self, reading: Reading, station: &mut Station) {
+    fn put(&self, mut reading: Reading, station: &mut Station) {
+        reading.target = self.target;
         station.pairing = Pairing::Paired;
-        station.readings.push(Reading {
-            target: self.target,
-            ..reading
-        });
+        station.readings.push(reading);
     }
 
     /// What verdicts on this target need; `None` where too few dwells place it.

@@ -83,7 +83,7 @@ impl Simulated {
                     continue;
                 };
                 let to_all = &mut all[reading.target.0];
-                for sample in (from..to).filter(|&i| own.positions[i] != [0.0; 3]) {
+                for sample in (from..to).filter(|&i| own.positions[i].iter().any(|&x| x != 0.0)) {
                     let off = Point3::from(own.positions[sample]) - main;
                     to_all.stamps.push(own.stamps[sample]);
                     to_all.positions.push((place + off).coords.into());

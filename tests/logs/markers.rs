@@ -73,7 +73,7 @@ const SEEN: [&[(u32, f64)]; 5] = [
 
 fn of_markers(fields: PoseFields) -> Mapping {
     let mut mapping = mapping();
-    mapping.tracker.topic = "/markers".to_owned();
+    "/markers".clone_into(&mut mapping.tracker.topic);
     mapping.tracker.unit = posegrid::ingest::LengthUnit::M;
     mapping.tracker.targets = two_by_number();
     mapping.tracker.fields = fields;
@@ -136,12 +136,9 @@ fn markers_are_told_by_number_and_what_is_not_seen_is_missing() {
 }
 
 #[test]
-fn covariances_of_markers_are_their_positions() {
-    let found = read_as(&marker_log(&SEEN), &of_markers(by_path(true))).expect("sound");
-    let own = found.others[0].covariances.as_ref().expect("stated");
-    assert_eq!(own[1], [0.4e6, 0.0, 0.0, 0.25e6, 0.0, 0.5e6]);
-    // Nothing was seen, so nothing is stated.
-    assert_eq!(own[3], [0.0; 6]);
+fn covariances_of_markers_are_not_asked_for() {
+    let error = by_path(true).check().expect_err("not read");
+    assert!(error.wanted.contains("[tracker] camera"), "{error:?}");
 }
 
 #[test]
@@ -192,7 +189,7 @@ fn targets_are_told_by_a_name_in_the_message() {
         target: Some("child_frame_id".to_owned()),
         ..PoseFields::default()
     });
-    mapping.tracker.topic = "/tf".to_owned();
+    "/tf".clone_into(&mut mapping.tracker.topic);
     let named = |name: &str| Some(TargetName::Text(name.to_owned()));
     mapping.tracker.targets = vec![
         target("a", None, named("SMR 1")),

@@ -47,10 +47,6 @@ pub enum Mounted {
 
 impl Mounted {
     /// Whether the camera stands in the cell.
-    #[expect(
-        clippy::trivially_copy_pass_by_ref,
-        reason = "serde's skip_serializing_if gives a reference"
-    )]
     pub const fn is_fixed(&self) -> bool {
         matches!(self, Self::Fixed)
     }

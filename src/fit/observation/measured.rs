@@ -62,13 +62,13 @@ impl Measured {
     /// stated uncertainty of orientations.
     pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
         let instrument = Instrument::of(reading, source);
-        let point = |point: &MeanPoint| MeasuredPoint::of(point, instrument, repeatability_mm);
+        let point = |point: &MeanPoint| MeasuredPoint::of(point, &instrument, repeatability_mm);
         match (&reading.value, source.reads) {
             (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)
             | (Value::Point(of), ReadingKind::Pose) => Self::Point(point(of)),
             (Value::Pose(of, turn), ReadingKind::Pose) => {
                 let point = point(of);
-                match MeasuredOrientation::of(turn, &point, instrument, reading, source) {
+                match MeasuredOrientation::of(turn, &point, &instrument, reading, source) {
                     None => Self::Point(point),
                     Some(turn) => Self::Pose(point, turn),
                 }
@@ -174,7 +174,10 @@ pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) ->
 }
 
 /// Covariance of an instrument and of the mean of its samples at a reading.
-#[derive(Clone, Copy)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one at a time, while a reading becomes an observation"
+)]
 enum Instrument {
     /// Of the position, mm².
     Point(Matrix3<f64>),
@@ -215,16 +218,16 @@ impl Instrument {
         }
     }
 
-    fn of_position(self) -> Matrix3<f64> {
+    fn of_position(&self) -> Matrix3<f64> {
         match self {
-            Self::Point(covariance) => covariance,
+            Self::Point(covariance) => *covariance,
             Self::Pose(covariance) => covariance.fixed_view::<3, 3>(0, 0).into_owned(),
         }
     }
 }
 
 impl MeasuredPoint {
-    fn of(point: &MeanPoint, instrument: Instrument, repeatability_mm: f64) -> Self {
+    fn of(point: &MeanPoint, instrument: &Instrument, repeatability_mm: f64) -> Self {
         let instrument = instrument.of_position();
         let covariance = instrument + Matrix3::identity() * repeatability_mm.powi(2);
         let isotropic = || Matrix3::identity() * repeatability_mm.max(1e-3);
@@ -240,13 +243,13 @@ impl MeasuredPoint {
 
 impl JointCovariance {
     /// The rows of an orientation beside a position with this whole covariance; `None` where they are not positive definite.
-    fn of(instrument: Matrix6<f64>, position: &MeasuredPoint) -> Option<Self> {
+    fn of(instrument: &Matrix6<f64>, position: &MeasuredPoint) -> Option<Self> {
         let across = instrument.fixed_view::<3, 3>(3, 0) * position.whole().try_inverse()?;
         let own =
             instrument.fixed_view::<3, 3>(3, 3) - across * instrument.fixed_view::<3, 3>(0, 3);
         let own = own.cholesky()?.l().try_inverse()?;
         Some(Self {
-            instrument,
+            instrument: *instrument,
             from_position: -own * across,
             own,
         })
@@ -264,7 +267,7 @@ impl MeasuredOrientation {
     fn of(
         turn: &MeanOrientation,
         point: &MeasuredPoint,
-        instrument: Instrument,
+        instrument: &Instrument,
         reading: &Reading,
         source: &Source,
     ) -> Option<Self> {

@@ -283,6 +283,12 @@ impl PoseFields {
                 "target, the path of the name or number by which [tracker] targets tells its elements",
             );
         }
+        if self.is_of_each() && self.covariance.is_some() {
+            return wrong(
+                "covariance, of poses in an array".to_owned(),
+                "left out: [tracker] camera states the noise of markers",
+            );
+        }
         if position == 0 && (orientation > 0 || self.covariance.is_some()) {
             return wrong(
                 "no x, y, z".to_owned(),

@@ -281,6 +281,12 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
         .collect()
 }
 
+/// Condition number of a calibration's solution; `None` where it is not finite.
+fn condition(calibration: &Calibration) -> Option<f64> {
+    let condition = calibration.structure.condition();
+    condition.is_finite().then_some(condition)
+}
+
 /// The names as owned texts.
 fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
@@ -334,9 +340,7 @@ impl<'a> Identified<'a> {
             observations: observations(outcome),
             parameters: self.parameters(),
             rank: calibration.map(|calibration| calibration.nominal_structure.rank),
-            condition: calibration
-                .map(|calibration| calibration.structure.condition())
-                .filter(|condition| condition.is_finite()),
+            condition: calibration.and_then(condition),
             o1: observability(|o| o.o1),
             o2: observability(|o| o.o2),
             o3: observability(|o| o.o3),

@@ -7,15 +7,14 @@ use super::reader::{RowFault, Values};
 use crate::ingest::TargetName;
 use crate::io::message::{Numbers, Text, Value};
 
-/// Position, quaternion and covariance of an element, as logged.
-pub(super) type Element = ([f64; 3], Option<[f64; 4]>, Option<[f64; 6]>);
+/// Position and quaternion of an element, as logged.
+pub(super) type Element = ([f64; 3], Option<[f64; 4]>);
 
 /// The lists of a message's poses, from the slot `first` on.
 pub(super) struct ElementColumns<'m> {
     pub(super) values: Values<'m>,
     pub(super) first: usize,
     pub(super) orientation: bool,
-    pub(super) covariance: bool,
 }
 
 impl ElementColumns<'_> {
@@ -33,16 +32,12 @@ impl ElementColumns<'_> {
     pub(super) fn element(&self, index: usize) -> Result<Element, RowFault> {
         let position = self.numbers(0, index)?;
         let orientation = self.orientation.then(|| self.numbers(3, index));
-        let after = if self.orientation { 7 } else { 3 };
-        let covariance = self.covariance.then(|| self.numbers(after, index));
-        Ok((position, orientation.transpose()?, covariance.transpose()?))
+        Ok((position, orientation.transpose()?))
     }
 
     /// Zeros in every column that an element would have.
     pub(super) fn missing(&self) -> Element {
-        let orientation = self.orientation.then_some([0.0; 4]);
-        let covariance = self.covariance.then_some([0.0; 6]);
-        ([0.0; 3], orientation, covariance)
+        ([0.0; 3], self.orientation.then_some([0.0; 4]))
     }
 
     fn numbers<const N: usize>(&self, after: usize, index: usize) -> Result<[f64; N], RowFault> {

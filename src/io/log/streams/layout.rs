@@ -211,8 +211,8 @@ pub(super) enum Meaning {
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
     Pose { orientation: bool, covariance: bool },
-    /// Lists of these, an element for each pose of an array; the covariance has six lists: xx xy xz yy yz zz.
-    Poses { orientation: bool, covariance: bool },
+    /// Lists of x, y, z and of a quaternion where there is one, an element for each pose of an array.
+    Poses { orientation: bool },
     /// The temperature, °C.
     Temperature,
 }
@@ -263,10 +263,7 @@ impl Layout {
         match self {
             Self::Joints => Meaning::NamedAngles,
             Self::Temperature => Meaning::Temperature,
-            Self::Markers => Meaning::Poses {
-                orientation: true,
-                covariance: false,
-            },
+            Self::Markers => Meaning::Poses { orientation: true },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),
@@ -410,7 +407,9 @@ impl Recipe {
         if let Some(field) = target {
             paths.push(FieldPath::parse(field)?);
         }
-        paths.extend(pose_paths(meaning, &fields)?);
+        for field in fields {
+            paths.push(FieldPath::parse(field)?);
+        }
         Ok(Some(Self {
             has_target: target.is_some(),
             stamp,
@@ -481,7 +480,6 @@ impl<'m> Statements<'m> {
             let meaning = if fields.is_of_each() {
                 Meaning::Poses {
                     orientation: orientation_is,
-                    covariance: covariance_is,
                 }
             } else {
                 Meaning::Pose {
@@ -527,27 +525,6 @@ fn beside(path: &FieldPath, name: &str) -> Result<FieldPath, SchemaError> {
     FieldPath::parse(&inside.map_or_else(|| name.to_owned(), |inside| format!("{inside}.{name}")))
 }
 
-/// Numbers of a covariance of 36 that are those of the position: xx xy xz yy yz zz.
-const OF_POSITION: [usize; 6] = [0, 1, 2, 7, 8, 14];
-
-/// The paths of a stream's values. The covariance of each element of an array is one of 36 numbers, of which each wanted one is a list.
-fn pose_paths(meaning: Meaning, fields: &[&str]) -> Result<Vec<FieldPath>, SchemaError> {
-    let (fields, covariance) = match (meaning, fields) {
-        (
-            Meaning::Poses {
-                covariance: true, ..
-            },
-            [fields @ .., covariance],
-        ) => (fields, Some(*covariance)),
-        (_, fields) => (fields, None),
-    };
-    let own = fields.iter().map(|field| FieldPath::parse(field));
-    let of_covariance = covariance
-        .into_iter()
-        .flat_map(|path| OF_POSITION.map(|number| FieldPath::parse(&format!("{path}[{number}]"))));
-    own.chain(of_covariance).collect()
-}
-
 fn without_orientation(
     meaning: Meaning,
     mut fields: Vec<&str>,
@@ -565,16 +542,9 @@ fn without_orientation(
             };
             (meaning, fields)
         }
-        Meaning::Poses {
-            orientation: true,
-            covariance,
-        } if ignore => {
+        Meaning::Poses { orientation: true } if ignore => {
             fields.drain(3..7);
-            let meaning = Meaning::Poses {
-                orientation: false,
-                covariance,
-            };
-            (meaning, fields)
+            (Meaning::Poses { orientation: false }, fields)
         }
         other => (other, fields),
     }

@@ -173,27 +173,19 @@ impl Reader {
                 },
                 stream,
             ) => {
-                let poses = match stream {
-                    Stream::Commands => &mut part.commands,
-                    _ => {
-                        let place = self.target(values, target)?;
-                        part.readings.get_mut(place).ok_or(RowFault::OtherTarget)?
-                    }
+                let poses = if stream == Stream::Commands {
+                    &mut part.commands
+                } else {
+                    let place = self.target(values, target)?;
+                    part.readings.get_mut(place).ok_or(RowFault::OtherTarget)?
                 };
                 push_pose(poses, stamp, values, first, orientation, covariance)?;
             }
-            (
-                Meaning::Poses {
-                    orientation,
-                    covariance,
-                },
-                _,
-            ) => {
+            (Meaning::Poses { orientation }, _) => {
                 let columns = ElementColumns {
                     values,
                     first,
                     orientation,
-                    covariance,
                 };
                 self.push_elements(&columns, target, stamp, &mut part.readings)?;
             }
@@ -251,9 +243,9 @@ impl Reader {
             };
             rows.push((own.place, row));
         }
-        for (place, (position, orientation, covariance)) in rows {
+        for (place, (position, orientation)) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_row(poses, stamp, position, orientation, covariance);
+            push_row(poses, stamp, position, orientation, None);
         }
         Ok(())
     }
