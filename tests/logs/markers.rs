@@ -142,6 +142,14 @@ fn covariances_of_markers_are_not_asked_for() {
 }
 
 #[test]
+fn markers_without_a_number_to_look_for_are_refused() {
+    let mut mapping = of_markers(PoseFields::default());
+    mapping.tracker.targets.clear();
+    let error = read_as(&marker_log(&SEEN), &mapping).expect_err("which one?");
+    assert!(error.to_string().contains("[[tracker.targets]]"), "{error}");
+}
+
+#[test]
 fn fields_that_are_no_markers_are_named() {
     let mut wrong = by_path(false);
     wrong.x = Some("markers[].pose.pose.position.w".to_owned());

@@ -383,6 +383,11 @@ impl Recipe {
             }
             (None, None) => return Ok(None),
         };
+        let mut targets = mapping.tracker.targets.iter();
+        if matches!(meaning, Meaning::Poses { .. }) && targets.all(|own| own.is.is_none()) {
+            // Nothing says which of the poses is the target's.
+            return Ok(None);
+        }
         let (meaning, fields) = without_orientation(meaning, fields, said.ignore_orientation);
         let stamp_path = said.stamp_path(common, schema)?;
         let mut paths = Vec::new();
