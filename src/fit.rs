@@ -13,10 +13,12 @@
 //! Beyond geometry: the full error model ([`full`]), the check that pooled sessions are of one arm ([`same_arm`]), visits of
 //! one pose ([`visits`]), base and target of a session that took no part ([`locate`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
 
+pub mod camera_size;
 pub mod commanded;
 pub mod conversion;
 pub mod error_frame;
 pub mod flange;
+pub mod flips;
 pub mod frames;
 pub mod full;
 mod gap;
@@ -59,8 +61,8 @@ pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
 pub use observation::{
-    Measured, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source, TrackerUncertainty,
-    add_commands, observations,
+    CameraUncertainty, Measured, MeasuredOrientation, MeasuredPoint, Mounted, Noise, Observation,
+    Source, TrackerUncertainty, Uncertainty, add_commands, observations,
 };
 pub use problem::{
     Freedom, KnownDistance, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,

@@ -10,6 +10,7 @@
 //! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
 //! | [`station_tables`] | How is a table of stations read, where there are no logs? | `inspect` |
+//! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
 //! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
@@ -39,6 +40,9 @@ pub mod logs {}
 
 #[doc = include_str!("guide/station_tables.md")]
 pub mod station_tables {}
+
+#[doc = include_str!("guide/cameras.md")]
+pub mod cameras {}
 
 #[doc = include_str!("guide/tables.md")]
 pub mod tables {}

@@ -25,9 +25,9 @@ pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, Temperatu
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
-    MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
-    ReadingColumns, ReferenceColumns, StampField, StandsOn, StationsSettings, TableTime,
-    TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
+    LoggedTarget, MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns,
+    PoseFields, ReadingColumns, ReferenceColumns, StampField, StandsOn, StationsSettings,
+    TableTime, TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};

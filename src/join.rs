@@ -11,7 +11,8 @@
 //! 5. [`settle`]: the settling time of the target. [`pair`], [`average`]: a verdict for each dwell, means after settling;
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
-//! 7. [`mod@began`]: the date of the session.
+//! 7. `others`: readings of further targets, where a log has several.
+//! 8. [`mod@began`]: the date of the session.
 //!
 //! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
 
@@ -26,6 +27,7 @@ mod error;
 #[cfg(test)]
 mod fault_tests;
 pub mod observe;
+mod others;
 pub mod pair;
 pub mod pattern;
 pub mod placement;
@@ -40,12 +42,15 @@ pub mod stationary;
 pub mod supposed;
 pub mod tabled;
 
+use std::ops::AddAssign;
+
 use nalgebra::{Point3, UnitQuaternion};
 
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::ArmDwell;
 use self::observe::Observation;
+use self::others::Other;
 use self::pattern::Relation;
 use self::readings::Readings;
 use self::stationary::Stationary;
@@ -167,6 +172,8 @@ pub enum Unmeasured {
     WrongTarget,
     /// The instrument or the base moved, and where it stood is not known.
     InstrumentMoved,
+    /// Its reading is of the second solution of a planar target, whose normal is mirrored.
+    FlippedView,
 }
 
 /// The clocks and the method by which they were found.
@@ -203,6 +210,17 @@ pub struct ReadingCounts {
     pub missing: u64,
 }
 
+impl AddAssign for ReadingCounts {
+    fn add_assign(&mut self, more: Self) {
+        self.kept += more.kept;
+        self.settling += more.settling;
+        self.outlier += more.outlier;
+        self.moving += more.moving;
+        self.unpaired += more.unpaired;
+        self.missing += more.missing;
+    }
+}
+
 /// A tracker dwell or a run of readings that belongs to no station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JoinReject {
@@ -225,6 +243,8 @@ pub struct JoinInput {
     pub commands: Box<dyn Poses<Controller>>,
     /// The readings of the measured target, in order of tracker time.
     pub readings: Box<dyn Poses<Tracker>>,
+    /// Those of each further target, in the order of their [`TargetId`]; empty where there is one.
+    pub others: Vec<Box<dyn Poses<Tracker>>>,
     /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }
@@ -259,7 +279,11 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     let seen = observe::observe(&readings, &input.joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(input.joints.span_ns.0);
-    let (clock, relation) = estimate_clock(&seen, &decision, origin);
+    let (mut clock, relation, by_edges) = estimate_clock(&seen, &decision, origin);
+    let others = Other::all(&input.others, settings)?;
+    if !others.is_empty() && !by_edges {
+        clock.model = others::centred(clock.model, &seen.arm, &seen.target, &others);
+    }
     let evidence = pair::Evidence {
         readings: &readings,
         temperatures: &input.temperatures,
@@ -278,17 +302,30 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         settings,
     };
     let mut dispositions = first_dispositions(&readings, &seen);
-    let stations = stations(&*input.commands, &seen.arm, &evidence, &mut dispositions)?;
+    let mut stations = stations(&*input.commands, &seen.arm, &evidence, &mut dispositions)?;
     for rows in readings.missing() {
         dispositions.set(rows, Disposition::Missing);
+    }
+    let (mut counts, mut rejects) = (dispositions.counts(), dispositions.rejects(&readings)?);
+    let found = others::Found {
+        arm: &seen.arm,
+        temperatures: &input.temperatures,
+        clock: clock.model,
+        settle_s: evidence.settle_s,
+        settings,
+    };
+    for other in &others {
+        let (own, left_out) = other.add(&found, &mut stations)?;
+        counts += own;
+        rejects.extend(left_out);
     }
     Ok(Joined {
         stations,
         clock,
-        rejects: dispositions.rejects(&readings)?,
+        rejects,
         row_rejects: Vec::new(),
         references: Vec::new(),
-        counts: dispositions.counts(),
+        counts,
         found: Found {
             stationary_rad: seen.stationary_rad,
             stationary_mm: seen.stationary_mm,
@@ -302,12 +339,13 @@ const GATE_REACH: f64 = 10.0;
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 
-/// Refines the clock on the supporting pairs: the published estimate, and the relation in seconds since the first stamps.
+/// Refines the clock on the supporting pairs: the published estimate, the relation in seconds since the first stamps, and whether it is
+/// by the edges of dwells.
 fn estimate_clock(
     seen: &Observation,
     decision: &Decision,
     origin: Stamp<Controller>,
-) -> (ClockEstimate, Relation) {
+) -> (ClockEstimate, Relation, bool) {
     let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s);
     let relation = refined.relation;
     let apart_ns = seen.first_measured.ns().saturating_sub(origin.ns());
@@ -323,7 +361,7 @@ fn estimate_clock(
         edge_rms_ns: refined.rms_s * NS_PER_S,
         method: method(decision, refined.by_edges),
     };
-    (estimate, relation)
+    (estimate, relation, refined.by_edges)
 }
 
 fn method(decision: &Decision, by_edges: bool) -> String {

@@ -56,8 +56,8 @@
 //! - *An arm*: a file in `pipelines/robots/` and its line in [`io::robot::ready`]. Another convention of links is a variant of
 //!   [`kinematics::Convention`], the elements it makes, and its numbers from the lines of the axes in [`kinematics::restate`];
 //!   nothing behind [`kinematics::Chain`] changes.
-//! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
-//!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that reads something else, a distance say, is a
+//! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file, a camera is `[tracker] camera`. One that
+//!   measures points or poses in another way needs its covariance as a variant of [`fit::Uncertainty`]. One that reads something else, a distance say, is a
 //!   variant of [`join::ReadingKind`], [`join::Value`] and [`fit::Measured`]; its residual, its rows and its covariance stand in
 //!   [`fit::observation`], one at a time and in blocks. A second instrument in a session is a further source, and a further
 //!   reflector a further target: the fit takes several of each ([`fit::Frames`], [`join::Reading`]). The join makes readings of one

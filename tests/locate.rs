@@ -35,7 +35,13 @@ fn noise() -> Noise {
         orientation_rad: Some(130e-6),
     };
     let reads = ReadingKind::Pose;
-    Noise::of_one(Source { reads, uncertainty }, 0.03)
+    Noise::of_one(
+        Source {
+            reads,
+            uncertainty: uncertainty.into(),
+        },
+        0.03,
+    )
 }
 
 fn fit() -> FitSettings {

@@ -31,7 +31,7 @@ fn settings(orientations: bool) -> FitSettings {
 fn with_orientations() -> Noise {
     let mut noise = NOISE.clone();
     noise.sources[0].reads = ReadingKind::Pose;
-    noise.sources[0].uncertainty.orientation_rad = Some(130e-6);
+    common::state_orientation(&mut noise, 130e-6);
     noise
 }
 

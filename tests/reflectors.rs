@@ -3,6 +3,8 @@
 mod common;
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
@@ -14,11 +16,14 @@ use posegrid::fit::{
 };
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
+use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
+use posegrid::io::log::SessionLogs;
+use posegrid::io::log_writer::{write_controller_log, write_targets_log};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::residuals;
 use posegrid::join::{
-    MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId, Station, TargetId,
-    Unmeasured, Value,
+    JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
+    Station, TargetId, Unmeasured, Value, join,
 };
 use posegrid::kinematics::{Arm, Parameter};
 use posegrid::pipeline::stages::{self, StageSettings};
@@ -30,6 +35,7 @@ use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
     ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits,
 };
+use posegrid::units::{ClockModel, Stamp, Tracker};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -170,7 +176,7 @@ fn noise(six_dof: bool) -> Noise {
     noise.repeatability_mm = 0.005;
     if six_dof {
         noise.sources[0].reads = ReadingKind::Pose;
-        noise.sources[0].uncertainty.orientation_rad = Some(NOISE_RAD);
+        common::state_orientation(&mut noise, NOISE_RAD);
     }
     noise
 }
@@ -706,5 +712,131 @@ fn an_arm_learnt_from_three_reflectors_corrects_orientations_too() {
     assert_eq!(
         turn_behind(&base_target.frames[0], &base_target.frames[0]),
         None
+    );
+}
+
+/// Three reflectors as a tracker's log has them, each message naming its own; joined.
+fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> (Joined, u64) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [controller, tracker] =
+        ["controller.mcap", "tracker.mcap"].map(|log| folder.path().join(log));
+    let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
+    let joints: Vec<&str> = arm.joints().iter().map(|own| own.name.as_str()).collect();
+    let (nothing, recording) = (BTreeMap::new(), &simulated.recording);
+    write_controller_log(create(&controller), recording, &joints, &nothing).expect("room");
+    let names = ["T1", "T2", "T3"];
+    let named: Vec<(String, TargetReadings)> = names
+        .iter()
+        .map(|name| (*name).to_owned())
+        .zip(readings)
+        .collect();
+    let temperatures = &recording.temperatures;
+    write_targets_log(create(&tracker), &named, temperatures, &nothing).expect("room");
+    let mut mapping = common::mapping(arm);
+    "/tracker/targets".clone_into(&mut mapping.tracker.topic);
+    mapping.tracker.ignore_orientation = true;
+    mapping.tracker.fields.target = Some("child_frame_id".to_owned());
+    let target = |name: &&str| LoggedTarget {
+        name: (*name).to_owned(),
+        topic: None,
+        is: Some(TargetName::Text((*name).to_owned())),
+    };
+    mapping.tracker.targets = names.iter().map(target).collect();
+    let read = common::read(&SessionLogs::of_two(&controller, &tracker), &mapping);
+    let kept = read.counts["readings.kept"];
+    let joined = join(&read.input, arm, &JoinSettings::default()).expect("a sound recording");
+    (joined, kept)
+}
+
+/// Largest distance of a reading from that of the table of the same session, mm, and the numbers of readings of both.
+fn beside_table(joined: &Joined, table: &[Station]) -> (f64, [usize; 2]) {
+    let of = |station: &Station, target: TargetId| {
+        let mut own = station.measured().iter().filter(|own| own.target == target);
+        own.next().and_then(Reading::position)
+    };
+    let (mut largest, mut counts) = (0.0_f64, [0, 0]);
+    for own in &joined.stations {
+        let start = |other: &&Station| {
+            own.start.since_ns(other.end) < 0 && other.start.since_ns(own.end) < 0
+        };
+        let other = table.iter().find(start).expect("the same dwells");
+        for target in (0..3).map(TargetId) {
+            let (a, b) = (of(own, target), of(other, target));
+            counts[0] += usize::from(a.is_some());
+            counts[1] += usize::from(b.is_some());
+            if let (Some(a), Some(b)) = (a, b) {
+                largest = largest.max((a - b).norm());
+            }
+        }
+    }
+    (largest, counts)
+}
+
+#[test]
+fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
+    let arm = common::arm("kr210-r2700-extra");
+    let mut settings = day(7, 60, true);
+    settings.cell.six_dof = false;
+    settings.tracker = TrackerErrors::adm();
+    settings.tracker.lost_share = 0.05;
+    let simulated = simulate(&arm, &settings).expect("in reach");
+    let beside = [PLACES[1], PLACES[2]].map(Vector3::from);
+    let table = simulated.stations_with(&beside);
+    // At once: every sample has all three.
+    let at_once = simulated.readings_with(&beside);
+    let (joined, kept) = from_log(&arm, &simulated, at_once.clone());
+    let c = joined.counts;
+    assert_eq!(
+        kept,
+        c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
+    );
+    let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
+    assert_eq!(kept, c.kept + rejected);
+    let (largest, counts) = beside_table(&joined, &table);
+    println!("at once: {largest:.4} mm from the table, {counts:?} readings");
+    assert!(
+        largest < 0.02 && counts[0] >= counts[1] - 3,
+        "{largest} {counts:?}"
+    );
+
+    // One after another: each reflector for a third of the dwell; nothing while the arm moves.
+    let clocks = &simulated.truth.settings.clocks;
+    let clock = ClockModel {
+        origin: Stamp::from_ns(clocks.origin_ns),
+        offset_ns: clocks.offset_s * 1e9,
+        drift: clocks.drift_ppm * 1e-6,
+    };
+    let third = |stamp: Stamp<Tracker>| {
+        let stations = &simulated.truth.stations;
+        let own = stations
+            .iter()
+            .find(|own| clock.to_tracker(own.end) >= stamp)?;
+        let (start, end) = (clock.to_tracker(own.start), clock.to_tracker(own.end));
+        let share = stamp.since_ns(start) as f64 / end.since_ns(start) as f64;
+        (share >= 0.0).then_some(share * 3.0)
+    };
+    let one_by_one = at_once.iter().enumerate().map(|(target, own)| {
+        let kept = own.stamps.iter().zip(&own.positions).filter(|(stamp, _)| {
+            let target = target as f64;
+            third(**stamp).is_some_and(|third| third > target + 0.1 && third < target + 0.9)
+        });
+        let (stamps, positions) = kept.map(|(stamp, position)| (*stamp, *position)).unzip();
+        TargetReadings {
+            stamps,
+            positions,
+            ..TargetReadings::default()
+        }
+    });
+    let (joined, kept) = from_log(&arm, &simulated, one_by_one.collect());
+    let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
+    assert_eq!(kept, joined.counts.kept + rejected);
+    let (largest, counts) = beside_table(&joined, &table);
+    println!(
+        "one by one: {largest:.4} mm from the table, {counts:?} readings, {}",
+        joined.clock.method
+    );
+    assert!(
+        largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
+        "{largest} {counts:?}"
     );
 }

@@ -52,7 +52,8 @@ fn settings() -> StageSettings {
                     transverse_um_per_m: 6.0,
                     divisor: 2.0,
                     orientation_rad: Some(130e-6),
-                },
+                }
+                .into(),
             },
             0.03,
         ),

@@ -465,6 +465,7 @@ fn other_samples() -> JoinInput {
             orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]; 2]),
             covariances: Some(vec![[1e-4; 6]; 2]),
         }),
+        others: Vec::new(),
         temperatures: TemperatureSamples {
             stamps: vec![Stamp::from_ns(6)],
             celsius: vec![20.5],

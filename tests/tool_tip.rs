@@ -49,7 +49,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
     let surveyed = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     let mut noise: Noise = common::NOISE.clone();
     noise.sources[0].reads = ReadingKind::Pose;
-    noise.sources[0].uncertainty.orientation_rad = Some(30e-6);
+    common::state_orientation(&mut noise, 30e-6);
     StageSettings {
         noise,
         fit: FitSettings {

@@ -15,7 +15,9 @@ use thiserror::Error;
 
 use super::robot::ArmFlags;
 use crate::ingest::Recording;
-use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
+use crate::io::log_writer::{
+    LogWriteError, write_controller_log, write_targets_log, write_tracker_log,
+};
 use crate::io::robot::{self, Selection};
 use crate::io::station_table;
 use crate::io::targets::{self, TargetsError};
@@ -68,8 +70,8 @@ pub struct SimulateArgs {
     /// Write a table of the stations too, stations.csv, as a perfect join would find them; its head has the section that reads it
     #[arg(long)]
     table: bool,
-    /// A further reflector in that table, at this place in the frame of the measured one, mm; may be given several times
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "table")]
+    /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     beside: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
@@ -261,7 +263,13 @@ impl SimulateArgs {
             Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
         written(&tracker, |sink| {
-            Ok(write_tracker_log(sink, recording, &session)?)
+            if self.beside.is_empty() {
+                return Ok(write_tracker_log(sink, recording, &session)?);
+            }
+            let readings = simulated.readings_with(&self.places_beside());
+            let targets: Vec<_> = self.target_names().into_iter().zip(readings).collect();
+            let temperatures = &recording.temperatures;
+            Ok(write_targets_log(sink, &targets, temperatures, &session)?)
         })?;
         written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
         written(&stations, |sink| {
@@ -278,15 +286,20 @@ impl SimulateArgs {
 
     /// The table of the stations, with a reading of each reflector.
     fn stations_table(&self, arm: &Arm, simulated: &Simulated) -> String {
-        let beside: Vec<Vector3<f64>> = self
-            .beside
-            .iter()
-            .map(|Triple(at)| Vector3::from(*at))
-            .collect();
-        let names: Vec<String> = (1..=beside.len() + 1)
-            .map(|number| format!("T{number}"))
-            .collect();
-        station_table::csv(&simulated.stations_with(&beside), arm, &names)
+        let stations = simulated.stations_with(&self.places_beside());
+        station_table::csv(&stations, arm, &self.target_names())
+    }
+
+    /// The places of the further reflectors, mm.
+    fn places_beside(&self) -> Vec<Vector3<f64>> {
+        let beside = self.beside.iter();
+        beside.map(|Triple(at)| Vector3::from(*at)).collect()
+    }
+
+    /// Names of all reflectors, the main one first.
+    fn target_names(&self) -> Vec<String> {
+        let numbers = 1..=self.beside.len() + 1;
+        numbers.map(|number| format!("T{number}")).collect()
     }
 
     fn source(&self) -> String {

@@ -17,7 +17,7 @@
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::frames::Frames;
-use super::observation::{Measured, Noise};
+use super::observation::{Measured, Noise, Uncertainty};
 use crate::geometry::align;
 use crate::join::{
     MeanOrientation, MeanPoint, Reading, ReadingKind, SourceId, Station, TargetId, Value,
@@ -211,7 +211,9 @@ pub fn noise_of_poses(noise: &Noise, orientations_rad: &[f64]) -> Noise {
     let squares: f64 = orientations_rad.iter().map(|sd| sd * sd).sum();
     if let (Some(source), false) = (noise.sources.first_mut(), orientations_rad.is_empty()) {
         source.reads = ReadingKind::Pose;
-        source.uncertainty.orientation_rad = Some((squares / orientations_rad.len() as f64).sqrt());
+        if let Uncertainty::Tracker(tracker) = &mut source.uncertainty {
+            tracker.orientation_rad = Some((squares / orientations_rad.len() as f64).sqrt());
+        }
     }
     noise
 }
@@ -247,7 +249,13 @@ mod tests {
             orientation_rad: None,
         };
         let reads = ReadingKind::Point;
-        Noise::of_one(Source { reads, uncertainty }, 0.03)
+        Noise::of_one(
+            Source {
+                reads,
+                uncertainty: uncertainty.into(),
+            },
+            0.03,
+        )
     }
 
     /// A station with readings of these targets, each moved by `off`.

@@ -4,6 +4,7 @@
 //! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
 //! `scatter²/n`. The use of each kind of reading in a fit is in [`measured`] and [`rows`].
 
+pub mod camera;
 pub mod measured;
 pub mod rows;
 
@@ -18,6 +19,7 @@ use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
 
+pub use camera::{CameraUncertainty, Mounted};
 pub use measured::{Measured, MeasuredOrientation, MeasuredPoint};
 
 /// A tracker's uncertainty as its data sheet states it: limits, to be divided by `divisor` for a standard uncertainty.
@@ -53,6 +55,49 @@ impl TrackerUncertainty {
             .unwrap_or_else(Vector3::x);
         let along = beam * beam.transpose();
         along * ranging.powi(2) + (Matrix3::identity() - along) * transverse.powi(2)
+    }
+}
+
+/// The uncertainty of an instrument, by its kind: `uncertainty` or `camera` of `[tracker]`.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+pub enum Uncertainty {
+    /// A laser tracker, or another instrument whose uncertainty is along and across its beam.
+    #[serde(rename = "uncertainty")]
+    Tracker(TrackerUncertainty),
+    /// A camera that measures a flat target.
+    #[serde(rename = "camera")]
+    Camera(CameraUncertainty),
+}
+
+impl From<TrackerUncertainty> for Uncertainty {
+    fn from(tracker: TrackerUncertainty) -> Self {
+        Self::Tracker(tracker)
+    }
+}
+
+impl Uncertainty {
+    /// Covariance of one position, mm², in the instrument's frame.
+    pub fn covariance(&self, position: &Point3<f64>) -> Matrix3<f64> {
+        match self {
+            Self::Tracker(tracker) => tracker.covariance(position),
+            Self::Camera(camera) => camera.covariance(position),
+        }
+    }
+
+    /// Standard uncertainty of an orientation per axis at a position, rad; `None` where none is stated.
+    pub fn orientation_rad(&self, position: &Point3<f64>) -> Option<f64> {
+        match self {
+            Self::Tracker(tracker) => tracker.orientation_rad,
+            Self::Camera(camera) => Some(camera.orientation_rad(position.coords.norm())),
+        }
+    }
+
+    /// The camera; `None` of another instrument.
+    pub const fn camera(&self) -> Option<&CameraUncertainty> {
+        match self {
+            Self::Tracker(_) => None,
+            Self::Camera(camera) => Some(camera),
+        }
     }
 }
 
@@ -125,7 +170,7 @@ pub struct Source {
     /// The kind of reading used: the orientation of a pose only from a source of poses.
     pub reads: ReadingKind,
     /// Its uncertainty.
-    pub uncertainty: TrackerUncertainty,
+    pub uncertainty: Uncertainty,
 }
 
 /// The uncertainties of the measurement that the readings do not show.

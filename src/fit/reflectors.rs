@@ -69,7 +69,13 @@ fn noise() -> Noise {
         orientation_rad: None,
     };
     let reads = ReadingKind::Point;
-    Noise::of_one(Source { reads, uncertainty }, 0.03)
+    Noise::of_one(
+        Source {
+            reads,
+            uncertainty: uncertainty.into(),
+        },
+        0.03,
+    )
 }
 
 /// Names of the reflectors, and the distances among them.

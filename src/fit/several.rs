@@ -120,7 +120,8 @@ fn noise() -> Noise {
             transverse_um_per_m: 6.0,
             divisor: 2.0,
             orientation_rad,
-        },
+        }
+        .into(),
     };
     Noise {
         sources: vec![

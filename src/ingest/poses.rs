@@ -1,5 +1,7 @@
 //! Poses and points: faults of a row, and conversion to the crate's units.
 
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
 use super::rows::RowFault;
 
 /// The count of quaternions that were not of unit length.
@@ -60,4 +62,53 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
         *x /= norm;
     }
     Some(norm)
+}
+
+/// Inverts a pose: position, unit quaternion x y z w, and the covariance of the position, which is turned. A position of zeros stays.
+pub(super) fn invert(
+    position: &mut [f64; 3],
+    quaternion: &mut [f64; 4],
+    covariance: Option<&mut [f64; 6]>,
+) {
+    if position.iter().all(|&x| x == 0.0) {
+        return;
+    }
+    let [x, y, z, w] = *quaternion;
+    let back = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).inverse();
+    *position = (back * -Vector3::from(*position)).into();
+    *quaternion = back.coords.into();
+    if let Some(own) = covariance {
+        let [xx, xy, xz, yy, yz, zz] = *own;
+        let turn = back.to_rotation_matrix();
+        let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let turned = turn.matrix() * matrix * turn.matrix().transpose();
+        *own = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| turned[place]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_inverted_twice_is_itself_and_zeros_stay() {
+        let (mut position, mut quaternion) = ([100.0, -20.0, 900.0], [0.5, -0.5, 0.5, 0.5]);
+        let mut covariance = [1.0, 0.1, 0.2, 2.0, 0.3, 3.0];
+        let before = (position, quaternion, covariance);
+        invert(&mut position, &mut quaternion, Some(&mut covariance));
+        // The quaternion turns axes into each other: here x to y, y to −z, z to −x, or a cycle like it; lengths stay.
+        let norm = |v: [f64; 3]| Vector3::from(v).norm();
+        assert!((norm(position) - norm(before.0)).abs() < 1e-9 && position != before.0);
+        assert!((covariance[0] + covariance[3] + covariance[5] - 6.0).abs() < 1e-12);
+        invert(&mut position, &mut quaternion, Some(&mut covariance));
+        for (a, b) in position.iter().zip(before.0) {
+            assert!((a - b).abs() < 1e-9);
+        }
+        for (a, b) in covariance.iter().zip(before.2) {
+            assert!((a - b).abs() < 1e-12);
+        }
+        let mut missing = [0.0; 3];
+        invert(&mut missing, &mut quaternion, None);
+        assert_eq!(missing, [0.0; 3]);
+    }
 }

@@ -16,6 +16,8 @@ pub(super) enum RowFault {
     Orientation,
     /// The quaternion is zero.
     ZeroQuaternion,
+    /// A position alone, where a camera on the flange measures poses.
+    NoOrientation,
     /// A temperature is NaN or infinite.
     Temperature,
 }
@@ -45,6 +47,9 @@ impl fmt::Display for RowFault {
             Self::Orientation => "a component of the orientation is not a finite number",
             Self::ZeroQuaternion => {
                 "the quaternion is zero (for a reflector without orientation set ignore_orientation = true)"
+            }
+            Self::NoOrientation => {
+                "the message has no orientation, and the position alone of a camera on the flange says nothing"
             }
             Self::Temperature => "the temperature is not a finite number",
         })

@@ -4,6 +4,7 @@
 //! nothing else; for any other type, `fields` gives the paths inside a message.
 
 mod fields;
+mod logged;
 mod stations;
 
 use std::f64::consts::PI;
@@ -17,6 +18,7 @@ use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
+pub use logged::{LoggedTarget, TargetName};
 pub use stations::{
     MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
     StandsOn, StationsSettings, TableTime, TimeColumn,
@@ -78,6 +80,14 @@ pub struct TrackerSettings {
     /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
+    /// The targets at the flange, the main one first, where there are several or one is told by its name; otherwise all readings are of
+    /// one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub targets: Vec<LoggedTarget>,
+    /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
+    /// states it.
+    #[serde(skip_serializing)]
+    pub eye_in_hand: bool,
 }
 
 /// The one of a message's three times that is used as its stamp.
@@ -205,6 +215,8 @@ pub(crate) struct TrackerFile {
     #[serde(default)]
     pub(crate) fields: PoseFields,
     pub(crate) frame: Option<String>,
+    #[serde(default)]
+    pub(crate) targets: Vec<LoggedTarget>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -288,6 +300,8 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             ignore_orientation: file.ignore_orientation,
             fields: file.fields,
             frame: file.frame,
+            targets: file.targets,
+            eye_in_hand: false,
         })
     }
 }

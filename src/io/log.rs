@@ -262,7 +262,10 @@ fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
             .iter()
             .map(|c| wanted(Stream::Commands, &c.topic, c.time)),
     );
-    let mut of_tracker = vec![wanted(Stream::Readings, &tracker.topic, tracker.time)];
+    let topics = tracker.topics().into_iter();
+    let mut of_tracker: Vec<Wanted> = topics
+        .map(|topic| wanted(Stream::Readings, topic, tracker.time))
+        .collect();
     of_tracker.extend(
         tracker
             .temperature

@@ -18,7 +18,7 @@ mod cdr;
 mod topic;
 
 use cdr::Cdr;
-use topic::{Topic, joint_topic, point_topic, pose_topic, temperature_topic};
+use topic::{Topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic};
 
 /// Time from a message's stamp to its logging, ns.
 const LATENCY_NS: u64 = 200_000;
@@ -89,6 +89,27 @@ pub fn write_tracker_log<W: Write + Seek>(
     };
     let readings = reading_messages(topic.name, &recording.readings)?;
     let temperatures = temperature_messages(&recording.temperatures)?;
+    log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
+}
+
+/// Writes the tracker's log of several reflectors: a message for each reading, which names its reflector (`child_frame_id`) and has its
+/// position and no rotation; and temperatures.
+///
+/// # Panics
+/// When the columns of readings are not of equal length.
+pub fn write_targets_log<W: Write + Seek>(
+    sink: W,
+    targets: &[(String, TargetReadings)],
+    temperatures: &TemperatureSamples,
+    session: &BTreeMap<String, String>,
+) -> Result<(), LogWriteError> {
+    let mut log = Log::create(sink, session)?;
+    let topic = targets_topic();
+    let mut readings = Vec::new();
+    for (name, own) in targets {
+        readings.extend(transform_messages(topic.name, name, own)?);
+    }
+    let temperatures = temperature_messages(temperatures)?;
     log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
 }
 
@@ -175,6 +196,22 @@ fn reading_messages(
             if let Some(orientations) = &readings.orientations {
                 push_quaternion(cdr, &orientations[row]);
             }
+            Ok(())
+        })
+    };
+    readings.stamps.iter().enumerate().map(message).collect()
+}
+
+fn transform_messages(
+    topic: &'static str,
+    name: &str,
+    readings: &TargetReadings,
+) -> Result<Vec<Encoded>, LogWriteError> {
+    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
+        encoded(topic, stamp.ns(), "tracker", |cdr| {
+            cdr.string(topic, name)?;
+            push_point(cdr, &readings.positions[row]);
+            push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]);
             Ok(())
         })
     };

@@ -69,17 +69,16 @@ impl Observation {
 
     /// The usual standard deviation of a stationary reading per axis, mm.
     pub(super) fn usual_scatter_mm(&self) -> [f64; 3] {
-        let all = |axis: usize| {
-            self.target
-                .iter()
-                .map(|dwell| dwell.scatter_mm[axis])
-                .collect()
-        };
-        std::array::from_fn(|axis| {
-            let mut scatters: Vec<f64> = all(axis);
-            super::dwell::median(&mut scatters)
-        })
+        usual_scatter_mm(&self.target)
     }
+}
+
+/// The usual standard deviation of a stationary reading per axis in these dwells, mm.
+pub(super) fn usual_scatter_mm(dwells: &[TargetDwell]) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        let scatters = dwells.iter().map(|dwell| dwell.scatter_mm[axis]);
+        super::dwell::median(&mut scatters.collect::<Vec<f64>>())
+    })
 }
 
 /// Checks that the stretches are of this arm's joints and that their means are finite.

@@ -101,7 +101,7 @@ impl Placement {
     }
 
     /// Median distance over `readings`, mm.
-    pub(super) fn median_mm(&self, readings: &[ReadingAtFlange]) -> f64 {
+    pub fn median_mm(&self, readings: &[ReadingAtFlange]) -> f64 {
         let mut distances: Vec<f64> = readings.iter().map(|s| self.distance_mm(s)).collect();
         median(&mut distances)
     }

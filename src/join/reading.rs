@@ -4,7 +4,7 @@
 //! [`Reading`] names both and has the mean of the samples. [`ReadingKind`] lists the kinds of readings; the use of each kind in
 //! a fit is in [`crate::fit::observation::measured`].
 
-use nalgebra::{Point3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::Station;
@@ -100,6 +100,35 @@ impl Value {
         }
     }
 
+    /// The inverse of a pose: of the target's in the camera's frame the camera's in the target's. `None` of a point.
+    ///
+    /// Scatter of the orientation moves the inverse's position at the end of the ray; a stated covariance is turned alone, because it is
+    /// the position's.
+    pub fn inverted(&self) -> Option<Self> {
+        let Self::Pose(point, turn) = self else {
+            return None;
+        };
+        let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
+        let inverse = pose.inverse();
+        let back = *inverse.rotation.to_rotation_matrix().matrix();
+        let turned = |own: Matrix3<f64>| back * own * back.transpose();
+        let arm = point.position.coords.cross_matrix();
+        let scatter = Matrix3::from_diagonal(&Vector3::from(point.scatter_mm).map(|sd| sd * sd));
+        let scatter = turned(scatter - arm * arm * turn.scatter_rad.powi(2));
+        let point = MeanPoint {
+            position: Point3::from(inverse.translation.vector),
+            scatter_mm: [0, 1, 2].map(|axis| scatter[(axis, axis)].max(0.0).sqrt()),
+            stated_covariance: point
+                .stated_covariance
+                .map(|own| packed(&turned(full(own)))),
+        };
+        let turn = MeanOrientation {
+            orientation: inverse.rotation,
+            ..*turn
+        };
+        Some(Self::Pose(point, turn))
+    }
+
     /// The kind of the value.
     pub const fn kind(&self) -> ReadingKind {
         match self {
@@ -129,6 +158,16 @@ impl Value {
             Self::Pose(_, turn) => Some(turn),
         }
     }
+}
+
+/// A symmetric matrix from xx xy xz yy yz zz.
+const fn full([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// xx xy xz yy yz zz of a symmetric matrix.
+fn packed(matrix: &Matrix3<f64>) -> [f64; 6] {
+    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
 }
 
 impl Reading {

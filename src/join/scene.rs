@@ -245,6 +245,7 @@ pub(super) fn join_recorded(
         joints: find_stationary(&stamps_ns, angles.all(), angles.joints(), &rule),
         commands: Box::new(recording.commands.clone()),
         readings: Box::new(recording.readings.clone()),
+        others: Vec::new(),
         temperatures: recording.temperatures.clone(),
     };
     join(&input, arm, settings)

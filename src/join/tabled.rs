@@ -124,6 +124,33 @@ pub struct Rows {
     pub rejects: Vec<RowReject>,
 }
 
+impl Rows {
+    /// These rows with the poses of a camera on the flange, which measures a target in the cell: each reading becomes the camera's pose in
+    /// the target's frame, so that the target's frame is the instrument's and the camera is what sits at the flange. Readings without an
+    /// orientation are left out.
+    #[must_use]
+    pub fn of_camera_on_flange(mut self) -> Self {
+        let file = &self.file;
+        for row in &mut self.rows {
+            let readings = std::mem::take(&mut row.readings);
+            for reading in readings {
+                match reading.value.inverted() {
+                    Some(value) => row.readings.push(RowReading { value, ..reading }),
+                    None => self.rejects.push(RowReject {
+                        kind: RowItem::Reading,
+                        file: file.clone(),
+                        line: reading.line,
+                        column: None,
+                        station: None,
+                        reason: "a position without an orientation: of a camera on the flange it says nothing".to_owned(),
+                    }),
+                }
+            }
+        }
+        self
+    }
+}
+
 /// The stations of a table. `counts` has each reading of a target once; those that the reader left out are missing.
 pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let Rows {

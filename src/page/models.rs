@@ -24,6 +24,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
         (super::table(&head, &body))
         p.note { "An s² far above 1 shows that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
+        @if let (Some(size), Some(se)) = (first.camera_size, first.camera_size_se) {
+            p {
+                "The camera's noise is " (words::number(size, 2)) " ± " (words::number(se, 2))
+                " times what is stated for it, by likelihood (± one standard error); every model counts it so."
+            }
+        }
         @for calibration in ill {
             p.warning {
                 "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.condition, 0))

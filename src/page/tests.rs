@@ -312,6 +312,8 @@ fn calibration(name: &str) -> CalibrationRow {
         o4: None,
         o5: None,
         variance_factor: Some(40.0),
+        camera_size: Some(1.31),
+        camera_size_se: Some(0.04),
         misfit_mm: Some(0.2),
         loss: LossName::Squares,
         prior_length_mm: None,

@@ -27,7 +27,7 @@ use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
 use crate::fit::{ErrorBase, FitSettings, SurveyedBase};
 use crate::geometry::Placement;
-use crate::ingest::{Mapping, StationsSettings};
+use crate::ingest::{Mapping, StationsSettings, TrackerSettings};
 use crate::io::input::{self, Bound};
 use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
@@ -287,7 +287,10 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, Configura
             .commanded
             .as_ref()
             .and_then(|section| section.mapping.clone()),
-        tracker: tracker.clone(),
+        tracker: TrackerSettings {
+            eye_in_hand: file.tracker.is_eye_in_hand(),
+            ..tracker.clone()
+        },
         joints: joints.map(|joint| joint.name.clone()).collect(),
         slides: slides(arm),
     })))
@@ -330,6 +333,11 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
 /// Names of the targets of a table with several, the main one first; empty where there is one.
 fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
+    let logged = |tracker: &TrackerSettings| {
+        let targets = tracker.targets.iter();
+        targets.map(|target| target.name.clone()).collect()
+    };
+    let names = names.or_else(|| file.tracker.mapping.as_ref().map(logged));
     names.filter(|names| names.len() > 1).unwrap_or_default()
 }
 

@@ -13,12 +13,14 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
-use crate::fit::{FitSettings, Noise, Source, TrackerUncertainty};
+use crate::fit::{
+    CameraUncertainty, FitSettings, Mounted, Noise, Source, TrackerUncertainty, Uncertainty,
+};
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
-    PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
+    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, LoggedTarget,
+    MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -348,10 +350,19 @@ pub struct TrackerSection {
     /// Topic, time source, unit and fields; absent where sessions are tables.
     #[serde(flatten)]
     pub mapping: Option<TrackerSettings>,
-    /// The instrument's uncertainty.
-    pub uncertainty: TrackerUncertainty,
+    /// The instrument's uncertainty: `uncertainty`, or `camera`.
+    #[serde(flatten)]
+    pub uncertainty: Uncertainty,
     /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
     pub tracker_from_base: Option<TrackerFromBase>,
+}
+
+impl TrackerSection {
+    /// Whether the readings are of a camera on the flange.
+    pub fn is_eye_in_hand(&self) -> bool {
+        let camera = self.uncertainty.camera();
+        camera.is_some_and(|camera| camera.mounted == Mounted::Flange)
+    }
 }
 
 /// `[tracker]` as written in the file.
@@ -367,7 +378,10 @@ struct TrackerKeys {
     temperature: Option<String>,
     #[serde(default)]
     ignore_orientation: bool,
+    #[serde(default)]
+    targets: Vec<LoggedTarget>,
     uncertainty: Option<TrackerUncertainty>,
+    camera: Option<CameraUncertainty>,
     tracker_from_base: Option<TrackerFromBase>,
 }
 
@@ -604,17 +618,20 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             frame: keys.frame,
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
+            targets: keys.targets,
         };
         Ok(Self {
             mapping: keys
                 .topic
                 .map(|topic| of_topic(topic).try_into())
                 .transpose()?,
-            uncertainty: keys.uncertainty.ok_or(MissingConvention::new(
-                "tracker",
-                "uncertainty",
-                DATA_SHEET,
-            ))?,
+            uncertainty: match (keys.uncertainty, keys.camera) {
+                (Some(tracker), None) => Uncertainty::Tracker(tracker),
+                (None, Some(camera)) => Uncertainty::Camera(camera),
+                (None, None) | (Some(_), Some(_)) => {
+                    return Err(MissingConvention::new("tracker", "uncertainty", DATA_SHEET));
+                }
+            },
             tracker_from_base: keys.tracker_from_base,
         })
     }
@@ -628,7 +645,7 @@ const SAME_POINT: &str =
     "true where the commanded point is the measured target, false where it is another";
 /// Choices for `uncertainty`.
 const DATA_SHEET: &str = "the values of the data sheet, for example { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, \
-     transverse_um_per_m = 6, divisor = 2 }";
+     transverse_um_per_m = 6, divisor = 2 }, or of a camera `camera` in its place: { focal_px = 1500, noise_px = 0.2, target_mm = 100 }";
 
 impl TryFrom<BTreeMap<String, toml::Value>> for FitSection {
     type Error = toml::de::Error;

@@ -6,6 +6,7 @@
 
 mod error;
 mod inputs;
+mod mounting;
 mod session;
 
 use nalgebra::Isometry3;
@@ -18,6 +19,7 @@ use super::publish::publish;
 use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
+use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
@@ -203,21 +205,10 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
         .noise
         .source(SourceId::ONLY)
         .uncertainty;
-    let orientation = of
-        .orientation_rad
-        .filter(|_| configuration.stages.noise.takes_orientations());
-    let orientation = orientation.map_or_else(String::new, |rad| {
-        format!("; {:.0} µrad in orientation", 1e6 * rad)
-    });
-    let tracker = format!(
-        "{}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
-        configuration.reads.of_readings(),
-        of.range_um,
-        of.range_um_per_m,
-        of.transverse_um,
-        of.transverse_um_per_m,
-        of.divisor
-    );
+    let tracker = match of {
+        Uncertainty::Tracker(of) => tracker_in_words(configuration, of),
+        Uncertainty::Camera(of) => camera_in_words(configuration, of),
+    };
     let stated = [
         ("Arm", Some(configuration.arm.model().to_owned())),
         ("Controller", stated.controller_model.clone()),
@@ -296,17 +287,53 @@ fn context<'a>(
     }
 }
 
+/// A tracker's limits in words.
+fn tracker_in_words(configuration: &Configuration, of: &TrackerUncertainty) -> String {
+    let orientation = of
+        .orientation_rad
+        .filter(|_| configuration.stages.noise.takes_orientations());
+    let orientation = orientation.map_or_else(String::new, |rad| {
+        format!("; {:.0} µrad in orientation", 1e6 * rad)
+    });
+    format!(
+        "{}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
+        configuration.reads.of_readings(),
+        of.range_um,
+        of.range_um_per_m,
+        of.transverse_um,
+        of.transverse_um_per_m,
+        of.divisor
+    )
+}
+
+/// A camera's numbers in words.
+fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> String {
+    let place = match of.mounted {
+        Mounted::Fixed => "a camera in the cell, the target at the flange",
+        Mounted::Flange => "a camera on the flange, the target in the cell",
+    };
+    format!(
+        "{}: {place}; focal length {} px, corners found to {} px, a target of {} mm with {} corners along an edge",
+        configuration.reads.of_readings(),
+        of.focal_px,
+        of.noise_px,
+        of.target_mm,
+        of.corners
+    )
+}
+
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
 fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
     let stations = &outcome.training.last()?.joined.stations;
     let noise = &configuration.stages.noise;
+    let size2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
     let variances: Vec<f64> = stations
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
             let source = noise.source(reading.source);
             let instrument = source.uncertainty.covariance(&reading.position()?);
-            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
+            Some(size2 * instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)

@@ -2,6 +2,7 @@
 //! results are return values.
 
 mod between_sessions;
+mod cameras;
 mod driven;
 mod figures;
 mod flanges;
@@ -19,6 +20,7 @@ mod wrong_targets;
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
+use crate::fit::camera_size::CameraSize;
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{
@@ -151,6 +153,8 @@ pub fn run<'a>(
 ) -> Result<Outcome<'a>, StageError> {
     one_source_each(training.iter().chain(&test))?;
     wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
+    cameras::leave_out_flips(arm, &mut training, &mut test, settings);
+    let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let train = training_settings(settings);
     let models = fit::models::train_all(arm, &observed.all, training.len(), &train)?;
@@ -161,6 +165,7 @@ pub fn run<'a>(
         observed,
         models,
         folds,
+        camera_size: *camera_size,
     };
     results(arm, trained, flanges, settings, progress)
 }
@@ -171,6 +176,8 @@ struct Trained {
     models: Models,
     /// The models of each fold that holds stations out.
     folds: Vec<Option<Models>>,
+    /// The size of a camera's noise.
+    camera_size: Option<CameraSize>,
 }
 
 /// The settings of a training.
@@ -277,6 +284,7 @@ fn results<'a>(
             (Model::Geometric, models.geometric),
         ],
         full: models.full,
+        camera_size: trained.camera_size,
         on_top: models.on_top,
         scales,
         error_frame,

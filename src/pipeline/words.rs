@@ -33,12 +33,23 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(several_targets(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
+    words.extend(camera_words(outcome));
     words.extend(scales::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.extend(judged_by(outcome));
     words.push(format!("beside it: {}", outcome.verdict.other_statement()));
     words
+}
+
+/// The size of a camera's noise.
+fn camera_words(outcome: &Outcome<'_>) -> Option<String> {
+    let found = outcome.camera_size?;
+    Some(format!(
+        "camera: noise {:.2} ± {:.2} times what is stated for it, by likelihood over {} readings, beside {:.3} mm per axis that is not the \
+         camera's",
+        found.size, found.size_se, found.readings, found.beside_mm
+    ))
 }
 
 /// The judgement of each judge, where a test session is one; and of the sessions of a pool that were left out in turn.

@@ -58,6 +58,42 @@ impl Simulated {
         stations
     }
 
+    /// Readings of the measured target and of further reflectors at these places in its frame, mm, as a tracker logs them that measures
+    /// all at once: positions, those of the further ones while the arm stands still. Their means are those of [`Self::stations_with`].
+    pub fn readings_with(&self, beside: &[Vector3<f64>]) -> Vec<TargetReadings> {
+        let own = &self.recording.readings;
+        let clock = self.truth.clock_model();
+        let mut all = vec![TargetReadings {
+            stamps: own.stamps.clone(),
+            positions: own.positions.clone(),
+            ..TargetReadings::default()
+        }];
+        all.resize_with(beside.len() + 1, TargetReadings::default);
+        for station in self.stations_with(beside) {
+            let Some(main) = station.readings.first().and_then(Reading::position) else {
+                continue;
+            };
+            let (start, end) = (
+                clock.to_tracker(station.start),
+                clock.to_tracker(station.end),
+            );
+            let from = own.stamps.partition_point(|stamp| *stamp < start);
+            let to = own.stamps.partition_point(|stamp| *stamp <= end);
+            for reading in &station.readings[1..] {
+                let Some(place) = reading.position() else {
+                    continue;
+                };
+                let to_all = &mut all[reading.target.0];
+                for sample in (from..to).filter(|&i| own.positions[i].iter().any(|&x| x != 0.0)) {
+                    let off = Point3::from(own.positions[sample]) - main;
+                    to_all.stamps.push(own.stamps[sample]);
+                    to_all.positions.push((place + off).coords.into());
+                }
+            }
+        }
+        all
+    }
+
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {
         let stamps = &self.recording.joints.stamps;
         let first = stamps.partition_point(|stamp| *stamp < truth.start);

@@ -120,7 +120,7 @@ fn model() -> String {
     let noise = Noise::of_one(
         Source {
             reads: ReadingKind::Point,
-            uncertainty: tracker,
+            uncertainty: tracker.into(),
         },
         0.03,
     );

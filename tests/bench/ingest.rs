@@ -174,6 +174,8 @@ fn mapping() -> Mapping {
             unit: LengthUnit::M,
             temperature: None,
             ignore_orientation: false,
+            targets: Vec::new(),
+            eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
         },

@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::{Noise, Observation, Source, TrackerUncertainty};
+use posegrid::fit::{Noise, Observation, Source, TrackerUncertainty, Uncertainty};
 use posegrid::grid::Reach;
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
@@ -41,11 +41,19 @@ pub static NOISE: LazyLock<Noise> = LazyLock::new(|| {
                 transverse_um_per_m: 6.0,
                 divisor: 2.0,
                 orientation_rad: None,
-            },
+            }
+            .into(),
         },
         0.03,
     )
 });
+
+/// States the standard uncertainty of a tracker's orientations, rad.
+pub fn state_orientation(noise: &mut Noise, sd_rad: f64) {
+    if let Uncertainty::Tracker(tracker) = &mut noise.sources[0].uncertainty {
+        tracker.orientation_rad = Some(sd_rad);
+    }
+}
 
 /// Where the target was measured, mm in the source's frame.
 pub fn position(observation: &Observation) -> Point3<f64> {
@@ -209,7 +217,7 @@ pub fn session(name: &str, arm: &Arm) -> Option<SessionRead> {
     Some(read(&logs(name)?, &mapping(arm)))
 }
 
-fn read(logs: &SessionLogs, mapping: &Mapping) -> SessionRead {
+pub fn read(logs: &SessionLogs, mapping: &Mapping) -> SessionRead {
     let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
     let read = read_session(logs, mapping, limits, &rule, &mut (), &Quiet);
     read.expect("a sound recording")
@@ -244,6 +252,8 @@ pub fn mapping(arm: &Arm) -> Mapping {
             unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
+            targets: Vec::new(),
+            eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
         },

@@ -65,7 +65,8 @@ fn noise() -> Noise {
                 transverse_um_per_m: 6.0,
                 divisor: 2.0 * SQRT_2,
                 orientation_rad: None,
-            },
+            }
+            .into(),
         },
         0.03,
     )

@@ -32,6 +32,7 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> Jo
         joints: find_stationary(&stamps_ns, &angles.concat(), mapping.joints.len(), rule),
         commands: Box::new(poses(&logs.controller, &commanded.topic)),
         readings: Box::new(poses(&logs.tracker, &mapping.tracker.topic)),
+        others: Vec::new(),
         temperatures: TemperatureSamples { stamps, celsius },
     }
 }

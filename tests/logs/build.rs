@@ -18,9 +18,9 @@ use posegrid::join::{JoinInput, JoinSettings};
 use posegrid::progress::{Progress, Quiet};
 use posegrid::units::Stamp;
 
-const HEADER: &str = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n\
+pub const HEADER: &str = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n\
     ================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
-const POSE: &str = "================\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n\
+pub const POSE: &str = "================\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n\
     ================\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n\
     ================\nMSG: geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n";
 
@@ -262,6 +262,8 @@ pub fn mapping() -> Mapping {
             unit: LengthUnit::Mm,
             temperature: None,
             ignore_orientation: false,
+            targets: Vec::new(),
+            eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
         },
@@ -296,6 +298,7 @@ pub struct WholeSession {
     pub dwells: Stationary,
     pub commands: CommandSamples,
     pub readings: TargetReadings,
+    pub others: Vec<TargetReadings>,
     pub temperatures: TemperatureSamples,
     pub rejects: Vec<LogReject>,
     pub metadata: BTreeMap<String, String>,
@@ -342,6 +345,7 @@ pub fn read_whole(
         commands,
         readings,
         temperatures,
+        others,
     } = input;
     let mut angles = JointAngles::of(mapping.joints.len());
     angles.append(&collected.angles);
@@ -354,6 +358,10 @@ pub fn read_whole(
         dwells,
         commands: commands.read(0..commands.count()).expect("spilled before"),
         readings: readings.read(0..readings.count()).expect("spilled before"),
+        others: others
+            .iter()
+            .map(|own| own.read(0..own.count()).expect("spilled before"))
+            .collect(),
         temperatures,
         rejects,
         metadata,

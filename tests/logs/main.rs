@@ -9,6 +9,7 @@ mod encodings;
 mod files;
 mod fuzz;
 mod inspect;
+mod markers;
 mod mutator;
 mod raw;
 mod recordings;

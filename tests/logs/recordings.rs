@@ -60,6 +60,8 @@ pub fn mapping(time: TimeSource) -> Mapping {
             unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
+            targets: Vec::new(),
+            eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
         },

@@ -239,6 +239,7 @@ fn what_breaks_the_contract_is_reported_at_the_end_and_leaves_no_file() {
         joints: Stationary::default(),
         commands: Box::new(CommandSamples::default()),
         readings: Box::new(TargetReadings::default()),
+        others: Vec::new(),
         temperatures: TemperatureSamples::default(),
     };
     let error = table.finish(&nothing);

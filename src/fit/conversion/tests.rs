@@ -151,7 +151,8 @@ impl Truth {
                     transverse_um_per_m: 0.0,
                     divisor: 1.0,
                     orientation_rad: poses.then_some(NOISE_RAD),
-                },
+                }
+                .into(),
             }],
             repeatability_mm: 0.0,
         };

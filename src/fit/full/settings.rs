@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::observation::TrackerUncertainty;
+use crate::fit::observation::Uncertainty;
 
 /// Usual lengths of a slide's kernels, mm: a pinion's turn, and the rails' pieces.
 const SLIDE_LENGTH_MM: [f64; 2] = [100.0, 800.0];
@@ -93,10 +93,10 @@ pub struct FullSettings {
 }
 
 impl FullSettings {
-    /// These settings for sessions measured by this instrument: the part of its ranging limit per metre adds to the scale.
+    /// These settings for sessions measured by this instrument: the part of a tracker's ranging limit per metre adds to the scale.
     #[must_use]
-    pub fn measured_by(mut self, tracker: &TrackerUncertainty) -> Self {
-        if self.session_scale_ppm > 0.0 {
+    pub fn measured_by(mut self, instrument: &Uncertainty) -> Self {
+        if let (Uncertainty::Tracker(tracker), true) = (instrument, self.session_scale_ppm > 0.0) {
             let own_ppm = tracker.range_um_per_m / tracker.divisor;
             self.session_scale_ppm = self.session_scale_ppm.hypot(own_ppm);
         }

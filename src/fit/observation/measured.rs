@@ -5,7 +5,7 @@
 //! [`Measured`] here, with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of
 //! these places, and nothing else in the fit asks for the kind.
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::Source;
 use crate::join::{MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
@@ -13,6 +13,10 @@ use crate::kinematics::Twist;
 
 /// The measured values of a station with their uncertainty, in the source's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a session's readings are few, and of one kind"
+)]
 pub enum Measured {
     /// The target's position.
     Point(MeasuredPoint),
@@ -36,22 +40,37 @@ pub struct MeasuredPoint {
 pub struct MeasuredOrientation {
     /// The measured orientation of the target.
     pub orientation: UnitQuaternion<f64>,
-    /// Standard uncertainty per axis, rad.
+    /// Standard uncertainty per axis, rad; root mean square of the three axes where they differ.
     pub sd_rad: f64,
+    /// The rows' covariance with the position's; `None` where axes are alike and independent of the position.
+    pub joint: Option<JointCovariance>,
+}
+
+/// Covariance of an orientation whose axes differ, and that is correlated with the position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointCovariance {
+    /// Covariance of position and rotation vector without the arm's share, mm² and rad².
+    pub instrument: Matrix6<f64>,
+    /// Share of the position's residual in the whitened rows of the orientation, per mm.
+    pub from_position: Matrix3<f64>,
+    /// Share of the orientation's own residual in them, per rad.
+    pub own: Matrix3<f64>,
 }
 
 impl Measured {
     /// The values of a reading of `source` that a fit uses: no orientation from a source of points, or from one without a
     /// stated uncertainty of orientations.
     pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
-        let point = |point: &MeanPoint| MeasuredPoint::of(point, reading, source, repeatability_mm);
+        let instrument = Instrument::of(reading, source);
+        let point = |point: &MeanPoint| MeasuredPoint::of(point, &instrument, repeatability_mm);
         match (&reading.value, source.reads) {
             (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)
             | (Value::Point(of), ReadingKind::Pose) => Self::Point(point(of)),
             (Value::Pose(of, turn), ReadingKind::Pose) => {
-                match MeasuredOrientation::of(turn, reading, source) {
-                    None => Self::Point(point(of)),
-                    Some(turn) => Self::Pose(point(of), turn),
+                let point = point(of);
+                match MeasuredOrientation::of(turn, &point, &instrument, reading, source) {
+                    None => Self::Point(point),
+                    Some(turn) => Self::Pose(point, turn),
                 }
             }
         }
@@ -113,14 +132,16 @@ impl Measured {
     pub fn instrument(&self) -> DMatrix<f64> {
         let rows = self.kind().rows();
         let mut covariance = DMatrix::zeros(rows, rows);
-        let mut put = |point: &MeasuredPoint| {
-            let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
-            own.copy_from(&point.instrument);
+        let (point, turn) = match self {
+            Self::Point(point) => (point, None),
+            Self::Pose(point, turn) => (point, Some(turn)),
         };
-        match self {
-            Self::Point(point) => put(point),
-            Self::Pose(point, MeasuredOrientation { sd_rad: sd, .. }) => {
-                put(point);
+        let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
+        own.copy_from(&point.instrument);
+        match turn.map(|turn| (turn.joint, turn.sd_rad)) {
+            None => {}
+            Some((Some(joint), _)) => covariance.copy_from(&joint.instrument),
+            Some((None, sd)) => {
                 (3..6).for_each(|axis| covariance[(axis, axis)] = sd * sd);
             }
         }
@@ -152,17 +173,65 @@ pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) ->
         .unwrap_or(ReadingKind::Point)
 }
 
-impl MeasuredPoint {
-    fn of(point: &MeanPoint, reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
-        let mut instrument = point
-            .stated_covariance
-            .map_or_else(|| source.uncertainty.covariance(&point.position), symmetric);
-        instrument += point
-            .motion_covariance
-            .map_or_else(Matrix3::zeros, symmetric);
-        for axis in 0..3 {
-            instrument[(axis, axis)] += point.scatter_mm[axis].powi(2) / reading.kept.max(1) as f64;
+/// Covariance of an instrument and of the mean of its samples at a reading.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one at a time, while a reading becomes an observation"
+)]
+enum Instrument {
+    /// Of the position, mm².
+    Point(Matrix3<f64>),
+    /// Of position and rotation vector, mm² and rad².
+    Pose(Matrix6<f64>),
+}
+
+impl Instrument {
+    fn of(reading: &Reading, source: &Source) -> Self {
+        let kept = reading.kept.max(1) as f64;
+        let scatter = |point: &MeanPoint, axis: usize| point.scatter_mm[axis].powi(2) / kept;
+        let stated = |point: &MeanPoint| point.stated_covariance.map(symmetric);
+        let moved = |point: &MeanPoint| {
+            let moved = point.motion_covariance;
+            moved.map_or_else(Matrix3::zeros, symmetric)
+        };
+        match (&reading.value, source.uncertainty.camera()) {
+            (Value::Pose(point, turn), Some(camera)) => {
+                let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
+                let mut covariance = camera.of_reading(&pose, stated(point));
+                for axis in 0..3 {
+                    covariance[(axis, axis)] += scatter(point, axis);
+                    covariance[(axis + 3, axis + 3)] += turn.scatter_rad.powi(2) / kept;
+                }
+                let mut position = covariance.fixed_view_mut::<3, 3>(0, 0);
+                position += moved(point);
+                Self::Pose(covariance)
+            }
+            (Value::Point(point) | Value::Pose(point, _), camera) => {
+                let sized = |stated: Matrix3<f64>| match camera {
+                    None => stated,
+                    Some(camera) => stated * camera.size.powi(2),
+                };
+                let modelled = || source.uncertainty.covariance(&point.position);
+                let mut covariance = stated(point).map_or_else(modelled, sized);
+                for axis in 0..3 {
+                    covariance[(axis, axis)] += scatter(point, axis);
+                }
+                Self::Point(covariance + moved(point))
+            }
         }
+    }
+
+    fn of_position(&self) -> Matrix3<f64> {
+        match self {
+            Self::Point(covariance) => *covariance,
+            Self::Pose(covariance) => covariance.fixed_view::<3, 3>(0, 0).into_owned(),
+        }
+    }
+}
+
+impl MeasuredPoint {
+    fn of(point: &MeanPoint, instrument: &Instrument, repeatability_mm: f64) -> Self {
+        let instrument = instrument.of_position();
         let covariance = instrument + Matrix3::identity() * repeatability_mm.powi(2);
         let isotropic = || Matrix3::identity() * repeatability_mm.max(1e-3);
         Self {
@@ -180,18 +249,67 @@ fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
+impl JointCovariance {
+    /// The rows of an orientation beside a position with this whole covariance; `None` where they are not positive definite.
+    fn of(instrument: &Matrix6<f64>, position: &MeasuredPoint) -> Option<Self> {
+        let across = instrument.fixed_view::<3, 3>(3, 0) * position.whole().try_inverse()?;
+        let own =
+            instrument.fixed_view::<3, 3>(3, 3) - across * instrument.fixed_view::<3, 3>(0, 3);
+        let own = own.cholesky()?.l().try_inverse()?;
+        Some(Self {
+            instrument: *instrument,
+            from_position: -own * across,
+            own,
+        })
+    }
+}
+
+impl MeasuredPoint {
+    /// The position's whole covariance, repeatability included, mm².
+    fn whole(&self) -> Matrix3<f64> {
+        self.factor * self.factor.transpose()
+    }
+}
+
 impl MeasuredOrientation {
-    fn of(turn: &MeanOrientation, reading: &Reading, source: &Source) -> Option<Self> {
-        let instrument = source.uncertainty.orientation_rad?;
+    fn of(
+        turn: &MeanOrientation,
+        point: &MeasuredPoint,
+        instrument: &Instrument,
+        reading: &Reading,
+        source: &Source,
+    ) -> Option<Self> {
+        if let Instrument::Pose(covariance) = instrument {
+            let joint = JointCovariance::of(covariance, point)?;
+            return Some(Self {
+                orientation: turn.orientation,
+                sd_rad: (covariance.fixed_view::<3, 3>(3, 3).trace() / 3.0).sqrt(),
+                joint: Some(joint),
+            });
+        }
+        let instrument = source.uncertainty.orientation_rad(&point.position)?;
         let of_mean = turn.scatter_rad.powi(2) / reading.kept.max(1) as f64;
         Some(Self {
             orientation: turn.orientation,
             sd_rad: instrument.mul_add(instrument, of_mean).sqrt(),
+            joint: None,
         })
     }
 
+    /// Whitened rows of the orientation from the position's residual (mm) and its own (rad).
+    pub(in crate::fit) fn whitened(
+        &self,
+        away: &Vector3<f64>,
+        turn: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        match &self.joint {
+            None => turn / self.sd_rad,
+            Some(joint) => joint.from_position * away + joint.own * turn,
+        }
+    }
+
     /// Measured minus predicted as a rotation vector, rad.
-    pub(super) fn residual(&self, predicted: &UnitQuaternion<f64>) -> Vector3<f64> {
+    pub(in crate::fit) fn residual(&self, predicted: &UnitQuaternion<f64>) -> Vector3<f64> {
         (self.orientation * predicted.inverse()).scaled_axis()
     }
 }

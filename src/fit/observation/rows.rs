@@ -82,7 +82,9 @@ impl Stations {
                     let position = self.whitened(i, end.translation.vector);
                     let turn = observations[self.places[i]].measured.turn();
                     let turn = turn.map_or(0.0, |turn| {
-                        (turn.residual(&end.rotation) / turn.sd_rad).norm_squared()
+                        let away = self.away(i, end.translation.vector);
+                        let rows = turn.whitened(&away, &turn.residual(&end.rotation));
+                        rows.norm_squared()
                     });
                     position.norm_squared() + turn
                 };
@@ -103,7 +105,12 @@ impl Stations {
 
     /// Whitened position residual of the station `i`, predicted at `end`.
     fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
-        self.whiten(i, Vector3::from_fn(|row, _| self.measured[row][i]) - end)
+        self.whiten(i, self.away(i, end))
+    }
+
+    /// Measured position of the station `i` minus the one predicted, mm.
+    fn away(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|row, _| self.measured[row][i]) - end
     }
 
     /// `L⁻¹` of the station `i` times a vector.
@@ -165,21 +172,20 @@ impl BlockRows {
             ReadingKind::Point => {}
             ReadingKind::Pose => {
                 let stations = places.iter().map(|&place| &observations[place]);
-                self.fill_turns(stations, &axes, &roots);
+                let stations: Vec<&Observation> = stations.collect();
+                self.fill_turns(&stations, &axes, &roots);
+                if stations.iter().any(|own| is_joint(own)) {
+                    self.fill_joint_turns(&stations, &axes, &roots, &away);
+                }
             }
         }
     }
 
     /// The rows of orientations, after those of positions; zeros where none was measured.
-    fn fill_turns<'a>(
-        &mut self,
-        observations: impl Iterator<Item = &'a Observation>,
-        axes: &[[Block; 3]; 3],
-        roots: &Block,
-    ) {
+    fn fill_turns(&mut self, observations: &[&Observation], axes: &[[Block; 3]; 3], roots: &Block) {
         let residual_column = self.rows * self.unknowns.len();
         let mut precision = [0.0; BLOCK];
-        for (i, observation) in observations.enumerate() {
+        for (i, observation) in observations.iter().enumerate() {
             let Some(measured) = observation.measured.turn() else {
                 continue;
             };
@@ -200,6 +206,42 @@ impl BlockRows {
                     out[i] = angular[i] * precision[i];
                 }
             }
+        }
+    }
+
+    /// Writes the rows of those orientations again whose axes differ or that are correlated with the position.
+    fn fill_joint_turns(
+        &mut self,
+        observations: &[&Observation],
+        axes: &[[Block; 3]; 3],
+        roots: &Block,
+        away: &[Block; 3],
+    ) {
+        let residual_column = self.rows * self.unknowns.len();
+        let at = |block: &[Block; 3], i: usize| Vector3::from_fn(|row, _| block[row][i]);
+        for (i, observation) in observations.iter().enumerate() {
+            let turn = observation.measured.turn();
+            let Some(measured) = turn.filter(|own| own.joint.is_some()) else {
+                continue;
+            };
+            let own = measured.residual(&turned_only(axes, i));
+            let white = measured.whitened(&at(away, i), &own) * roots[i];
+            self.put_turn(residual_column, i, &white);
+            for column in 0..self.unknowns.len() {
+                let moved = &self.columns[column];
+                let angular = moved
+                    .angular()
+                    .map_or_else(Vector3::zeros, |own| at(own, i));
+                let white = measured.whitened(&at(&moved.linear, i), &angular) * roots[i];
+                self.put_turn(self.rows * column, i, &white);
+            }
+        }
+    }
+
+    /// Writes the rows of the orientation of the station `i` of a block into the column that begins at `first`.
+    fn put_turn(&mut self, first: usize, i: usize, white: &Vector3<f64>) {
+        for row in 0..3 {
+            self.values[first + (3 + row) * BLOCK + i] = white[row];
         }
     }
 
@@ -238,6 +280,11 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     rest + sums.iter().sum::<f64>()
+}
+
+fn is_joint(observation: &Observation) -> bool {
+    let turn = observation.measured.turn();
+    turn.is_some_and(|turn| turn.joint.is_some())
 }
 
 /// The orientation of the end at pose `i` of a block.

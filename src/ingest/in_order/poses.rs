@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::super::poses;
-use super::super::rows::{Place, Rows};
+use super::super::rows::{Place, RowFault, Rows};
 use super::super::{
     CommandedSettings, DecodedPoses, LengthUnit, PoseSamples, SpanClock, TrackerSettings,
 };
@@ -18,6 +18,8 @@ pub struct PoseBuffer {
     /// Whether orientations are kept, where messages have them.
     wants_orientations: bool,
     wants_covariances: bool,
+    /// Whether poses are inverted: of a camera on the flange.
+    inverted: bool,
     stamps: Vec<i64>,
     positions: Vec<[f64; 3]>,
     /// Unit quaternions x y z w; `None` when the messages have none.
@@ -35,9 +37,12 @@ impl PoseBuffer {
     }
 
     /// An empty buffer of readings.
-    pub const fn readings(settings: &TrackerSettings) -> Self {
+    pub fn readings(settings: &TrackerSettings) -> Self {
         let orientations = !settings.ignore_orientation;
-        Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
+        Self {
+            inverted: settings.eye_in_hand,
+            ..Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
+        }
     }
 
     const fn none(
@@ -50,6 +55,7 @@ impl PoseBuffer {
             unit,
             wants_orientations,
             wants_covariances,
+            inverted: false,
             stamps: Vec::new(),
             positions: Vec::new(),
             orientations: None,
@@ -73,6 +79,21 @@ impl PoseBuffer {
         }
     }
 
+    /// Inverts the poses from the sample `first` on; zeros of a missing reading stay.
+    fn invert_from(&mut self, first: usize) {
+        let Some(orientations) = &mut self.orientations else {
+            return;
+        };
+        let rows = orientations[first..]
+            .iter_mut()
+            .zip(&mut self.positions[first..]);
+        for (row, (quaternion, position)) in rows.enumerate() {
+            let covariance = self.covariances.as_mut();
+            let covariance = covariance.and_then(|all| all.get_mut(first + row));
+            poses::invert(position, quaternion, covariance);
+        }
+    }
+
     /// The block's orientations; `None` when they are absent or not wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
         let orientations = block.orientations.as_ref();
@@ -89,7 +110,11 @@ impl Buffer for PoseBuffer {
 
     fn judge(&self, block: &DecodedPoses, place: &Place<'_>) -> Rows {
         let orientations = self.orientations(block);
+        let lacks = self.inverted && orientations.is_none();
         Rows::judge(&block.stamps, place, self.clock, |row| {
+            if lacks {
+                return Some(RowFault::NoOrientation);
+            }
             poses::fault(
                 block.positions[row],
                 orientations.and_then(|all| all.get(row)),
@@ -126,6 +151,9 @@ impl Buffer for PoseBuffer {
             let all = self.covariances.get_or_insert_default();
             rows.append(more, all);
             poses::scale(&mut all[before..], to_mm * to_mm);
+        }
+        if self.inverted {
+            self.invert_from(before);
         }
         true
     }

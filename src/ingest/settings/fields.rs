@@ -43,6 +43,10 @@ pub struct PoseFields {
     /// Path of the frame's name, when the section sets `frame`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
+    /// Path of the measured target's name or number, where `[tracker] targets` tells targets by it: one of the message, or of each
+    /// element of an array (`markers[].id`), whose poses then have paths through the array too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
     /// Position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x: Option<String>,
@@ -220,12 +224,17 @@ impl PoseFields {
         ])
     }
 
+    /// Whether the position is that of each element of an array.
+    pub fn is_of_each(&self) -> bool {
+        self.x.as_ref().is_some_and(|x| x.contains("[]"))
+    }
+
     /// All paths in a pose message.
     fn pose_paths(&self) -> Vec<&str> {
         let pose = [
             &self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw,
         ];
-        let rest = [&self.frame, &self.covariance];
+        let rest = [&self.frame, &self.target, &self.covariance];
         pose.into_iter()
             .chain(rest)
             .filter_map(Option::as_deref)
@@ -266,6 +275,18 @@ impl PoseFields {
             return wrong(
                 format!("{orientation} of qx, qy, qz, qw"),
                 "all of qx, qy, qz and qw, or none where there is no orientation",
+            );
+        }
+        if self.is_of_each() && self.target.is_none() {
+            return wrong(
+                "paths through an array of poses".to_owned(),
+                "target, the path of the name or number by which [tracker] targets tells its elements",
+            );
+        }
+        if self.is_of_each() && self.covariance.is_some() {
+            return wrong(
+                "covariance, of poses in an array".to_owned(),
+                "left out: [tracker] camera states the noise of markers",
             );
         }
         if position == 0 && (orientation > 0 || self.covariance.is_some()) {

@@ -90,7 +90,8 @@ where
 pub struct SessionStreams<'s> {
     joints: OrderedStream<JointBuffer, &'s mut dyn JointSink>,
     commands: Option<OrderedStream<PoseBuffer, SpillingPoses<Controller>>>,
-    readings: OrderedStream<PoseBuffer, SpillingPoses<Tracker>>,
+    /// Those of each target.
+    readings: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
     temperatures: Option<OrderedStream<TemperatureBuffer, TemperatureSamples>>,
 }
 
@@ -99,7 +100,8 @@ pub struct Ordered {
     /// Read, kept and rejected messages of each stream, in the order of [`Stream::ALL`].
     pub summaries: Vec<(Stream, StreamSummary)>,
     pub commands: SpilledPoses<Controller>,
-    pub readings: SpilledPoses<Tracker>,
+    /// Those of each target, the main one's first.
+    pub readings: Vec<SpilledPoses<Tracker>>,
     pub temperatures: TemperatureSamples,
 }
 
@@ -114,7 +116,14 @@ impl<'s> SessionStreams<'s> {
             let in_order = of_poses(PoseBuffer::commands(commanded), &commanded.topic);
             OrderedStream::new(in_order, SpillingPoses::default())
         });
-        let readings = of_poses(PoseBuffer::readings(tracker), &tracker.topic);
+        let topics = (0..tracker.target_count()).map(|place| {
+            let target = tracker.targets.get(place);
+            target.map_or(&*tracker.topic, |target| tracker.topic_of(target))
+        });
+        let readings = topics.map(|topic| {
+            let in_order = of_poses(PoseBuffer::readings(tracker), topic);
+            OrderedStream::new(in_order, SpillingPoses::default())
+        });
         let temperatures = tracker.temperature.as_ref().map(|topic| {
             // All of them are buffered: they stay in memory in any case.
             let in_order = InOrder::new(TemperatureBuffer::default(), topic, TOGETHER, usize::MAX);
@@ -123,7 +132,7 @@ impl<'s> SessionStreams<'s> {
         Self {
             joints: OrderedStream::new(of_joints, joints),
             commands,
-            readings: OrderedStream::new(readings, SpillingPoses::default()),
+            readings: readings.collect(),
             temperatures,
         }
     }
@@ -133,7 +142,7 @@ impl<'s> SessionStreams<'s> {
         match stream {
             Stream::Joints => self.joints.begin_file(file),
             Stream::Commands => self.commands.iter_mut().for_each(|s| s.begin_file(file)),
-            Stream::Readings => self.readings.begin_file(file),
+            Stream::Readings => self.readings.iter_mut().for_each(|s| s.begin_file(file)),
             Stream::Temperatures => self
                 .temperatures
                 .iter_mut()
@@ -147,7 +156,9 @@ impl<'s> SessionStreams<'s> {
         if let Some(stream) = &mut self.commands {
             stream.take(&mut part.commands, extent);
         }
-        self.readings.take(&mut part.readings, extent);
+        for (stream, rows) in self.readings.iter_mut().zip(&mut part.readings) {
+            stream.take(rows, extent);
+        }
         if let Some(stream) = &mut self.temperatures {
             stream.take(&mut part.temperatures, extent);
         }
@@ -159,7 +170,7 @@ impl<'s> SessionStreams<'s> {
         if let Some(stream) = &mut self.commands {
             stream.work();
         }
-        self.readings.work();
+        self.readings.iter_mut().for_each(OrderedStream::work);
         if let Some(stream) = &mut self.temperatures {
             stream.work();
         }
@@ -174,9 +185,12 @@ impl<'s> SessionStreams<'s> {
             summaries.push((Stream::Commands, summary));
             commands = poses.finish()?;
         }
-        let (summary, readings) = self.readings.finish();
-        summaries.push((Stream::Readings, summary));
-        let readings = readings.finish()?;
+        let mut readings = Vec::with_capacity(self.readings.len());
+        for stream in self.readings {
+            let (summary, poses) = stream.finish();
+            summaries.push((Stream::Readings, summary));
+            readings.push(poses.finish()?);
+        }
         let mut temperatures = TemperatureSamples::default();
         if let Some((summary, samples)) = self.temperatures.map(OrderedStream::finish) {
             summaries.push((Stream::Temperatures, summary));

@@ -21,10 +21,11 @@ use std::sync::{Mutex, PoisonError};
 use super::ordered::{Ordered, SessionStreams};
 use super::session::{ReadFiles, SessionLogs};
 use super::{Limits, LogError};
-use crate::ingest::{BUFFERED, LogReject, Mapping};
+use crate::ingest::{BUFFERED, LogReject, Mapping, Poses};
 use crate::join::JoinInput;
 use crate::join::stationary::{Finder, StationaryRule, stationary_of};
 use crate::progress::Progress;
+use crate::units::Tracker;
 
 /// A receiver of the joint samples of a session in order of time, while its logs are read.
 pub trait JointSink: Send {
@@ -104,11 +105,15 @@ pub fn read_session(
     }
     rejects
         .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
+    let mut readings = ordered.readings.into_iter();
+    let main = readings.next().unwrap_or_default();
+    let others = readings.map(|own| Box::new(own) as Box<dyn Poses<Tracker>>);
     Ok(SessionRead {
         input: JoinInput {
             joints,
             commands: Box::new(ordered.commands),
-            readings: Box::new(ordered.readings),
+            readings: Box::new(main),
+            others: others.collect(),
             temperatures: ordered.temperatures,
         },
         rejects,

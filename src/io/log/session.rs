@@ -214,7 +214,7 @@ fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted
 /// Checks that each wanted topic is in some file of its side.
 fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), LogError> {
     let of_side = || parts.iter().filter(|part| part.sides.contains(&side));
-    let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(wanted.stream));
+    let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(&wanted.topic));
     match wanted.iter().find(missing) {
         None => Ok(()),
         Some(missing) => Err(unknown_topic(

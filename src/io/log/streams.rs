@@ -3,6 +3,7 @@
 //! The common message types need no field paths: their fields follow from the type. For any other type the pipeline file
 //! names the fields.
 
+mod elements;
 mod layout;
 mod reader;
 mod suggest;
@@ -22,7 +23,7 @@ use crate::io::message::{FieldPath, MessageSchema};
 pub use layout::{Glance, Layout};
 use layout::{Recipe, suitable_types};
 pub use reader::Part;
-use reader::{Decoder, Reader, RowFault};
+use reader::{Decoder, Reader, RowFault, Wished};
 pub use suggest::{Suggestible, Suggestion, json_fields, suggest};
 
 /// A stream of samples.
@@ -61,9 +62,10 @@ pub struct Streams<'m, 's> {
     /// The wanted streams of the file.
     pub wanted: Vec<Wanted>,
     mapping: &'m Mapping,
-    met: BTreeSet<Stream>,
-    /// Readers of messages, by stream, schema and encoding: channels that share these share the reader.
-    readers: BTreeMap<(Stream, u16, String), SharedReader>,
+    /// The wanted topics that were met.
+    met: BTreeSet<String>,
+    /// Readers of messages, by topic, schema and encoding: channels that share these share the reader.
+    readers: BTreeMap<(String, u16, String), SharedReader>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
     /// Receiver of the rows. It works on them while the next blocks are opened, on another thread.
@@ -98,9 +100,9 @@ impl<'m, 's> Streams<'m, 's> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the file has the stream's topic.
-    pub fn has(&self, stream: Stream) -> bool {
-        self.met.contains(&stream)
+    /// Whether the file has the topic.
+    pub fn has(&self, topic: &str) -> bool {
+        self.met.contains(topic)
     }
 
     /// The reader of a wanted channel's messages; a schema is parsed once, however many channels share it.
@@ -110,7 +112,11 @@ impl<'m, 's> Streams<'m, 's> {
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
     ) -> Result<Arc<Reader>, LogError> {
-        let key = (wanted.stream, channel.schema_id, channel.encoding.clone());
+        let key = (
+            channel.topic.clone(),
+            channel.schema_id,
+            channel.encoding.clone(),
+        );
         // The id may mean another schema in the next log of the file.
         let is_of = |of: &Option<Arc<Schema>>| match (of, schema) {
             (Some(of), Some(schema)) => Arc::ptr_eq(of, schema),
@@ -160,8 +166,27 @@ impl<'m, 's> Streams<'m, 's> {
         Ok(Reader {
             stream: wanted.stream,
             time: wanted.time,
+            targets: match wanted.stream {
+                Stream::Readings => self.targets_of(&channel.topic),
+                Stream::Joints | Stream::Commands | Stream::Temperatures => Vec::new(),
+            },
             recipe,
         })
+    }
+
+    /// The targets whose readings are on a topic.
+    fn targets_of(&self, topic: &str) -> Vec<Wished> {
+        let tracker = &self.mapping.tracker;
+        if tracker.targets.is_empty() {
+            return vec![Wished { place: 0, is: None }];
+        }
+        let targets = tracker.targets.iter().enumerate();
+        let own = targets.filter(|(_, target)| tracker.topic_of(target) == topic);
+        own.map(|(place, target)| Wished {
+            place,
+            is: target.is.clone(),
+        })
+        .collect()
     }
 
     fn describe(&self, stream: Stream, fault: RowFault) -> String {
@@ -185,6 +210,11 @@ impl<'m, 's> Streams<'m, 's> {
             }
             RowFault::NoArray(place) => {
                 format!("the message has no array of values at {:?}", path(place))
+            }
+            RowFault::TargetTwice(place) => {
+                let targets = &self.mapping.tracker.targets;
+                let name = targets.get(place).map_or("", |target| &target.name);
+                format!("the target {name:?} is twice in the message")
             }
             RowFault::OtherFrame => format!(
                 "the message is in another frame than {:?}",
@@ -222,7 +252,7 @@ impl Visitor for Streams<'_, '_> {
         };
         let reader = self.reader(&wanted, channel, schema)?;
         let stream = wanted.stream;
-        self.met.insert(stream);
+        self.met.insert(wanted.topic.clone());
         self.session().begin_file(stream, &self.file);
         self.paths
             .entry(stream)
@@ -232,17 +262,20 @@ impl Visitor for Streams<'_, '_> {
 
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
         let Some(reader) = decoder else { return };
-        part.messages[reader.stream as usize] += 1;
+        // A message with an array of poses counts once for each target, as its rows do.
+        let rows = reader.rows();
+        part.messages[reader.stream as usize] += rows as u64;
         if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
-            part.faults
-                .entry((reader.stream, fault))
-                .or_default()
-                .add(message.log_time);
+            let tally = part.faults.entry((reader.stream, fault)).or_default();
+            (0..rows).for_each(|_| tally.add(message.log_time));
         }
     }
 
     fn clear(&self, part: &mut Part) {
-        part.clear(self.mapping.joints.len());
+        part.clear(
+            self.mapping.joints.len(),
+            self.mapping.tracker.target_count(),
+        );
     }
 
     fn meanwhile(&self) {

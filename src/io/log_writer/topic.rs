@@ -64,6 +64,36 @@ pub(super) fn point_topic() -> Topic {
     }
 }
 
+/// Transforms to targets that each message names.
+pub(super) fn targets_topic() -> Topic {
+    let transform = "\
+================================================================================
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+";
+    let quaternion = "\
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+";
+    Topic {
+        name: "/tracker/targets",
+        schema: "geometry_msgs/msg/TransformStamped",
+        definition: format!(
+            "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n{HEADER}{transform}{quaternion}"
+        ),
+    }
+}
+
 pub(super) fn temperature_topic() -> Topic {
     Topic {
         name: "/tracker/temperature",

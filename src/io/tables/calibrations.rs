@@ -70,6 +70,10 @@ row! {
         o5: Option<f64>,
         /// s².
         variance_factor: Option<f64>,
+        /// Factor on a camera's stated standard deviations.
+        camera_size: Option<f64>,
+        /// Its standard error.
+        camera_size_se: Option<f64>,
         /// Misfit per axis, mm.
         misfit_mm: Option<f64>,
         /// The loss on a station's residual.
@@ -277,6 +281,12 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
         .collect()
 }
 
+/// Condition number of a calibration's solution; `None` where it is not finite.
+fn condition(calibration: &Calibration) -> Option<f64> {
+    let condition = calibration.structure.condition();
+    condition.is_finite().then_some(condition)
+}
+
 /// The names as owned texts.
 fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
@@ -330,15 +340,15 @@ impl<'a> Identified<'a> {
             observations: observations(outcome),
             parameters: self.parameters(),
             rank: calibration.map(|calibration| calibration.nominal_structure.rank),
-            condition: calibration
-                .map(|calibration| calibration.structure.condition())
-                .filter(|condition| condition.is_finite()),
+            condition: calibration.and_then(condition),
             o1: observability(|o| o.o1),
             o2: observability(|o| o.o2),
             o3: observability(|o| o.o3),
             o4: observability(|o| o.o4),
             o5: observability(|o| o.o5),
             variance_factor: solution.map(|solution| solution.variance_factor),
+            camera_size: outcome.camera_size.map(|found| found.size),
+            camera_size_se: outcome.camera_size.map(|found| found.size_se),
             misfit_mm: calibration.map(|calibration| calibration.misfit_mm),
             loss: self.loss(context),
             prior_length_mm: some(context.fit.prior_length_mm),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::fit::camera_size::CameraSize;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
@@ -112,6 +113,8 @@ pub struct Outcome<'a> {
     pub calibrations: Vec<(Model, Calibration)>,
     /// The full error model, unless it is switched off.
     pub full: Option<FullModel>,
+    /// The size of a camera's noise; `None` of other instruments.
+    pub camera_size: Option<CameraSize>,
     /// Models made from these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
     /// The model of the grids.

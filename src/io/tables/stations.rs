@@ -111,6 +111,7 @@ words! {
         Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
         Unmeasured(Unmeasured::WrongTarget): "wrong_target",
         Unmeasured(Unmeasured::InstrumentMoved): "instrument_moved",
+        Unmeasured(Unmeasured::FlippedView): "flipped_view",
         SeveralCandidates: "several_candidates",
     }
 }

@@ -5,9 +5,11 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use nalgebra::Vector3;
+
 use super::{ConfigurationError, ConfigurationErrorKind};
 use crate::fit::full::FullSettings;
-use crate::fit::{FitSettings, Loss, TrackerUncertainty};
+use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
 use crate::ingest::{StationsSettings, WrongFields};
 use crate::io::lake;
@@ -39,7 +41,11 @@ pub(super) fn check(
         .check()
         .map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
     commands(path, file)?;
-    if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
+    let states_orientations = match &file.tracker.uncertainty {
+        Uncertainty::Tracker(tracker) => tracker.orientation_rad.is_some(),
+        Uncertainty::Camera(_) => true,
+    };
+    if file.fit.geometric.orientations && !states_orientations {
         return Err(ConfigurationErrorKind::Missing {
             key: "[tracker] uncertainty.orientation_rad",
             reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
@@ -139,7 +145,10 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;
-    uncertainty(&file.tracker.uncertainty)?;
+    match &file.tracker.uncertainty {
+        Uncertainty::Tracker(tracker) => uncertainty(tracker),
+        Uncertainty::Camera(own) => camera(own),
+    }?;
     survey(file.tracker.tracker_from_base.as_ref())?;
     geometric(&file.fit.geometric)?;
     full(&file.fit.full)?;
@@ -179,6 +188,9 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         tracker.check().map_err(of_section("tracker"))?;
         paths("[tracker] fields", &tracker.paths())?;
     }
+    if let Some(tracker) = &file.tracker.mapping {
+        tracker.check_targets().map_err(of_section("tracker"))?;
+    }
     let commanded = file.commanded.as_ref();
     let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else {
         return Ok(());
@@ -190,6 +202,12 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         "[commanded] fields.temperature",
         "given",
         "left out: temperatures are read by [tracker]",
+    )?;
+    wrong_unless(
+        commanded.target.is_none(),
+        "[commanded] fields.target",
+        "given",
+        "left out: targets are of [tracker]",
     )?;
     paths("[commanded] fields", &commanded.paths())
 }
@@ -296,6 +314,25 @@ fn uncertainty(u: &TrackerUncertainty) -> Check {
     positive(key("divisor"), u.divisor)?;
     u.orientation_rad
         .map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
+}
+
+fn camera(own: &CameraUncertainty) -> Check {
+    let axis = own.looks_along.map(Vector3::from);
+    wrong_unless(
+        axis.is_none_or(|axis| axis.norm() > 1e-6 && axis.norm().is_finite()),
+        "[tracker] camera.looks_along",
+        format!("{:?}", own.looks_along),
+        "a direction, for example [0, 0, 1]",
+    )?;
+    positive("[tracker] camera.focal_px", own.focal_px)?;
+    positive("[tracker] camera.noise_px", own.noise_px)?;
+    positive("[tracker] camera.target_mm", own.target_mm)?;
+    wrong_unless(
+        own.corners >= 2,
+        "[tracker] camera.corners",
+        own.corners,
+        "2 corners along an edge of a marker, more of a board",
+    )
 }
 
 fn survey(base: Option<&TrackerFromBase>) -> Check {

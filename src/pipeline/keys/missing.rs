@@ -121,7 +121,19 @@ fn required(section: &'static KeySection) -> impl Iterator<Item = &'static Key> 
 
 /// Whether the file has the section that makes another one needless.
 fn has_section(file: &DeTable<'_>, section: Option<&String>) -> bool {
-    section.is_some_and(|section| file.keys().any(|key| key.get_ref() == section))
+    section.is_some_and(|section| has_path(file, &section.split('.').collect::<Vec<_>>()))
+}
+
+/// Whether there is a value at the path of these keys.
+fn has_path(table: &DeTable<'_>, steps: &[&str]) -> bool {
+    let Some((first, rest)) = steps.split_first() else {
+        return true;
+    };
+    let own = table.iter().find(|(key, _)| key.get_ref() == first);
+    own.is_some_and(|(_, value)| {
+        let inner = value.get_ref().as_table();
+        rest.is_empty() || inner.is_some_and(|inner| has_path(inner, rest))
+    })
 }
 
 /// Whether a key belongs to every turning joint of the convention that the file names. Other kinds of joint lack some of the keys.

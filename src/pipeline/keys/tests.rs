@@ -114,6 +114,7 @@ impl Parity {
     fn with(&self, place: &str, change: impl FnOnce(&mut Table)) -> Result<String, String> {
         let mut file = self.least();
         self.meet(&mut file, place.split('.').next().unwrap_or_default());
+        self.meet(&mut file, place);
         change(self.open(&mut file, place));
         for section in self.asked_for(&file) {
             self.meet(&mut file, &section);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::fit::TrackerUncertainty;
+use crate::fit::{CameraUncertainty, TrackerUncertainty, Uncertainty};
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::configuration::{ConfigurationError, ConfigurationErrorKind, placed, upwards};
@@ -105,7 +105,12 @@ impl<'p> Placed<'p> {
             tolerance: file.tolerance,
             population: section.expect.population(
                 self.cell(fit.orientations),
-                tracker(&file.tracker.uncertainty),
+                match &file.tracker.uncertainty {
+                    Uncertainty::Tracker(own) => tracker(own),
+                    Uncertainty::Camera(own) => {
+                        camera(own, self.tracker_from_base.translation.vector.norm())
+                    }
+                },
                 up.unwrap_or([0.0, 0.0, 1.0]),
             ),
             known: None,
@@ -190,5 +195,19 @@ fn tracker(uncertainty: &TrackerUncertainty) -> TrackerErrors {
             .orientation_rad
             .unwrap_or(simulated.orientation_rad),
         ..simulated
+    }
+}
+
+/// A camera in the form of simulated sessions: its uncertainty at a distance (mm) stands for that everywhere.
+fn camera(uncertainty: &CameraUncertainty, distance_mm: f64) -> TrackerErrors {
+    let at = uncertainty.covariance(&Point3::new(0.0, 0.0, distance_mm));
+    TrackerErrors {
+        radial_mm: at[(2, 2)].sqrt(),
+        radial_per_mm: 0.0,
+        transverse_mm: at[(0, 0)].sqrt(),
+        transverse_per_mm: 0.0,
+        divisor: 1.0,
+        orientation_rad: uncertainty.orientation_rad(distance_mm),
+        ..TrackerErrors::adm()
     }
 }

@@ -100,6 +100,21 @@ pub enum RunError {
         /// The disagreement and what explains it.
         finding: Box<Finding>,
     },
+    /// A camera that is mounted otherwise than is stated.
+    #[error(
+        "session {session}: the readings contradict the stated set-up: the camera is mounted = \"{right}\", not \"{stated}\": {evidence}; \
+         set [tracker] camera.mounted = \"{right}\""
+    )]
+    Mounted {
+        /// The session.
+        session: String,
+        /// The stated word.
+        stated: &'static str,
+        /// The word under which the readings agree.
+        right: &'static str,
+        /// How well they agree.
+        evidence: String,
+    },
     /// A stage after the join has no result.
     #[error(transparent)]
     Stage(#[from] StageError),
@@ -131,6 +146,14 @@ pub enum RunError {
 }
 
 impl RunError {
+    /// Whether readings and the stated set-up contradict each other.
+    pub(super) const fn is_of_set_up(&self) -> bool {
+        matches!(
+            self,
+            Self::SetUp { .. } | Self::Join { .. } | Self::Unexplained { .. }
+        )
+    }
+
     /// The session that caused it; `None` where no single one did.
     pub fn session(&self) -> Option<&str> {
         match self {

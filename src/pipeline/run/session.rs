@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::Isometry3;
 
-use super::RunError;
+use super::{RunError, mounting};
+use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::ingest::{Mapping, StationsSettings};
 use crate::io::input::Bound;
@@ -15,7 +16,7 @@ use crate::io::tables::logs::LogTable;
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::supposed::Supposed;
 use crate::join::tabled::tabled;
-use crate::join::{JoinError, Joined, RowItem, join};
+use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join};
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
@@ -37,7 +38,9 @@ pub(in crate::pipeline) fn session(
                 logs,
                 mapping,
             };
-            own.joined(own.read_into(run, progress)?)
+            let read = own.read_into(run, progress)?;
+            own.joined(read)
+                .map_err(|error| own.mounted_otherwise(error, progress))
         }
         (Recorded::Table(table), Reads::Tables(settings)) => {
             of_table(configuration, files, table, settings)
@@ -98,6 +101,29 @@ impl OwnLogs<'_> {
         Ok(read)
     }
 
+    /// The error of logs that contradict the stated set-up: of a camera's, that it is mounted otherwise, where they can be joined so.
+    fn mounted_otherwise(&self, error: RunError, progress: &dyn Progress) -> RunError {
+        let (true, Some(stated)) = (error.is_of_set_up(), mounted(self.configuration)) else {
+            return error;
+        };
+        let mut mapping = self.mapping.clone();
+        mapping.tracker.eye_in_hand = !mapping.tracker.eye_in_hand;
+        let other = OwnLogs {
+            configuration: self.configuration,
+            files: self.files,
+            logs: self.logs,
+            mapping: &mapping,
+        };
+        let joined = other.read(&mut (), progress);
+        let joined = joined.and_then(|read| other.joined(read));
+        joined.map_or(error, |joined| RunError::Mounted {
+            session: self.files.name.clone(),
+            stated: mounting::key(stated),
+            right: mounting::key(mounting::other(stated)),
+            evidence: format!("so {} dwells are joined", paired(&joined.joined)),
+        })
+    }
+
     /// Joins the logs that were read.
     fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
         let (configuration, files) = (self.configuration, self.files);
@@ -117,6 +143,12 @@ impl OwnLogs<'_> {
     }
 }
 
+/// Where the camera is mounted, as the pipeline file states it; `None` of another instrument.
+fn mounted(configuration: &Configuration) -> Option<Mounted> {
+    let source = configuration.stages.noise.source(SourceId::ONLY);
+    Some(source.uncertainty.camera()?.mounted)
+}
+
 /// The session of a table of stations.
 fn of_table(
     configuration: &Configuration,
@@ -134,13 +166,28 @@ fn of_table(
         &slides,
         bound,
     )?;
-    let joined = tabled(read.rows, &configuration.arm, &configuration.join);
+    let mounted = mounted(configuration);
+    if let Some(mounted) = mounted {
+        mounting::check(&configuration.arm, &files.name, mounted, &read.rows)?;
+    }
+    let rows = match mounted {
+        Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
+        Some(Mounted::Fixed) | None => read.rows,
+    };
+    let joined = tabled(rows, &configuration.arm, &configuration.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
     Ok(JoinedSession {
         counts: row_counts(read.read, &joined),
         set_up,
         ..with_commands(configuration, files, joined)?
     })
+}
+
+/// Number of dwells with readings of their own.
+fn paired(joined: &Joined) -> usize {
+    let stations = joined.stations.iter();
+    let paired = stations.filter(|station| station.pairing == Pairing::Paired);
+    paired.count()
 }
 
 /// Rows read, kept and rejected, as the messages of a log are counted.

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
@@ -137,9 +137,16 @@ impl FigureMaker<'_> {
         }
     }
 
+    /// The middle of the stations in the instrument's frame, mm.
+    fn middle(&self) -> Point3<f64> {
+        let positions = self.stations.iter().map(|station| station.position.coords);
+        let middle = positions.sum::<Vector3<f64>>() / self.stations.len().max(1) as f64;
+        self.error_frame.frames().tracker_from_base.isometry() * Point3::from(middle)
+    }
+
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
         let source = self.settings.noise.source(self.error_frame.frames().source);
-        let orientation_rad = source.uncertainty.orientation_rad;
+        let orientation_rad = source.uncertainty.orientation_rad(&self.middle());
         expanded_uncertainty_mm(
             self.grids.guard_mm,
             orientation_rad.unwrap_or_default(),

@@ -42,7 +42,15 @@ pub(super) fn leave_out(
         });
     }
     for own in &stations {
-        take_out(sessions[own.session], own, name);
+        let left = Left {
+            station: own.station,
+            reason: reason(own, name),
+            otherwise: Unmeasured::WrongTarget,
+        };
+        take_out(sessions[own.session], &left, |reading| match &own.wrong {
+            Wrong::Far { target, .. } => reading.target == *target,
+            Wrong::Swapped(_) | Wrong::Disagree { .. } => true,
+        });
     }
     Ok(())
 }
@@ -52,22 +60,30 @@ fn has_several_targets(session: &JoinedSession) -> bool {
     readings.any(|reading| reading.target != TargetId::MAIN)
 }
 
-fn take_out(session: &mut JoinedSession, own: &Mislabelled, name: impl Fn(TargetId) -> String) {
+/// Readings of a station that are left out.
+pub(super) struct Left {
+    pub(super) station: usize,
+    pub(super) reason: String,
+    /// The reason why a station without another reading is not measured.
+    pub(super) otherwise: Unmeasured,
+}
+
+/// Takes the readings of a station for which `is_wrong` is true out of a session; they are counted and named as rejects.
+pub(super) fn take_out(
+    session: &mut JoinedSession,
+    own: &Left,
+    is_wrong: impl Fn(&Reading) -> bool,
+) {
     let joined = &mut session.joined;
     let stations = joined.stations.iter_mut();
     let is_it = |station: &&mut Station| station.number == own.station;
     let Some(station) = stations.into_iter().find(is_it) else {
         return;
     };
-    let is_wrong = |reading: &Reading| match &own.wrong {
-        Wrong::Far { target, .. } => reading.target == *target,
-        Wrong::Swapped(_) | Wrong::Disagree { .. } => true,
-    };
-    let reason = reason(own, name);
     let (wrong, kept): (Vec<Reading>, Vec<Reading>) =
         station.readings.drain(..).partition(is_wrong);
     if kept.is_empty() {
-        station.pairing = Pairing::Unmeasured(Unmeasured::WrongTarget);
+        station.pairing = Pairing::Unmeasured(own.otherwise);
     }
     station.readings = kept;
     for reading in wrong {
@@ -78,7 +94,7 @@ fn take_out(session: &mut JoinedSession, own: &Mislabelled, name: impl Fn(Target
             start: reading.first,
             end: reading.last,
             readings: samples,
-            reason: reason.clone(),
+            reason: own.reason.clone(),
         });
     }
 }

@@ -17,6 +17,8 @@ pub enum Layout {
     Point,
     /// `geometry_msgs/PoseWithCovarianceStamped`.
     PoseWithCovariance,
+    /// An array of poses with names or numbers: markers that a camera sees.
+    Markers,
     /// `sensor_msgs/Temperature`.
     Temperature,
 }
@@ -30,7 +32,7 @@ struct Common {
 }
 
 /// The common types, each by its ROS 2 name and its protobuf or JSON name.
-const COMMON: [Common; 9] = [
+const COMMON: [Common; 13] = [
     Common {
         names: &["sensor_msgs/JointState"],
         layout: Layout::Joints,
@@ -103,6 +105,66 @@ const COMMON: [Common; 9] = [
             "pose.covariance",
         ],
     },
+    Common {
+        names: &["tf2_msgs/TFMessage"],
+        layout: Layout::Markers,
+        stamp: "transforms[0].header.stamp",
+        fields: &[
+            "transforms[].child_frame_id",
+            "transforms[].transform.translation.x",
+            "transforms[].transform.translation.y",
+            "transforms[].transform.translation.z",
+            "transforms[].transform.rotation.x",
+            "transforms[].transform.rotation.y",
+            "transforms[].transform.rotation.z",
+            "transforms[].transform.rotation.w",
+        ],
+    },
+    Common {
+        names: &["aruco_msgs/MarkerArray"],
+        layout: Layout::Markers,
+        stamp: "header.stamp",
+        fields: &[
+            "markers[].id",
+            "markers[].pose.pose.position.x",
+            "markers[].pose.pose.position.y",
+            "markers[].pose.pose.position.z",
+            "markers[].pose.pose.orientation.x",
+            "markers[].pose.pose.orientation.y",
+            "markers[].pose.pose.orientation.z",
+            "markers[].pose.pose.orientation.w",
+        ],
+    },
+    Common {
+        names: &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
+        layout: Layout::Markers,
+        stamp: "header.stamp",
+        fields: &[
+            "detections[].id",
+            "detections[].pose.pose.pose.position.x",
+            "detections[].pose.pose.pose.position.y",
+            "detections[].pose.pose.pose.position.z",
+            "detections[].pose.pose.pose.orientation.x",
+            "detections[].pose.pose.pose.orientation.y",
+            "detections[].pose.pose.pose.orientation.z",
+            "detections[].pose.pose.pose.orientation.w",
+        ],
+    },
+    Common {
+        names: &["ros2_aruco_interfaces/ArucoMarkers"],
+        layout: Layout::Markers,
+        stamp: "header.stamp",
+        fields: &[
+            "marker_ids",
+            "poses[].position.x",
+            "poses[].position.y",
+            "poses[].position.z",
+            "poses[].orientation.x",
+            "poses[].orientation.y",
+            "poses[].orientation.z",
+            "poses[].orientation.w",
+        ],
+    },
 ];
 
 const POSE: [&str; 7] = [
@@ -149,6 +211,8 @@ pub(super) enum Meaning {
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
     Pose { orientation: bool, covariance: bool },
+    /// Lists of x, y, z and of a quaternion where there is one, an element for each pose of an array.
+    Poses { orientation: bool },
     /// The temperature, °C.
     Temperature,
 }
@@ -159,6 +223,8 @@ pub(super) struct Recipe {
     pub(super) stamp: StampValues,
     /// The frame that the value after the stamp must name; `None` where it is not checked.
     pub(super) frame: Option<String>,
+    /// Whether the value after the frame is the name or number of the target, or the array of those of each pose.
+    pub(super) has_target: bool,
     pub(super) meaning: Meaning,
     pub(super) paths: Vec<FieldPath>,
     pub(super) reader: FieldReader,
@@ -170,6 +236,8 @@ struct Statements<'m> {
     frame: Option<&'m str>,
     frame_field: Option<&'m str>,
     named: Option<(Meaning, Vec<&'m str>)>,
+    /// Path of the target's name.
+    target: Option<&'m str>,
     ignore_orientation: bool,
 }
 
@@ -183,6 +251,7 @@ impl Layout {
     pub const fn suits(self, stream: Stream) -> bool {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
+            Stream::Readings if matches!(self, Self::Markers) => true,
             Stream::Commands | Stream::Readings => {
                 matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
             }
@@ -194,10 +263,21 @@ impl Layout {
         match self {
             Self::Joints => Meaning::NamedAngles,
             Self::Temperature => Meaning::Temperature,
+            Self::Markers => Meaning::Poses { orientation: true },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),
             },
+        }
+    }
+}
+
+impl Common {
+    /// The path of the targets' names, of an array of poses, and those of the other values.
+    fn target_and_fields(&self) -> (Option<&'static str>, &'static [&'static str]) {
+        match (self.layout, self.fields) {
+            (Layout::Markers, [target, fields @ ..]) => (Some(target), fields),
+            (_, fields) => (None, fields),
         }
     }
 }
@@ -245,7 +325,7 @@ impl Glance {
                 Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
                     common.fields.get(..3)?
                 }
-                Layout::Temperature => return None,
+                Layout::Markers | Layout::Temperature => return None,
             };
             let paths = fields.iter().map(|field| FieldPath::parse(field));
             schema
@@ -291,11 +371,23 @@ impl Recipe {
     ) -> Result<Option<Self>, SchemaError> {
         let said = Statements::of(stream, mapping);
         let common = common(name).filter(|common| common.layout.suits(stream));
-        let (meaning, fields) = match (&said.named, common) {
-            (Some((meaning, fields)), _) => (*meaning, fields.clone()),
-            (None, Some(common)) => (common.layout.meaning(), common.fields.to_vec()),
+        let (meaning, fields, target) = match (&said.named, common) {
+            (Some((meaning, fields)), _) => (*meaning, fields.clone(), said.target),
+            (None, Some(common)) => {
+                let (target, fields) = common.target_and_fields();
+                (
+                    common.layout.meaning(),
+                    fields.to_vec(),
+                    target.or(said.target),
+                )
+            }
             (None, None) => return Ok(None),
         };
+        let mut targets = mapping.tracker.targets.iter();
+        if matches!(meaning, Meaning::Poses { .. }) && targets.all(|own| own.is.is_none()) {
+            // Nothing says which of the poses is the target's.
+            return Ok(None);
+        }
         let (meaning, fields) = without_orientation(meaning, fields, said.ignore_orientation);
         let stamp_path = said.stamp_path(common, schema)?;
         let mut paths = Vec::new();
@@ -317,10 +409,14 @@ impl Recipe {
                 None => beside(&stamp_path, "frame_id")?,
             });
         }
+        if let Some(field) = target {
+            paths.push(FieldPath::parse(field)?);
+        }
         for field in fields {
             paths.push(FieldPath::parse(field)?);
         }
         Ok(Some(Self {
+            has_target: target.is_some(),
             stamp,
             frame: said.frame.map(str::to_owned),
             meaning,
@@ -353,6 +449,7 @@ impl<'m> Statements<'m> {
                     frame: None,
                     frame_field: None,
                     named: field.map(|field| (Meaning::Temperature, vec![field])),
+                    target: None,
                     ignore_orientation: false,
                 }
             }
@@ -375,6 +472,7 @@ impl<'m> Statements<'m> {
             frame: None,
             frame_field: None,
             named,
+            target: None,
             ignore_orientation: false,
         }
     }
@@ -383,9 +481,16 @@ impl<'m> Statements<'m> {
         let named = fields.position().map(|position| {
             let orientation = fields.orientation();
             let covariance = fields.covariance.as_deref();
-            let meaning = Meaning::Pose {
-                orientation: orientation.is_some(),
-                covariance: covariance.is_some(),
+            let (orientation_is, covariance_is) = (orientation.is_some(), covariance.is_some());
+            let meaning = if fields.is_of_each() {
+                Meaning::Poses {
+                    orientation: orientation_is,
+                }
+            } else {
+                Meaning::Pose {
+                    orientation: orientation_is,
+                    covariance: covariance_is,
+                }
             };
             let rest = orientation.into_iter().flatten().chain(covariance);
             (meaning, position.into_iter().chain(rest).collect())
@@ -395,6 +500,7 @@ impl<'m> Statements<'m> {
             frame,
             frame_field: fields.frame.as_deref(),
             named,
+            target: fields.target.as_deref(),
             ignore_orientation,
         }
     }
@@ -441,6 +547,10 @@ fn without_orientation(
             };
             (meaning, fields)
         }
+        Meaning::Poses { orientation: true } if ignore => {
+            fields.drain(3..7);
+            (Meaning::Poses { orientation: false }, fields)
+        }
         other => (other, fields),
     }
 }
@@ -453,7 +563,9 @@ pub(super) const fn suitable_types(stream: Stream) -> &'static str {
         }
         Stream::Commands | Stream::Readings => {
             "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
-             foxglove.PoseInFrame and Point3InFrame"
+             foxglove.PoseInFrame and Point3InFrame; of markers, with [[tracker.targets]], tf2_msgs/msg/TFMessage, \
+             aruco_msgs/msg/MarkerArray, ros2_aruco_interfaces/msg/ArucoMarkers and \
+             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
         }
         Stream::Temperatures => "sensor_msgs/msg/Temperature",
     }

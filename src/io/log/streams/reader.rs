@@ -6,8 +6,11 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::Stream;
+use super::elements::{ElementColumns, Names, is_named};
 use super::layout::{Meaning, Recipe, StampValues};
-use crate::ingest::{DecodedJoints, DecodedPoses, DecodedTemperatures, TimeSource, TimeUnit};
+use crate::ingest::{
+    DecodedJoints, DecodedPoses, DecodedTemperatures, TargetName, TimeSource, TimeUnit,
+};
 use crate::io::log::block::Tally;
 use crate::io::log::record::MessageRecord;
 use crate::io::message::{MessageFault, Row, Texts, Value};
@@ -34,6 +37,12 @@ pub enum RowFault {
     Covariance,
     #[error("frame")]
     OtherFrame,
+    #[error("the message is of a target that none of [tracker] targets is")]
+    OtherTarget,
+    #[error("target")]
+    TargetTwice(usize),
+    #[error("the arrays of the message's targets and of their poses differ in length")]
+    UnequalPoses,
     #[error(
         "the message's stamp is no time: nanoseconds of a second or more, no number, a text that is no date-time with its \
          zone (2026-11-22T08:30:00.25Z), or after the year 2262"
@@ -51,7 +60,18 @@ pub type Decoder = Option<Arc<Reader>>;
 pub struct Reader {
     pub(super) stream: Stream,
     pub(super) time: TimeSource,
+    /// The targets that its readings may be of.
+    pub(super) targets: Vec<Wished>,
     pub(super) recipe: Recipe,
+}
+
+/// A target that is looked for in messages.
+#[derive(Debug, Clone)]
+pub(super) struct Wished {
+    /// Its index among the targets.
+    pub(super) place: usize,
+    /// Its name or number in messages; `None` where every message is of it.
+    pub(super) is: Option<TargetName>,
 }
 
 /// The rows from one block.
@@ -62,7 +82,8 @@ pub struct Part {
     rows: [Row; 4],
     order: JointOrder,
     pub commands: DecodedPoses,
-    pub readings: DecodedPoses,
+    /// Those of each target.
+    pub readings: Vec<DecodedPoses>,
     pub temperatures: DecodedTemperatures,
     pub(super) faults: BTreeMap<(Stream, RowFault), Tally>,
     /// Number of messages of each stream.
@@ -83,17 +104,18 @@ struct JointOrder {
 
 /// The values of one message.
 #[derive(Clone, Copy)]
-struct Values<'m> {
+pub(super) struct Values<'m> {
     row: &'m Row,
     payload: &'m [u8],
 }
 
 impl Part {
-    /// Empties it for the next block, for this number of joints.
-    pub(super) fn clear(&mut self, joints: usize) {
+    /// Empties it for the next block, for this number of joints and targets.
+    pub(super) fn clear(&mut self, joints: usize, targets: usize) {
+        self.readings.resize_with(targets, DecodedPoses::default);
         self.joints.stamps.clear();
         self.joints.angles.clear(joints);
-        for poses in [&mut self.commands, &mut self.readings] {
+        for poses in self.readings.iter_mut().chain([&mut self.commands]) {
             poses.stamps.clear();
             poses.positions.clear();
             poses.orientations = None;
@@ -126,6 +148,10 @@ impl Reader {
             values.check_frame(first, frame)?;
             first += 1;
         }
+        let target = first;
+        if recipe.has_target {
+            first += 1;
+        }
         match (recipe.meaning, self.stream) {
             (Meaning::NamedAngles, _) => {
                 part.order
@@ -147,12 +173,79 @@ impl Reader {
                 },
                 stream,
             ) => {
-                let poses = match stream {
-                    Stream::Commands => &mut part.commands,
-                    _ => &mut part.readings,
+                let poses = if stream == Stream::Commands {
+                    &mut part.commands
+                } else {
+                    let place = self.target(values, target)?;
+                    part.readings.get_mut(place).ok_or(RowFault::OtherTarget)?
                 };
                 push_pose(poses, stamp, values, first, orientation, covariance)?;
             }
+            (Meaning::Poses { orientation }, _) => {
+                let columns = ElementColumns {
+                    values,
+                    first,
+                    orientation,
+                };
+                self.push_elements(&columns, target, stamp, &mut part.readings)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of rows that a message gives.
+    pub(super) const fn rows(&self) -> usize {
+        match self.recipe.meaning {
+            Meaning::Poses { .. } => self.targets.len(),
+            Meaning::NamedAngles
+            | Meaning::Angles
+            | Meaning::Pose { .. }
+            | Meaning::Temperature => 1,
+        }
+    }
+
+    /// The target that a message is of, by the name or number in the slot `slot`.
+    fn target(&self, values: Values<'_>, slot: usize) -> Result<usize, RowFault> {
+        if !self.recipe.has_target {
+            return match &self.targets[..] {
+                [only] => Ok(only.place),
+                _ => Err(RowFault::OtherTarget),
+            };
+        }
+        let found = values.get(slot);
+        if found == Value::Absent {
+            return Err(RowFault::NoValue(slot));
+        }
+        let is_it = |own: &&Wished| own.is.as_ref().is_some_and(|is| is_named(found, is));
+        let own = self.targets.iter().find(is_it);
+        own.map(|own| own.place).ok_or(RowFault::OtherTarget)
+    }
+
+    /// Adds a pose of each wanted target among a message's elements; zeros, which count as a missing reading, of one that it does not
+    /// have. On a fault it adds nothing.
+    fn push_elements(
+        &self,
+        columns: &ElementColumns<'_>,
+        slot: usize,
+        stamp: i64,
+        readings: &mut [DecodedPoses],
+    ) -> Result<(), RowFault> {
+        let names = Names::of(columns.values.get(slot)).ok_or(RowFault::NoArray(slot))?;
+        columns.check_length(names.len())?;
+        let mut rows = Vec::with_capacity(self.targets.len());
+        for own in &self.targets {
+            let is_it = |index: &usize| own.is.as_ref().is_some_and(|is| names.is(*index, is));
+            let mut found = (0..names.len()).filter(is_it);
+            let row = match (found.next(), found.next()) {
+                (None, _) => columns.missing(),
+                (Some(index), None) => columns.element(index)?,
+                (Some(_), Some(_)) => return Err(RowFault::TargetTwice(own.place)),
+            };
+            rows.push((own.place, row));
+        }
+        for (place, (position, orientation)) in rows {
+            let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
+            push_row(poses, stamp, position, orientation, None);
         }
         Ok(())
     }
@@ -180,7 +273,7 @@ fn stamp_of(time: u64) -> Result<i64, RowFault> {
 }
 
 impl<'m> Values<'m> {
-    fn get(self, slot: usize) -> Value<'m> {
+    pub(super) fn get(self, slot: usize) -> Value<'m> {
         self.row.value(self.payload, slot)
     }
 
@@ -344,8 +437,24 @@ fn push_pose(
     } else {
         None
     };
-    if covariance {
-        let covariance = position_covariance(values, first + if orientation { 7 } else { 3 })?;
+    let covariance = if covariance {
+        let slot = first + if orientation { 7 } else { 3 };
+        Some(position_covariance(values, slot)?)
+    } else {
+        None
+    };
+    push_row(poses, stamp, position, quaternion, covariance);
+    Ok(())
+}
+
+fn push_row(
+    poses: &mut DecodedPoses,
+    stamp: i64,
+    position: [f64; 3],
+    quaternion: Option<[f64; 4]>,
+    covariance: Option<[f64; 6]>,
+) {
+    if let Some(covariance) = covariance {
         poses.covariances.get_or_insert_default().push(covariance);
     }
     if let Some(quaternion) = quaternion {
@@ -353,7 +462,6 @@ fn push_pose(
     }
     poses.positions.push(position);
     poses.stamps.push(stamp);
-    Ok(())
 }
 
 /// xx xy xz yy yz zz out of rows of three, or of rows of six: x y z and three rotations.

@@ -265,7 +265,8 @@ fn observations(session: &JoinedSession) -> Vec<Observation> {
                 transverse_um_per_m: 6.0,
                 divisor: 2.0,
                 orientation_rad: None,
-            },
+            }
+            .into(),
         },
         0.03,
     );
@@ -335,6 +336,7 @@ fn outcome() -> Outcome<'static> {
             (Model::Geometric, geometric),
         ],
         full: Some(full.expect("positive definite")),
+        camera_size: None,
         on_top: Vec::new(),
         best: Model::Full,
         training: vec![session],

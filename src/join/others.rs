@@ -1,0 +1,169 @@
+//! Further targets of one tracker: their readings → a reading of each at the stations that the main target's join found.
+//!
+//! A tracker measures several reflectors in one dwell of the arm, one after another or at once; a camera sees several markers in one
+//! image. The main target decides the clocks ([`super::join`]). Each further target is then paired dwell by dwell as the main one is
+//! ([`super::pair`]), with a placement of its own, so that each has at most one reading a station, and all of its readings a disposition.
+//!
+//! Where the main target's dwells showed no edges, the clocks agree only in the middles of dwells, and a target that is measured first
+//! in each dwell is in the middle of none: [`centred`] puts the readings of all targets together in the middle of the arm's dwells.
+
+use super::disposition::{Disposition, Dispositions, Why};
+use super::dwell::{ArmDwell, TargetDwell, target_dwells};
+use super::observe::usual_scatter_mm;
+use super::pair::Evidence;
+use super::pattern::MIN_PAIRS;
+use super::placement::{Placement, ReadingAtFlange};
+use super::readings::Readings;
+use super::{
+    GATE_REACH, JoinError, JoinReject, JoinSettings, Pairing, Reading, ReadingCounts, SAME_REACH,
+    Station, TargetId,
+};
+use crate::figures::median;
+use crate::ingest::{Poses, TemperatureSamples};
+use crate::units::{ClockModel, Tracker, round_ns};
+
+/// A further target's readings and where it stood still.
+pub(super) struct Other<'a> {
+    target: TargetId,
+    readings: Readings<'a>,
+    dwells: Vec<TargetDwell>,
+}
+
+/// What the main target's join found.
+pub(super) struct Found<'a> {
+    pub(super) arm: &'a [ArmDwell],
+    pub(super) temperatures: &'a TemperatureSamples,
+    pub(super) clock: ClockModel,
+    pub(super) settle_s: f64,
+    pub(super) settings: &'a JoinSettings,
+}
+
+impl<'a> Other<'a> {
+    /// The further targets that have readings.
+    pub(super) fn all(
+        others: &'a [Box<dyn Poses<Tracker>>],
+        settings: &JoinSettings,
+    ) -> Result<Vec<Self>, JoinError> {
+        let read = others.iter().enumerate().filter(|(_, own)| own.count() > 0);
+        read.map(|(place, own)| {
+            let readings = Readings::find(&**own, settings)?;
+            Ok(Self {
+                target: TargetId(place + 1),
+                dwells: target_dwells(&readings)?,
+                readings,
+            })
+        })
+        .collect()
+    }
+
+    /// Adds this target's readings to the stations; returns how many of them are what, and those left out.
+    pub(super) fn add(
+        &self,
+        found: &Found<'_>,
+        stations: &mut [Station],
+    ) -> Result<(ReadingCounts, Vec<JoinReject>), JoinError> {
+        let mut dispositions = Dispositions::new(self.readings.count());
+        for dwell in &self.dwells {
+            let rows = dwell.stretch.first..dwell.stretch.last + 1;
+            dispositions.set(rows, Disposition::Unpaired(Why::NoArmDwell));
+        }
+        if let Some(evidence) = self.evidence(found) {
+            for (dwell, station) in found.arm.iter().zip(stations) {
+                let (_, reading) = evidence.verdict(dwell, &mut dispositions)?;
+                if let Some(reading) = reading {
+                    self.put(reading, station);
+                }
+            }
+        }
+        for rows in self.readings.missing() {
+            dispositions.set(rows, Disposition::Missing);
+        }
+        let mut rejects = dispositions.rejects(&self.readings)?;
+        for reject in &mut rejects {
+            reject.reason = format!("target {}: {}", self.target.0 + 1, reject.reason);
+        }
+        Ok((dispositions.counts(), rejects))
+    }
+
+    /// Adds a reading to its station, which is measured with it.
+    fn put(&self, mut reading: Reading, station: &mut Station) {
+        reading.target = self.target;
+        station.pairing = Pairing::Paired;
+        station.readings.push(reading);
+    }
+
+    /// What verdicts on this target need; `None` where too few dwells place it.
+    fn evidence<'e>(&'e self, found: &'e Found<'_>) -> Option<Evidence<'e>> {
+        let pairs = self.dwells.iter().filter_map(|own| {
+            let arm = nearest(found.arm, &found.clock, own)?;
+            Some(ReadingAtFlange {
+                flange: arm.flange,
+                attained: own.position,
+            })
+        });
+        let pairs: Vec<ReadingAtFlange> = pairs.collect();
+        let placement = Placement::fit_far(&pairs).filter(|_| pairs.len() >= MIN_PAIRS)?;
+        let reach_mm = GATE_REACH * placement.median_mm(&pairs);
+        Some(Evidence {
+            readings: &self.readings,
+            temperatures: found.temperatures,
+            target: &self.dwells,
+            clock: found.clock,
+            placement,
+            gate_mm: found.settings.geometry_gate_mm.max(reach_mm),
+            same_mm: SAME_REACH * self.readings.stationary().threshold,
+            usual_mm: usual_scatter_mm(&self.dwells),
+            settle_s: found.settle_s,
+            settings: found.settings,
+        })
+    }
+}
+
+/// The dwell of the arm in which the middle of a target's dwell lies; `None` where the arm moved.
+fn nearest<'a>(
+    arm: &'a [ArmDwell],
+    clock: &ClockModel,
+    target: &TargetDwell,
+) -> Option<&'a ArmDwell> {
+    let middle = target.start.plus_ns(target.end.since_ns(target.start) / 2);
+    let after = arm.partition_point(|dwell| clock.to_tracker(dwell.end) < middle);
+    let dwell = arm.get(after)?;
+    (clock.to_tracker(dwell.start) <= middle).then_some(dwell)
+}
+
+/// The clock under which the readings of all targets lie in the middle of the arm's dwells, from one under which `main`'s do. Each
+/// dwell of a target counts for the dwell of the arm that is nearest to it.
+pub(super) fn centred(
+    clock: ClockModel,
+    arm: &[ArmDwell],
+    main: &[TargetDwell],
+    others: &[Other<'_>],
+) -> ClockModel {
+    let all = main.iter().chain(others.iter().flat_map(|own| &own.dwells));
+    let mut spans: Vec<Option<(i64, i64)>> = vec![None; arm.len()];
+    let middle = |dwell: &ArmDwell| {
+        let half = dwell.end.since_ns(dwell.start) / 2;
+        clock.to_tracker(dwell.start.plus_ns(half)).ns()
+    };
+    let middles: Vec<i64> = arm.iter().map(middle).collect();
+    for own in all {
+        let at = i64::midpoint(own.start.ns(), own.end.ns());
+        let after = middles.partition_point(|middle| *middle < at);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let near = near.filter(|place| *place < middles.len());
+        let Some(place) = near.min_by_key(|place| (middles[*place] - at).abs()) else {
+            continue;
+        };
+        let (first, last) = spans[place].unwrap_or((own.start.ns(), own.end.ns()));
+        spans[place] = Some((first.min(own.start.ns()), last.max(own.end.ns())));
+    }
+    let off = spans.iter().zip(&middles).filter_map(|(span, middle)| {
+        let (first, last) = (*span)?;
+        Some((i64::midpoint(first, last) - middle) as f64)
+    });
+    let off_ns = median(&off.collect::<Vec<f64>>()).unwrap_or(0.0);
+    ClockModel {
+        offset_ns: clock.offset_ns + round_ns(off_ns) as f64,
+        ..clock
+    }
+}
