@@ -145,7 +145,8 @@ impl Explained {
         let shift = |(i, &place): (usize, &usize)| {
             let column = comparison.columns[place];
             let sd = self.covariance[(i, i)].max(0.0).sqrt() * column.unit();
-            (sd > 0.0).then(|| Shift {
+            let of_both = comparison.information[(place, place)] > 0.0;
+            (of_both && sd > 0.0).then(|| Shift {
                 column,
                 value: self.shift[i] * column.unit(),
                 sd,

@@ -128,7 +128,12 @@ fn a_change_of_a_tracks_curve_is_found_with_its_size() {
         .map(|(_, found, truth)| (found - truth).powi(2));
     let off = (sizes.sum::<f64>() / changes.len() as f64).sqrt();
     println!("off by {off:.4} mm rms over {} positions", changes.len());
-    assert!(changes.len() >= 10 && off < 0.3 * BY_MM, "{off} mm");
+    let [low, high] = range_mm(CHANGED);
+    let of_both = changes
+        .iter()
+        .all(|(place, ..)| (low..=high).contains(place));
+    assert!(of_both, "positions that both measured, {low} to {high} mm");
+    assert!(changes.len() >= 10 && off < 0.15 * BY_MM, "{off} mm");
     assert_eq!(judged[4].settles, Some(true), "it lasts");
 }
 
