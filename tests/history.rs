@@ -6,6 +6,8 @@ mod cell;
 mod common;
 #[path = "history/simulated.rs"]
 mod simulated;
+#[path = "history/slides.rs"]
+mod slides;
 
 use std::fs;
 use std::path::Path;

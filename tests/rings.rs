@@ -30,7 +30,10 @@ const MAY_USE: &[(&str, &str)] = &[
         "plan",
         "figures fit geometry grid join kinematics progress report simulate",
     ),
-    ("history", "compensation figures fit kinematics report"),
+    (
+        "history",
+        "compensation figures fit kinematics report units",
+    ),
     // What reads and writes.
     ("manifest", ""),
     (

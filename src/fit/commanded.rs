@@ -15,7 +15,7 @@ use super::visits::{self, Dwell};
 use crate::figures::median;
 use crate::join::Station;
 use crate::kinematics::Arm;
-use crate::units::MM_PER_M;
+use crate::units::SLIDE_MM_PER_RAD;
 
 /// The frames in which the controller states its commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,7 +50,7 @@ pub struct Commanded {
     pub counted: Vec<f64>,
 }
 
-/// Commanded minus reported axis variables of one station, rad.
+/// Commanded minus reported axis variables of one station, rad; mm where a joint slides.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SettlingError {
     /// Settling error of the command as sent: comparable between sessions.
@@ -254,7 +254,7 @@ fn settling_error(
         .copy_from(&(differential.end.rotation * turn / turn_rad));
     let slides = arm.chain().slides();
     let expected = slides.iter().map(|slides| {
-        let per_radian = if *slides { MM_PER_M } else { 1.0 };
+        let per_radian = if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
         1.0 / (SETTLING_ERROR_RAD * per_radian).powi(2)
     });
     let ridge = DMatrix::from_diagonal(&DVector::from_iterator(axes.len(), expected));

@@ -62,7 +62,7 @@ pub struct FullModel {
     up: Option<Vector3<f64>>,
     layout: Layout,
     offsets: DVector<f64>,
-    /// Frames of each session at the offsets.
+    /// Frames of each session at the offsets: the bases are those fitted.
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
@@ -159,13 +159,14 @@ impl FullModel {
         let scale_evidence = settled.scale_evidence(&problem);
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let mean = settled.posterior.mean() + &settled.prior_mean;
-        let approach = approach(observations, &settled.state.layout, &mean);
+        let approach = ApproachOffsets::of(observations, &settled.state.layout, &mean);
         let train::Settled {
-            state,
+            mut state,
             posterior,
             left_out,
             ..
         } = settled;
+        let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             problem: Problem::with_target_turn(
@@ -369,7 +370,8 @@ impl FullModel {
         self.problem.frames(&self.offsets())
     }
 
-    /// The frames of each session where rows are evaluated; [`Query::own`] decides whether the posterior moves them.
+    /// The frames of each session where rows are evaluated: its base as fitted, its targets before the last step of the training,
+    /// which the model's columns of unknowns make.
     pub fn frames(&self) -> &[Frames] {
         &self.frames
     }
@@ -454,19 +456,21 @@ impl FullModel {
     }
 }
 
-/// The distributions of true minus known joint angles; `None` where the model does not have the parts for it.
-fn approach(
-    observations: &[Observation],
-    layout: &Layout,
-    mean: &DVector<f64>,
-) -> Option<ApproachOffsets> {
-    let of = |block| {
-        let columns = layout.columns(block)?;
-        Some(mean.rows(columns.start, columns.len()).into_owned())
-    };
-    ApproachOffsets::of(
-        observations,
-        &of(Block::CommandWeight)?,
-        &of(Block::ApproachOffset)?,
-    )
+/// Moves the bases to their posterior means, so that a prediction without the session's own parts has the base that was fitted with the
+/// other columns: `offsets` take the bases' coefficients, which are zero in the `mean` returned.
+///
+/// Base and arm share directions (a turn of the base and one of the first joints), so the last step of a training may move them far
+/// in opposite ways; one half of such a step is worse than neither.
+fn at_fitted_bases(
+    unknowns: &[Unknown],
+    offsets: &mut DVector<f64>,
+    mut mean: DVector<f64>,
+) -> DVector<f64> {
+    for (place, unknown) in unknowns.iter().enumerate() {
+        if matches!(unknown.parameter, Parameter::Base(_)) {
+            offsets[place] += mean[place];
+            mean[place] = 0.0;
+        }
+    }
+    mean
 }

@@ -149,8 +149,8 @@ pub struct Query<'q> {
     pub source: SourceId,
     /// The target that the point is predicted by.
     pub target: TargetId,
-    /// Whether the session's own parts apply (fitted base, drift, scale, changes); otherwise the base is the nominal fit's and
-    /// predictions are those for any session.
+    /// Whether the session's own parts apply (drift, scale, changes) and the covariance includes its base; otherwise predictions are
+    /// those for any session whose base is the fitted one.
     pub own: bool,
     /// The station's number, for drift, warm-up and the session's scale; `None` for a command used in another session.
     pub station: Option<usize>,

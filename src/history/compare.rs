@@ -5,7 +5,7 @@
 //! information `V = Λ₂ − Λ₂ A⁻¹ Λ₂`, `A = Λ₁ + Λ₂ + P` (the parallel sum of Λ₁ and Λ₂: what both determine). Without a change
 //! `u ~ N(0, V)`. A change of the columns G alone explains `u_Gᵀ V_GG⁺ u_G`, chi-square with as many degrees of freedom as
 //! `V_GG` has rank; the shift is `V_GG⁺ u_G` with covariance `V_GG⁺`. Directions in which a change of a whole unit (3 mm, 3
-//! mrad, 0.3 mrad of a curve) would be less than one standard deviation count as not determined.
+//! mrad, 0.3 mrad or mm of a curve) would be less than one standard deviation count as not determined.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -145,7 +145,8 @@ impl Explained {
         let shift = |(i, &place): (usize, &usize)| {
             let column = comparison.columns[place];
             let sd = self.covariance[(i, i)].max(0.0).sqrt() * column.unit();
-            (sd > 0.0).then(|| Shift {
+            let of_both = comparison.information[(place, place)] > 0.0;
+            (of_both && sd > 0.0).then(|| Shift {
                 column,
                 value: self.shift[i] * column.unit(),
                 sd,

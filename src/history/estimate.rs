@@ -5,7 +5,7 @@
 //! stations, so Λ and η add up, while posteriors, which share their prior, do not.
 //!
 //! Kept are the columns that sessions share and that can be compared: geometry, base and target, gravity, and
-//! the slow part of each joint's curve. Everything else (the fast part of curves, gear lines, drift within the session, the
+//! the slow part of each joint's curve: coefficients of one that turns, values of one that slides. Everything else (the fast part of curves, gear lines, drift within the session, the
 //! settling error) is integrated out under its prior in each session by itself: a test gets
 //! less sharp by it, never too sharp. The unit of a column is the largest change expected of it ([`Column::unit`]).
 

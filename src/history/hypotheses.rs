@@ -85,15 +85,21 @@ impl Hypothesis {
             (Self::Anything, _)
             | (Self::Base, Column::Chain(Parameter::Base(_)))
             | (Self::Target, Column::Chain(Parameter::Target(_))) => true,
-            (Self::Link(own), Column::Chain(Parameter::Link { joint, quantity })) => {
+            (
+                Self::Link(own),
+                Column::Chain(Parameter::Link { joint, quantity })
+                | Column::Slide(Parameter::Link { joint, quantity }),
+            ) => {
                 let is_base = own == 1 && matches!(quantity, LinkQuantity::D);
-                own == *joint && !matches!(quantity, LinkQuantity::Theta) && !is_base
+                own == *joint && column.zero_of().is_none() && !is_base
             }
             (
-                Self::JointOffset(own) | Self::JointCurve(own),
-                Column::Chain(Parameter::Link { joint, quantity }),
-            ) => own == *joint && matches!(quantity, LinkQuantity::Theta),
-            (Self::JointCurve(own), Column::Curve { joint, .. }) => own == *joint,
+                Self::JointCurve(own),
+                Column::Curve { joint, .. } | Column::SlideCurve { joint, .. },
+            ) => own == *joint,
+            (Self::JointOffset(own) | Self::JointCurve(own), _) => {
+                matches!(column.zero_of(), Some(joint) if joint == own)
+            }
             _ => false,
         }
     }
@@ -183,7 +189,7 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
             // Without curve columns it would repeat the offset.
             Hypothesis::JointCurve(_) => columns
                 .iter()
-                .any(|column| matches!(column, Column::Curve { .. }) && hypothesis.has(column)),
+                .any(|column| column.is_of_a_curve() && hypothesis.has(column)),
             _ => true,
         })
         .chain([Hypothesis::Anything])

@@ -9,7 +9,7 @@ use super::control::{Chart, Charted};
 use super::estimate::{Column, Estimate};
 use super::hypotheses::{Finding, Hypothesis, find, hypotheses};
 use super::{Basis, Judged, SET_UP_ANEW, SessionFigures};
-use crate::kinematics::{LinkQuantity, Parameter};
+use crate::kinematics::Parameter;
 
 /// The state after all sessions so far that the next one needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -187,10 +187,9 @@ fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
     let charted = |column: &Column| match column {
         Column::Chain(Parameter::Base(_)) => known.has_base(),
         Column::Chain(Parameter::Target(_)) => known.has_target(),
-        Column::Chain(Parameter::Link { joint, quantity }) => {
-            *quantity == LinkQuantity::Theta && *joint > 1 && Some(*joint) != last
-        }
-        Column::Gravity(_) | Column::Curve { .. } => false,
+        _ => column
+            .zero_of()
+            .is_some_and(|joint| joint > 1 && Some(joint) != last),
     };
     let places = comparison.places(charted);
     comparison.explained(&places).shifts(&comparison, &places)

@@ -45,18 +45,36 @@ impl Judged {
             .collect();
         let size = match part {
             Hypothesis::Base | Hypothesis::Target => Some(motion(&own)),
-            Hypothesis::JointOffset(_) => own.first().map(|shift| {
-                format!(
-                    "moved by {:.0} ± {:.0} µrad",
-                    1e6 * shift.value,
-                    1e6 * shift.sd
-                )
-            }),
-            Hypothesis::JointCurve(_) | Hypothesis::Link(_) => Some("changed".to_owned()),
+            Hypothesis::JointOffset(_) => own.first().map(|shift| offset(shift)),
+            Hypothesis::JointCurve(_) => Some(curve(&own)),
+            Hypothesis::Link(_) => Some("changed".to_owned()),
             Hypothesis::Anything => None,
         };
         size.map_or_else(|| part.to_string(), |size| format!("{part} {size}"))
     }
+}
+
+/// The shift of a joint's zero, as text.
+fn offset(shift: &Shift) -> String {
+    let (value, sd) = (shift.value, shift.sd);
+    if matches!(shift.column, Column::Slide(_)) {
+        return format!("moved by {value:.3} ± {sd:.3} mm");
+    }
+    format!("moved by {:.0} ± {:.0} µrad", 1e6 * value, 1e6 * sd)
+}
+
+/// The change of a joint's curve, as text: of one that slides with the position where it is largest.
+fn curve(shifts: &[&Shift]) -> String {
+    let at = |shift: &&Shift| match shift.column {
+        Column::SlideCurve { at_mm, .. } => Some((at_mm, shift.value, shift.sd)),
+        _ => None,
+    };
+    let values = shifts.iter().filter_map(at);
+    let largest = values.max_by(|(_, one, _), (_, other, _)| one.abs().total_cmp(&other.abs()));
+    largest.map_or_else(
+        || "changed".to_owned(),
+        |(at_mm, value, sd)| format!("changed by up to {value:.3} ± {sd:.3} mm, at {at_mm} mm"),
+    )
 }
 
 /// The size of a frame's translation and rotation, as text.

@@ -6,7 +6,7 @@
 
 use nalgebra::{DVector, Vector3};
 
-use crate::fit::full::design::SATURATION_RAD;
+use crate::fit::full::design::saturation;
 use crate::fit::full::layout::Block;
 use crate::fit::full::next::{Mounting, Placed};
 use crate::fit::full::{FullModel, FullSettings};
@@ -146,7 +146,7 @@ impl KnownArm {
         let stand = |joint| ApproachOffset {
             nearer_command: at(&command_weight, joint) + at(&own, joint),
             beyond_rad: at(&short, joint),
-            within_rad: SATURATION_RAD,
+            within_rad: saturation(self.model.layout().slide_period_mm(joint).is_some()),
         };
         self.knows_approach
             .then(|| (0..joints).map(stand).collect())

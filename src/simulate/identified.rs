@@ -38,7 +38,7 @@ pub struct AxisError {
 pub struct ApproachOffset {
     /// Command–feedback weight: the share of the way from reported to commanded angle.
     pub nearer_command: f64,
-    /// Offset beyond that share, towards the command, rad. It is whole when the settling error is at least `within_rad`, and
+    /// Offset beyond that share, towards the command, rad (mm where the joint slides, as the settling error). It is whole when the settling error is at least `within_rad`, and
     /// in proportion below.
     pub beyond_rad: f64,
     /// The settling error, rad, from which on `beyond_rad` applies in full.

@@ -152,7 +152,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
     };
     let model = own.by.model.is::<FullModel>();
     let of_full = |model: &FullModel| {
-        let estimate = Estimate::of_full(model).expect("one source and target");
+        let estimate = Estimate::of_full(model, &[]).expect("one source and target");
         estimate.expect("a covariance")
     };
     let earlier = of_full(model.expect("a full error model"));

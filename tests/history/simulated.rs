@@ -72,7 +72,19 @@ fn geometric(arm: &Arm) -> Estimate {
         .expect("an estimate")
 }
 
-fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
+/// Lowest and highest axis variable of each joint.
+fn ranges(seen: &[Observation]) -> Vec<[f64; 2]> {
+    let joints = 0..seen[0].axes.len();
+    let range = |joint: usize| {
+        let own = seen.iter().map(|one| one.axes[joint]);
+        own.fold([f64::MAX, f64::MIN], |[low, high], q| {
+            [low.min(q), high.max(q)]
+        })
+    };
+    joints.map(range).collect()
+}
+
+pub fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
     let settings = FitSettings::default();
     let start = fit::identify(arm, seen, 1, Freedom::Geometry, &settings).expect("a fit");
     let quick = FullSettings {
@@ -90,7 +102,7 @@ fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
         &quick,
         up,
     );
-    let estimate = Estimate::of_full(&model.expect("a model"));
+    let estimate = Estimate::of_full(&model.expect("a model"), &ranges(seen));
     estimate
         .expect("one source and target")
         .expect("an estimate")
@@ -223,7 +235,7 @@ fn known_changes_are_named() {
     }
 }
 
-fn figures(estimate: Estimate) -> SessionFigures {
+pub fn figures(estimate: Estimate) -> SessionFigures {
     let name = || "the same".to_owned();
     let basis = Basis {
         pipeline: name(),
@@ -257,7 +269,7 @@ fn measured(
     sessions.map(judge).collect()
 }
 
-fn told(judged: &[Judged]) {
+pub fn told(judged: &[Judged]) {
     for (session, judged) in judged.iter().enumerate() {
         let all = judged
             .asked

@@ -8,7 +8,8 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::design::SATURATION_RAD;
+use super::design::saturation;
+use super::layout::{Block, Layout};
 use crate::fit::observation::Observation;
 
 /// True minus known axis variables over the training stations.
@@ -25,19 +26,22 @@ pub struct ApproachOffsets {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Against {
-    /// Mean of each axis variable, rad.
+    /// Mean of each axis variable, rad; mm where it slides.
     pub mean: Vec<f64>,
-    /// Variance of each axis variable, rad².
+    /// Variance of each axis variable, rad²; mm² where it slides.
     pub variance: Vec<f64>,
 }
 
 impl ApproachOffsets {
-    /// The distributions from the stations' settling errors and the model's coefficients; `None` without settling errors.
-    pub fn of(
-        observations: &[Observation],
-        command_weight: &DVector<f64>,
-        approach_offset: &DVector<f64>,
-    ) -> Option<Self> {
+    /// The distributions from the stations' settling errors and the coefficients `mean` of all columns; `None` without settling
+    /// errors, or where the model does not have the parts for it.
+    pub fn of(observations: &[Observation], layout: &Layout, mean: &DVector<f64>) -> Option<Self> {
+        let of = |block| {
+            let columns = layout.columns(block)?;
+            Some(mean.rows(columns.start, columns.len()))
+        };
+        let command_weight = of(Block::CommandWeight)?;
+        let approach_offset = of(Block::ApproachOffset)?;
         let settling_errors: Vec<&[f64]> = observations
             .iter()
             .filter_map(|o| o.settling_error.as_ref()?.sent())
@@ -45,8 +49,9 @@ impl ApproachOffsets {
         let joints = settling_errors.first()?.len();
         let against = |share: f64| {
             let away = |joint: usize, settling_error: f64| {
+                let whole = saturation(layout.slide_period_mm(joint).is_some());
                 (command_weight[joint] - share) * settling_error
-                    + approach_offset[joint] * (settling_error / SATURATION_RAD).clamp(-1.0, 1.0)
+                    + approach_offset[joint] * (settling_error / whole).clamp(-1.0, 1.0)
             };
             let of_joint = |joint: usize| {
                 mean_and_variance(

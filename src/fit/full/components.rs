@@ -12,6 +12,7 @@ use nalgebra::DVector;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::spectrum::{Kernel, smooth_variances};
+use crate::units::SLIDE_MM_PER_RAD;
 
 /// The part that a component belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -177,12 +178,15 @@ impl Components {
                 let profile = gravity_profile(layout, s, columns.len());
                 self.join(Part::Gravity, s.gravity_sd, columns, profile);
             }
-            Block::ApproachOffset => self.join(
-                Part::ApproachOffset,
-                s.approach_offset_sd_rad,
-                columns,
-                even,
-            ),
+            Block::ApproachOffset => {
+                let profile = approach_profile(layout, columns.len());
+                self.join(
+                    Part::ApproachOffset,
+                    s.approach_offset_sd_rad,
+                    columns,
+                    profile,
+                );
+            }
             Block::SessionCommandWeight(_) => {
                 self.join(
                     Part::SessionCommandWeight,
@@ -288,6 +292,15 @@ fn gravity_profile(layout: &Layout, settings: &FullSettings, columns: usize) -> 
         }
     }
     profile
+}
+
+/// Shares of the approach-direction offset's variance, one for each joint: where it slides, as many mm² as count as a rad².
+fn approach_profile(layout: &Layout, joints: usize) -> Vec<f64> {
+    let share = |joint| match layout.slide_period_mm(joint) {
+        Some(_) => SLIDE_MM_PER_RAD * SLIDE_MM_PER_RAD,
+        None => 1.0,
+    };
+    (0..joints).map(share).collect()
 }
 
 /// A kernel's length (rad) on the circle of the curves' period: shorter for a period of several turns.

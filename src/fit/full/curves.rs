@@ -36,17 +36,10 @@ impl FullModel {
     ///
     /// It excludes the joint's constant offset, which is the geometry's θ.
     pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
-        let mut curve = DMatrix::zeros(angles.len(), self.layout.size());
-        let mut lines = curve.clone();
-        let period = self.layout.curve_unit(joint);
+        let curve = self.curve_rows(joint, angles);
+        let mut lines = DMatrix::zeros(angles.len(), self.layout.size());
         for (block, columns) in self.layout.blocks() {
             match block {
-                Block::Curve(own) if own == joint => {
-                    for pair in 0..columns.len() / 2 {
-                        let first = columns.start + 2 * pair;
-                        fill(&mut curve, first, angles, (pair + 1) as f64 / period);
-                    }
-                }
                 Block::Line { joint: own, cycles } if own == joint => {
                     fill(&mut lines, columns.start, angles, cycles);
                 }
@@ -62,6 +55,39 @@ impl FullModel {
             sd: variances[place].sqrt(),
         };
         angles.iter().enumerate().map(error).collect()
+    }
+
+    /// The smooth error curve of `joint` (from 0) at `angles` (axis variable, rad; mm where the joint slides) per unit of every
+    /// column: a row for each angle, zero without a curve.
+    pub fn curve_rows(&self, joint: usize, angles: &[f64]) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(angles.len(), self.layout.size());
+        let unit = self.layout.curve_unit(joint);
+        let columns = self.layout.columns(Block::Curve(joint)).unwrap_or(0..0);
+        for pair in 0..columns.len() / 2 {
+            let first = columns.start + 2 * pair;
+            fill(&mut rows, first, angles, (pair + 1) as f64 / unit);
+        }
+        rows
+    }
+
+    /// Posterior covariance of combinations of columns, a row each.
+    pub fn covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let half = self.posterior.half(rows);
+        half.tr_mul(&half)
+    }
+
+    /// Prior covariance of combinations of columns, a row each.
+    pub fn prior_covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut half = rows.transpose();
+        for (mut row, scale) in half.row_iter_mut().zip(&self.posterior.scale) {
+            row *= *scale;
+        }
+        half.tr_mul(&half)
+    }
+
+    /// Posterior means of combinations of columns, a row each; of an unknown, without the offset where its column is evaluated.
+    pub fn means_of_rows(&self, rows: &DMatrix<f64>) -> DVector<f64> {
+        rows * &self.mean
     }
 
     /// Posterior covariance of the columns at `places`.

@@ -11,10 +11,16 @@ use crate::fit::commanded::SettlingError;
 use crate::fit::observation::measured::moved;
 use crate::join::ReadingKind;
 use crate::kinematics::{Axes, Twist};
+use crate::units::SLIDE_MM_PER_RAD;
 
-/// Settling error from which on the approach-direction offset is complete, rad. Widths of 40 to
+/// Settling error from which on the approach-direction offset of a joint that turns is complete, rad. Widths of 40 to
 /// 110 µrad fit equally well.
-pub const SATURATION_RAD: f64 = 60e-6;
+const SATURATION_RAD: f64 = 60e-6;
+
+/// Settling error from which on a joint's approach-direction offset is complete, rad; mm where the joint slides.
+pub fn saturation(slides: bool) -> f64 {
+    SATURATION_RAD * if slides { SLIDE_MM_PER_RAD } else { 1.0 }
+}
 
 /// The quantities of one pose that the columns use; all vectors in the frame of the rows.
 #[derive(Debug, Clone)]
@@ -162,7 +168,7 @@ impl PoseView<'_> {
         }
     }
 
-    /// The offset of joints that turn; its saturation is an angle.
+    /// The offset of each joint, whole or in proportion to its settling error.
     fn approach_offset(
         &self,
         columns: Range<usize>,
@@ -171,14 +177,8 @@ impl PoseView<'_> {
     ) {
         let settling_errors = self.joints.iter().zip(self.sent()).enumerate();
         for (column, (joint, (twist, settling_error))) in columns.zip(settling_errors) {
-            if layout.slide_period_mm(joint).is_some() {
-                continue;
-            }
-            each(
-                column,
-                twist,
-                (settling_error / SATURATION_RAD).clamp(-1.0, 1.0),
-            );
+            let whole = saturation(layout.slide_period_mm(joint).is_some());
+            each(column, twist, (settling_error / whole).clamp(-1.0, 1.0));
         }
     }
 

@@ -12,13 +12,14 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 
+use super::approach::ApproachOffsets;
 use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::leave_one_out;
 use super::regression::Posterior;
 use super::rows::{rows, sums};
 use super::train::State;
-use super::{FullModel, FullSettings, Ready, approach};
+use super::{FullModel, FullSettings, Ready, at_fitted_bases};
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
@@ -391,7 +392,8 @@ impl FullModel {
         }
         let (posterior, expected, left_out) = self.round(&problem, &state)?;
         let mean = posterior.mean() + expected;
-        let approach = approach(&observations, &state.layout, &mean);
+        let approach = ApproachOffsets::of(&observations, &state.layout, &mean);
+        let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             frames: problem.frames(&state.offsets),

@@ -12,7 +12,7 @@ use crate::fit::observation::Observation;
 use crate::fit::observation::measured::moved;
 use crate::join::ReadingKind;
 use crate::kinematics::Twist;
-use crate::units::MM_PER_M;
+use crate::units::SLIDE_MM_PER_RAD;
 
 /// Variances of the repeatability.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Repeatability {
     pub position: f64,
     /// Variance of measured orientations beyond the instrument's, per axis, rad².
     pub orientation: f64,
-    /// Variance of each joint, rad².
+    /// Variance of each joint, rad²; mm² where it slides.
     pub joints: Vec<f64>,
 }
 
@@ -36,7 +36,8 @@ const PRIOR: f64 = 2.0;
 impl Repeatability {
     /// The expected sizes for the joints of `slides`: a joint that slides repeats a mm as another repeats a mrad.
     pub fn expected(settings: &FullSettings, slides: &[bool]) -> Self {
-        let size = |slides: &bool| settings.joint_noise_rad * if *slides { MM_PER_M } else { 1.0 };
+        let size =
+            |slides: &bool| settings.joint_noise_rad * if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
         Self {
             position: settings.noise_mm.powi(2),
             orientation: (2.0 * settings.joint_noise_rad).powi(2),

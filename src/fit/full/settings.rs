@@ -72,7 +72,7 @@ pub struct FullSettings {
     pub drift_length_stations: f64,
     /// Expected size of the command–feedback weight.
     pub command_weight_sd: f64,
-    /// Expected size of the approach-direction offset, rad.
+    /// Expected size of the approach-direction offset, rad; m where the joint slides.
     pub approach_offset_sd_rad: f64,
     /// Expected difference of the command–feedback weight between sessions.
     pub session_command_weight_sd: f64,

@@ -10,38 +10,46 @@ use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{FramePair, Owner, TargetId, Unknown};
 use crate::kinematics::Parameter;
 
-/// Pairs `cos, sin` of a joint's curve that are compared between sessions: those with a period of at least 90°.
+/// Pairs `cos, sin` of the curve of a joint that turns that are compared between sessions: those with a period of at least 90°.
 const CURVE_PAIRS: usize = 4;
+/// Positions at which the curve of a joint that slides is compared: multiples of this, mm. It is twice the usual short length, so that
+/// the values at two positions are more than one.
+const EVERY_MM: f64 = 200.0;
+/// The most positions of one curve: a range beyond two hundred metres is an error in the data.
+const MOST_POSITIONS: usize = 1000;
 
 /// A posterior over some columns, mm and rad.
-struct Posterior<'p> {
+struct Posterior {
     columns: Vec<Column>,
-    covariance: &'p DMatrix<f64>,
+    covariance: DMatrix<f64>,
     means: Vec<f64>,
-    /// Precision of each column's prior; 0 without one.
-    precision: Vec<f64>,
+    /// Precision of the columns' prior; 0 for one without.
+    precision: DMatrix<f64>,
     /// The fitted frames.
     frames: FramePair,
+}
+
+/// Values of a joint's curve.
+struct Values {
+    columns: Vec<Column>,
+    /// The values per unit of the model's columns.
+    rows: DMatrix<f64>,
+    /// Precision of their prior.
+    precision: DMatrix<f64>,
 }
 
 impl Estimate {
     /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted. Several sources
     /// are refused; of several targets the main one is compared, for all are known by it and the arm.
-    pub fn of_full(model: &FullModel) -> Result<Option<Self>, SavedError> {
+    ///
+    /// `ranges` are the lowest and highest axis variable of each joint over the stations, rad or mm: the curve of a joint that slides is
+    /// compared within them, and not at all where they are empty.
+    pub fn of_full(model: &FullModel, ranges: &[[f64; 2]]) -> Result<Option<Self>, SavedError> {
         let frames = model.fitted_frames();
         let Some(session) = frames.first() else {
             return Ok(None);
         };
-        let (places, columns): (Vec<usize>, Vec<Column>) =
-            shared_columns(model).into_iter().unzip();
-        let scale = model.prior_sd();
-        let posterior = Posterior {
-            columns,
-            covariance: &model.covariance_of(&places),
-            means: places.iter().map(|&p| model.column_mean(p)).collect(),
-            precision: places.iter().map(|&p| scale[p].powi(-2)).collect(),
-            frames: session.main()?,
-        };
+        let posterior = Posterior::of_full(model, ranges, session.main()?);
         Ok(posterior.estimate())
     }
 
@@ -64,24 +72,61 @@ impl Estimate {
             saved.covariance[i.max(j)][i.min(j)]
         });
         let precision = |sd: &Option<f64>| sd.map_or(0.0, |sd| sd.powi(-2));
+        let joints = &saved.arm.joints;
+        let slides = |joint: usize| joints.get(joint - 1).is_some_and(|own| own.slides);
+        let precisions = kept
+            .iter()
+            .map(|&place| precision(&saved.prior_sd[place]))
+            .collect();
         let posterior = Posterior {
             columns: parameters
                 .iter()
-                .map(|(own, _)| Column::Chain(*own))
+                .map(|(own, _)| Column::of(*own, slides))
                 .collect(),
-            covariance: &covariance,
+            covariance,
             means: parameters.iter().map(|(_, offset)| *offset).collect(),
-            precision: kept
-                .iter()
-                .map(|&place| precision(&saved.prior_sd[place]))
-                .collect(),
+            precision: DMatrix::from_diagonal(&DVector::from_vec(precisions)),
             frames: session.frames()?.main()?,
         };
         Ok(posterior.estimate())
     }
 }
 
-impl Posterior<'_> {
+impl Posterior {
+    /// The posterior of a model's shared columns, and of the values of its slides' curves.
+    fn of_full(model: &FullModel, ranges: &[[f64; 2]], frames: FramePair) -> Self {
+        let (places, mut columns): (Vec<usize>, Vec<Column>) =
+            shared_columns(model).into_iter().unzip();
+        let values = slide_curves(model, ranges);
+        let size = places.len() + values.iter().map(|own| own.columns.len()).sum::<usize>();
+        let mut rows = DMatrix::zeros(size, model.layout().size());
+        let mut precision = DMatrix::zeros(size, size);
+        for (row, &place) in places.iter().enumerate() {
+            rows[(row, place)] = 1.0;
+            precision[(row, row)] = model.prior_sd()[place].powi(-2);
+        }
+        let mut first = places.len();
+        for own in values {
+            let count = own.columns.len();
+            rows.rows_mut(first, count).copy_from(&own.rows);
+            let mut block = precision.view_mut((first, first), (count, count));
+            block.copy_from(&own.precision);
+            columns.extend(own.columns);
+            first += count;
+        }
+        let mut means = model.means_of_rows(&rows);
+        for (mean, &place) in means.iter_mut().zip(&places) {
+            *mean = model.column_mean(place);
+        }
+        Self {
+            covariance: model.covariance_of_rows(&rows),
+            columns,
+            means: means.as_slice().to_vec(),
+            precision,
+            frames,
+        }
+    }
+
     /// The estimate: the posterior with the prior removed.
     fn estimate(&self) -> Option<Estimate> {
         let units: Vec<f64> = self.columns.iter().map(Column::unit).collect();
@@ -89,12 +134,11 @@ impl Posterior<'_> {
         let scaled = |i: usize, j: usize| self.covariance[(i, j)] / (units[i] * units[j]);
         let mut information = DMatrix::from_fn(size, size, scaled).cholesky()?.inverse();
         let own = DVector::from_fn(size, |i, _| self.offset(i) / units[i]);
-        let mut moment = &information * own;
-        for (i, unit) in units.iter().enumerate() {
-            let prior = self.precision[i] * unit * unit;
-            information[(i, i)] -= prior;
-            moment[i] -= prior * self.expected(i) / unit;
-        }
+        let expected = DVector::from_fn(size, |i, _| self.expected(i) / units[i]);
+        let prior = |i: usize, j: usize| self.precision[(i, j)] * units[i] * units[j];
+        let prior = DMatrix::from_fn(size, size, prior);
+        let moment = &information * own - &prior * expected;
+        information -= prior;
         Some(Estimate {
             columns: self.columns.clone(),
             information,
@@ -165,19 +209,28 @@ fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
         let first = own.start;
         match block {
             Block::Unknowns => {
+                let slides = |joint: usize| model.layout().slide_period_mm(joint - 1).is_some();
                 let is_main = |unknown: &Unknown| match unknown.owner {
                     Owner::Arm | Owner::Source { .. } => true,
                     Owner::Target { target, .. } => target == TargetId::MAIN,
                 };
                 let unknowns = own.zip(model.unknowns());
                 let unknowns = unknowns.filter(|(_, unknown)| is_main(unknown));
-                shared.extend(unknowns.map(|(place, own)| (place, Column::Chain(own.parameter))));
+                shared.extend(
+                    unknowns.map(|(place, own)| (place, Column::of(own.parameter, slides))),
+                );
             }
             Block::Gravity => {
-                let turns = own.filter(|place| !is_of_a_slide(model, place - first));
-                shared.extend(turns.map(|place| (place, Column::Gravity(place - first))));
+                let column = |place| {
+                    if is_of_a_slide(model, place) {
+                        Column::SlideGravity(place)
+                    } else {
+                        Column::Gravity(place)
+                    }
+                };
+                shared.extend(own.map(|place| (place, column(place - first))));
             }
-            // The period of a slide's curve is that of its session's range: coefficients of two sessions are of other functions.
+            // The coefficients of a slide's curve are of its own session's functions: its values are compared.
             Block::Curve(joint) if model.layout().slide_period_mm(joint).is_none() => {
                 let coefficient = |place| Column::Curve {
                     joint: joint + 1,
@@ -191,4 +244,37 @@ fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
     }
     shared.retain(|(place, _)| model.prior_sd()[*place] > 0.0);
     shared
+}
+
+/// The values of the curves of joints that slide at positions that their session measured; none of a curve that was dropped.
+fn slide_curves(model: &FullModel, ranges: &[[f64; 2]]) -> Vec<Values> {
+    let curve = |(joint, range): (usize, &[f64; 2])| {
+        model.layout().slide_period_mm(joint)?;
+        let (places, positions): (Vec<i64>, Vec<f64>) = positions(*range).into_iter().unzip();
+        let rows = model.curve_rows(joint, &positions);
+        let precision = model.prior_covariance_of_rows(&rows).cholesky()?.inverse();
+        let joint = joint + 1;
+        let column = |at_mm| Column::SlideCurve { joint, at_mm };
+        Some(Values {
+            columns: places.into_iter().map(column).collect(),
+            rows,
+            precision,
+        })
+    };
+    ranges.iter().enumerate().filter_map(curve).collect()
+}
+
+/// Multiples of [`EVERY_MM`] from `low` to `high`, mm, as whole numbers and as positions; none where nothing was measured.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a float to integer cast saturates, and a slide is shorter than that"
+)]
+fn positions([low, high]: [f64; 2]) -> Vec<(i64, f64)> {
+    let first = (low / EVERY_MM).ceil();
+    std::iter::successors(Some(first), |place| Some(place + 1.0))
+        .map(|place| place * EVERY_MM)
+        .take_while(|position| *position <= high)
+        .take(MOST_POSITIONS)
+        .map(|position| (position as i64, position))
+        .collect()
 }

@@ -87,7 +87,8 @@ impl TableRun {
         }
         let full = outcome.full.as_ref();
         let full = full.ok_or("there is no full error model of the session")?;
-        let own = Estimate::of_full(full).map_err(|several| several.to_string())?;
+        let ranges = ranges(outcome, arm);
+        let own = Estimate::of_full(full, &ranges).map_err(|several| several.to_string())?;
         let own = own.ok_or("the covariance of the full error model is none")?;
         match history::session::estimate(&self.calibrations)? {
             (Model::Full, earlier) => Ok(between(&earlier, &own)),
@@ -113,6 +114,20 @@ impl TableRun {
         outside.dedup();
         outside
     }
+}
+
+/// Lowest and highest axis variable of each joint over the stations that a run learnt from, rad or mm; none without a station.
+fn ranges(outcome: &Outcome<'_>, arm: &Arm) -> Vec<[f64; 2]> {
+    let sessions = outcome.training.iter();
+    let stations = sessions.flat_map(|session| &session.joined.stations);
+    let measured = stations.filter(|station| !station.measured().is_empty());
+    let axes: Vec<Vec<f64>> = measured.map(|own| arm.axes(&own.joints)).collect();
+    let joints = axes.first().map_or(0, Vec::len);
+    let range = |joint: usize| {
+        let ends = extremes(axes.iter().map(|own| own[joint]))?;
+        Some([ends.0, ends.1])
+    };
+    (0..joints).filter_map(range).collect()
 }
 
 /// The accuracy that a run predicted for commands corrected by this model, from stations that took no part.

@@ -92,10 +92,10 @@ fn charted(charted: &Charted) -> Figure {
     // Names of accuracy figures have several words, names of a model's columns one.
     let is_accuracy = charted.name.contains(' ');
     let is_angle = charted.name.contains("_r") || charted.name.starts_with("theta");
-    let joint = charted
-        .name
-        .strip_prefix("theta_")
-        .and_then(|joint| joint.parse().ok());
+    // The zero of a joint that turns, or of one that slides.
+    let joint = ["theta_", "d_"]
+        .iter()
+        .find_map(|zero| charted.name.strip_prefix(zero)?.parse().ok());
     Figure {
         kind: if is_accuracy {
             Kind::Accuracy

@@ -65,24 +65,42 @@ fn digest_of(path: &Path) -> std::io::Result<String> {
 /// The best model's estimate, and the name of the model.
 pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Estimate), String> {
     let rows = CalibrationRow::read(calibrations);
-    let text = |kind: Model| {
-        let own = rows.iter().find(|row| row.model_kind == kind);
-        own.map(|row| row.model.as_str())
-    };
-    if let Some(text) = text(Model::Full) {
-        let saved = SavedFull::read(text).map_err(|error| error.to_string())?;
+    let of = |kind: Model| rows.iter().find(|row| row.model_kind == kind);
+    if let Some(row) = of(Model::Full) {
+        let saved = SavedFull::read(&row.model).map_err(|error| error.to_string())?;
         let model = FullModel::from_saved(&saved).map_err(|error| error.to_string())?;
-        let estimate = Estimate::of_full(&model).map_err(|several| several.to_string())?;
+        let ranges = ranges(row, &saved.arm.axes_from_joints);
+        let estimate = Estimate::of_full(&model, &ranges).map_err(|several| several.to_string())?;
         let estimate = estimate.ok_or("the covariance of model full is none")?;
         return Ok((Model::Full, estimate));
     }
-    let text = text(Model::Geometric).ok_or("neither model full nor geometric is there")?;
-    let saved = SavedCalibration::read(text).map_err(|error| error.to_string())?;
+    let row = of(Model::Geometric).ok_or("neither model full nor geometric is there")?;
+    let saved = SavedCalibration::read(&row.model).map_err(|error| error.to_string())?;
     let estimate = Estimate::of_geometric(&saved).map_err(|error| error.to_string())?;
     Ok((
         Model::Geometric,
         estimate.ok_or("the covariance of model geometric is none")?,
     ))
+}
+
+/// Lowest and highest axis variable of each joint over the stations of a calibration, rad or mm; empty for one that a joint map couples
+/// with others.
+fn ranges(row: &CalibrationRow, axes_from_joints: &[Vec<f64>]) -> Vec<[f64; 2]> {
+    let range = |(axis, map): (usize, &Vec<f64>)| {
+        let is_own = |(joint, share): (usize, &f64)| {
+            (*share - f64::from(u8::from(joint == axis))).abs() == 0.0
+        };
+        let is_alone = map.iter().enumerate().all(is_own);
+        let ends = row
+            .joint_lower_rad
+            .get(axis)
+            .zip(row.joint_upper_rad.get(axis));
+        let ends = ends.filter(|_| is_alone);
+        ends.map_or([f64::INFINITY, f64::NEG_INFINITY], |(low, high)| {
+            [*low, *high]
+        })
+    };
+    axes_from_joints.iter().enumerate().map(range).collect()
 }
 
 /// Figures that are charted: mean and 95th percentile of held-out errors, before and after.

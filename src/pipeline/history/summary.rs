@@ -24,7 +24,7 @@ use crate::io::whole_file::replace_whole;
 use crate::manifest::VERSION;
 
 /// Version of the lines and of their meaning; raised by any change.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// Earlier judgements.
 #[derive(Debug, Clone, Default)]
