@@ -20,8 +20,11 @@ pub mod flange;
 pub mod frames;
 pub mod full;
 mod gap;
+pub mod gauge;
 pub mod holdout;
 pub mod identifiability;
+#[cfg(test)]
+mod lengths;
 pub mod locate;
 pub mod loss;
 pub mod mislabelled;
@@ -53,17 +56,18 @@ use thiserror::Error;
 pub use error_frame::{ErrorBase, ErrorFrame, FrameUncertainty, SurveyedBase};
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
 pub use gap::{Gap, Refusal};
+pub use gauge::{Anchor, Gauge, Plane, Sees};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;
 pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
 pub use observation::{
-    Measured, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source, TrackerUncertainty,
-    add_commands, observations,
+    Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source,
+    TrackerUncertainty, add_commands, observations,
 };
 pub use problem::{
-    Freedom, KnownDistance, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,
+    Freedom, KnownDistance, KnownGauge, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,
 };
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
@@ -111,6 +115,9 @@ pub struct FitSettings {
     /// section.
     #[serde(skip)]
     pub target_names: Vec<String>,
+    /// What is known of the sources that read lengths, in the order of [`SourceId`]. The input states it, not this section.
+    #[serde(skip)]
+    pub gauges: Vec<KnownGauge>,
     /// The blocks of the work space for held-out figures.
     pub blocks: Blocks,
 }
@@ -128,6 +135,7 @@ impl Default for FitSettings {
             targets: BTreeMap::new(),
             target_distances: Vec::new(),
             target_names: Vec::new(),
+            gauges: Vec::new(),
             blocks: Blocks::default(),
         }
     }
@@ -143,6 +151,7 @@ impl FitSettings {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
             targets: self.known_targets(),
             distances: distances.filter_map(|own| self.distance(own)).collect(),
+            gauges: self.gauges.clone(),
         }
     }
 
@@ -203,6 +212,21 @@ pub enum FitError {
         /// Number of its stations.
         stations: usize,
         /// Number of stations needed.
+        needed: usize,
+    },
+    /// Fewer readings of one length than its anchor or plane needs.
+    #[error(
+        "{readings} readings of instrument {instrument} of session {session} (the first of each is 0), which reads one length, but its place \
+         and the target's need at least {needed}: measure more poses, or leave the instrument out"
+    )]
+    TooFewLengths {
+        /// The session's place in the fit.
+        session: usize,
+        /// The source's place in the session.
+        instrument: usize,
+        /// Number of its readings.
+        readings: usize,
+        /// Number of readings needed.
         needed: usize,
     },
     /// A target that no observation names, though one behind it is named.
@@ -294,7 +318,7 @@ impl Calibration {
                 _ if unknown.session() != Some(session) => {}
                 Parameter::Base(Motion::Translation(_)) => variances[0] += variance,
                 Parameter::Base(Motion::Rotation(_)) => variances[1] += variance,
-                Parameter::Link { .. } | Parameter::Target(_) => {}
+                Parameter::Link { .. } | Parameter::Target(_) | Parameter::Gauge(_) => {}
             }
         }
         variances.map(|sum| (sum / 3.0).sqrt()).into()

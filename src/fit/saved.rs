@@ -12,7 +12,7 @@ use super::{Calibration, Frames, Owner, Unknown};
 use crate::geometry::Transform;
 use crate::join::SeveralSources;
 use crate::kinematics::{
-    Arm, ArmError, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter,
+    Arm, ArmError, Chain, Convention, Element, GaugePart, Joint, LinkQuantity, Motion, Parameter,
 };
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
@@ -572,8 +572,10 @@ fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
         .flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
     let links = (1..=MOST_JOINTS)
         .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Parameter::Link { joint, quantity }));
+    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
     let found = frames
         .chain(links)
+        .chain(gauges.map(Parameter::Gauge))
         .find(|parameter| parameter.to_string() == name);
     found.ok_or_else(|| SavedError::Unknown {
         what: "a parameter",

@@ -190,7 +190,7 @@ fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
         Column::Chain(Parameter::Link { joint, quantity }) => {
             *quantity == LinkQuantity::Theta && *joint > 1 && Some(*joint) != last
         }
-        Column::Gravity(_) | Column::Curve { .. } => false,
+        Column::Chain(Parameter::Gauge(_)) | Column::Gravity(_) | Column::Curve { .. } => false,
     };
     let places = comparison.places(charted);
     comparison.explained(&places).shifts(&comparison, &places)

@@ -101,7 +101,7 @@ fn left_out_of(
             columns: row
                 .joints
                 .iter()
-                .map(|twist| column(twist, row.kind))
+                .map(|twist| column(twist, &row.shown))
                 .collect(),
             weight,
             information: share,
@@ -136,7 +136,7 @@ pub(super) fn find_lines(
     let of_joint = |joint: usize| {
         let stations = problem.observations().iter().zip(rows).zip(left_out).map(
             |((observation, row), left_out)| {
-                let column = column(&row.joints[joint], row.kind);
+                let column = column(&row.joints[joint], &row.shown);
                 lines::evidence(
                     &column,
                     &left_out.residual,

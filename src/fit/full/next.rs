@@ -479,6 +479,7 @@ impl Mounting {
             geometry: None,
             targets: self.targets.iter().map(expected).collect(),
             distances: Vec::new(),
+            gauges: Vec::new(),
         }
     }
 

@@ -8,9 +8,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::settings::FullSettings;
-use crate::fit::observation::Observation;
-use crate::fit::observation::measured::moved;
-use crate::join::ReadingKind;
+use crate::fit::observation::Measured;
+use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
@@ -44,11 +43,10 @@ impl Repeatability {
         }
     }
 
-    /// The covariance of one observation's residual at weight 1.
-    pub fn covariance(&self, observation: &Observation, joints: &[Twist]) -> DMatrix<f64> {
-        let kind = observation.measured.kind();
-        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, kind)).collect();
-        self.beside(observation.measured.instrument(), &columns)
+    /// The covariance of one observation's residual at weight 1; it shows `shown` of the target's motion by each joint.
+    pub fn covariance(&self, measured: &Measured, shown: &Shown, joints: &[Twist]) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, shown)).collect();
+        self.beside(measured.instrument(), &columns)
     }
 
     /// Adds the repeatability to the instrument's `covariance`.
@@ -133,8 +131,8 @@ impl NoiseEvidence {
 }
 
 /// The change of a reading's rows by a twist of the target.
-pub fn column(twist: &Twist, kind: ReadingKind) -> DVector<f64> {
-    let mut rows = DVector::zeros(kind.rows());
-    moved(kind, twist, 1.0, rows.as_mut_slice());
+pub fn column(twist: &Twist, shown: &Shown) -> DVector<f64> {
+    let mut rows = DVector::zeros(shown.rows());
+    moved(shown, twist, 1.0, rows.as_mut_slice());
     rows
 }

@@ -8,7 +8,8 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::Source;
-use crate::join::{MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
+use crate::fit::gauge::Gauge;
+use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
 /// The measured values of a station with their uncertainty, in the source's frame.
@@ -18,6 +19,43 @@ pub enum Measured {
     Point(MeasuredPoint),
     /// The target's position and orientation.
     Pose(MeasuredPoint, MeasuredOrientation),
+    /// The target's distance from an anchor.
+    Distance(MeasuredLength),
+    /// The target's height above a plane.
+    Height(MeasuredLength),
+}
+
+/// A measured length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredLength {
+    /// The reading, mm.
+    pub mm: f64,
+    /// Its standard uncertainty without the arm's share, mm.
+    pub instrument_mm: f64,
+    /// Its whole standard uncertainty, repeatability included, mm.
+    pub sd_mm: f64,
+}
+
+/// The part of a target's motion that a reading shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shown {
+    /// Its motion: three rows.
+    Point,
+    /// Its motion and its turn: six rows.
+    Pose,
+    /// Its motion along a direction: one row.
+    Along(Vector3<f64>),
+}
+
+impl Shown {
+    /// Number of rows.
+    pub const fn rows(&self) -> usize {
+        match self {
+            Self::Point => 3,
+            Self::Pose => 6,
+            Self::Along(_) => 1,
+        }
+    }
 }
 
 /// A measured position.
@@ -46,14 +84,15 @@ impl Measured {
     pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
         let point = |point: &MeanPoint| MeasuredPoint::of(point, reading, source, repeatability_mm);
         match (&reading.value, source.reads) {
-            (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)
-            | (Value::Point(of), ReadingKind::Pose) => Self::Point(point(of)),
             (Value::Pose(of, turn), ReadingKind::Pose) => {
                 match MeasuredOrientation::of(turn, reading, source) {
                     None => Self::Point(point(of)),
                     Some(turn) => Self::Pose(point(of), turn),
                 }
             }
+            (Value::Point(of) | Value::Pose(of, _), _) => Self::Point(point(of)),
+            (Value::Distance(of), _) => Self::Distance(MeasuredLength::of(of, repeatability_mm)),
+            (Value::Height(of), _) => Self::Height(MeasuredLength::of(of, repeatability_mm)),
         }
     }
 
@@ -62,6 +101,28 @@ impl Measured {
         match self {
             Self::Point(_) => ReadingKind::Point,
             Self::Pose(..) => ReadingKind::Pose,
+            Self::Distance(_) => ReadingKind::Distance,
+            Self::Height(_) => ReadingKind::Height,
+        }
+    }
+
+    /// The length; `None` where a place was measured.
+    pub const fn length(&self) -> Option<&MeasuredLength> {
+        match self {
+            Self::Point(_) | Self::Pose(..) => None,
+            Self::Distance(length) | Self::Height(length) => Some(length),
+        }
+    }
+
+    /// The part of the target's motion that is shown at `target`, its place in the source's frame; `gauge` is the source's, where it
+    /// reads a length.
+    pub fn shown(&self, gauge: Option<&Gauge>, target: &Point3<f64>) -> Shown {
+        match self {
+            Self::Point(_) => Shown::Point,
+            Self::Pose(..) => Shown::Pose,
+            Self::Distance(_) | Self::Height(_) => {
+                Shown::Along(gauge.map_or_else(Vector3::zeros, |gauge| gauge.direction(target)))
+            }
         }
     }
 
@@ -69,6 +130,7 @@ impl Measured {
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
@@ -76,13 +138,14 @@ impl Measured {
     pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
     /// The orientation; `None` where none was measured.
     pub const fn turn(&self) -> Option<&MeasuredOrientation> {
         match self {
-            Self::Point(_) => None,
+            Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
             Self::Pose(_, turn) => Some(turn),
         }
     }
@@ -92,11 +155,13 @@ impl Measured {
     pub const fn without_turn(self) -> Self {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Self::Point(point),
+            Self::Distance(_) | Self::Height(_) => self,
         }
     }
 
-    /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad.
-    pub fn residual(&self, predicted: &Isometry3<f64>) -> Vec<f64> {
+    /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad. `gauge` is the source's,
+    /// where it reads a length.
+    pub fn residual(&self, predicted: &Isometry3<f64>, gauge: Option<&Gauge>) -> Vec<f64> {
         let away = |point: &MeasuredPoint| point.position.coords - predicted.translation.vector;
         let mut rows = Vec::with_capacity(self.kind().rows());
         match self {
@@ -104,6 +169,10 @@ impl Measured {
             Self::Pose(point, turn) => {
                 rows.extend(away(point).iter());
                 rows.extend(turn.residual(&predicted.rotation).iter());
+            }
+            Self::Distance(length) | Self::Height(length) => {
+                let target = Point3::from(predicted.translation.vector);
+                rows.push(gauge.map_or(0.0, |gauge| length.mm - gauge.reading_mm(&target)));
             }
         }
         rows
@@ -123,16 +192,20 @@ impl Measured {
                 put(point);
                 (3..6).for_each(|axis| covariance[(axis, axis)] = sd * sd);
             }
+            Self::Distance(length) | Self::Height(length) => {
+                covariance[(0, 0)] = length.instrument_mm.powi(2);
+            }
         }
         covariance
     }
 }
 
 /// Writes the change of a reading's rows by `amount` of a motion of the target into `rows`, one number per row.
-pub(in crate::fit) fn moved(kind: ReadingKind, twist: &Twist, amount: f64, rows: &mut [f64]) {
-    match kind {
-        ReadingKind::Point => put(&(twist.linear * amount), rows),
-        ReadingKind::Pose => {
+pub fn moved(shown: &Shown, twist: &Twist, amount: f64, rows: &mut [f64]) {
+    match shown {
+        Shown::Point => put(&(twist.linear * amount), rows),
+        Shown::Along(direction) => rows[0] = direction.dot(&twist.linear) * amount,
+        Shown::Pose => {
             let (position, turn) = rows.split_at_mut(3);
             put(&(twist.linear * amount), position);
             put(&(twist.angular * amount), turn);
@@ -150,6 +223,20 @@ pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) ->
     kinds
         .max_by_key(|kind| kind.rows())
         .unwrap_or(ReadingKind::Point)
+}
+
+impl MeasuredLength {
+    /// The least standard uncertainty of a length, mm: a weight has to be finite.
+    const LEAST_MM: f64 = 1e-6;
+
+    fn of(length: &MeanLength, repeatability_mm: f64) -> Self {
+        Self {
+            mm: length.mm,
+            instrument_mm: length.sd_mm,
+            // Across its direction the arm's repeatability changes a length by nothing.
+            sd_mm: length.sd_mm.hypot(repeatability_mm).max(Self::LEAST_MM),
+        }
+    }
 }
 
 impl MeasuredPoint {
