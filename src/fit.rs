@@ -43,6 +43,7 @@ pub mod scale;
 #[cfg(test)]
 mod several;
 pub mod solve;
+pub mod sources;
 pub mod start;
 mod tool_errors;
 pub mod visits;
@@ -72,10 +73,12 @@ pub use problem::{
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
+pub use sources::SourceSize;
 pub use tool_errors::ToolErrors;
 
 use crate::join::SeveralSources;
 use crate::kinematics::{Arm, Chain, Motion, Parameter};
+use sources::Factors;
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
@@ -115,6 +118,9 @@ pub struct FitSettings {
     /// section.
     #[serde(skip)]
     pub target_names: Vec<String>,
+    /// Names of the sources in the order of [`SourceId`]; empty for one without a name. The input states them, not this section.
+    #[serde(skip)]
+    pub source_names: Vec<String>,
     /// What is known of the sources that read lengths, in the order of [`SourceId`]. The input states it, not this section.
     #[serde(skip)]
     pub gauges: Vec<KnownGauge>,
@@ -135,6 +141,7 @@ impl Default for FitSettings {
             targets: BTreeMap::new(),
             target_distances: Vec::new(),
             target_names: Vec::new(),
+            source_names: Vec::new(),
             gauges: Vec::new(),
             blocks: Blocks::default(),
         }
@@ -305,6 +312,8 @@ pub struct Calibration {
     pub misfit_mm: f64,
     /// The solution of the least squares problem.
     pub solution: Solution,
+    /// The part that each source had: its noise's size and its share of the information.
+    pub sources: Vec<SourceSize>,
 }
 
 impl Calibration {
@@ -369,7 +378,8 @@ pub fn identify(
     Ok(identify_from(arm, observations, &starts, freedom, settings))
 }
 
-/// [`identify`] from given starting frames, one for each session.
+/// [`identify`] from given starting frames, one for each session. Several sources have the sizes of their noise estimated
+/// ([`sources`]).
 pub fn identify_from(
     arm: &Arm,
     observations: &[Observation],
@@ -377,13 +387,46 @@ pub fn identify_from(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Calibration {
+    let Some(mut factors) = Factors::of(observations) else {
+        return identify_sized(arm, observations, starts, freedom, settings, None);
+    };
+    let mut found = identify_sized(arm, observations, starts, freedom, settings, Some(&factors));
+    for _ in 0..sources::ITERATIONS {
+        if factors.updated(&found.sources) {
+            break;
+        }
+        let sized = factors.applied(observations);
+        found = identify_sized(arm, &sized, starts, freedom, settings, Some(&factors));
+    }
+    found
+}
+
+/// [`identify_from`] with the sources' noise as it is in the observations.
+fn identify_sized(
+    arm: &Arm,
+    observations: &[Observation],
+    starts: &[Frames],
+    freedom: Freedom,
+    settings: &FitSettings,
+    factors: Option<&Factors>,
+) -> Calibration {
     let stated = settings.prior();
-    let mut found = identify_with(arm, observations, starts, freedom, settings, &stated);
+    let fit = |prior: &Prior| {
+        identify_with(
+            arm,
+            observations,
+            starts,
+            freedom,
+            settings,
+            (prior, factors),
+        )
+    };
+    let mut found = fit(&stated);
     for _ in 0..WIDENINGS {
         let Some(wider) = found.wider_prior(&stated) else {
             break;
         };
-        found = identify_with(arm, observations, starts, freedom, settings, &wider);
+        found = fit(&wider);
     }
     found
 }
@@ -395,7 +438,7 @@ fn identify_with(
     starts: &[Frames],
     freedom: Freedom,
     settings: &FitSettings,
-    prior: &Prior,
+    (prior, factors): (&Prior, Option<&Factors>),
 ) -> Calibration {
     let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
     let size = problem.unknowns().len();
@@ -403,7 +446,9 @@ fn identify_with(
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
+    let covariance = covariance(&problem, &solution, nominal_structure.rank);
     Calibration {
+        sources: sources::sizes(&problem, &solution, &covariance, factors),
         freedom,
         unknowns: problem.unknowns().to_vec(),
         prior_sd: problem
@@ -411,7 +456,7 @@ fn identify_with(
             .iter()
             .map(|&p| (p > 0.0).then(|| p.sqrt().recip()))
             .collect(),
-        covariance: covariance(&problem, &solution, nominal_structure.rank),
+        covariance,
         chain: arm.chain().with_offsets(&geometry),
         geometry,
         frames: problem.frames(&solution.offsets),

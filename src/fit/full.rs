@@ -389,7 +389,7 @@ impl FullModel {
         let shown = observation.measured.shown(None, &end);
         let covariance = self
             .repeatability
-            .covariance(&observation.measured, &shown, &view.joints);
+            .covariance(observation, &shown, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{DVector, Point3, Unit, UnitVector3, Vector3};
 
+use super::full::saved::SavedFull;
 use super::full::{FullModel, FullSettings};
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
@@ -325,4 +326,319 @@ fn errors_of_the_arm_are_found_from_three_anchors_alone() {
             unknown.parameter
         );
     }
+}
+
+/// Standard deviations of the geometry that sessions are drawn with, mm and mrad; the prior of their fits.
+const GEOMETRY: (f64, f64) = (0.4, 0.4);
+
+fn drawn_settings() -> FitSettings {
+    FitSettings {
+        prior_length_mm: GEOMETRY.0,
+        prior_angle_mrad: GEOMETRY.1,
+        ..FitSettings::default()
+    }
+}
+
+/// An arm whose errors are drawn from the prior.
+fn drawn_errors(arm: &Arm, normals: &mut Normals) -> Vec<f64> {
+    let size = |parameter: &Parameter| {
+        if parameter.is_angle() {
+            GEOMETRY.1 * 1e-3
+        } else {
+            GEOMETRY.0
+        }
+    };
+    let parameters = arm.chain().parameters();
+    parameters
+        .iter()
+        .map(|own| size(own) * normals.next())
+        .collect()
+}
+
+/// A simulated session of known truth, and its fit.
+struct Drawn {
+    errors: Vec<f64>,
+    wanted: Frames,
+    found: Calibration,
+}
+
+impl Drawn {
+    fn new(arm: &Arm, seed: u64, sees: &[Sees], stations: usize, sizes: &[Sizes]) -> Self {
+        let mut normals = Normals(seed);
+        let (errors, wanted) = (drawn_errors(arm, &mut normals), truth(sees));
+        let observed = seen(arm, &wanted, &errors, stations, sizes, &mut normals);
+        let found = identify(arm, &observed, 1, Freedom::Geometry, &drawn_settings());
+        Self {
+            errors,
+            wanted,
+            found: found.expect("a fit"),
+        }
+    }
+
+    /// Found minus true in standard errors, of each parameter of the arm and of each instrument of lengths.
+    fn off(&self) -> Vec<f64> {
+        let gauge = |source: SourceId| {
+            self.found.frames[0]
+                .gauge(source)
+                .zip(self.wanted.gauge(source))
+        };
+        let unknowns = self.found.unknowns.iter().enumerate();
+        let off = unknowns.filter_map(|(place, unknown)| {
+            let away = match (unknown.owner, unknown.parameter) {
+                (Owner::Arm, _) => self.found.geometry[place] - self.errors[place],
+                (Owner::Source { source, .. }, Parameter::Gauge(part)) => {
+                    part_off(gauge(source)?, part)
+                }
+                _ => return None,
+            };
+            Some(away / self.found.standard_error(place))
+        });
+        off.collect()
+    }
+}
+
+/// Found minus true of one part, mm or rad.
+fn part_off((found, wanted): (&Gauge, &Gauge), part: GaugePart) -> f64 {
+    match (found, wanted, part) {
+        (Gauge::Distance(a), Gauge::Distance(b), GaugePart::Place(axis)) => {
+            (a.place - b.place).dot(&axis.unit())
+        }
+        (Gauge::Distance(a), Gauge::Distance(b), GaugePart::Offset) => a.offset_mm - b.offset_mm,
+        (Gauge::Height(a), Gauge::Height(b), GaugePart::Height) => a.height_mm - b.height_mm,
+        (Gauge::Height(_), Gauge::Height(b), part) => {
+            // Readings change with a tilt as the normal does: on a target far out along it.
+            let far = Point3::from(*b.normal * 0.0);
+            let along = |on: &Gauge, at: &Point3<f64>| on.by_part(part, at);
+            let axis = Vector3::from_fn(|row, _| {
+                let mut at = far;
+                at[row] += 1.0;
+                along(wanted, &at)
+            });
+            let Gauge::Height(a) = found else {
+                return f64::NAN;
+            };
+            a.normal.dot(&axis)
+        }
+        _ => f64::NAN,
+    }
+}
+
+/// Sessions of a tracker, a distance and a height, of distances alone, and of heights alone.
+fn kinds() -> [(Vec<Sees>, Vec<Sizes>); 3] {
+    let of = |true_mm: f64| Sizes {
+        stated_mm: 0.03,
+        true_mm,
+    };
+    let tilted = plane([0.3, -0.5, 0.8], 250.0);
+    [
+        (
+            vec![Sees::Places, anchor(1), tilted],
+            vec![of(0.03), of(0.09), of(0.015)],
+        ),
+        (
+            vec![anchor(0), anchor(1), anchor(2)],
+            vec![of(0.03), of(0.03), of(0.06)],
+        ),
+        (vec![tilted], vec![of(0.05)]),
+    ]
+}
+
+/// Share of the 95 % intervals of `sessions` sessions of each kind that contain the truth, session by session.
+fn covered(sessions: u64) -> Vec<f64> {
+    let arm = arm();
+    let each = (0..sessions).flat_map(|seed| kinds().into_iter().map(move |kind| (seed, kind)));
+    let share = |(seed, (sees, sizes)): (u64, (Vec<Sees>, Vec<Sizes>))| {
+        let off = Drawn::new(&arm, 1000 + seed, &sees, STATIONS, &sizes).off();
+        let inside = off.iter().filter(|off| off.abs() < 1.96).count();
+        inside as f64 / off.len() as f64
+    };
+    each.map(share).collect()
+}
+
+/// Mean, and the standard error of it.
+fn mean(shares: &[f64]) -> (f64, f64) {
+    let n = shares.len() as f64;
+    let mean = shares.iter().sum::<f64>() / n;
+    let squares: f64 = shares.iter().map(|share| (share - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0) / n).sqrt())
+}
+
+#[test]
+fn intervals_of_a_handful_of_sessions_contain_the_truth() {
+    let shares = covered(4);
+    let (mean, _) = mean(&shares);
+    assert!(mean > 0.90 && mean < 0.995, "{mean}: {shares:?}");
+}
+
+#[test]
+#[ignore = "300 sessions: minutes"]
+fn ninety_five_percent_of_intervals_contain_the_truth() {
+    let (mean, error) = mean(&covered(100));
+    assert!(
+        (mean - 0.95).abs() < 2.0 * error + 0.005,
+        "{mean} ± {error}"
+    );
+}
+
+#[test]
+fn the_size_of_each_sources_noise_is_found() {
+    let arm = arm();
+    let sees = [Sees::Places, anchor(1)];
+    let wrong = [
+        Sizes {
+            stated_mm: 0.03,
+            true_mm: 0.03,
+        },
+        Sizes {
+            stated_mm: 0.02,
+            true_mm: 0.06,
+        },
+    ];
+    let drawn = Drawn::new(&arm, 7, &sees, 400, &wrong);
+    let [tracker, distance] = &drawn.found.sources[..] else {
+        panic!("two sources: {:?}", drawn.found.sources);
+    };
+    assert_eq!((tracker.rows, distance.rows), (1200, 400));
+    assert!((distance.stated_mm - 0.02).abs() < 1e-9, "{distance:?}");
+    for (own, wanted) in [(tracker, 1.0), (distance, 3.0)] {
+        let error = own.factor_error().expect("redundant readings");
+        assert!(error < 0.05 * own.factor, "{own:?}");
+        assert!(
+            (own.factor - wanted).abs() < 3.0 * error,
+            "{own:?} for {wanted}"
+        );
+    }
+    // What the unknowns took from the readings, and the prior's part of them.
+    let taken = 1600.0 - tracker.redundancy - distance.redundancy;
+    let shares = sources::shares(&drawn.found.sources);
+    let unknowns = drawn.found.unknowns.len() as f64;
+    assert!((taken / unknowns - shares).abs() < 1e-9);
+    assert!(shares > 0.7 && shares < 1.0, "{shares}");
+    assert!(tracker.share > distance.share);
+}
+
+#[test]
+fn one_sources_share_is_what_the_prior_leaves() {
+    let arm = arm();
+    let sizes = [kinds()[0].1[0]];
+    let drawn = Drawn::new(&arm, 3, &[Sees::Places], 100, &sizes);
+    let [own] = &drawn.found.sources[..] else {
+        panic!("one source");
+    };
+    // 27 directions of all unknowns are the readings', but for what the prior adds to them.
+    assert!(
+        (own.share * drawn.found.unknowns.len() as f64 - 27.0).abs() < 1.5,
+        "{own:?}"
+    );
+    assert!(
+        (own.factor - 1.0).abs() < 4.0 * own.factor_error().expect("redundant"),
+        "{own:?}"
+    );
+}
+
+/// Root mean square error of predicted targets in the tracker's frame at poses that were not measured, mm.
+fn wrong_by(arm: &Arm, drawn: &Drawn) -> f64 {
+    let at = |frames: &Frames, offsets: &[f64], place: usize| {
+        let pair = frames.pair(SourceId::ONLY, TargetId::ONLY);
+        let flange = arm.chain().forward(&axes(place), offsets);
+        let pose = pair.tracker_from_base.isometry() * flange * pair.flange_from_target.isometry();
+        pose.translation.vector
+    };
+    let off = |place: usize| {
+        let found = at(&drawn.found.frames[0], &drawn.found.geometry, place);
+        (found - at(&drawn.wanted, &drawn.errors, place)).norm_squared()
+    };
+    ((1000..1200).map(off).sum::<f64>() / 200.0).sqrt()
+}
+
+#[test]
+fn sources_together_predict_better_than_one_and_than_by_their_stated_sizes() {
+    let arm = arm();
+    // The tracker is three times worse than stated, the distances three times better.
+    let sizes = [(0.03, 0.09), (0.09, 0.03), (0.09, 0.03), (0.09, 0.03)];
+    let sizes = sizes.map(|(stated_mm, true_mm)| Sizes { stated_mm, true_mm });
+    let sees = [Sees::Places, anchor(0), anchor(1), anchor(2)];
+    let (mut together, mut alone, mut stated) = (0.0, 0.0, 0.0);
+    for seed in 0..6 {
+        let drawn = Drawn::new(&arm, 50 + seed, &sees, 60, &sizes);
+        together += wrong_by(&arm, &drawn).powi(2);
+        alone += wrong_by(&arm, &Drawn::new(&arm, 50 + seed, &sees[..1], 60, &sizes)).powi(2);
+        let mut normals = Normals(50 + seed);
+        let errors = drawn_errors(&arm, &mut normals);
+        let observed = seen(&arm, &drawn.wanted, &errors, 60, &sizes, &mut normals);
+        let settings = drawn_settings();
+        let starts = start::frames(&arm, &observed, 1, &settings).expect("a start");
+        let found = identify_sized(&arm, &observed, &starts, Freedom::Geometry, &settings, None);
+        stated += wrong_by(&arm, &Drawn { found, ..drawn }).powi(2);
+    }
+    let [together, alone, stated] = [together, alone, stated].map(|sum: f64| (sum / 6.0).sqrt());
+    assert!(together < 0.8 * alone, "{together} mm, alone {alone} mm");
+    assert!(
+        together < 0.95 * stated,
+        "{together} mm, by stated sizes {stated} mm"
+    );
+}
+
+#[test]
+fn the_full_error_model_learns_from_lengths() {
+    let arm = arm();
+    let (sees, sizes) = kinds()[0].clone();
+    let mut normals = Normals(11);
+    let wanted = truth(&sees);
+    let observed = seen(&arm, &wanted, &errors(&arm), STATIONS, &sizes, &mut normals);
+    let settings = FitSettings::default();
+    let start = identify(&arm, &observed, 1, Freedom::Geometry, &settings).expect("a fit");
+    let full = FullSettings {
+        harmonics: 2,
+        gear_lines: false,
+        drift: false,
+        session_scale_ppm: 0.0,
+        ..FullSettings::default()
+    };
+    let (frames, geometry) = (&start.frames, &start.geometry);
+    let model = FullModel::train(
+        &arm,
+        &observed,
+        frames,
+        geometry,
+        &settings.prior(),
+        &full,
+        None,
+    );
+    let model = model.expect("a positive covariance");
+    assert_same_gauges(&model.fitted_frames()[0], &wanted, 0.5);
+    // Distances three times worse than stated, heights twice better; the arm's repeatability takes a part of it.
+    let [_, distances, heights] = &model.repeatability.lengths[..] else {
+        panic!("three sources: {:?}", model.repeatability.lengths);
+    };
+    assert!(
+        distances.sqrt() > 1.5 && distances.sqrt() < 4.0,
+        "{distances}"
+    );
+    assert!(heights.sqrt() < 1.1, "{heights}");
+    // As text and back.
+    let text = serde_json::to_string(&model.saved(&arm, &["mon"])).expect("JSON");
+    let back = FullModel::from_saved(&SavedFull::read(&text).expect("what was written"));
+    let back = back.expect("a full error model");
+    assert_same_gauges(&back.fitted_frames()[0], &model.fitted_frames()[0], 1e-6);
+}
+
+#[test]
+fn too_few_lengths_are_refused() {
+    let arm = arm();
+    let wanted = truth(&[Sees::Places, anchor(0)]);
+    let mut observed = exact(&arm, &wanted, &nominal(&arm));
+    observed.retain(|o| o.source == SourceId::ONLY || o.station < 7);
+    let found = identify(
+        &arm,
+        &observed,
+        1,
+        Freedom::BaseAndTarget,
+        &FitSettings::default(),
+    );
+    let said = found.map(|_| ()).expect_err("seven readings").to_string();
+    assert!(
+        said.contains("7 readings") && said.contains("at least 8"),
+        "{said}"
+    );
 }

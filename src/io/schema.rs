@@ -140,13 +140,14 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 21] = [
+const FILES: [&str; 22] = [
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),
     include_str!("../../schemas/calibrations.toml"),
     include_str!("../../schemas/parameters.toml"),
     include_str!("../../schemas/scales.toml"),
+    include_str!("../../schemas/sources.toml"),
     include_str!("../../schemas/joint_errors.toml"),
     include_str!("../../schemas/residuals.toml"),
     include_str!("../../schemas/semivariograms.toml"),

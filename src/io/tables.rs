@@ -4,7 +4,7 @@
 //! Inputs are the domain structs of [`Outcome`] and the statements of the pipeline file ([`PublishContext`]); outputs are
 //! rows with their checked [`Table`]s:
 //! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`; `logs` are written where they are read ([`logs`]);
-//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
+//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `sources`, `joint_errors`, `residuals`, `semivariograms`,
 //!    `grid_steps`, `compensation`, `accuracy`.
 //!
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
@@ -30,6 +30,7 @@ pub mod runs;
 pub mod sampling_plan;
 pub mod scales;
 pub mod semivariograms;
+pub mod sources;
 pub mod stations;
 #[cfg(test)]
 mod tests;
@@ -63,6 +64,7 @@ use residuals::ResidualRow;
 use runs::Ending;
 use scales::ScaleRow;
 use semivariograms::SemivariogramRow;
+use sources::SourceRow;
 use stations::StationRow;
 
 /// The content of tables that does not come from the stages.
@@ -169,6 +171,8 @@ pub struct RunRows {
     pub parameters: Rows<ParameterRow>,
     /// `scales`.
     pub scales: Rows<ScaleRow>,
+    /// `sources`.
+    pub sources: Rows<SourceRow>,
     /// `joint_errors`.
     pub joint_errors: Rows<JointErrorRow>,
     /// `residuals`.
@@ -203,6 +207,7 @@ impl RunRows {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
+            sources: Row::table(sources::rows(&outcome.sources), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
             residuals: Row::table(
                 residuals::rows(&outcome.residuals, &outcome.targets.names),
@@ -216,11 +221,12 @@ impl RunRows {
     }
 
     /// The tables in the order of the stages.
-    pub const fn tables(&self) -> [&Table; 9] {
+    pub const fn tables(&self) -> [&Table; 10] {
         [
             &self.calibrations.table,
             &self.parameters.table,
             &self.scales.table,
+            &self.sources.table,
             &self.joint_errors.table,
             &self.residuals.table,
             &self.semivariograms.table,

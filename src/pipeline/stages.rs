@@ -8,6 +8,7 @@ mod flanges;
 mod gridded;
 mod iso_9283;
 mod judged;
+mod lengths;
 mod mountings;
 mod observed;
 pub(super) mod scales;
@@ -26,7 +27,7 @@ use crate::fit::{
     TrainingSettings,
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::outcome::{JoinedSession, Outcome, Source};
 use crate::join::{SeveralSources, one_source};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -109,6 +110,15 @@ pub enum StageError {
         /// Their number.
         source: SeveralSources,
     },
+    /// A session that only judges, without positions.
+    #[error(
+        "session {session} judges, but its stations have readings of one length alone: positions are judged by an instrument that reads \
+         them; let it train, or judge by a session with positions"
+    )]
+    NoPlaces {
+        /// The session's name.
+        session: String,
+    },
     /// A model with several sources.
     #[error("fit: {0}")]
     Several(#[from] SeveralSources),
@@ -150,6 +160,7 @@ pub fn run<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     one_source_each(training.iter().chain(&test))?;
+    test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let train = training_settings(settings);
@@ -157,10 +168,12 @@ pub fn run<'a>(
     check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
+    let sources = lengths::sources(&observed, &models, &folds, settings);
     let trained = Trained {
         observed,
         models,
         folds,
+        sources,
     };
     results(arm, trained, flanges, settings, progress)
 }
@@ -171,6 +184,8 @@ struct Trained {
     models: Models,
     /// The models of each fold that holds stations out.
     folds: Vec<Option<Models>>,
+    /// The instruments of each model.
+    sources: Vec<Source>,
 }
 
 /// The settings of a training.
@@ -279,6 +294,7 @@ fn results<'a>(
         full: models.full,
         on_top: models.on_top,
         scales,
+        sources: trained.sources,
         error_frame,
         residuals,
         semivariograms,
@@ -291,8 +307,8 @@ fn results<'a>(
     })
 }
 
-/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources are refused here. Of
-/// several targets the one reading of each station is derived ([`flanges`]).
+/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources of positions are refused
+/// here. Instruments that read one length train beside it ([`lengths`]). Of several targets the one reading of each station is derived ([`flanges`]).
 fn one_source_each<'s>(
     sessions: impl Iterator<Item = &'s JoinedSession>,
 ) -> Result<(), StageError> {

@@ -6,10 +6,11 @@ use super::Simulated;
 use super::random::{Ingredient, Stream};
 use super::tracker::off;
 use super::truth::TrueStation;
+use crate::fit::Gauge;
 use crate::ingest::TargetReadings;
 use crate::join::{
-    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
-    Value,
+    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
+    Unmeasured, Value,
 };
 use crate::units::{ClockModel, Stamp, Tracker};
 
@@ -55,6 +56,42 @@ impl Simulated {
             }
         }
         stations
+    }
+
+    /// Adds the readings of instruments of one length on the measured target, each with its standard deviation (mm), as sources behind
+    /// the tracker. Anchors and planes stand still before the tracker, in the base's frame at the session's start; each reading is lost
+    /// as often as a station is.
+    pub fn add_lengths(&self, stations: &mut [Station], instruments: &[(Gauge, f64)]) {
+        let settings = &self.truth.settings;
+        let mut noise = Stream::new(settings.seed, Ingredient::Lengths);
+        for (station, truth) in stations.iter_mut().zip(&self.truth.stations) {
+            let place = Point3::from(truth.base_from_target.translation.vector);
+            for (number, (gauge, sd_mm)) in instruments.iter().enumerate() {
+                let (normal, drawn) = (noise.normal3().x, noise.uniform());
+                if drawn < settings.tracker.lost_share {
+                    continue;
+                }
+                let length = MeanLength {
+                    mm: gauge.reading_mm(&place) + sd_mm * normal,
+                    sd_mm: *sd_mm,
+                };
+                let at = Stamp::from_ns(station.start.ns());
+                station.readings.push(Reading {
+                    source: SourceId(number + 1),
+                    target: TargetId::ONLY,
+                    value: match gauge {
+                        Gauge::Distance(_) => Value::Distance(length),
+                        Gauge::Height(_) => Value::Height(length),
+                    },
+                    kept: 1,
+                    taken: 1,
+                    first: at,
+                    last: at,
+                    temperature_c: None,
+                });
+                station.pairing = Pairing::Paired;
+            }
+        }
     }
 
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {

@@ -61,6 +61,21 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "no step is judged on what it was made from: to go from the schema",
     ),
     (
+        "parameters.belongs_to",
+        &["gauge"],
+        "tests/run/lengths.rs: these cells have a tracker alone, and gauges read lengths",
+    ),
+    (
+        "parameters.quantity",
+        &["offset", "tilt_1", "tilt_2"],
+        "tests/run/lengths.rs: quantities of gauges",
+    ),
+    (
+        "sources.reads",
+        &["pose", "distance", "height"],
+        "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
+    ),
+    (
         "parameters.identifiability",
         &["moves_nothing"],
         "a reflector on the last axis, which no simulated session has",
@@ -100,6 +115,10 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     (
         "residuals.target",
         "tests/reflectors.rs: these cells have one target, which has no name",
+    ),
+    (
+        "sources.held_out_rms_mm",
+        "tests/run/lengths.rs: these cells have a tracker alone, and lengths are held out",
     ),
     (
         "grid_steps.phases",

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::design::PoseView;
+use super::layout::Block;
 use super::regression::Sums;
 use super::train::{CHUNK, State};
 use crate::fit::observation::Observation;
@@ -64,6 +65,11 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
         for (unknown, by) in problem.by_parts(observation.channel(), gauge.as_ref(), &end) {
             rows[(0, unknown)] = by;
         }
+        // The session's scale is that of the source of places.
+        let scale = state.layout.columns(Block::Scale(observation.session));
+        if let (Some(scale), Some(_)) = (scale, &gauge) {
+            rows.column_mut(scale.start).fill(0.0);
+        }
         let residual = observation.measured.residual(&view.end, gauge.as_ref());
         Row {
             shown,
@@ -86,7 +92,7 @@ fn covariance(state: &State, observation: &Observation, row: &Row, weight: f64) 
     let counted = weight * state.tails.information(row.value.len() as f64);
     let covariance = state
         .repeatability
-        .covariance(&observation.measured, &row.shown, &row.joints);
+        .covariance(observation, &row.shown, &row.joints);
     covariance / counted
 }
 

@@ -159,6 +159,38 @@ impl Measured {
         }
     }
 
+    /// Variance of a coordinate of its position, or of its length, repeatability included, mm².
+    pub fn variance_mm2(&self) -> f64 {
+        match self {
+            Self::Point(point) | Self::Pose(point, _) => point.factor.norm_squared() / 3.0,
+            Self::Distance(length) | Self::Height(length) => length.sd_mm.powi(2),
+        }
+    }
+
+    /// This measurement with all standard deviations multiplied by `by`.
+    #[must_use]
+    pub fn widened(self, by: f64) -> Self {
+        let point = |point: MeasuredPoint| MeasuredPoint {
+            instrument: point.instrument * (by * by),
+            factor: point.factor * by,
+            ..point
+        };
+        let length = |length: MeasuredLength| MeasuredLength {
+            instrument_mm: length.instrument_mm * by,
+            sd_mm: length.sd_mm * by,
+            ..length
+        };
+        match self {
+            Self::Point(own) => Self::Point(point(own)),
+            Self::Pose(own, turn) => {
+                let sd_rad = turn.sd_rad * by;
+                Self::Pose(point(own), MeasuredOrientation { sd_rad, ..turn })
+            }
+            Self::Distance(own) => Self::Distance(length(own)),
+            Self::Height(own) => Self::Height(length(own)),
+        }
+    }
+
     /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad. `gauge` is the source's,
     /// where it reads a length.
     pub fn residual(&self, predicted: &Isometry3<f64>, gauge: Option<&Gauge>) -> Vec<f64> {

@@ -2,7 +2,8 @@
 
 use super::StationTableErrorKind;
 use crate::ingest::{
-    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings,
+    LengthColumns, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
+    StationsSettings,
 };
 use crate::io::measured_table::{Cell, MeasuredTable};
 
@@ -43,6 +44,17 @@ pub struct Columns {
     pub commanded: Option<Pose>,
     /// Of the reading of each target.
     pub measured: Vec<Measured>,
+    /// Of each instrument that reads one length.
+    pub lengths: Vec<Length>,
+}
+
+/// The columns of a length.
+#[derive(Debug)]
+pub struct Length {
+    /// The reading.
+    pub reading: Sum,
+    /// Its standard deviation; `None` where it is stated.
+    pub sd: Option<Sum>,
 }
 
 /// The columns of a pose.
@@ -99,6 +111,11 @@ impl Columns {
                 .map(|own| Pose::of_command(table, own))
                 .transpose()?,
             measured: measured.collect::<Found<_>>()?,
+            lengths: settings
+                .lengths
+                .iter()
+                .map(|own| Length::find(table, own))
+                .collect::<Found<_>>()?,
         })
     }
 }
@@ -141,6 +158,18 @@ impl Measured {
                 .map(|own| Sum::find(table, "measured.samples", own))
                 .transpose()?,
             orientation_sd: sums(table, "measured.orientation.sd", turn_sd)?,
+        })
+    }
+}
+
+impl Length {
+    fn find(table: &MeasuredTable, own: &LengthColumns) -> Found<Self> {
+        let sd = own.sd.as_ref();
+        Ok(Self {
+            reading: Sum::find(table, "lengths.column", &own.column)?,
+            sd: sd
+                .map(|column| Sum::find(table, "lengths.sd", column))
+                .transpose()?,
         })
     }
 }

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use super::lengths::places_alone;
 use super::observed::{Observed, observations};
 use super::{StageError, StageSettings};
 use crate::fit::flange::{self, OneReading};
@@ -37,6 +38,8 @@ impl Flanges {
         models: &Models,
         settings: &StageSettings,
     ) -> Result<Self, StageError> {
+        let training: Vec<JoinedSession> = training.into_iter().map(places_alone).collect();
+        let test: Vec<JoinedSession> = test.into_iter().map(places_alone).collect();
         let frames = &models.base_target.frames;
         let targets = frames.iter().map(|own| own.targets().len()).max();
         if let (Some(targets @ 2..), true) = (targets, settings.locate.with_target()) {

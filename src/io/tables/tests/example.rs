@@ -20,7 +20,7 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
-use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
+use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets, Source as OfSource};
 use crate::join::{
     ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
     Station,
@@ -274,6 +274,15 @@ fn outcome() -> Outcome<'static> {
     let grids = grids(&session.joined.stations, &error_frame, &geometric);
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
+        sources: vec![OfSource {
+            model: Model::Geometric,
+            name: "tracker".to_owned(),
+            size: geometric.sources[0].clone(),
+            factor: Some(1.0),
+            is_fitted: true,
+            held_out: 0,
+            held_out_rms_mm: None,
+        }],
         targets: SeveralTargets::default(),
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
