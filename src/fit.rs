@@ -48,7 +48,7 @@ pub mod start;
 mod tool_errors;
 pub mod visits;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -308,6 +308,8 @@ pub struct Calibration {
     pub structure: Structure,
     /// Number of observations in the fit.
     pub poses: usize,
+    /// Number of stations that they are of.
+    pub stations: usize,
     /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
     /// The solution of the least squares problem.
@@ -446,6 +448,10 @@ fn identify_with(
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
+    let stations: BTreeSet<_> = observations
+        .iter()
+        .map(|own| (own.session, own.station))
+        .collect();
     let covariance = covariance(&problem, &solution, nominal_structure.rank);
     Calibration {
         sources: sources::sizes(&problem, &solution, &covariance, factors),
@@ -463,6 +469,7 @@ fn identify_with(
         nominal_structure,
         structure,
         poses: observations.len(),
+        stations: stations.len(),
         misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,
     }

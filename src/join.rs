@@ -119,13 +119,15 @@ impl Station {
         }
     }
 
-    /// The reading of a paired dwell with only one; `None` of any other dwell. Of a session with several targets the one that
+    /// The reading of a place of a paired dwell with only one; `None` of any other dwell. Readings of one length do not count. Of a session with several targets the one that
     /// stands for all of a dwell's is derived first ([`crate::fit::flange`]).
     pub fn one_reading(&self) -> Option<&Reading> {
-        match self.measured() {
-            [one] => Some(one),
-            [] | [_, _, ..] => None,
-        }
+        let mut places = self.measured().iter();
+        let mut places = places
+            .by_ref()
+            .filter(|reading| !reading.value.kind().is_length());
+        let one = places.next()?;
+        places.next().is_none().then_some(one)
     }
 }
 

@@ -206,10 +206,13 @@ fn results<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     let (observed, models, folds) = (trained.observed, trained.models, trained.folds);
-    let settings = &StageSettings {
-        noise: flanges.noise,
-        ..settings.clone()
-    };
+    let settings = &lengths::settings_behind(
+        &observed,
+        StageSettings {
+            noise: flanges.noise,
+            ..settings.clone()
+        },
+    );
     let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
     let judged = Judged {
         arm,
@@ -232,15 +235,19 @@ fn results<'a>(
     let fold = |station| folds_of.get(&station).copied();
     let mut stations = grid_stations(&training[last], &error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
-    let mut grids = grids(
-        &stations,
-        &error_frame,
-        &models,
-        &folds,
-        last,
-        settings,
-        progress,
-    )?;
+    let mut grids = if lengths::reads_places(&observed) {
+        grids(
+            &stations,
+            &error_frame,
+            &models,
+            &folds,
+            last,
+            settings,
+            progress,
+        )?
+    } else {
+        lengths::no_grids(&tested, settings)
+    };
     let judges = Judges {
         arm,
         models: &models,

@@ -4,10 +4,14 @@
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
 //! their held-out readings, along the direction that is read, is in the table `sources`.
 
+use nalgebra::Vector3;
+
+use super::judged::TestSession;
 use super::observed::Observed;
 use super::{StageError, StageSettings};
 use crate::fit::model::Query;
-use crate::fit::{At, Channel, Frames, Models, Observation, PoseModel, SourceSize};
+use crate::fit::{At, Channel, Frames, MeasuredPoint, Models, Observation, PoseModel, SourceSize};
+use crate::grid::{Choice, Grids, Verdict};
 use crate::io::tables::outcome::{JoinedSession, Source};
 use crate::join::SourceId;
 use crate::report::Model;
@@ -15,13 +19,64 @@ use crate::report::Model;
 /// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
 
-/// The session without readings of one length.
-pub(super) fn places_alone(mut session: JoinedSession) -> JoinedSession {
-    for station in &mut session.joined.stations {
-        let readings = &mut station.readings;
-        readings.retain(|reading| !reading.value.kind().is_length());
+/// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.
+pub(super) fn settings_behind(observed: &Observed, settings: StageSettings) -> StageSettings {
+    if reads_places(observed) {
+        settings
+    } else {
+        StageSettings {
+            base: None,
+            ..settings
+        }
     }
-    session
+}
+
+/// Whether any session has positions to train on.
+pub(super) fn reads_places(observed: &Observed) -> bool {
+    observed.all.iter().any(|own| own.point().is_some())
+}
+
+/// No grids, where the session that they are for has no positions. The expanded uncertainty is that of the sessions that judge.
+pub(super) fn no_grids(tests: &[TestSession<'_>], settings: &StageSettings) -> Grids {
+    let guards = tests
+        .iter()
+        .map(|test| guard_mm(&test.observations, settings));
+    Grids {
+        judged: Vec::new(),
+        table: None,
+        choice: Choice {
+            row: None,
+            verdict: Verdict::NotShown(NO_POSITIONS.to_owned()),
+            words: NO_POSITIONS.to_owned(),
+            within: None,
+            fewest_nodes: None,
+        },
+        configuration: None,
+        idw_power: settings.grid.idw_power,
+        guard_mm: guards.fold(0.0, f64::max),
+    }
+}
+
+const NO_POSITIONS: &str = "no table: the session that trained has readings of one length alone, and nodes are of positions";
+
+/// Expanded uncertainty (k = 2) of a position of these observations, mm: along the instrument's worst direction, and by the scale at the
+/// one that is furthest from their middle.
+fn guard_mm(observations: &[Observation], settings: &StageSettings) -> f64 {
+    let points: Vec<_> = observations.iter().filter_map(Observation::point).collect();
+    let sum: Vector3<f64> = points.iter().map(|own| own.position.coords).sum();
+    let middle = sum / points.len().max(1) as f64;
+    let of = |own: &&MeasuredPoint| {
+        let away_mm = (own.position.coords - middle).norm();
+        let tracker = own.instrument.symmetric_eigenvalues().max().max(0.0).sqrt();
+        (tracker, 1e-6 * settings.full.session_scale_ppm * away_mm)
+    };
+    let worst = points
+        .iter()
+        .map(of)
+        .fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| {
+            (a.max(c), b.max(d))
+        });
+    2.0 * worst.0.hypot(worst.1)
 }
 
 /// Refuses a session that only judges and has lengths alone.
