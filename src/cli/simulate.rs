@@ -23,7 +23,7 @@ use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
 use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
-use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
+use crate::simulate::{LengthInstrument, SimulateError, SimulateSettings, Simulated, simulate};
 
 mod flags;
 
@@ -309,6 +309,18 @@ impl SimulateArgs {
             })
             .collect();
         let mut stations = simulated.stations_with(&beside);
+        let readings: Vec<_> = instruments
+            .iter()
+            .map(|(gauge, _)| |place: &Point3<f64>| gauge.reading_mm(place))
+            .collect();
+        let instruments = lengths.iter().zip(&readings);
+        let instruments: Vec<LengthInstrument<'_>> = instruments
+            .map(|(own, reading_mm)| LengthInstrument {
+                reads: own.reads,
+                sd_mm: own.sd_mm,
+                reading_mm,
+            })
+            .collect();
         simulated.add_lengths(&mut stations, &instruments);
         station_table::csv(&stations, arm, &names, &lengths)
     }

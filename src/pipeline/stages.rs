@@ -225,6 +225,9 @@ fn results<'a>(
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
     let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
     let mut residuals = mountings::of_one_mounting(residuals);
+    if !lengths::reads_places(&observed) {
+        residuals.retain(|set| !set.residuals.is_empty());
+    }
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::main);
     let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;

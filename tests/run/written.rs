@@ -116,10 +116,10 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
         "residuals.target",
         "tests/reflectors.rs: these cells have one target, which has no name",
     ),
-    (
-        "sources.held_out_rms_mm",
-        "tests/run/lengths.rs: these cells have a tracker alone, and lengths are held out",
-    ),
+    ("sources.held_out_rms_mm", NO_LENGTHS),
+    ("sources.anchor_", NO_LENGTHS),
+    ("sources.normal_", NO_LENGTHS),
+    ("sources.plane_height_mm", NO_LENGTHS),
     (
         "grid_steps.phases",
         "no grid is decimated: to go from the schema",
@@ -131,6 +131,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("stations.stated_cov_", NO_COVARIANCE),
 ];
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
+const NO_LENGTHS: &str = "tests/run/lengths.rs: these cells have a tracker alone, and these are of instruments of one length";
 const NO_COVARIANCE: &str = "the simulated tracker states none; tests/logs/encodings reads them, tests/tables.rs writes them";
 
 /// What was found in the files read so far.

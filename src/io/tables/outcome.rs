@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Corrects, ErrorFrame, PoseModel, SourceSize};
+use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, began};
@@ -101,6 +101,8 @@ pub struct Source {
     pub factor: Option<f64>,
     /// Whether `size` is of the model itself.
     pub is_fitted: bool,
+    /// The instrument as the model has it in the last session that trained; `None` of one that reads places.
+    pub gauge: Option<Gauge>,
     /// Number of its lengths that were held out.
     pub held_out: usize,
     /// Root mean square of measured minus predicted over them, mm; `None` without any.

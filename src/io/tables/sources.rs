@@ -1,7 +1,7 @@
 //! `sources`: the instruments of a run, the size of each one's noise, and its share of the information.
 
 use super::outcome::Source;
-use crate::fit::sources;
+use crate::fit::{Gauge, sources};
 use crate::io::table::{row, words};
 use crate::join::ReadingKind;
 use crate::report::Model;
@@ -33,6 +33,14 @@ row! {
         information_share: Option<f64>,
         /// The prior's share.
         prior_share: Option<f64>,
+        /// Place of its anchor in the base's frame, mm; `None` without one.
+        anchor as [anchor_x_mm, anchor_y_mm, anchor_z_mm]: Option<[f64; 3]>,
+        /// Its reading at no distance from the anchor, mm.
+        anchor_offset_mm: Option<f64>,
+        /// Normal of its plane in the base's frame; `None` without one.
+        normal as [normal_x, normal_y, normal_z]: Option<[f64; 3]>,
+        /// Distance of its plane from the base's origin along the normal, mm.
+        plane_height_mm: Option<f64>,
         /// Number of lengths that were held out.
         held_out: usize,
         /// Root mean square of what is left of them, mm.
@@ -77,6 +85,11 @@ fn of_source(own: &Source, all: &[Source]) -> SourceRow {
     let sizes = all.iter().filter(|other| other.model == own.model);
     let sizes: Vec<_> = sizes.map(|other| other.size.clone()).collect();
     let size = &own.size;
+    let (anchor, plane) = match &own.gauge {
+        Some(Gauge::Distance(anchor)) => (Some(anchor), None),
+        Some(Gauge::Height(plane)) => (None, Some(plane)),
+        None => (None, None),
+    };
     let fitted = |value: f64| own.is_fitted.then_some(value);
     SourceRow {
         model: own.model,
@@ -91,6 +104,10 @@ fn of_source(own: &Source, all: &[Source]) -> SourceRow {
         redundancy: fitted(size.redundancy),
         information_share: fitted(size.share),
         prior_share: fitted((1.0 - sources::shares(&sizes)).max(0.0)),
+        anchor: anchor.map(|anchor| anchor.place.coords.into()),
+        anchor_offset_mm: anchor.map(|anchor| anchor.offset_mm),
+        normal: plane.map(|plane| plane.normal.into_inner().into()),
+        plane_height_mm: plane.map(|plane| plane.height_mm),
         held_out: own.held_out,
         held_out_rms_mm: own.held_out_rms_mm,
     }

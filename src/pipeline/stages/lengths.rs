@@ -126,6 +126,9 @@ fn source(
     let of_full = of_full.filter(|_| size.kind.is_length());
     let fitted = model != Model::Full;
     let left = held_out(model, size.source, observed, folds);
+    let gauge = frames(models, model)
+        .last()
+        .and_then(|own| own.gauge(size.source).copied());
     Source {
         model,
         name: names.get(size.source.0).cloned().unwrap_or_else(usual),
@@ -136,6 +139,7 @@ fn source(
             of_full.map(|variance| variance.sqrt())
         },
         is_fitted: fitted,
+        gauge,
         held_out: left.len(),
         held_out_rms_mm: rms(&left),
     }

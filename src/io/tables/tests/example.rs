@@ -280,6 +280,7 @@ fn outcome() -> Outcome<'static> {
             size: geometric.sources[0].clone(),
             factor: Some(1.0),
             is_fitted: true,
+            gauge: None,
             held_out: 0,
             held_out_rms_mm: None,
         }],
