@@ -22,8 +22,11 @@ pub mod flips;
 pub mod frames;
 pub mod full;
 mod gap;
+pub mod gauge;
 pub mod holdout;
 pub mod identifiability;
+#[cfg(test)]
+mod lengths;
 pub mod locate;
 pub mod loss;
 pub mod mislabelled;
@@ -42,6 +45,7 @@ pub mod scale;
 #[cfg(test)]
 mod several;
 pub mod solve;
+pub mod sources;
 pub mod start;
 mod tool_errors;
 pub mod visits;
@@ -55,25 +59,28 @@ use thiserror::Error;
 pub use error_frame::{ErrorBase, ErrorFrame, FrameUncertainty, SurveyedBase};
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
 pub use gap::{Gap, Refusal};
+pub use gauge::{Anchor, Gauge, Plane, Sees};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;
 pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
 pub use observation::{
-    CameraUncertainty, Measured, MeasuredOrientation, MeasuredPoint, Mounted, Noise, Observation,
-    Source, TrackerUncertainty, Uncertainty, add_commands, observations,
+    CameraUncertainty, Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint, Mounted,
+    Noise, Observation, Source, TrackerUncertainty, Uncertainty, add_commands, observations,
 };
 pub use problem::{
-    Freedom, KnownDistance, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,
+    Freedom, KnownDistance, KnownGauge, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,
 };
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
+pub use sources::SourceSize;
 pub use tool_errors::ToolErrors;
 
 use crate::join::SeveralSources;
 use crate::kinematics::{Arm, Chain, Motion, Parameter};
+use sources::Factors;
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
@@ -113,6 +120,12 @@ pub struct FitSettings {
     /// section.
     #[serde(skip)]
     pub target_names: Vec<String>,
+    /// Names of the sources in the order of [`SourceId`]; empty for one without a name. The input states them, not this section.
+    #[serde(skip)]
+    pub source_names: Vec<String>,
+    /// What is known of the sources that read lengths, in the order of [`SourceId`]. The input states it, not this section.
+    #[serde(skip)]
+    pub gauges: Vec<KnownGauge>,
     /// The blocks of the work space for held-out figures.
     pub blocks: Blocks,
 }
@@ -130,6 +143,8 @@ impl Default for FitSettings {
             targets: BTreeMap::new(),
             target_distances: Vec::new(),
             target_names: Vec::new(),
+            source_names: Vec::new(),
+            gauges: Vec::new(),
             blocks: Blocks::default(),
         }
     }
@@ -145,6 +160,7 @@ impl FitSettings {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
             targets: self.known_targets(),
             distances: distances.filter_map(|own| self.distance(own)).collect(),
+            gauges: self.gauges.clone(),
         }
     }
 
@@ -205,6 +221,21 @@ pub enum FitError {
         /// Number of its stations.
         stations: usize,
         /// Number of stations needed.
+        needed: usize,
+    },
+    /// Fewer readings of one length than its anchor or plane needs.
+    #[error(
+        "{readings} readings of instrument {instrument} of session {session} (the first of each is 0), which reads one length, but its place \
+         and the target's need at least {needed}: measure more poses, or leave the instrument out"
+    )]
+    TooFewLengths {
+        /// The session's place in the fit.
+        session: usize,
+        /// The source's place in the session.
+        instrument: usize,
+        /// Number of its readings.
+        readings: usize,
+        /// Number of readings needed.
         needed: usize,
     },
     /// A target that no observation names, though one behind it is named.
@@ -277,12 +308,16 @@ pub struct Calibration {
     pub nominal_structure: Structure,
     /// The structure at the solution, robust weights not applied.
     pub structure: Structure,
-    /// Number of stations in the fit.
+    /// Number of observations in the fit.
     pub poses: usize,
+    /// Number of stations that they are of.
+    pub stations: usize,
     /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
     /// The solution of the least squares problem.
     pub solution: Solution,
+    /// The part that each source had: its noise's size and its share of the information.
+    pub sources: Vec<SourceSize>,
 }
 
 impl Calibration {
@@ -296,7 +331,7 @@ impl Calibration {
                 _ if unknown.session() != Some(session) => {}
                 Parameter::Base(Motion::Translation(_)) => variances[0] += variance,
                 Parameter::Base(Motion::Rotation(_)) => variances[1] += variance,
-                Parameter::Link { .. } | Parameter::Target(_) => {}
+                Parameter::Link { .. } | Parameter::Target(_) | Parameter::Gauge(_) => {}
             }
         }
         variances.map(|sum| (sum / 3.0).sqrt()).into()
@@ -347,7 +382,8 @@ pub fn identify(
     Ok(identify_from(arm, observations, &starts, freedom, settings))
 }
 
-/// [`identify`] from given starting frames, one for each session.
+/// [`identify`] from given starting frames, one for each session. Several sources have the sizes of their noise estimated
+/// ([`sources`]).
 pub fn identify_from(
     arm: &Arm,
     observations: &[Observation],
@@ -355,13 +391,46 @@ pub fn identify_from(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Calibration {
+    let Some(mut factors) = Factors::of(observations) else {
+        return identify_sized(arm, observations, starts, freedom, settings, None);
+    };
+    let mut found = identify_sized(arm, observations, starts, freedom, settings, Some(&factors));
+    for _ in 0..sources::ITERATIONS {
+        if factors.updated(&found.sources) {
+            break;
+        }
+        let sized = factors.applied(observations);
+        found = identify_sized(arm, &sized, starts, freedom, settings, Some(&factors));
+    }
+    found
+}
+
+/// [`identify_from`] with the sources' noise as it is in the observations.
+fn identify_sized(
+    arm: &Arm,
+    observations: &[Observation],
+    starts: &[Frames],
+    freedom: Freedom,
+    settings: &FitSettings,
+    factors: Option<&Factors>,
+) -> Calibration {
     let stated = settings.prior();
-    let mut found = identify_with(arm, observations, starts, freedom, settings, &stated);
+    let fit = |prior: &Prior| {
+        identify_with(
+            arm,
+            observations,
+            starts,
+            freedom,
+            settings,
+            (prior, factors),
+        )
+    };
+    let mut found = fit(&stated);
     for _ in 0..WIDENINGS {
         let Some(wider) = found.wider_prior(&stated) else {
             break;
         };
-        found = identify_with(arm, observations, starts, freedom, settings, &wider);
+        found = fit(&wider);
     }
     found
 }
@@ -373,7 +442,7 @@ fn identify_with(
     starts: &[Frames],
     freedom: Freedom,
     settings: &FitSettings,
-    prior: &Prior,
+    (prior, factors): (&Prior, Option<&Factors>),
 ) -> Calibration {
     let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
     let size = problem.unknowns().len();
@@ -381,7 +450,13 @@ fn identify_with(
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
+    let stations: BTreeSet<_> = observations
+        .iter()
+        .map(|own| (own.session, own.station))
+        .collect();
+    let covariance = covariance(&problem, &solution, nominal_structure.rank);
     Calibration {
+        sources: sources::sizes(&problem, &solution, &covariance, factors),
         freedom,
         unknowns: problem.unknowns().to_vec(),
         prior_sd: problem
@@ -389,22 +464,17 @@ fn identify_with(
             .iter()
             .map(|&p| (p > 0.0).then(|| p.sqrt().recip()))
             .collect(),
-        covariance: covariance(&problem, &solution, nominal_structure.rank),
+        covariance,
         chain: arm.chain().with_offsets(&geometry),
         geometry,
         frames: problem.frames(&solution.offsets),
         nominal_structure,
         structure,
-        poses: stations(observations),
+        poses: observations.len(),
+        stations: stations.len(),
         misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,
     }
-}
-
-/// Number of stations that were observed, each by one reading or several.
-fn stations(observations: &[Observation]) -> usize {
-    let stations = observations.iter().map(|o| (o.session, o.station));
-    stations.collect::<BTreeSet<_>>().len()
 }
 
 /// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse of rank `rank`.

@@ -24,10 +24,11 @@ pub use decoded::{DecodedJoints, DecodedPoses, DecodedTemperatures};
 pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, TemperatureBuffer};
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
-    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
-    LoggedTarget, MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns,
-    PoseFields, ReadingColumns, ReferenceColumns, StampField, StandsOn, StationsSettings,
-    TableTime, TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
+    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, KnownOffset,
+    KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedTarget, MISSING, Mapping, NumberStamp,
+    OrientationColumns, OrientationForm, PoseColumns, PoseFields, ReadingColumns, ReferenceColumns,
+    StampField, StandsOn, StationsSettings, TableTime, TargetName, TimeColumn, TimeSource,
+    TimeUnit, TrackerSettings, WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};

@@ -61,8 +61,8 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 pub use began::{Began, began};
 pub use error::JoinError;
 pub use reading::{
-    MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SeveralSources, SourceId, TargetId,
-    Value, one_source,
+    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SeveralSources,
+    SourceId, TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
 pub use tabled::{RowItem, RowReject};
@@ -127,13 +127,15 @@ impl Station {
         }
     }
 
-    /// The reading of a paired dwell with only one; `None` of any other dwell. Of a session with several targets the one that
+    /// The reading of a place of a paired dwell with only one; `None` of any other dwell. Readings of one length do not count. Of a session with several targets the one that
     /// stands for all of a dwell's is derived first ([`crate::fit::flange`]).
     pub fn one_reading(&self) -> Option<&Reading> {
-        match self.measured() {
-            [one] => Some(one),
-            [] | [_, _, ..] => None,
-        }
+        let mut places = self.measured().iter();
+        let mut places = places
+            .by_ref()
+            .filter(|reading| !reading.value.kind().is_length());
+        let one = places.next()?;
+        places.next().is_none().then_some(one)
     }
 }
 

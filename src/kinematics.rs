@@ -44,7 +44,7 @@ pub use convention::Convention;
 pub use held::{ChainView, HeldChain};
 pub use inverse::{Anywhere, InverseError, InverseSettings, inverse};
 pub use motion::{Axis, Motion};
-pub use parameter::{LinkQuantity, Parameter};
+pub use parameter::{GaugePart, LinkQuantity, Parameter};
 pub use restate::RestateError;
 pub use robot_file::{ArmError, JointFile, JointKind, RobotFile};
 pub use screws::{Line, Screw, Screws};

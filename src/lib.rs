@@ -56,14 +56,15 @@
 //! - *An arm*: a file in `pipelines/robots/` and its line in [`io::robot::ready`]. Another convention of links is a variant of
 //!   [`kinematics::Convention`], the elements it makes, and its numbers from the lines of the axes in [`kinematics::restate`];
 //!   nothing behind [`kinematics::Chain`] changes.
-//! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file, a camera is `[tracker] camera`. One that
-//!   measures points or poses in another way needs its covariance as a variant of [`fit::Uncertainty`]. One that reads something else, a distance say, is a
+//! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file, a camera is `[tracker] camera`. One
+//!   that measures points or poses in another way needs its covariance as a variant of [`fit::Uncertainty`]. One that reads one
+//!   length is a [`fit::Gauge`]: a distance from an anchor or a height above a plane, in the base's frame. One that reads something else is a
 //!   variant of [`join::ReadingKind`], [`join::Value`] and [`fit::Measured`]; its residual, its rows and its covariance stand in
 //!   [`fit::observation`], one at a time and in blocks. A second instrument in a session is a further source, and a further
 //!   reflector a further target: the fit takes several of each ([`fit::Frames`], [`join::Reading`]). The join makes readings of one
-//!   source on one target ([`join::SourceId::ONLY`]). What comes after the fit is for one source ([`join::SeveralSources`]); of several
-//!   targets it takes the one reading of each station that [`fit::flange`] derives. History and planning from a past session are for
-//!   one of each and refuse several ([`join::Several`]).
+//!   source on one target ([`join::SourceId::ONLY`]). What comes after the fit is for one source of places
+//!   ([`join::SeveralSources`]), and sources of one length train beside it; of several targets it takes the one
+//!   reading of each station that [`fit::flange`] derives. History and planning from a past session are for one of each and refuse several ([`join::Several`]).
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the

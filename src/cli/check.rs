@@ -260,6 +260,11 @@ fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
             },
         ));
     }
+    for own in &stations.lengths {
+        let unit = format!("{:?}", own.unit).to_lowercase();
+        let (name, read, column) = (&own.name, own.reads.word(), &own.column);
+        named.push(("lengths", format!("{name}: {read} {column} in {unit}")));
+    }
     if let Some(own) = &stations.commanded {
         named.push(("commanded", pose(&own.position, own.unit)));
     }

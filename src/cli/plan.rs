@@ -23,7 +23,7 @@ use crate::io::table::Word as _;
 use crate::io::targets::{JointUnits, write_csv};
 use crate::io::whole_file::{self, write_whole};
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
-use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
+use crate::plan::{self, Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 
 /// Plan a session before measuring: which step, which poses, in which order, and what accuracy to expect.
 #[derive(Debug, Clone, Args)]
@@ -218,6 +218,7 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
             steps(&mut text, plan, settings);
             designs(&mut text, plan);
             session(&mut text, plan, settings);
+            instruments(&mut text, plan, planning);
         }
         None => {
             text += "the lake has this plan already: same file, same robot, same version; nothing was done\n";
@@ -299,6 +300,40 @@ fn designs(text: &mut String, plan: &SamplingPlan) {
         *text += &line(&name, row.poses, &row.outcomes);
     }
     text.push('\n');
+}
+
+/// How much accuracy each instrument of one length would buy at the poses of the session; nothing where none is stated.
+fn instruments(text: &mut String, plan: &SamplingPlan, planning: &Planning) {
+    let joints = |purpose: Purpose| {
+        let visits = plan.session.visits.iter();
+        let own = visits.filter(|visit| visit.purpose == purpose);
+        let joints = own.map(|visit| visit.command.joints.clone());
+        joints.collect::<Vec<Vec<f64>>>()
+    };
+    let (poses, test) = (joints(Purpose::Identify), joints(Purpose::Verify));
+    let rows = plan::instruments::rows(&planning.arm, &poses, &test, &planning.settings);
+    let Some(first) = rows.first() else { return };
+    let width = rows.iter().map(|row| row.instruments.len()).max();
+    let width = width.unwrap_or(0).max(11);
+    writeln!(
+        text,
+        "{:<width$}  numbers  rank  open mm  beside the tracker",
+        "instruments"
+    )
+    .expect("a string");
+    for row in &rows {
+        writeln!(
+            text,
+            "{:<width$}  {:>7}  {:>4}  {:>7.4}  {:>8.2}",
+            row.instruments,
+            row.numbers,
+            row.rank,
+            row.open_mm,
+            row.open_mm / first.open_mm
+        )
+        .expect("a string");
+    }
+    *text += "open: what their noise leaves open of the geometry, root mean square of positions at the poses that verify\n";
 }
 
 fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {

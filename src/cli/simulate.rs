@@ -10,25 +10,26 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::robot::ArmFlags;
-use crate::ingest::Recording;
+use crate::fit::{Anchor, Gauge, Plane};
+use crate::ingest::{LengthRead, Recording};
 use crate::io::log_writer::{
     LogWriteError, write_controller_log, write_targets_log, write_tracker_log,
 };
 use crate::io::robot::{self, Selection};
-use crate::io::station_table;
+use crate::io::station_table::{self, LengthColumn};
 use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
 use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
-use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
+use crate::simulate::{LengthInstrument, SimulateError, SimulateSettings, Simulated, simulate};
 
 mod flags;
 
-use flags::{ErrorFlags, PoseFlags, Triple, triple};
+use flags::{ErrorFlags, Five, PoseFlags, Triple, five, triple};
 
 /// Make a synthetic session with known truth, as the two MCAP logs of a cell.
 #[derive(Debug, Clone, Args)]
@@ -73,6 +74,14 @@ pub struct SimulateArgs {
     /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     beside: Vec<Triple>,
+    /// An instrument in that table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
+    /// at no distance, mm, and the standard deviation, mm; may be given several times
+    #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
+    distance_from: Vec<Five>,
+    /// An instrument in that table that reads heights of the reflector above a plane: its normal in the base's frame, its distance from
+    /// the base's origin and the standard deviation, mm; may be given several times
+    #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
+    height_above: Vec<Five>,
     #[command(flatten)]
     poses: PoseFlags,
     #[command(flatten)]
@@ -286,8 +295,34 @@ impl SimulateArgs {
 
     /// The table of the stations, with a reading of each reflector.
     fn stations_table(&self, arm: &Arm, simulated: &Simulated) -> String {
-        let stations = simulated.stations_with(&self.places_beside());
-        station_table::csv(&stations, arm, &self.target_names())
+        let instruments = self.instruments();
+        let lengths: Vec<LengthColumn> = instruments
+            .iter()
+            .enumerate()
+            .map(|(number, (gauge, sd_mm))| LengthColumn {
+                name: format!("L{}", number + 1),
+                reads: match gauge {
+                    Gauge::Distance(_) => LengthRead::Distance,
+                    Gauge::Height(_) => LengthRead::Height,
+                },
+                sd_mm: *sd_mm,
+            })
+            .collect();
+        let mut stations = simulated.stations_with(&self.places_beside());
+        let readings: Vec<_> = instruments
+            .iter()
+            .map(|(gauge, _)| |place: &Point3<f64>| gauge.reading_mm(place))
+            .collect();
+        let instruments = lengths.iter().zip(&readings);
+        let instruments: Vec<LengthInstrument<'_>> = instruments
+            .map(|(own, reading_mm)| LengthInstrument {
+                reads: own.reads,
+                sd_mm: own.sd_mm,
+                reading_mm,
+            })
+            .collect();
+        simulated.add_lengths(&mut stations, &instruments);
+        station_table::csv(&stations, arm, &self.target_names(), &lengths)
     }
 
     /// The places of the further reflectors, mm.
@@ -300,6 +335,24 @@ impl SimulateArgs {
     fn target_names(&self) -> Vec<String> {
         let numbers = 1..=self.beside.len() + 1;
         numbers.map(|number| format!("T{number}")).collect()
+    }
+
+    /// The instruments of one length with their standard deviations, mm: distances first.
+    fn instruments(&self) -> Vec<(Gauge, f64)> {
+        let distance = |Five([x, y, z, offset_mm, sd_mm]): &Five| {
+            let place = Point3::new(*x, *y, *z);
+            let offset_mm = *offset_mm;
+            (Gauge::Distance(Anchor { place, offset_mm }), *sd_mm)
+        };
+        let height = |Five([x, y, z, height_mm, sd_mm]): &Five| {
+            let normal = Unit::try_new(Vector3::new(*x, *y, *z), 0.0);
+            let normal = normal.unwrap_or_else(Vector3::z_axis);
+            (Gauge::Height(Plane::new(normal, *height_mm)), *sd_mm)
+        };
+        let distances = self.distance_from.iter().map(distance);
+        distances
+            .chain(self.height_above.iter().map(height))
+            .collect()
     }
 
     fn source(&self) -> String {

@@ -151,7 +151,7 @@ fn size(parameter: &Parameter) -> f64 {
 fn cost(parameter: &Parameter) -> f64 {
     let share = match parameter {
         Parameter::Link { .. } => 1.0,
-        Parameter::Base(_) | Parameter::Target(_) => FRAME_SIZE,
+        Parameter::Base(_) | Parameter::Target(_) | Parameter::Gauge(_) => FRAME_SIZE,
     };
     share * size(parameter)
 }

@@ -49,8 +49,10 @@ impl OneReading {
     pub fn of(station: &Station, frames: &Frames, noise: &Noise) -> Option<Self> {
         let readings = station.measured();
         let own = || {
-            let mut readings = readings.iter();
-            let main = readings.find(|reading| reading.target == TargetId::MAIN);
+            let mut places = readings
+                .iter()
+                .filter(|reading| reading.value.point().is_some());
+            let main = places.find(|reading| reading.target == TargetId::MAIN);
             main.cloned().map(Self::Point)
         };
         if noise.takes_orientations() {

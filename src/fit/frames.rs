@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, UnitQuaternion};
 
+use super::gauge::{Gauge, Sees};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, align};
 use crate::join::{Several, SeveralSources};
 
@@ -24,6 +25,8 @@ pub struct Channel {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frames {
     sources: Vec<Transform<Tracker, Base>>,
+    /// What each source reads; of one that reads a length, or nothing, the frame is the base's.
+    sees: Vec<Sees>,
     targets: Vec<Transform<Flange, Target>>,
 }
 
@@ -78,6 +81,7 @@ impl From<FramePair> for Frames {
     fn from(pair: FramePair) -> Self {
         Self {
             sources: vec![pair.tracker_from_base],
+            sees: vec![Sees::Places],
             targets: vec![pair.flange_from_target],
         }
     }
@@ -90,7 +94,34 @@ impl Frames {
         targets: Vec<Transform<Flange, Target>>,
     ) -> Option<Self> {
         let whole = !sources.is_empty() && !targets.is_empty();
-        whole.then_some(Self { sources, targets })
+        let sees = vec![Sees::Places; sources.len()];
+        whole.then_some(Self {
+            sources,
+            sees,
+            targets,
+        })
+    }
+
+    /// The frames where each source reads what `sees` says, in their order. The frame of one that reads no places becomes the base's.
+    #[must_use]
+    pub fn seeing(mut self, sees: &[Sees]) -> Self {
+        for ((own, frame), sees) in self.sees.iter_mut().zip(&mut self.sources).zip(sees) {
+            *own = *sees;
+            if *sees != Sees::Places {
+                *frame = Transform::identity();
+            }
+        }
+        self
+    }
+
+    /// What each source reads.
+    pub fn sees(&self) -> &[Sees] {
+        &self.sees
+    }
+
+    /// The instrument of a source that reads one length; `None` of another source.
+    pub fn gauge(&self, source: SourceId) -> Option<&Gauge> {
+        self.sees.get(source.0)?.gauge()
     }
 
     /// Poses of the base in the frame of each source, mm.
@@ -136,7 +167,9 @@ impl Frames {
     /// session has several.
     pub fn one(&self) -> Result<FramePair, Several> {
         match (&self.sources[..], &self.targets[..]) {
-            ([source], [target]) => Ok(FramePair::only(*source, *target)),
+            ([source], [target]) if self.sees[0] == Sees::Places => {
+                Ok(FramePair::only(*source, *target))
+            }
             (sources, targets) => Err(Several {
                 sources: sources.len(),
                 targets: targets.len(),
@@ -144,11 +177,11 @@ impl Frames {
         }
     }
 
-    /// The frames of the only source and the first target, by which errors of one tool point are stated; an error where the session
-    /// has several sources.
+    /// The frames of the main source and the first target, by which errors of one tool point are stated; an error where several
+    /// sources read places. The main source is the first: that of places, where there is one.
     pub fn main(&self) -> Result<FramePair, SeveralSources> {
-        match self.sources.len() {
-            1 => Ok(self.pair(SourceId::ONLY, TargetId::MAIN)),
+        match self.sees.iter().filter(|own| **own == Sees::Places).count() {
+            0 | 1 => Ok(self.pair(SourceId::ONLY, TargetId::MAIN)),
             sources => Err(SeveralSources { sources }),
         }
     }

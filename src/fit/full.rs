@@ -38,9 +38,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
 use super::observation::Observation;
+use super::observation::measured::Shown;
 use super::problem::{Freedom, Prior, Problem, Unknown, is_turned};
 use super::scale::ScaleEvidence;
-use crate::join::{ReadingKind, SourceId};
+use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 use components::Part;
@@ -202,9 +203,7 @@ impl FullModel {
     /// The prediction of a point at a pose, with its rows.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
-        let rows = self
-            .pose(query, &view)
-            .rows(&self.layout, ReadingKind::Point);
+        let rows = self.pose(query, &view).rows(&self.layout, &Shown::Point);
         let moved: DVector<f64> = &rows * &self.mean;
         let (shift, approach) = self.stands(query, &view.joints);
         let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
@@ -222,7 +221,7 @@ impl FullModel {
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
         let rows = self.pose(query, &view);
-        let moved = rows.rows(&self.layout, ReadingKind::Pose) * &self.mean;
+        let moved = rows.rows(&self.layout, &Shown::Pose) * &self.mean;
         let against = self.against(query);
         let approach = against.map_or_else(Vector3::zeros, |against| {
             let joints = view.joints.iter().zip(&against.mean);
@@ -377,7 +376,7 @@ impl FullModel {
     }
 
     /// Noise covariance of one measured position, in addition to the model's own covariance, at full weight, tracker frame,
-    /// mm².
+    /// mm²; zero where none was measured.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
         // The noise is also needed for sessions that took no part: it is in the frame of the first session's source.
         let channel = Channel {
@@ -385,7 +384,14 @@ impl FullModel {
             ..observation.channel()
         };
         let view = self.ready.chains.of(channel).view(&observation.axes);
-        let covariance = self.repeatability.covariance(observation, &view.joints);
+        if observation.point().is_none() {
+            return Matrix3::zeros();
+        }
+        let end = view.end.translation.vector.into();
+        let shown = observation.measured.shown(None, &end);
+        let covariance = self
+            .repeatability
+            .covariance(observation, &shown, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }
 

@@ -20,7 +20,7 @@ use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
 
 pub use camera::{CameraUncertainty, Mounted};
-pub use measured::{Measured, MeasuredOrientation, MeasuredPoint};
+pub use measured::{Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint};
 
 /// A tracker's uncertainty as its data sheet states it: limits, to be divided by `divisor` for a standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]

@@ -8,10 +8,11 @@
 mod distances;
 mod unknowns;
 
-use nalgebra::{DMatrix, DVector, Isometry3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3};
 use rayon::prelude::*;
 
-use super::frames::{FramePair, Frames, PerChannel};
+use super::frames::{Channel, FramePair, Frames, PerChannel};
+use super::gauge::{Gauge, Sees};
 use super::observation::Observation;
 use super::observation::measured::widest;
 use super::observation::rows::{BlockRows, Stations};
@@ -19,11 +20,13 @@ use crate::geometry::Transform;
 use crate::join::{ReadingKind, SourceId, TargetId};
 use crate::kinematics::batch::BLOCK;
 use crate::kinematics::{
-    Axis, BatchChain, BatchColumns, Chain, Element, HeldChain, Motion, Parameter,
+    Axis, BatchChain, BatchColumns, Chain, Element, GaugePart, HeldChain, Motion, Parameter,
 };
 
 pub(in crate::fit) use distances::DistanceRow;
-pub use unknowns::{Freedom, KnownDistance, KnownTarget, Owner, Prior, TargetDistance, Unknown};
+pub use unknowns::{
+    Freedom, KnownDistance, KnownGauge, KnownTarget, Owner, Prior, TargetDistance, Unknown,
+};
 
 /// Observations and the chains that predict them, with a vector of unknown offsets.
 #[derive(Debug)]
@@ -50,6 +53,16 @@ struct Measuring {
     columns: Vec<Option<usize>>,
     /// The observations as columns.
     stations: Stations,
+    /// The source that reads a length.
+    gauge: Option<Reads>,
+}
+
+/// A source that reads a length: what it starts from, and its parts among the unknowns.
+#[derive(Debug)]
+struct Reads {
+    start: Gauge,
+    /// Place of each part in the vector of unknowns; empty where they are fixed.
+    parts: Vec<usize>,
 }
 
 /// The weighted normal equations at a point.
@@ -94,6 +107,7 @@ impl<'a> Problem<'a> {
                 unknowns.iter().position(|unknown| *unknown == wanted)
             };
             Measuring {
+                gauge: Reads::of(channel, starts, &unknowns),
                 columns: chain.parameters().iter().map(place).collect(),
                 stations: Stations::of(channel, observations, arm.joint_count()),
                 chain,
@@ -221,9 +235,11 @@ impl<'a> Problem<'a> {
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let mut norms = vec![0.0; self.observations.len()];
         for own in self.channels.each() {
-            let squared = own
-                .stations
-                .squared_norms(&own.batch(offsets), self.observations);
+            let squared = own.stations.squared_norms(
+                &own.batch(offsets),
+                self.observations,
+                own.gauge(offsets).as_ref(),
+            );
             for (&place, squared) in own.stations.places.iter().zip(squared) {
                 norms[place] = squared.sqrt();
             }
@@ -231,13 +247,52 @@ impl<'a> Problem<'a> {
         norms
     }
 
-    /// Root mean square of measured minus predicted position over all observations, per axis, mm.
+    /// Root mean square of measured minus predicted position over all observations of positions, per axis, mm; of measured minus
+    /// predicted length where there are none.
     pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
         let mut sum = 0.0;
-        for own in self.channels.each() {
+        let of_places = |own: &&Measuring| own.gauge.is_none();
+        let places = self.channels.each().iter().filter(of_places);
+        let mut count = 0;
+        for own in places {
             own.stations.add_squares(&own.batch(offsets), &mut sum);
+            count += 3 * own.stations.places.len();
         }
-        (sum / (3 * self.observations.len().max(1)) as f64).sqrt()
+        if count == 0 {
+            for own in self.channels.each() {
+                let Some(gauge) = own.gauge(offsets) else {
+                    continue;
+                };
+                let chain = own.batch(offsets);
+                own.stations
+                    .add_squares_of_lengths(&chain, &gauge, &mut sum);
+                count += own.stations.places.len();
+            }
+        }
+        (sum / count.max(1) as f64).sqrt()
+    }
+
+    /// The instrument of a channel's source at `offsets`; `None` of a source that reads places.
+    pub(super) fn gauge(&self, channel: Channel, offsets: &DVector<f64>) -> Option<Gauge> {
+        self.channels.of(channel).gauge(offsets)
+    }
+
+    /// The parts of a channel's instrument of one length among the unknowns, and the change of its reading on a target at `place` by
+    /// each; none of a source that reads places.
+    pub(super) fn by_parts(
+        &self,
+        channel: Channel,
+        gauge: Option<&Gauge>,
+        place: &Point3<f64>,
+    ) -> Vec<(usize, f64)> {
+        let own = self.channels.of(channel).gauge.as_ref();
+        let (Some(own), Some(gauge)) = (own, gauge) else {
+            return Vec::new();
+        };
+        let parts = own.parts.iter().zip(gauge.parts());
+        parts
+            .map(|(unknown, part)| (*unknown, gauge.by_part(*part, place)))
+            .collect()
     }
 
     /// The weighted normal equations at `offsets`, one weight per observation.
@@ -290,15 +345,25 @@ impl<'a> Problem<'a> {
         &self,
         rows: &mut BlockRows,
         (place, first): (usize, usize),
-        chains: &[BatchColumns],
+        chains: &[Predicting],
         weights: &[f64],
     ) {
-        let stations = &self.channels.each()[place].stations;
-        rows.fill(&chains[place], self.observations, weights, stations, first);
+        let own = &self.channels.each()[place];
+        let (chain, gauge) = &chains[place];
+        match (gauge, &own.gauge) {
+            (Some(gauge), Some(reads)) => {
+                let gauge = (gauge, &reads.parts[..]);
+                rows.fill_lengths(chain, weights, &own.stations, first, gauge);
+            }
+            _ => rows.fill(chain, self.observations, weights, &own.stations, first),
+        }
     }
 
-    fn with_columns(&self, offsets: &DVector<f64>) -> Vec<BatchColumns> {
-        let at = |own: &Measuring| BatchColumns::new(&own.chain, &own.local(offsets), &own.columns);
+    fn with_columns(&self, offsets: &DVector<f64>) -> Vec<Predicting> {
+        let at = |own: &Measuring| {
+            let chain = BatchColumns::new(&own.chain, &own.local(offsets), &own.columns);
+            (chain, own.gauge(offsets))
+        };
         self.channels.each().iter().map(at).collect()
     }
 
@@ -349,12 +414,55 @@ impl<'a> Problem<'a> {
             // The shift is along the flange's axes, the turn about the target's own.
             Transform::claim(shift * start.isometry() * turn)
         });
+        let sees = start.sees().iter().enumerate().map(|(source, sees)| {
+            let source = SourceId(source);
+            let owner = Owner::Source { session, source };
+            match sees {
+                Sees::Length(gauge) => {
+                    let moved = gauge.moved(|part| offset(owner, Parameter::Gauge(part)));
+                    Sees::Length(moved.as_start())
+                }
+                Sees::Places | Sees::Nothing => *sees,
+            }
+        });
+        let sees: Vec<Sees> = sees.collect();
         Frames::new(sources.collect(), targets.collect())
             .expect("as many of each as the frames it started from")
+            .seeing(&sees)
     }
 }
 
+impl Reads {
+    /// The instrument of a channel's source; `None` of a source that reads no length.
+    fn of(channel: Channel, starts: &[Frames], unknowns: &[Unknown]) -> Option<Self> {
+        let start = *starts[channel.session].gauge(channel.source)?;
+        let place = |&part: &GaugePart| {
+            let wanted = Unknown::of(channel, Parameter::Gauge(part));
+            unknowns.iter().position(|unknown| *unknown == wanted)
+        };
+        Some(Self {
+            parts: start.parts().iter().filter_map(place).collect(),
+            start,
+        })
+    }
+}
+
+/// The chain of a channel, and the instrument at its end where that reads a length.
+type Predicting = (BatchColumns, Option<Gauge>);
+
 impl Measuring {
+    /// The instrument at `offsets`; `None` of a source that reads no length.
+    fn gauge(&self, offsets: &DVector<f64>) -> Option<Gauge> {
+        let reads = self.gauge.as_ref()?;
+        let place = |part| reads.start.parts().iter().position(|own| *own == part);
+        let offset = |part| place(part).and_then(|place| reads.parts.get(place));
+        Some(
+            reads
+                .start
+                .moved(|part| offset(part).map_or(0.0, |&at| offsets[at])),
+        )
+    }
+
     fn batch(&self, offsets: &DVector<f64>) -> BatchChain {
         BatchChain::new(&self.chain, &self.local(offsets))
     }
@@ -371,7 +479,7 @@ impl Measuring {
 /// Whether any orientation is measured, so that a target's own orientation is looked for.
 pub(super) fn is_turned(observations: &[Observation]) -> bool {
     match widest(observations.iter().map(|o| &o.measured)) {
-        ReadingKind::Point => false,
+        ReadingKind::Point | ReadingKind::Distance | ReadingKind::Height => false,
         ReadingKind::Pose => true,
     }
 }
@@ -392,10 +500,18 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
     for (session, frames) in starts.iter().enumerate() {
         for source in (0..frames.sources().len()).map(SourceId) {
             let owner = Owner::Source { session, source };
-            unknowns.extend(shifts.iter().chain(&turns).map(|motion| Unknown {
-                owner,
-                parameter: Parameter::Base(*motion),
-            }));
+            let own = |parameter| Unknown { owner, parameter };
+            match &frames.sees()[source.0] {
+                Sees::Places => {
+                    let motions = shifts.iter().chain(&turns);
+                    unknowns.extend(motions.map(|motion| own(Parameter::Base(*motion))));
+                }
+                Sees::Length(gauge) => {
+                    let parts = gauge.parts().iter();
+                    unknowns.extend(parts.map(|part| own(Parameter::Gauge(*part))));
+                }
+                Sees::Nothing => {}
+            }
         }
         if freedom == Freedom::Base {
             continue;

@@ -3,16 +3,18 @@
 //! Numbers are written so that reading them gives them back to the last digit or the one before. A text may come
 //! from anywhere: every length is compared with the others before it is used.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3,
+};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::conversion::Errors;
-use super::{Calibration, Frames, Owner, Unknown};
+use super::{Anchor, Calibration, Frames, Gauge, Owner, Plane, Sees, Unknown};
 use crate::geometry::Transform;
 use crate::join::SeveralSources;
 use crate::kinematics::{
-    Arm, ArmError, Chain, Convention, Element, Joint, LinkQuantity, Motion, Parameter,
+    Arm, ArmError, Chain, Convention, Element, GaugePart, Joint, LinkQuantity, Motion, Parameter,
 };
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
@@ -187,6 +189,73 @@ pub struct SavedSession {
     pub tracker_from_base: SavedPlacements,
     /// Pose of each target on the flange.
     pub flange_from_target: SavedPlacements,
+    /// What each source reads; absent where each reads places.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sees: Vec<SavedSees>,
+}
+
+/// What a source reads.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum SavedSees {
+    /// Positions or poses in its frame.
+    Places,
+    /// Nothing in this session.
+    Nothing,
+    /// Distances from an anchor.
+    Distance {
+        /// The anchor's place in the base's frame, mm.
+        xyz_mm: [f64; 3],
+        /// The reading at no distance, mm.
+        offset_mm: f64,
+    },
+    /// Heights above a plane.
+    Height {
+        /// The plane's normal in the base's frame, of length 1.
+        normal: [f64; 3],
+        /// Its distance from the base's origin along the normal, mm.
+        height_mm: f64,
+    },
+}
+
+impl SavedSees {
+    /// The saved form of what sources read; empty where each reads places.
+    fn all(sees: &[Sees]) -> Vec<Self> {
+        if sees.iter().all(|own| *own == Sees::Places) {
+            return Vec::new();
+        }
+        sees.iter().map(Self::of).collect()
+    }
+
+    fn of(sees: &Sees) -> Self {
+        match sees {
+            Sees::Places => Self::Places,
+            Sees::Nothing => Self::Nothing,
+            Sees::Length(Gauge::Distance(anchor)) => Self::Distance {
+                xyz_mm: anchor.place.coords.into(),
+                offset_mm: anchor.offset_mm,
+            },
+            Sees::Length(Gauge::Height(plane)) => Self::Height {
+                normal: plane.normal.into_inner().into(),
+                height_mm: plane.height_mm,
+            },
+        }
+    }
+
+    fn sees(&self) -> Sees {
+        match *self {
+            Self::Places => Sees::Places,
+            Self::Nothing => Sees::Nothing,
+            Self::Distance { xyz_mm, offset_mm } => Sees::Length(Gauge::Distance(Anchor {
+                place: xyz_mm.into(),
+                offset_mm,
+            })),
+            Self::Height { normal, height_mm } => {
+                let normal = Unit::new_normalize(Vector3::from(normal));
+                Sees::Length(Gauge::Height(Plane::new(normal, height_mm)))
+            }
+        }
+    }
 }
 
 /// One placement, or several in a list.
@@ -392,6 +461,7 @@ impl SavedSession {
             session: (*name).to_owned(),
             tracker_from_base: SavedPlacements::of(frames.sources()),
             flange_from_target: SavedPlacements::of(frames.targets()),
+            sees: SavedSees::all(frames.sees()),
         };
         names.iter().zip(frames).map(session).collect()
     }
@@ -401,13 +471,18 @@ impl SavedSession {
         let sources = self.tracker_from_base.frames("tracker_from_base")?;
         let targets = self.flange_from_target.frames("flange_from_target")?;
         let (counts, frames) = (
-            sources.len().min(targets.len()),
+            (sources.len().min(targets.len()), sources.len()),
             Frames::new(sources, targets),
         );
+        if !self.sees.is_empty() {
+            same_length("sources and what they read", counts.1, self.sees.len())?;
+        }
+        let sees: Vec<Sees> = self.sees.iter().map(SavedSees::sees).collect();
+        let frames = frames.map(|frames| frames.seeing(&sees));
         frames.ok_or(SavedError::Length {
             what: "frames of sources or targets in a session",
             expected: 1,
-            found: counts,
+            found: counts.0,
         })
     }
 }
@@ -572,8 +647,10 @@ fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
         .flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
     let links = (1..=MOST_JOINTS)
         .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Parameter::Link { joint, quantity }));
+    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
     let found = frames
         .chain(links)
+        .chain(gauges.map(Parameter::Gauge))
         .find(|parameter| parameter.to_string() == name);
     found.ok_or_else(|| SavedError::Unknown {
         what: "a parameter",

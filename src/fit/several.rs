@@ -416,5 +416,5 @@ fn a_source_of_points_takes_no_orientation() {
         [1.0, 2.0, 3.0].into(),
         UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
     );
-    assert_eq!(turned.residual(&predicted), vec![-1.0, -2.0, -3.0]);
+    assert_eq!(turned.residual(&predicted, None), vec![-1.0, -2.0, -3.0]);
 }

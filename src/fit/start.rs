@@ -1,20 +1,27 @@
-//! Starting frames: a closed-form alignment of the nominal arm's flanges, then base and target alone.
+//! Starting frames: a closed-form alignment of the nominal arm's flanges, then base and target alone. Sources that read one length
+//! have a start of their own ([`gauges`]).
+
+mod gauges;
 
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::frames::Frames;
+use super::gauge::Sees;
 use super::observation::Observation;
 use super::problem::{Freedom, Problem};
 use super::{FitError, FitSettings, solve};
 use crate::geometry::{Base, Tracker, Transform, align};
 use crate::join::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
-use crate::join::{SourceId, TargetId};
+use crate::join::{ReadingKind, SourceId, TargetId};
 use crate::kinematics::{Arm, BatchChain};
+use gauges::{Known, SeenAt};
 
 /// The least number of stations: nine numbers of base and target need three positions, and one more gives a residual.
 const LEAST_STATIONS: usize = 4;
+/// The least number of readings of a source of lengths: seven numbers of anchor and target, and one more gives a residual.
+const LEAST_LENGTHS: usize = 8;
 /// Positions that spread less than this across their longest direction count as a line, mm.
 const LEAST_SPREAD_MM: f64 = 1.0;
 /// Passes of base and target alone; the frames are updated after each, so that the turns stay small.
@@ -101,7 +108,7 @@ fn far(arm: &Arm, observations: &[Observation], session: usize, near: &Frames) -
     });
     let targets = targets.collect();
     let found = Frames::new(bases.clone(), targets);
-    found.unwrap_or_else(|| near.clone())
+    found.map_or_else(|| near.clone(), |found| found.seeing(near.sees()))
 }
 
 /// The base in each source's frame from flange origins alone, and each target's mean turn where orientations are measured.
@@ -120,8 +127,9 @@ fn aligned(
     if settings.target.is_some() && targets > 1 {
         return Err(FitError::KnownTargetOfSeveral { session, targets });
     }
-    let bases = (0..sources).map(|source| base(arm, &own, session, SourceId(source)));
-    let bases = bases.collect::<Result<Vec<_>, _>>()?;
+    let starts = (0..sources).map(|source| start(arm, &own, session, SourceId(source), settings));
+    let starts = starts.collect::<Result<Vec<Start>, _>>()?;
+    let bases: Vec<_> = starts.iter().map(|start| start.base).collect();
     let places = (0..targets).map(|target| {
         let seen = own.iter().filter(|o| o.target == TargetId(target));
         let seen: Vec<&Observation> = seen.copied().collect();
@@ -129,13 +137,107 @@ fn aligned(
             return Err(FitError::UnseenTarget { session, target });
         }
         let turn = turn(arm, &seen, &bases);
-        Ok(Transform::claim(Isometry3::from_parts(
-            Translation3::identity(),
-            turn,
-        )))
+        let by_length = starts.iter().filter_map(|start| start.target);
+        let mut by_length = by_length.filter(|(of, _)| *of == TargetId(target));
+        let place = by_length
+            .next()
+            .filter(|_| seen.iter().all(|o| o.point().is_none()));
+        let place = place.map_or_else(Translation3::identity, |(_, place)| place.into());
+        Ok(Transform::claim(Isometry3::from_parts(place, turn)))
     });
     let places = places.collect::<Result<Vec<_>, _>>()?;
-    Ok(Frames::new(bases, places).expect("at least one of each is asked for"))
+    let sees: Vec<Sees> = starts.iter().map(|start| start.sees).collect();
+    let frames = Frames::new(bases, places).expect("at least one of each is asked for");
+    Ok(frames.seeing(&sees))
+}
+
+/// The start of a source.
+struct Start {
+    sees: Sees,
+    /// The base in its frame.
+    base: Transform<Tracker, Base>,
+    /// The target that it read lengths of, with its place on the flange, mm; `None` of a source of places.
+    target: Option<(TargetId, Vector3<f64>)>,
+}
+
+/// A source's start by what it reads.
+fn start(
+    arm: &Arm,
+    own: &[&Observation],
+    session: usize,
+    source: SourceId,
+    settings: &FitSettings,
+) -> Result<Start, FitError> {
+    let mut readings = own.iter().filter(|o| o.source == source);
+    let kinds = readings.clone().map(|o| o.measured.kind());
+    let is_place = |kind: ReadingKind| !kind.is_length();
+    if kinds.clone().any(is_place) {
+        return Ok(Start {
+            sees: Sees::Places,
+            base: base(arm, own, session, source)?,
+            target: None,
+        });
+    }
+    let Some(first) = readings.next() else {
+        return Ok(Start {
+            sees: Sees::Nothing,
+            base: Transform::identity(),
+            target: None,
+        });
+    };
+    length(arm, own, (session, source), first.measured.kind(), settings)
+}
+
+/// The start of a source that reads one length, by the target that it read most often.
+fn length(
+    arm: &Arm,
+    own: &[&Observation],
+    (session, source): (usize, SourceId),
+    kind: ReadingKind,
+    settings: &FitSettings,
+) -> Result<Start, FitError> {
+    let mut of_targets: BTreeMap<TargetId, Vec<&Observation>> = BTreeMap::new();
+    for observation in own.iter().filter(|o| o.source == source) {
+        let seen = of_targets.entry(observation.target).or_default();
+        seen.push(observation);
+    }
+    let most = of_targets
+        .into_iter()
+        .rev()
+        .max_by_key(|(_, own)| own.len());
+    let (target, own) = most.unwrap_or((TargetId::MAIN, Vec::new()));
+    let too_few = FitError::TooFewLengths {
+        session,
+        instrument: source.0,
+        readings: own.len(),
+        needed: LEAST_LENGTHS,
+    };
+    if own.len() < LEAST_LENGTHS {
+        return Err(too_few);
+    }
+    let flanges = flanges(arm, &own);
+    let seen = own.iter().zip(flanges).filter_map(|(o, flange)| {
+        let mm = o.measured.length()?.mm;
+        Some(SeenAt { flange, mm })
+    });
+    let seen: Vec<SeenAt> = seen.collect();
+    let prior = settings.prior();
+    let known = Known {
+        gauge: prior.gauges.get(source.0).copied().unwrap_or_default(),
+        target: prior.targets.get(target.0).copied().flatten(),
+    };
+    let found = match kind {
+        ReadingKind::Height => gauges::height(&seen, &known),
+        ReadingKind::Distance | ReadingKind::Point | ReadingKind::Pose => {
+            gauges::distance(&seen, &known)
+        }
+    };
+    let (gauge, place) = found.ok_or(too_few)?;
+    Ok(Start {
+        sees: Sees::Length(gauge),
+        base: Transform::identity(),
+        target: Some((target, place)),
+    })
 }
 
 /// The mean turn of a target at the flange; none where no orientation was measured.

@@ -4,6 +4,7 @@
 //! nothing else; for any other type, `fields` gives the paths inside a message.
 
 mod fields;
+mod lengths;
 mod logged;
 mod stations;
 
@@ -18,6 +19,7 @@ use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
+pub use lengths::{KnownOffset, KnownPlace, LengthColumns, LengthRead};
 pub use logged::{LoggedTarget, TargetName};
 pub use stations::{
     MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,

@@ -140,13 +140,14 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 23] = [
+const FILES: [&str; 24] = [
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),
     include_str!("../../schemas/calibrations.toml"),
     include_str!("../../schemas/parameters.toml"),
     include_str!("../../schemas/scales.toml"),
+    include_str!("../../schemas/sources.toml"),
     include_str!("../../schemas/references.toml"),
     include_str!("../../schemas/reference_motion.toml"),
     include_str!("../../schemas/joint_errors.toml"),

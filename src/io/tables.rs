@@ -4,7 +4,7 @@
 //! Inputs are the domain structs of [`Outcome`] and the statements of the pipeline file ([`PublishContext`]); outputs are
 //! rows with their checked [`Table`]s:
 //! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`, `reference_motion`; `logs` are written where they are read ([`logs`]);
-//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `references`, `joint_errors`, `residuals`,
+//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `sources`, `references`, `joint_errors`, `residuals`,
 //!    `semivariograms`, `grid_steps`, `compensation`, `accuracy`.
 //!
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
@@ -31,6 +31,7 @@ pub mod runs;
 pub mod sampling_plan;
 pub mod scales;
 pub mod semivariograms;
+pub mod sources;
 pub mod stations;
 #[cfg(test)]
 mod tests;
@@ -65,6 +66,7 @@ use residuals::ResidualRow;
 use runs::Ending;
 use scales::ScaleRow;
 use semivariograms::SemivariogramRow;
+use sources::SourceRow;
 use stations::StationRow;
 
 /// The content of tables that does not come from the stages.
@@ -176,6 +178,8 @@ pub struct RunRows {
     pub parameters: Rows<ParameterRow>,
     /// `scales`.
     pub scales: Rows<ScaleRow>,
+    /// `sources`.
+    pub sources: Rows<SourceRow>,
     /// `references`.
     pub references: Rows<ReferenceRow>,
     /// `joint_errors`.
@@ -212,6 +216,7 @@ impl RunRows {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
+            sources: Row::table(sources::rows(&outcome.sources), key)?,
             references: Row::table(references::places(outcome), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
             residuals: Row::table(
@@ -231,6 +236,7 @@ impl RunRows {
             &self.calibrations.table,
             &self.parameters.table,
             &self.scales.table,
+            &self.sources.table,
             &self.joint_errors.table,
             &self.residuals.table,
             &self.semivariograms.table,

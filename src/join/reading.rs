@@ -58,6 +58,10 @@ pub enum Value {
     Point(MeanPoint),
     /// A position and an orientation, of a 6-DoF target.
     Pose(MeanPoint, MeanOrientation),
+    /// The distance of the target from the source's anchor, with the source's offset.
+    Distance(MeanLength),
+    /// The height of the target above the source's plane.
+    Height(MeanLength),
 }
 
 /// The kind of value that a source reads.
@@ -67,6 +71,10 @@ pub enum ReadingKind {
     Point,
     /// A position and an orientation: six numbers.
     Pose,
+    /// A distance from an anchor: one number.
+    Distance,
+    /// A height above a plane: one number.
+    Height,
 }
 
 /// The mean of a dwell's positions.
@@ -80,6 +88,15 @@ pub struct MeanPoint {
     pub stated_covariance: Option<[f64; 6]>,
     /// Covariance that following the references adds (xx xy xz yy yz zz, mm²); absent where no references were followed.
     pub motion_covariance: Option<[f64; 6]>,
+}
+
+/// The mean of a dwell's lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeanLength {
+    /// Mean length, mm.
+    pub mm: f64,
+    /// Stated standard uncertainty of the mean, mm.
+    pub sd_mm: f64,
 }
 
 /// The mean of a dwell's orientations.
@@ -134,6 +151,8 @@ impl Value {
         match self {
             Self::Point(_) => ReadingKind::Point,
             Self::Pose(..) => ReadingKind::Pose,
+            Self::Distance(_) => ReadingKind::Distance,
+            Self::Height(_) => ReadingKind::Height,
         }
     }
 
@@ -141,6 +160,7 @@ impl Value {
     pub const fn point(&self) -> Option<&MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
@@ -148,14 +168,23 @@ impl Value {
     pub const fn point_mut(&mut self) -> Option<&mut MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
     /// The orientation; `None` where none was read.
     pub const fn turn(&self) -> Option<&MeanOrientation> {
         match self {
-            Self::Point(_) => None,
+            Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
             Self::Pose(_, turn) => Some(turn),
+        }
+    }
+
+    /// The length; `None` where a place was read.
+    pub const fn length(&self) -> Option<&MeanLength> {
+        match self {
+            Self::Point(_) | Self::Pose(..) => None,
+            Self::Distance(length) | Self::Height(length) => Some(length),
         }
     }
 }
@@ -188,7 +217,13 @@ impl ReadingKind {
         match self {
             Self::Point => 3,
             Self::Pose => 6,
+            Self::Distance | Self::Height => 1,
         }
+    }
+
+    /// Whether a reading is one length.
+    pub const fn is_length(self) -> bool {
+        matches!(self, Self::Distance | Self::Height)
     }
 }
 
@@ -216,10 +251,12 @@ pub struct SeveralSources {
     pub sources: usize,
 }
 
-/// Refuses stations with readings of more than one source, for steps that work with one.
+/// Refuses stations with positions or poses of more than one source, for steps that work with one. Sources of one length take part
+/// in a fit and in nothing behind it: they may be any number, and come after the source of places.
 pub fn one_source(stations: &[Station]) -> Result<(), SeveralSources> {
     let readings = stations.iter().flat_map(|station| &station.readings);
-    let sources = readings.map(|reading| reading.source.0 + 1).max();
+    let places = readings.filter(|reading| !reading.value.kind().is_length());
+    let sources = places.map(|reading| reading.source.0 + 1).max();
     match sources {
         None | Some(..=1) => Ok(()),
         Some(sources) => Err(SeveralSources { sources }),

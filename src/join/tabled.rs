@@ -71,6 +71,8 @@ pub struct RowReference {
 /// The reading of one target in a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowReading {
+    /// The instrument.
+    pub source: SourceId,
     /// The target.
     pub target: TargetId,
     /// Its line in the file, from 1; of a long table its own.
@@ -283,7 +285,8 @@ fn digits(row: &Row) -> Vec<u64> {
             .value
             .point()
             .map_or([0.0; 3], |point| point.position.coords.into());
-        [reading.target.0 as u64]
+        let length = reading.value.length().map_or(0.0, |length| length.mm);
+        [reading.target.0 as u64, length.to_bits()]
             .into_iter()
             .chain(point.map(f64::to_bits))
     });
@@ -420,7 +423,7 @@ fn place(reading: &RowReading) -> Option<Vector3<f64>> {
 
 fn read(reading: &RowReading, row: &Row, at: i64) -> Reading {
     Reading {
-        source: SourceId::ONLY,
+        source: reading.source,
         target: reading.target,
         value: reading.value,
         kept: reading.samples,

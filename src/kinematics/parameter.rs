@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::motion::Motion;
+use super::motion::{Axis, Motion};
 
 /// One free parameter of the measurement chain `tracker_from_base · arm · flange_from_target`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -18,6 +18,54 @@ pub enum Parameter {
     },
     /// A small motion of the measured target on the flange.
     Target(Motion),
+    /// A quantity of an instrument that reads one length, in the base's frame.
+    Gauge(GaugePart),
+}
+
+/// The quantities of an instrument that reads one length: the place of an anchor that distances are read from, or the plane that
+/// heights are read above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum GaugePart {
+    /// A coordinate of the anchor.
+    Place(Axis),
+    /// Reading at no distance from the anchor.
+    Offset,
+    /// The tilt of the plane's normal towards the first axis across it.
+    Tilt,
+    /// The tilt of the plane's normal towards the second axis across it.
+    OtherTilt,
+    /// Distance of the plane from the base's origin along its normal.
+    Height,
+}
+
+impl GaugePart {
+    /// The parts of an anchor.
+    pub const ANCHOR: [Self; 4] = [
+        Self::Place(Axis::X),
+        Self::Place(Axis::Y),
+        Self::Place(Axis::Z),
+        Self::Offset,
+    ];
+    /// The parts of a plane.
+    pub const PLANE: [Self; 3] = [Self::Tilt, Self::OtherTilt, Self::Height];
+
+    /// Whether the part is an angle (rad); otherwise it is a length (mm).
+    pub const fn is_angle(self) -> bool {
+        matches!(self, Self::Tilt | Self::OtherTilt)
+    }
+
+    /// The part's name in tables and saved models.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Place(Axis::X) => "anchor_x",
+            Self::Place(Axis::Y) => "anchor_y",
+            Self::Place(Axis::Z) => "anchor_z",
+            Self::Offset => "anchor_offset",
+            Self::Tilt => "plane_tilt_1",
+            Self::OtherTilt => "plane_tilt_2",
+            Self::Height => "plane_height",
+        }
+    }
 }
 
 /// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift along it.
@@ -102,6 +150,7 @@ impl Parameter {
         match self {
             Self::Base(motion) | Self::Target(motion) => matches!(motion, Motion::Rotation(_)),
             Self::Link { quantity, .. } => quantity.is_angle(),
+            Self::Gauge(part) => part.is_angle(),
         }
     }
 
@@ -117,6 +166,7 @@ impl fmt::Display for Parameter {
             Self::Base(motion) => write!(f, "base_{}", motion.name()),
             Self::Target(motion) => write!(f, "target_{}", motion.name()),
             Self::Link { joint, quantity } => write!(f, "{}_{joint}", quantity.name()),
+            Self::Gauge(part) => f.write_str(part.name()),
         }
     }
 }

@@ -25,7 +25,7 @@ use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
-use crate::fit::{ErrorBase, FitSettings, SurveyedBase};
+use crate::fit::{ErrorBase, FitSettings, KnownGauge, KnownTarget, SurveyedBase};
 use crate::geometry::Placement;
 use crate::ingest::{Mapping, StationsSettings, TrackerSettings};
 use crate::io::input::{self, Bound};
@@ -308,6 +308,8 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
         noise: file.noise(),
         fit: FitSettings {
             target_names: several_targets(file),
+            gauges: gauges(file),
+            source_names: source_names(file),
             ..fit.clone()
         },
         full: file.fit.full.clone().measured_by(&file.tracker.uncertainty),
@@ -328,6 +330,32 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
         leave_sessions_out: file.report.leave_sessions_out,
         tool_tip: placed.tool_tip,
     }
+}
+
+/// Names of the sources of a table with readings of one length: that of places first.
+fn source_names(file: &PipelineFile) -> Vec<String> {
+    let Some(stations) = file.stations.as_ref().filter(|own| !own.lengths.is_empty()) else {
+        return Vec::new();
+    };
+    let places = (stations.first_length() > 0).then(|| "tracker".to_owned());
+    let lengths = stations.lengths.iter().map(|own| own.name.clone());
+    places.into_iter().chain(lengths).collect()
+}
+
+/// What is known of each source that reads lengths, in the order of sources; nothing of that of places.
+fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
+    let Some(stations) = file.stations.as_ref().filter(|own| !own.lengths.is_empty()) else {
+        return Vec::new();
+    };
+    let known = stations.lengths.iter().map(|own| KnownGauge {
+        place: own.place.map(|place| KnownTarget {
+            xyz_mm: place.xyz_mm,
+            sd_mm: place.sd_mm,
+        }),
+        offset: own.offset.map(|offset| (offset.mm, offset.sd_mm)),
+    });
+    let before = vec![KnownGauge::default(); stations.first_length()];
+    before.into_iter().chain(known).collect()
 }
 
 /// Names of the targets of a table with several, the main one first; empty where there is one.

@@ -19,7 +19,7 @@ use crate::fit::{
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, LoggedTarget,
+    CommandedFile, CommandedSettings, ControllerSettings, LengthRead, LengthUnit, LoggedTarget,
     MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
@@ -134,7 +134,23 @@ impl PipelineFile {
             },
             uncertainty: self.tracker.uncertainty,
         };
-        Noise::of_one(tracker, fit.repeatability_mm)
+        let lengths = self.stations.iter().flat_map(|own| &own.lengths);
+        let lengths = lengths.map(|own| Source {
+            reads: match own.reads {
+                LengthRead::Distance => ReadingKind::Distance,
+                LengthRead::Height => ReadingKind::Height,
+            },
+            ..tracker
+        });
+        let places = self
+            .stations
+            .as_ref()
+            .is_none_or(|own| own.first_length() > 0);
+        let sources = places.then_some(tracker).into_iter().chain(lengths);
+        Noise {
+            sources: sources.collect(),
+            repeatability_mm: fit.repeatability_mm,
+        }
     }
 }
 

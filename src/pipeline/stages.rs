@@ -9,6 +9,7 @@ mod flanges;
 mod gridded;
 mod iso_9283;
 mod judged;
+mod lengths;
 mod mountings;
 mod observed;
 pub(super) mod scales;
@@ -28,7 +29,7 @@ use crate::fit::{
     TrainingSettings,
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::io::tables::outcome::{JoinedSession, Outcome, Source};
 use crate::join::{SeveralSources, one_source};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -111,6 +112,15 @@ pub enum StageError {
         /// Their number.
         source: SeveralSources,
     },
+    /// A session that only judges, without positions.
+    #[error(
+        "session {session} judges, but its stations have readings of one length alone: positions are judged by an instrument that reads \
+         them; let it train, or judge by a session with positions"
+    )]
+    NoPlaces {
+        /// The session's name.
+        session: String,
+    },
     /// A model with several sources.
     #[error("fit: {0}")]
     Several(#[from] SeveralSources),
@@ -152,6 +162,7 @@ pub fn run<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     one_source_each(training.iter().chain(&test))?;
+    test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
     cameras::leave_out_flips(arm, &mut training, &mut test, settings);
     let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
@@ -161,11 +172,13 @@ pub fn run<'a>(
     check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
+    let sources = lengths::sources(&observed, &models, &folds, settings);
     let trained = Trained {
         observed,
         models,
         folds,
         camera_size: *camera_size,
+        sources,
     };
     results(arm, trained, flanges, settings, progress)
 }
@@ -178,6 +191,8 @@ struct Trained {
     folds: Vec<Option<Models>>,
     /// The size of a camera's noise.
     camera_size: Option<CameraSize>,
+    /// The instruments of each model.
+    sources: Vec<Source>,
 }
 
 /// The settings of a training.
@@ -198,10 +213,13 @@ fn results<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     let (observed, models, folds) = (trained.observed, trained.models, trained.folds);
-    let settings = &StageSettings {
-        noise: flanges.noise,
-        ..settings.clone()
-    };
+    let settings = &lengths::settings_behind(
+        &observed,
+        StageSettings {
+            noise: flanges.noise,
+            ..settings.clone()
+        },
+    );
     let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
     let judged = Judged {
         arm,
@@ -214,6 +232,9 @@ fn results<'a>(
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
     let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
     let mut residuals = mountings::of_one_mounting(residuals);
+    if !lengths::reads_places(&observed) {
+        residuals.retain(|set| !set.residuals.is_empty());
+    }
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::main);
     let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;
@@ -224,15 +245,19 @@ fn results<'a>(
     let fold = |station| folds_of.get(&station).copied();
     let mut stations = grid_stations(&training[last], &error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
-    let mut grids = grids(
-        &stations,
-        &error_frame,
-        &models,
-        &folds,
-        last,
-        settings,
-        progress,
-    )?;
+    let mut grids = if lengths::reads_places(&observed) {
+        grids(
+            &stations,
+            &error_frame,
+            &models,
+            &folds,
+            last,
+            settings,
+            progress,
+        )?
+    } else {
+        lengths::no_grids(&tested, settings)
+    };
     let judges = Judges {
         arm,
         models: &models,
@@ -287,6 +312,7 @@ fn results<'a>(
         camera_size: trained.camera_size,
         on_top: models.on_top,
         scales,
+        sources: trained.sources,
         error_frame,
         residuals,
         semivariograms,
@@ -299,8 +325,8 @@ fn results<'a>(
     })
 }
 
-/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources are refused here. Of
-/// several targets the one reading of each station is derived ([`flanges`]).
+/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources of positions are refused
+/// here. Instruments that read one length train beside it ([`lengths`]). Of several targets the one reading of each station is derived ([`flanges`]).
 fn one_source_each<'s>(
     sessions: impl Iterator<Item = &'s JoinedSession>,
 ) -> Result<(), StageError> {

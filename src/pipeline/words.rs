@@ -5,7 +5,7 @@ pub(super) mod references;
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
-use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange};
+use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::io::tables::residuals::target_name;
 use crate::join::{Pairing, Station, TargetId};
 use crate::report::verdict::{self, Judge, figure_of_model};
@@ -15,6 +15,7 @@ use crate::units::NS_PER_S;
 /// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let named = scales::named(&outcome.scales).into_iter();
+    let named = several_sources(outcome).chain(named);
     let named = references::followed(outcome)
         .into_iter()
         .chain(several_targets(outcome))
@@ -31,6 +32,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let mut words: Vec<String> = sessions.map(session_words).collect();
     words.extend(references::followed(outcome));
     words.extend(several_targets(outcome));
+    words.extend(several_sources(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(camera_words(outcome));
@@ -114,6 +116,41 @@ fn several_targets(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
     outcome.targets.sessions.iter().map(words)
 }
 
+/// For each source beside others, or of one length, the size of its noise and its share of the information on the geometry.
+fn several_sources(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
+    let geometric = |own: &&Source| own.model == Model::Geometric;
+    let own: Vec<&Source> = outcome.sources.iter().filter(geometric).collect();
+    let is_plain = own.iter().all(|own| !own.size.kind.is_length());
+    let words = |own: &Source| {
+        let size = &own.size;
+        let error = size
+            .factor_error()
+            .map_or_else(String::new, |error| format!(" ± {error:.2}"));
+        let left = own.held_out_rms_mm.map_or_else(String::new, |rms_mm| {
+            let full = outcome
+                .sources
+                .iter()
+                .filter(|other| other.model == Model::Full);
+            let mut full = full.filter(|other| other.size.source == size.source);
+            let full_mm = full.next().and_then(|other| other.held_out_rms_mm);
+            let full_mm = full_mm.map_or_else(String::new, |rms_mm| {
+                format!(", {rms_mm:.3} mm by the full error model")
+            });
+            format!("; held out rms {rms_mm:.3} mm by the geometry{full_mm}")
+        });
+        format!(
+            "source {}: {} readings, noise {:.2}{error} times the stated {:.3} mm in the geometry's fit, {:.0} % of the information{left}",
+            own.name,
+            size.readings,
+            size.factor,
+            size.stated_mm,
+            100.0 * size.share
+        )
+    };
+    let shown = own.into_iter().filter(|_| !is_plain);
+    shown.map(words).collect::<Vec<String>>().into_iter()
+}
+
 fn part_words(full: &FullModel) -> String {
     let part = |part: &PartEvidence| {
         let disposition = if part.kept { "kept" } else { "dropped" };
@@ -144,7 +181,10 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
         let read = sets.flat_map(|set| &set.residuals);
         read.map(|residual| (session.name.as_str(), residual.station))
     });
-    let judged = paired.zip(full.weights.iter().zip(&full.left_out));
+    // Lengths have no residual of a position.
+    let weighed = full.weights.iter().zip(&full.left_out);
+    let weighed = weighed.filter(|(_, left_out)| left_out.residual.len() >= 3);
+    let judged = paired.zip(weighed);
     let mut far: Vec<(f64, String)> = judged
         .filter(|(_, (weight, _))| **weight < FAR)
         .map(|((session, station), (weight, left_out))| {

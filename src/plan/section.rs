@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::instruments::InstrumentSection;
 use crate::figures::Coverage;
 use crate::geometry::Placement;
 use crate::simulate::Poses;
@@ -54,6 +55,9 @@ pub struct PlanSection {
     /// more information. Never less than `cone_deg`.
     #[serde(default = "candidate_cone_deg")]
     pub candidate_cone_deg: f64,
+    /// `[[plan.instruments]]`: instruments of one length that the session could have beside the tracker.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub instruments: Vec<InstrumentSection>,
     /// `[plan.constraints]`: the constraints on measured poses.
     #[serde(default)]
     pub constraints: ConstraintsSection,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
 
+use super::instruments::InstrumentSection;
 use super::known::KnownArm;
 use super::line_of_sight::Constraints;
 use crate::figures::Coverage;
@@ -59,6 +60,8 @@ pub struct PlanSettings {
     pub drift_check_every: usize,
     /// Number of fresh poses that the session measures to verify the promise.
     pub verify_poses: usize,
+    /// Instruments of one length that the session could have beside the tracker.
+    pub instruments: Vec<InstrumentSection>,
 }
 
 /// The region in which a plan has to hold, in the base frame.

@@ -59,6 +59,8 @@ pub enum Ingredient {
     Scatter = 23,
     /// Readings of further reflectors.
     Beside = 24,
+    /// Readings of instruments of one length.
+    Lengths = 25,
 }
 
 /// One stream of random numbers.

@@ -6,15 +6,56 @@ use super::Simulated;
 use super::random::{Ingredient, Stream};
 use super::tracker::off;
 use super::truth::TrueStation;
-use crate::ingest::TargetReadings;
+use crate::ingest::{LengthRead, TargetReadings};
 use crate::join::{
-    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
-    Value,
+    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
+    Unmeasured, Value,
 };
 use crate::units::{ClockModel, Stamp, Tracker};
 
 /// Readings before this are still settling, ns.
 const SETTLING_NS: i64 = 100_000_000;
+
+/// An instrument that reads one length of the measured target.
+#[derive(Clone, Copy)]
+pub struct LengthInstrument<'i> {
+    /// Whether it reads distances or heights.
+    pub reads: LengthRead,
+    /// Standard deviation of its readings, mm.
+    pub sd_mm: f64,
+    /// Its reading without noise on a target at a place in the base's frame, mm.
+    pub reading_mm: &'i dyn Fn(&Point3<f64>) -> f64,
+}
+
+impl LengthInstrument<'_> {
+    /// The reading of a target at `place` with a standard normal number, at the beginning of a station.
+    fn reading(
+        &self,
+        source: SourceId,
+        place: &Point3<f64>,
+        normal: f64,
+        station: &Station,
+    ) -> Reading {
+        let length = MeanLength {
+            mm: (self.reading_mm)(place) + self.sd_mm * normal,
+            sd_mm: self.sd_mm,
+        };
+        let at = Stamp::from_ns(station.start.ns());
+        Reading {
+            source,
+            target: TargetId::ONLY,
+            value: match self.reads {
+                LengthRead::Distance => Value::Distance(length),
+                LengthRead::Height => Value::Height(length),
+            },
+            kept: 1,
+            taken: 1,
+            first: at,
+            last: at,
+            temperature_c: None,
+        }
+    }
+}
 
 impl Simulated {
     /// The stations that a perfect join would find: every dwell with the mean of its readings, none of them rejected but
@@ -92,6 +133,25 @@ impl Simulated {
             }
         }
         all
+    }
+
+    /// Adds the readings of instruments of one length on the measured target, as sources behind the tracker. Anchors and planes stand
+    /// still before the tracker, in the base's frame at the session's start; each reading is lost as often as a station is.
+    pub fn add_lengths(&self, stations: &mut [Station], instruments: &[LengthInstrument<'_>]) {
+        let settings = &self.truth.settings;
+        let mut noise = Stream::new(settings.seed, Ingredient::Lengths);
+        for (station, truth) in stations.iter_mut().zip(&self.truth.stations) {
+            let place = Point3::from(truth.base_from_target.translation.vector);
+            for (number, instrument) in instruments.iter().enumerate() {
+                let (normal, drawn) = (noise.normal3().x, noise.uniform());
+                if drawn >= settings.tracker.lost_share {
+                    let source = SourceId(number + 1);
+                    let reading = instrument.reading(source, &place, normal, station);
+                    station.readings.push(reading);
+                    station.pairing = Pairing::Paired;
+                }
+            }
+        }
     }
 
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {

@@ -16,6 +16,7 @@ mod iso_9283;
 mod joints;
 mod judged;
 mod kept;
+mod lengths;
 mod nightly;
 mod one_verdict;
 mod page;

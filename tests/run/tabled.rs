@@ -27,14 +27,18 @@ const HEADER: &str = "A1;A2;A3;A4;A5;A6;T;cx;cy;cz;qx;qy;qz;qw;x0;dx;y;z;sx;sy;s
 
 /// A cell whose sessions are tables.
 fn cell() -> Cell {
+    cell_with(Cell::new(), STATIONS)
+}
+
+/// A cell whose sessions are tables with the columns of this section.
+pub fn cell_with(cell: Cell, stations: &str) -> Cell {
     let text = fs::read_to_string("pipelines/quickstart.toml").expect("readable");
     let section = |name: &str| {
         let start = text.find(&format!("[{name}]")).expect("a section");
         let end = text[start..].find("\n\n").expect("its end");
         &text[start..start + end]
     };
-    Cell::new()
-        .with(section("controller"), STATIONS)
+    cell.with(section("controller"), stations)
         .with("topic = \"/commanded_pose\"\ntime = \"header\"\nunit = \"m\"\n", "")
         .with("topic = \"/tracker/point\"\ntime = \"header\"\nunit = \"m\"\ntemperature = \"/tracker/temperature\"\n", "")
         .with("# sessions", "stations = \"measured.csv\"")

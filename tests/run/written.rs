@@ -81,6 +81,21 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "no step is judged on what it was made from: to go from the schema",
     ),
     (
+        "parameters.belongs_to",
+        &["gauge"],
+        "tests/run/lengths.rs: these cells have a tracker alone, and gauges read lengths",
+    ),
+    (
+        "parameters.quantity",
+        &["offset", "tilt_1", "tilt_2"],
+        "tests/run/lengths.rs: quantities of gauges",
+    ),
+    (
+        "sources.reads",
+        &["pose", "distance", "height"],
+        "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
+    ),
+    (
         "parameters.identifiability",
         &["moves_nothing"],
         "a reflector on the last axis, which no simulated session has",
@@ -130,6 +145,10 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
         "residuals.target",
         "tests/reflectors.rs: these cells have one target, which has no name",
     ),
+    ("sources.held_out_rms_mm", NO_LENGTHS),
+    ("sources.anchor_", NO_LENGTHS),
+    ("sources.normal_", NO_LENGTHS),
+    ("sources.plane_height_mm", NO_LENGTHS),
     (
         "grid_steps.phases",
         "no grid is decimated: to go from the schema",
@@ -146,6 +165,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
 ];
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
+const NO_LENGTHS: &str = "tests/run/lengths.rs: these cells have a tracker alone, and these are of instruments of one length";
 const NO_COVARIANCE: &str = "the simulated tracker states none; tests/logs/encodings reads them, tests/tables.rs writes them";
 
 /// What was found in the files read so far.

@@ -297,6 +297,10 @@ struct List(Vec<f64>);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Triple(pub(super) [f64; 3]);
 
+/// Five numbers separated by commas.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Five(pub(super) [f64; 5]);
+
 fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -309,6 +313,20 @@ fn list(text: &str) -> Result<List, String> {
     numbers.map(List)
 }
 
+/// Five numbers, separated by commas, the last a standard deviation.
+pub(super) fn five(text: &str) -> Result<Five, String> {
+    let List(numbers) = list(text)?;
+    let count = numbers.len();
+    let five = <[f64; 5]>::try_from(numbers)
+        .map_err(|_| format!("{count} numbers; give five, separated by commas"))?;
+    if five[4] > 0.0 {
+        Ok(Five(five))
+    } else {
+        Err("the last number is a standard deviation: above zero".to_owned())
+    }
+}
+
+/// Three numbers, separated by commas.
 pub(super) fn triple(text: &str) -> Result<Triple, String> {
     let List(numbers) = list(text)?;
     let count = numbers.len();

@@ -8,8 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 use super::layout::{Block, Layout};
 use super::tabulated::Tabulated;
 use crate::fit::commanded::SettlingError;
-use crate::fit::observation::measured::moved;
-use crate::join::ReadingKind;
+use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::{Axes, Twist};
 use crate::units::SLIDE_MM_PER_RAD;
 
@@ -55,14 +54,14 @@ pub(super) fn gravity_columns(joints: usize) -> usize {
 }
 
 impl PoseView<'_> {
-    /// The rows of a reading of this pose, by all columns.
-    pub fn rows(&self, layout: &Layout, kind: ReadingKind) -> DMatrix<f64> {
-        let count = kind.rows();
+    /// The rows of a reading that shows `shown` of this pose, by all columns that move the target.
+    pub fn rows(&self, layout: &Layout, shown: &Shown) -> DMatrix<f64> {
+        let count = shown.rows();
         let mut rows = DMatrix::zeros(count, layout.size());
         let all = rows.as_mut_slice();
         self.walk(layout.blocks(), layout, &mut |column, twist, amount| {
             let own = column * count..(column + 1) * count;
-            moved(kind, twist, amount, &mut all[own]);
+            moved(shown, twist, amount, &mut all[own]);
         });
         rows
     }

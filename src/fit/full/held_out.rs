@@ -97,7 +97,8 @@ impl Settled {
             noise
                 .view_mut((first, first), (size, size))
                 .copy_from(&covariances[place]);
-            firsts.push(first);
+            // A distance in mm of a position, whatever else was read.
+            firsts.push((first, size.min(3)));
             first += size;
         }
         let half = self.posterior.half(&stacked);
@@ -106,20 +107,24 @@ impl Settled {
         Some(
             firsts
                 .iter()
-                .map(|&first| residual.rows(first, 3).norm())
+                .map(|(first, size)| residual.rows(*first, *size).norm())
                 .sum(),
         )
     }
 }
 
-/// The block of each observation, by its measured position in the base frame; all in one where a position was not measured.
+/// The block of each observation, by its measured position in the base frame; by the predicted one where none was measured.
 fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
     let frames = problem.frames(offsets);
+    let chains = problem.held(offsets);
     let position = |observation: &crate::fit::observation::Observation| {
         let base = frames[observation.session].tracker_from_base(observation.source);
-        let measured = observation
-            .point()
-            .map_or_else(Point3::origin, |point| point.position);
+        let predicted = || {
+            let end = chains.of(observation.channel()).end(&observation.axes);
+            Point3::from(end.translation.vector)
+        };
+        let point = observation.point();
+        let measured = point.map_or_else(predicted, |point| point.position);
         base.isometry().inverse_transform_point(&measured)
     };
     let positions: Vec<Point3<f64>> = problem.observations().iter().map(position).collect();

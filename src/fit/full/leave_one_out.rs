@@ -5,12 +5,13 @@ use rayon::prelude::*;
 
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
-use super::noise::{NoiseEvidence, column};
+use super::noise::{NoiseEvidence, column, of_length};
 use super::regression::Posterior;
 use super::rows::Row;
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS, State};
+use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// Gear lines taken per joint in one round.
@@ -39,7 +40,7 @@ impl LeftOut {
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
 pub(super) fn leave_one_out(
     state: &State,
-    rows: &[Row],
+    (observations, rows): (&[Observation], &[Row]),
     prior_mean: &DVector<f64>,
     covariances: &[DMatrix<f64>],
     posterior: &Posterior,
@@ -52,7 +53,7 @@ pub(super) fn leave_one_out(
         let mut first = 0;
         let mut left_out = Vec::with_capacity(CHUNK);
         for place in range {
-            let row = &rows[place];
+            let (row, of_length) = (&rows[place], of_length(&observations[place]));
             let own = half.columns(first, row.value.len());
             first += row.value.len();
             let noise = &covariances[place];
@@ -61,7 +62,13 @@ pub(super) fn leave_one_out(
                 state.weights[place],
                 state.tails.information(row.value.len() as f64),
             );
-            left_out.push(left_out_of(row, &mean, noise, &explained, counts));
+            left_out.push(left_out_of(
+                (row, of_length),
+                &mean,
+                noise,
+                &explained,
+                counts,
+            ));
         }
         left_out
     };
@@ -72,7 +79,7 @@ pub(super) fn leave_one_out(
 }
 
 fn left_out_of(
-    row: &Row,
+    (row, of_length): (&Row, Option<usize>),
     mean: &DVector<f64>,
     noise: &DMatrix<f64>,
     explained: &DMatrix<f64>,
@@ -101,10 +108,11 @@ fn left_out_of(
             columns: row
                 .joints
                 .iter()
-                .map(|twist| column(twist, row.kind))
+                .map(|twist| column(twist, &row.shown))
                 .collect(),
             weight,
             information: share,
+            of_length,
         },
         residual,
         information,
@@ -136,7 +144,7 @@ pub(super) fn find_lines(
     let of_joint = |joint: usize| {
         let stations = problem.observations().iter().zip(rows).zip(left_out).map(
             |((observation, row), left_out)| {
-                let column = column(&row.joints[joint], row.kind);
+                let column = column(&row.joints[joint], &row.shown);
                 lines::evidence(
                     &column,
                     &left_out.residual,

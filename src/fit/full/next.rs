@@ -443,7 +443,13 @@ impl FullModel {
         unknowns -= &state.offsets - &self.offsets;
         let (sums, covariances) = sums(problem, state, &rows, &expected);
         let posterior = sums.posterior_after(&self.posterior)?;
-        let left_out = leave_one_out(state, &rows, &expected, &covariances, &posterior);
+        let left_out = leave_one_out(
+            state,
+            (problem.observations(), &rows),
+            &expected,
+            &covariances,
+            &posterior,
+        );
         Some((posterior, expected, left_out))
     }
 
@@ -481,6 +487,7 @@ impl Mounting {
             geometry: None,
             targets: self.targets.iter().map(expected).collect(),
             distances: Vec::new(),
+            gauges: Vec::new(),
         }
     }
 

@@ -3,14 +3,14 @@
 //!
 //! `N = instrument + s₀² I + Σ_j s_j² J_j J_jᵀ`, over the station's weight. The sizes follow from leave-one-out
 //! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated until it converges, with a weak
-//! inverse-gamma prior (ν₀ observations of the expected size `a_k`), like that of the model's parts ([`super::components`]).
+//! inverse-gamma prior (ν₀ observations of the expected size `a_k`), like that of the model's parts ([`super::components`]). The stated
+//! variance of a source that reads a length has a factor of its own, found by the same rule.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::settings::FullSettings;
 use crate::fit::observation::Observation;
-use crate::fit::observation::measured::moved;
-use crate::join::ReadingKind;
+use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::Twist;
 use crate::units::SLIDE_MM_PER_RAD;
 
@@ -23,6 +23,8 @@ pub struct Repeatability {
     pub orientation: f64,
     /// Variance of each joint, rad²; mm² where it slides.
     pub joints: Vec<f64>,
+    /// Factor of the stated variance of each source that reads a length, by its index; sources after the last have 1.
+    pub lengths: Vec<f64>,
 }
 
 /// A variance changes by no more than this factor in a step.
@@ -42,14 +44,26 @@ impl Repeatability {
             position: settings.noise_mm.powi(2),
             orientation: (2.0 * settings.joint_noise_rad).powi(2),
             joints: slides.iter().map(|own| size(own).powi(2)).collect(),
+            lengths: Vec::new(),
         }
     }
 
-    /// The covariance of one observation's residual at weight 1.
-    pub fn covariance(&self, observation: &Observation, joints: &[Twist]) -> DMatrix<f64> {
-        let kind = observation.measured.kind();
-        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, kind)).collect();
-        self.beside(observation.measured.instrument(), &columns)
+    /// The covariance of one observation's residual at weight 1; it shows `shown` of the target's motion by each joint.
+    pub fn covariance(
+        &self,
+        observation: &Observation,
+        shown: &Shown,
+        joints: &[Twist],
+    ) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, shown)).collect();
+        let instrument = observation.measured.instrument();
+        self.beside(instrument * self.factor(of_length(observation)), &columns)
+    }
+
+    /// Factor of an instrument's stated variance; 1 of one that reads places.
+    fn factor(&self, of_length: Option<usize>) -> f64 {
+        let own = of_length.and_then(|source| self.lengths.get(source));
+        own.copied().unwrap_or(1.0)
     }
 
     /// Adds the repeatability to the instrument's `covariance`.
@@ -71,7 +85,8 @@ impl Repeatability {
     /// expected before any residual.
     pub fn update(&mut self, evidence: &[NoiseEvidence], before: &Self) {
         for _ in 0..PASSES {
-            let size = 2 + self.joints.len();
+            let lengths = 2 + self.joints.len();
+            let size = lengths + self.lengths.len();
             let (mut found, mut expected) = (DVector::zeros(size), DVector::zeros(size));
             for own in evidence {
                 own.add_to(self, &mut found, &mut expected);
@@ -85,6 +100,9 @@ impl Repeatability {
             step(&mut self.orientation, 1, before.orientation);
             for (joint, variance) in self.joints.iter_mut().enumerate() {
                 step(variance, 2 + joint, before.joints[joint]);
+            }
+            for (source, factor) in self.lengths.iter_mut().enumerate() {
+                step(factor, lengths + source, 1.0);
             }
         }
     }
@@ -105,6 +123,13 @@ pub struct NoiseEvidence {
     pub weight: f64,
     /// Its Fisher information as a share of its weight.
     pub information: f64,
+    /// The source, where it reads a length.
+    pub of_length: Option<usize>,
+}
+
+/// The source of an observation that is a length.
+pub(super) fn of_length(observation: &Observation) -> Option<usize> {
+    observation.measured.length().map(|_| observation.source.0)
 }
 
 impl NoiseEvidence {
@@ -114,7 +139,8 @@ impl NoiseEvidence {
     /// does not.
     fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
         let counted = self.weight * self.information;
-        let noise = sizes.beside(self.instrument.clone(), &self.columns) / counted;
+        let instrument = &self.instrument * sizes.factor(self.of_length);
+        let noise = sizes.beside(instrument, &self.columns) / counted;
         let k = (&self.open + noise)
             .try_inverse()
             .expect("a positive definite covariance");
@@ -130,12 +156,17 @@ impl NoiseEvidence {
             let square = alpha.dot(column).powi(2);
             add(2 + joint, square, column.dot(&(&k * column)));
         }
+        let lengths = 2 + self.columns.len();
+        if let Some(source) = self.of_length.filter(|own| *own < sizes.lengths.len()) {
+            let square = alpha.dot(&(&self.instrument * &alpha));
+            add(lengths + source, square, (&k * &self.instrument).trace());
+        }
     }
 }
 
 /// The change of a reading's rows by a twist of the target.
-pub fn column(twist: &Twist, kind: ReadingKind) -> DVector<f64> {
-    let mut rows = DVector::zeros(kind.rows());
-    moved(kind, twist, 1.0, rows.as_mut_slice());
+pub fn column(twist: &Twist, shown: &Shown) -> DVector<f64> {
+    let mut rows = DVector::zeros(shown.rows());
+    moved(shown, twist, 1.0, rows.as_mut_slice());
     rows
 }

@@ -1,20 +1,21 @@
 //! Rows of all observations at the current geometry, whitened and summed.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::design::PoseView;
+use super::layout::Block;
 use super::regression::Sums;
 use super::train::{CHUNK, State};
 use crate::fit::observation::Observation;
+use crate::fit::observation::measured::Shown;
 use crate::fit::problem::Problem;
-use crate::join::ReadingKind;
 use crate::kinematics::Twist;
 
 /// One observation's rows and residual at the current offsets.
 pub struct Row {
-    /// The kind of the reading.
-    pub kind: ReadingKind,
+    /// The part of the target's motion that the reading shows.
+    pub shown: Shown,
     /// Unwhitened rows.
     pub rows: DMatrix<f64>,
     /// Measured minus predicted, mm and rad.
@@ -56,11 +57,24 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             time: Some(observation.station as f64 / state.span),
             middle: base.isometry() * state.middles[observation.session],
         };
-        let kind = observation.measured.kind();
+        let gauge = problem.gauge(observation.channel(), &state.offsets);
+        let end = Point3::from(view.end.translation.vector);
+        let shown = observation.measured.shown(gauge.as_ref(), &end);
+        let mut rows = pose.rows(&state.layout, &shown);
+        // The unknowns are the first columns.
+        for (unknown, by) in problem.by_parts(observation.channel(), gauge.as_ref(), &end) {
+            rows[(0, unknown)] = by;
+        }
+        // The session's scale is that of the source of places.
+        let scale = state.layout.columns(Block::Scale(observation.session));
+        if let (Some(scale), Some(_)) = (scale, &gauge) {
+            rows.column_mut(scale.start).fill(0.0);
+        }
+        let residual = observation.measured.residual(&view.end, gauge.as_ref());
         Row {
-            kind,
-            rows: pose.rows(&state.layout, kind),
-            value: DVector::from_vec(observation.measured.residual(&view.end)),
+            shown,
+            rows,
+            value: DVector::from_vec(residual),
             joints: view.joints,
             instrument: observation.measured.instrument(),
         }
@@ -76,7 +90,10 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
 /// Covariance of an observation's noise at its weight.
 fn covariance(state: &State, observation: &Observation, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
-    state.repeatability.covariance(observation, &row.joints) / counted
+    let covariance = state
+        .repeatability
+        .covariance(observation, &row.shown, &row.joints);
+    covariance / counted
 }
 
 /// Covariance of each observation's noise at its weight, as [`sums`] returns them.

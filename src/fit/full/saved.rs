@@ -467,6 +467,8 @@ impl SavedRepeatability {
             position: self.position_mm2,
             orientation: self.orientation_rad2,
             joints: self.joints_rad2.clone(),
+            // A saved model predicts places.
+            lengths: Vec::new(),
         }
     }
 }

@@ -10,7 +10,7 @@ use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
-use super::noise::Repeatability;
+use super::noise::{Repeatability, of_length};
 use super::regression::{Posterior, Sums};
 use super::rows::{prior_mean, rows, sums};
 use super::settings::FullSettings;
@@ -77,7 +77,13 @@ pub fn train(
         let prior_mean = prior_mean(problem, &state);
         let (sums, covariances) = sums(problem, &state, &rows, &prior_mean);
         let posterior = settle(&mut state.components, &sums, steps)?;
-        let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
+        let left_out = leave_one_out(
+            &state,
+            (problem.observations(), &rows),
+            &prior_mean,
+            &covariances,
+            &posterior,
+        );
         if round + 1 == STEPS.len() {
             return Some(Settled {
                 state,
@@ -116,9 +122,14 @@ impl State {
         let layout = layout(problem, &offsets, settings, has_up, span);
         let components = Components::new(&layout, &unknown_variances(problem), settings, span);
         let joints = observations.first().map_or(0, |o| o.axes.len());
+        let sources = observations.iter().filter_map(of_length).max();
+        let repeatability = Repeatability::expected(settings, &problem.slides()[..joints]);
         Self {
             components,
-            repeatability: Repeatability::expected(settings, &problem.slides()[..joints]),
+            repeatability: Repeatability {
+                lengths: vec![1.0; sources.map_or(0, |last| last + 1)],
+                ..repeatability
+            },
             tails: Tails::Normal,
             weights: vec![1.0; observations.len()],
             middles: middles(problem),

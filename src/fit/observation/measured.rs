@@ -8,7 +8,8 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::Source;
-use crate::join::{MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
+use crate::fit::gauge::Gauge;
+use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
 /// The measured values of a station with their uncertainty, in the source's frame.
@@ -22,6 +23,43 @@ pub enum Measured {
     Point(MeasuredPoint),
     /// The target's position and orientation.
     Pose(MeasuredPoint, MeasuredOrientation),
+    /// The target's distance from an anchor.
+    Distance(MeasuredLength),
+    /// The target's height above a plane.
+    Height(MeasuredLength),
+}
+
+/// A measured length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredLength {
+    /// The reading, mm.
+    pub mm: f64,
+    /// Its standard uncertainty without the arm's share, mm.
+    pub instrument_mm: f64,
+    /// Its whole standard uncertainty, repeatability included, mm.
+    pub sd_mm: f64,
+}
+
+/// The part of a target's motion that a reading shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shown {
+    /// Its motion: three rows.
+    Point,
+    /// Its motion and its turn: six rows.
+    Pose,
+    /// Its motion along a direction: one row.
+    Along(Vector3<f64>),
+}
+
+impl Shown {
+    /// Number of rows.
+    pub const fn rows(&self) -> usize {
+        match self {
+            Self::Point => 3,
+            Self::Pose => 6,
+            Self::Along(_) => 1,
+        }
+    }
 }
 
 /// A measured position.
@@ -61,18 +99,23 @@ impl Measured {
     /// The values of a reading of `source` that a fit uses: no orientation from a source of points, or from one without a
     /// stated uncertainty of orientations.
     pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
-        let instrument = Instrument::of(reading, source);
-        let point = |point: &MeanPoint| MeasuredPoint::of(point, &instrument, repeatability_mm);
+        let place = |point: &MeanPoint, turn: Option<&MeanOrientation>| {
+            let instrument = Instrument::of(point, turn, reading, source);
+            let point = MeasuredPoint::of(point, &instrument, repeatability_mm);
+            (point, instrument)
+        };
         match (&reading.value, source.reads) {
-            (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)
-            | (Value::Point(of), ReadingKind::Pose) => Self::Point(point(of)),
             (Value::Pose(of, turn), ReadingKind::Pose) => {
-                let point = point(of);
+                let (point, instrument) = place(of, Some(turn));
                 match MeasuredOrientation::of(turn, &point, &instrument, reading, source) {
                     None => Self::Point(point),
                     Some(turn) => Self::Pose(point, turn),
                 }
             }
+            (Value::Pose(of, turn), _) => Self::Point(place(of, Some(turn)).0),
+            (Value::Point(of), _) => Self::Point(place(of, None).0),
+            (Value::Distance(of), _) => Self::Distance(MeasuredLength::of(of, repeatability_mm)),
+            (Value::Height(of), _) => Self::Height(MeasuredLength::of(of, repeatability_mm)),
         }
     }
 
@@ -81,6 +124,28 @@ impl Measured {
         match self {
             Self::Point(_) => ReadingKind::Point,
             Self::Pose(..) => ReadingKind::Pose,
+            Self::Distance(_) => ReadingKind::Distance,
+            Self::Height(_) => ReadingKind::Height,
+        }
+    }
+
+    /// The length; `None` where a place was measured.
+    pub const fn length(&self) -> Option<&MeasuredLength> {
+        match self {
+            Self::Point(_) | Self::Pose(..) => None,
+            Self::Distance(length) | Self::Height(length) => Some(length),
+        }
+    }
+
+    /// The part of the target's motion that is shown at `target`, its place in the source's frame; `gauge` is the source's, where it
+    /// reads a length.
+    pub fn shown(&self, gauge: Option<&Gauge>, target: &Point3<f64>) -> Shown {
+        match self {
+            Self::Point(_) => Shown::Point,
+            Self::Pose(..) => Shown::Pose,
+            Self::Distance(_) | Self::Height(_) => {
+                Shown::Along(gauge.map_or_else(Vector3::zeros, |gauge| gauge.direction(target)))
+            }
         }
     }
 
@@ -88,6 +153,7 @@ impl Measured {
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
@@ -95,13 +161,14 @@ impl Measured {
     pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
+            Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
     /// The orientation; `None` where none was measured.
     pub const fn turn(&self) -> Option<&MeasuredOrientation> {
         match self {
-            Self::Point(_) => None,
+            Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
             Self::Pose(_, turn) => Some(turn),
         }
     }
@@ -111,11 +178,45 @@ impl Measured {
     pub const fn without_turn(self) -> Self {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Self::Point(point),
+            Self::Distance(_) | Self::Height(_) => self,
         }
     }
 
-    /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad.
-    pub fn residual(&self, predicted: &Isometry3<f64>) -> Vec<f64> {
+    /// Variance of a coordinate of its position, or of its length, repeatability included, mm².
+    pub fn variance_mm2(&self) -> f64 {
+        match self {
+            Self::Point(point) | Self::Pose(point, _) => point.factor.norm_squared() / 3.0,
+            Self::Distance(length) | Self::Height(length) => length.sd_mm.powi(2),
+        }
+    }
+
+    /// This measurement with all standard deviations multiplied by `by`.
+    #[must_use]
+    pub fn widened(self, by: f64) -> Self {
+        let point = |point: MeasuredPoint| MeasuredPoint {
+            instrument: point.instrument * (by * by),
+            factor: point.factor * by,
+            ..point
+        };
+        let length = |length: MeasuredLength| MeasuredLength {
+            instrument_mm: length.instrument_mm * by,
+            sd_mm: length.sd_mm * by,
+            ..length
+        };
+        match self {
+            Self::Point(own) => Self::Point(point(own)),
+            Self::Pose(own, turn) => {
+                let sd_rad = turn.sd_rad * by;
+                Self::Pose(point(own), MeasuredOrientation { sd_rad, ..turn })
+            }
+            Self::Distance(own) => Self::Distance(length(own)),
+            Self::Height(own) => Self::Height(length(own)),
+        }
+    }
+
+    /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad. `gauge` is the source's,
+    /// where it reads a length.
+    pub fn residual(&self, predicted: &Isometry3<f64>, gauge: Option<&Gauge>) -> Vec<f64> {
         let away = |point: &MeasuredPoint| point.position.coords - predicted.translation.vector;
         let mut rows = Vec::with_capacity(self.kind().rows());
         match self {
@@ -123,6 +224,10 @@ impl Measured {
             Self::Pose(point, turn) => {
                 rows.extend(away(point).iter());
                 rows.extend(turn.residual(&predicted.rotation).iter());
+            }
+            Self::Distance(length) | Self::Height(length) => {
+                let target = Point3::from(predicted.translation.vector);
+                rows.push(gauge.map_or(0.0, |gauge| length.mm - gauge.reading_mm(&target)));
             }
         }
         rows
@@ -132,17 +237,21 @@ impl Measured {
     pub fn instrument(&self) -> DMatrix<f64> {
         let rows = self.kind().rows();
         let mut covariance = DMatrix::zeros(rows, rows);
-        let (point, turn) = match self {
-            Self::Point(point) => (point, None),
-            Self::Pose(point, turn) => (point, Some(turn)),
+        let mut put = |point: &MeasuredPoint| {
+            let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
+            own.copy_from(&point.instrument);
         };
-        let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
-        own.copy_from(&point.instrument);
-        match turn.map(|turn| (turn.joint, turn.sd_rad)) {
-            None => {}
-            Some((Some(joint), _)) => covariance.copy_from(&joint.instrument),
-            Some((None, sd)) => {
-                (3..6).for_each(|axis| covariance[(axis, axis)] = sd * sd);
+        match self {
+            Self::Point(point) => put(point),
+            Self::Pose(point, turn) => match turn.joint {
+                Some(joint) => covariance.copy_from(&joint.instrument),
+                None => {
+                    put(point);
+                    (3..6).for_each(|axis| covariance[(axis, axis)] = turn.sd_rad * turn.sd_rad);
+                }
+            },
+            Self::Distance(length) | Self::Height(length) => {
+                covariance[(0, 0)] = length.instrument_mm.powi(2);
             }
         }
         covariance
@@ -150,10 +259,11 @@ impl Measured {
 }
 
 /// Writes the change of a reading's rows by `amount` of a motion of the target into `rows`, one number per row.
-pub(in crate::fit) fn moved(kind: ReadingKind, twist: &Twist, amount: f64, rows: &mut [f64]) {
-    match kind {
-        ReadingKind::Point => put(&(twist.linear * amount), rows),
-        ReadingKind::Pose => {
+pub fn moved(shown: &Shown, twist: &Twist, amount: f64, rows: &mut [f64]) {
+    match shown {
+        Shown::Point => put(&(twist.linear * amount), rows),
+        Shown::Along(direction) => rows[0] = direction.dot(&twist.linear) * amount,
+        Shown::Pose => {
             let (position, turn) = rows.split_at_mut(3);
             put(&(twist.linear * amount), position);
             put(&(twist.angular * amount), turn);
@@ -173,6 +283,20 @@ pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) ->
         .unwrap_or(ReadingKind::Point)
 }
 
+impl MeasuredLength {
+    /// The least standard uncertainty of a length, mm: a weight has to be finite.
+    const LEAST_MM: f64 = 1e-6;
+
+    fn of(length: &MeanLength, repeatability_mm: f64) -> Self {
+        Self {
+            mm: length.mm,
+            instrument_mm: length.sd_mm,
+            // Across its direction the arm's repeatability changes a length by nothing.
+            sd_mm: length.sd_mm.hypot(repeatability_mm).max(Self::LEAST_MM),
+        }
+    }
+}
+
 /// Covariance of an instrument and of the mean of its samples at a reading.
 #[expect(
     clippy::large_enum_variant,
@@ -186,37 +310,35 @@ enum Instrument {
 }
 
 impl Instrument {
-    fn of(reading: &Reading, source: &Source) -> Self {
+    fn of(
+        point: &MeanPoint,
+        turn: Option<&MeanOrientation>,
+        reading: &Reading,
+        source: &Source,
+    ) -> Self {
         let kept = reading.kept.max(1) as f64;
-        let scatter = |point: &MeanPoint, axis: usize| point.scatter_mm[axis].powi(2) / kept;
-        let stated = |point: &MeanPoint| point.stated_covariance.map(symmetric);
-        let moved = |point: &MeanPoint| {
-            let moved = point.motion_covariance;
-            moved.map_or_else(Matrix3::zeros, symmetric)
-        };
-        match (&reading.value, source.uncertainty.camera()) {
-            (Value::Pose(point, turn), Some(camera)) => {
+        let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);
+        let added = Matrix3::from_diagonal(&scatter.into())
+            + point.motion_covariance.map_or_else(Matrix3::zeros, symmetric);
+        let stated = point.stated_covariance.map(symmetric);
+        match (turn, source.uncertainty.camera()) {
+            (Some(turn), Some(camera)) => {
                 let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
-                let mut covariance = camera.of_reading(&pose, stated(point));
-                for axis in 0..3 {
-                    covariance[(axis, axis)] += scatter(point, axis);
-                    covariance[(axis + 3, axis + 3)] += turn.scatter_rad.powi(2) / kept;
-                }
+                let mut covariance = camera.of_reading(&pose, stated);
                 let mut position = covariance.fixed_view_mut::<3, 3>(0, 0);
-                position += moved(point);
+                position += added;
+                for axis in 3..6 {
+                    covariance[(axis, axis)] += turn.scatter_rad.powi(2) / kept;
+                }
                 Self::Pose(covariance)
             }
-            (Value::Point(point) | Value::Pose(point, _), camera) => {
+            (_, camera) => {
                 let sized = |stated: Matrix3<f64>| match camera {
                     None => stated,
                     Some(camera) => stated * camera.size.powi(2),
                 };
                 let modelled = || source.uncertainty.covariance(&point.position);
-                let mut covariance = stated(point).map_or_else(modelled, sized);
-                for axis in 0..3 {
-                    covariance[(axis, axis)] += scatter(point, axis);
-                }
-                Self::Point(covariance + moved(point))
+                Self::Point(stated.map_or_else(modelled, sized) + added)
             }
         }
     }

@@ -5,12 +5,14 @@
 //! 2. A block of them passes the batched chain, which gives the predicted target and its motion per unknown.
 //! 3. Residual and columns are whitened and multiplied by the root of the station's weight; a block's end is filled with zero
 //!    rows, which have no effect.
+//! 4. A source of one length has one row: the motion along the direction of its reading, and the columns of its own parts.
 
-use nalgebra::{DMatrix, DMatrixView, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DMatrixView, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use super::measured::widest;
 use super::{Measured, MeasuredPoint, Observation};
 use crate::fit::frames::Channel;
+use crate::fit::gauge::Gauge;
 use crate::join::ReadingKind;
 use crate::kinematics::batch::{BLOCK, Block, Column};
 use crate::kinematics::{BatchChain, BatchColumns};
@@ -50,29 +52,38 @@ impl Stations {
                 .map(|(_, observation)| pick(observation))
                 .collect()
         };
-        let point = |observation: &Observation| match observation.measured {
-            Measured::Point(point) | Measured::Pose(point, _) => point,
-        };
-        let whitening = own.iter().map(|(_, o)| whitening(&point(o)));
-        let whitening: Vec<Matrix3<f64>> = whitening.collect();
+        let seen = own.iter().map(|(_, o)| numbers(&o.measured));
+        let (positions, whitening): (Vec<Vector3<f64>>, Vec<Matrix3<f64>>) = seen.unzip();
         let entry = |(row, column)| whitening.iter().map(|w| w[(row, column)]).collect();
         Self {
             places: own.iter().map(|(place, _)| *place).collect(),
             axes: (0..axes).map(|axis| column(&|o| o.axes[axis])).collect(),
-            measured: [0, 1, 2].map(|row| column(&|o| point(o).position[row])),
+            measured: [0, 1, 2].map(|row| positions.iter().map(|own| own[row]).collect()),
             whitening: [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)].map(entry),
             kind: widest(own.iter().map(|(_, o)| &o.measured)),
         }
     }
 
     /// Squared norm of the whitened residual of each station, predicted by `chain`.
-    pub fn squared_norms(&self, chain: &BatchChain, observations: &[Observation]) -> Vec<f64> {
+    pub fn squared_norms(
+        &self,
+        chain: &BatchChain,
+        observations: &[Observation],
+        gauge: Option<&Gauge>,
+    ) -> Vec<f64> {
         let count = self.places.len();
         match self.kind {
             ReadingKind::Point => {
                 let [x, y, z] = chain.positions(&self.axes);
                 let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
                 let squared = |i: usize| self.whitened(i, end(i)).norm_squared();
+                (0..count).map(squared).collect()
+            }
+            ReadingKind::Distance | ReadingKind::Height => {
+                let [x, y, z] = chain.positions(&self.axes);
+                let end = |i: usize| Point3::new(x[i], y[i], z[i]);
+                let squared =
+                    |i: usize| (self.left_of(i, &end(i), gauge) * self.whitening[0][i]).powi(2);
                 (0..count).map(squared).collect()
             }
             ReadingKind::Pose => {
@@ -90,6 +101,20 @@ impl Stations {
                 };
                 (0..count).map(squared).collect()
             }
+        }
+    }
+
+    /// Measured minus predicted length of the station `i`, whose target is at `end`, mm; zero without a gauge.
+    fn left_of(&self, i: usize, end: &Point3<f64>, gauge: Option<&Gauge>) -> f64 {
+        gauge.map_or(0.0, |gauge| self.measured[0][i] - gauge.reading_mm(end))
+    }
+
+    /// Sum of squared differences between measured and predicted lengths, mm², added to `sum` in order.
+    pub fn add_squares_of_lengths(&self, chain: &BatchChain, gauge: &Gauge, sum: &mut f64) {
+        let [x, y, z] = chain.positions(&self.axes);
+        for i in 0..self.places.len() {
+            let end = Point3::new(x[i], y[i], z[i]);
+            *sum += self.left_of(i, &end, Some(gauge)).powi(2);
         }
     }
 
@@ -121,6 +146,20 @@ impl Stations {
             w(1) * vector.x + w(2) * vector.y,
             w(3) * vector.x + w(4) * vector.y + w(5) * vector.z,
         )
+    }
+}
+
+/// The measured numbers and their whitening `L⁻¹`; of a length the first of each.
+fn numbers(measured: &Measured) -> (Vector3<f64>, Matrix3<f64>) {
+    match measured {
+        Measured::Point(point) | Measured::Pose(point, _) => {
+            (point.position.coords, whitening(point))
+        }
+        Measured::Distance(length) | Measured::Height(length) => {
+            let mut precision = Matrix3::zeros();
+            precision[(0, 0)] = length.sd_mm.recip();
+            (Vector3::new(length.mm, 0.0, 0.0), precision)
+        }
     }
 }
 
@@ -169,7 +208,7 @@ impl BlockRows {
             .expect("the residual comes after the unknowns");
         whiten(&whitening, &away, out);
         match stations.kind {
-            ReadingKind::Point => {}
+            ReadingKind::Point | ReadingKind::Distance | ReadingKind::Height => {}
             ReadingKind::Pose => {
                 let stations = places.iter().map(|&place| &observations[place]);
                 let stations: Vec<&Observation> = stations.collect();
@@ -178,6 +217,42 @@ impl BlockRows {
                     self.fill_joint_turns(&stations, &axes, &roots, &away);
                 }
             }
+        }
+    }
+
+    /// The rows of the block of `stations` that begins at `first` and is read by `gauge`, whose parts are the unknowns at `parts`.
+    pub fn fill_lengths(
+        &mut self,
+        chain: &BatchColumns,
+        weights: &[f64],
+        stations: &Stations,
+        first: usize,
+        (gauge, parts): (&Gauge, &[usize]),
+    ) {
+        let (_, end) = chain.block(&stations.axes, first, &mut self.columns);
+        self.unknowns.clear();
+        self.unknowns.extend_from_slice(chain.unknowns());
+        self.unknowns.extend_from_slice(parts);
+        self.rows = BLOCK;
+        self.values.clear();
+        self.values.resize(BLOCK * (self.unknowns.len() + 1), 0.0);
+        let own = stations.places.len().min(first + BLOCK) - first;
+        let (moving, residual) = (chain.unknowns().len(), BLOCK * self.unknowns.len());
+        for i in 0..own {
+            let station = first + i;
+            let target = Point3::from(Vector3::from_fn(|row, _| end[row][i]));
+            let precision =
+                stations.whitening[0][station] * weights[stations.places[station]].sqrt();
+            let along = gauge.direction(&target) * precision;
+            for (column, motion) in self.columns[..moving].iter().enumerate() {
+                let motion = Vector3::from_fn(|row, _| motion.linear[row][i]);
+                self.values[column * BLOCK + i] = along.dot(&motion);
+            }
+            for (place, part) in gauge.parts().iter().enumerate().take(parts.len()) {
+                let by = gauge.by_part(*part, &target) * precision;
+                self.values[(moving + place) * BLOCK + i] = by;
+            }
+            self.values[residual + i] = stations.left_of(station, &target, Some(gauge)) * precision;
         }
     }
 

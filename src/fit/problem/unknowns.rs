@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::fit::frames::{Channel, Frames};
+use crate::fit::gauge::Gauge;
 use crate::join::{SourceId, TargetId};
-use crate::kinematics::{Motion, Parameter};
+use crate::kinematics::{GaugePart, Motion, Parameter};
 
 /// One unknown of the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,7 +47,7 @@ impl Unknown {
             target,
         } = channel;
         let owner = match parameter {
-            Parameter::Base(_) => Owner::Source { session, source },
+            Parameter::Base(_) | Parameter::Gauge(_) => Owner::Source { session, source },
             Parameter::Link { .. } => Owner::Arm,
             Parameter::Target(_) => Owner::Target { session, target },
         };
@@ -115,6 +116,18 @@ pub struct Prior {
     pub targets: Vec<Option<KnownTarget>>,
     /// Known distances between targets, in every session.
     pub distances: Vec<TargetDistance>,
+    /// What is known of each source that reads a length, in every session, in the order of sources; sources after the last have no
+    /// prior.
+    pub gauges: Vec<KnownGauge>,
+}
+
+/// What is known of an instrument that reads one length before the fit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KnownGauge {
+    /// The anchor's place in the base's frame, mm, with its standard uncertainty per axis, mm; `None` where it is not known.
+    pub place: Option<KnownTarget>,
+    /// The reading at no distance, mm, with its standard uncertainty, mm; `None` where it is free.
+    pub offset: Option<(f64, f64)>,
 }
 
 impl Prior {
@@ -138,6 +151,24 @@ impl Prior {
                 let start = start.translation.vector;
                 let along = axis.unit().dot(&(Vector3::from(known.xyz_mm) - start));
                 Some((along, known.sd_mm))
+            }
+            (Owner::Source { session, source }, Parameter::Gauge(part)) => {
+                let Some(Gauge::Distance(start)) = starts[session].gauge(source) else {
+                    return None;
+                };
+                let known = self.gauges.get(source.0)?;
+                match part {
+                    GaugePart::Place(axis) => {
+                        let known = known.place?;
+                        let away = Vector3::from(known.xyz_mm) - start.place.coords;
+                        Some((axis.unit().dot(&away), known.sd_mm))
+                    }
+                    GaugePart::Offset => {
+                        let (mm, sd_mm) = known.offset?;
+                        Some((mm - start.offset_mm, sd_mm))
+                    }
+                    GaugePart::Tilt | GaugePart::OtherTilt | GaugePart::Height => None,
+                }
             }
             (Owner::Source { .. } | Owner::Target { .. }, _) => None,
         }

@@ -11,7 +11,7 @@ use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use super::{AngleUnit, LengthUnit};
+use super::{AngleUnit, LengthColumns, LengthUnit};
 use crate::geometry::RotationOrder;
 
 /// `[stations]`.
@@ -61,12 +61,19 @@ pub struct StationsSettings {
     /// The commanded pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commanded: Option<PoseColumns>,
-    /// The reading of the target, or of each of several, the main one first.
-    #[serde(deserialize_with = "one_or_several")]
+    /// The reading of the target, or of each of several, the main one first; empty where lengths alone are read.
+    #[serde(
+        default,
+        deserialize_with = "one_or_several",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub measured: Vec<ReadingColumns>,
     /// Reference reflectors on floor or base, which should not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<ReferenceColumns>,
+    /// Instruments that read one length of a target.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lengths: Vec<LengthColumns>,
 }
 
 /// Numbers that instruments and spreadsheets write for a missing reading, where `missing` states none.
@@ -284,9 +291,33 @@ impl StationsSettings {
                 format!("target {}", place + 1)
             }
         };
-        named
+        let mut names: Vec<String> = named
             .map(|(place, own)| own.name.clone().unwrap_or_else(|| usual(place)))
-            .collect()
+            .collect();
+        if self.measured.is_empty() {
+            for target in self.lengths.iter().filter_map(|own| own.target.as_ref()) {
+                if !names.contains(target) {
+                    names.push(target.clone());
+                }
+            }
+            if names.is_empty() && !self.lengths.is_empty() {
+                names.push(usual(0));
+            }
+        }
+        names
+    }
+
+    /// Place among the targets of the one that an instrument of one length reads; `None` where there is no such target.
+    pub fn target_of(&self, lengths: &LengthColumns) -> Option<usize> {
+        let Some(named) = &lengths.target else {
+            return Some(0);
+        };
+        self.target_names().iter().position(|own| own == named)
+    }
+
+    /// Place among the sources of the first instrument of one length: behind that of places, where there is one.
+    pub const fn first_length(&self) -> usize {
+        if self.measured.is_empty() { 0 } else { 1 }
     }
 }
 

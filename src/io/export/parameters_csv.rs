@@ -124,6 +124,7 @@ fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
         Parameter::Base(motion) => ("base", None, motion.name()),
         Parameter::Link { joint, quantity } => ("link", Some(joint), quantity.name()),
         Parameter::Target(motion) => ("target", None, motion.name()),
+        Parameter::Gauge(part) => ("gauge", None, part.name()),
     };
     let nominal = nominal(arm, parameter);
     let name = joint.and_then(|joint| arm.joints().get(joint - 1));

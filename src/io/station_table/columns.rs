@@ -2,7 +2,8 @@
 
 use super::StationTableErrorKind;
 use crate::ingest::{
-    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings,
+    LengthColumns, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
+    StationsSettings,
 };
 use crate::io::measured_table::{Cell, MeasuredTable};
 
@@ -45,6 +46,17 @@ pub struct Columns {
     pub measured: Vec<Measured>,
     /// Of the position of each reference; empty in a long table, whose references have the columns of `measured`.
     pub references: Vec<Vec<Sum>>,
+    /// Of each instrument that reads one length.
+    pub lengths: Vec<Length>,
+}
+
+/// The columns of a length.
+#[derive(Debug)]
+pub struct Length {
+    /// The reading.
+    pub reading: Sum,
+    /// Its standard deviation; `None` where it is stated.
+    pub sd: Option<Sum>,
 }
 
 /// The columns of a pose.
@@ -105,6 +117,11 @@ impl Columns {
                 .transpose()?,
             measured: measured.collect::<Found<_>>()?,
             references: references.collect::<Found<_>>()?,
+            lengths: settings
+                .lengths
+                .iter()
+                .map(|own| Length::find(table, own))
+                .collect::<Found<_>>()?,
         })
     }
 }
@@ -147,6 +164,18 @@ impl Measured {
                 .map(|own| Sum::find(table, "measured.samples", own))
                 .transpose()?,
             orientation_sd: sums(table, "measured.orientation.sd", turn_sd)?,
+        })
+    }
+}
+
+impl Length {
+    fn find(table: &MeasuredTable, own: &LengthColumns) -> Found<Self> {
+        let sd = own.sd.as_ref();
+        Ok(Self {
+            reading: Sum::find(table, "lengths.column", &own.column)?,
+            sd: sd
+                .map(|column| Sum::find(table, "lengths.sd", column))
+                .transpose()?,
         })
     }
 }

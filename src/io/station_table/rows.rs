@@ -6,14 +6,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-use super::columns::{Columns, Measured, Pose, Sum, Value as Cellular};
+use super::columns::{Columns, Length, Measured, Pose, Sum, Value as Cellular};
 use super::{StationTable, name};
 use crate::ingest::{
-    AngleUnit, LengthUnit, OrientationColumns, OrientationForm, StationsSettings, TableTime,
+    AngleUnit, LengthColumns, LengthRead, LengthUnit, OrientationColumns, OrientationForm,
+    StationsSettings, TableTime,
 };
 use crate::io::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
-use crate::join::{Command, MeanOrientation, MeanPoint, TargetId, Value};
+use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
 use crate::units::round_ns;
 
 /// A quaternion or matrix further from a rotation than this is none.
@@ -123,6 +124,9 @@ impl Reader<'_> {
                     station.references = references;
                     for (place, measured) in self.columns.measured.iter().enumerate() {
                         self.add_reading(&mut station, row, TargetId(place), place, measured);
+                    }
+                    for (place, length) in self.columns.lengths.iter().enumerate() {
+                        self.add_length(&mut station, row, place, length);
                     }
                     rows.push(station);
                 }
@@ -335,12 +339,56 @@ impl Reader<'_> {
         let line = self.table.line(row);
         match self.reading(row, place, measured) {
             Ok((value, samples)) => station.readings.push(RowReading {
+                source: SourceId::ONLY,
                 target,
                 line,
                 value,
                 samples,
             }),
             Err(fault) => self.reject(RowItem::Reading, line, fault),
+        }
+    }
+
+    /// Adds the reading of an instrument of one length to its station, or rejects it.
+    fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
+        let line = self.table.line(row);
+        let own = &self.settings.lengths[place];
+        let target = TargetId(self.settings.target_of(own).unwrap_or(0));
+        match self.length(row, own, columns) {
+            Ok(value) => station.readings.push(RowReading {
+                source: SourceId(self.settings.first_length() + place),
+                target,
+                line,
+                value,
+                samples: 1,
+            }),
+            Err(fault) => self.reject(RowItem::Reading, line, fault),
+        }
+    }
+
+    fn length(&self, row: usize, own: &LengthColumns, columns: &Length) -> Result<Value, Fault> {
+        let to_mm = own.unit.to_mm();
+        let mm = to_mm * self.value(&columns.reading, row)?;
+        let stated = columns.sd.as_ref().map(|sum| self.value(sum, row));
+        let stated = stated.map(if_there).transpose()?.flatten();
+        let sd_mm = stated.map_or(own.sd_mm, |sd| to_mm * sd);
+        if sd_mm <= 0.0 {
+            return Err(Fault::of(format!(
+                "a standard deviation of {sd_mm} mm of {:?}: it is above zero",
+                own.name
+            )));
+        }
+        let length = MeanLength { mm, sd_mm };
+        match (own.least_mm(), own.reads) {
+            (Some(least_mm), _) if mm < least_mm || (mm == 0.0 && least_mm == 0.0) => {
+                Err(Fault::of(format!(
+                    "{:?} reads a distance of {mm} mm, which is not above {least_mm} mm: a distance that is read less than it is (of a \
+                     sphere that is touched, minus its radius) needs its offset in [[stations.lengths]]",
+                    own.name
+                )))
+            }
+            (_, LengthRead::Distance) => Ok(Value::Distance(length)),
+            (_, LengthRead::Height) => Ok(Value::Height(length)),
         }
     }
 

@@ -2,16 +2,33 @@
 
 use std::fmt::Write as _;
 
-use crate::join::{Reading, Station, TargetId};
+use crate::ingest::LengthRead;
+use crate::join::{Reading, SourceId, Station, TargetId};
 use crate::kinematics::{Arm, Joint};
 
 /// Decimals of angles in degrees, and of lengths in mm.
 const DECIMALS: usize = 7;
 
-/// The table of these stations, with the readings of targets of these names in their order. Angles are in degrees, positions in mm;
+/// An instrument of one length of a table: its name, the word of what it reads, and its standard deviation, mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LengthColumn {
+    /// Its name, and that of its column.
+    pub name: String,
+    /// What it reads.
+    pub reads: LengthRead,
+    /// Standard deviation of its readings, mm.
+    pub sd_mm: f64,
+}
+
+/// The table of these stations, with the readings of targets of these names in their order, and those of instruments of one length. Angles are in degrees, positions in mm;
 /// readings that are missing are blank. Comments above the header say how a pipeline file reads it.
-pub fn csv(stations: &[Station], arm: &Arm, targets: &[String]) -> String {
-    let mut text = section(arm, targets);
+pub fn csv(
+    stations: &[Station],
+    arm: &Arm,
+    targets: &[String],
+    lengths: &[LengthColumn],
+) -> String {
+    let mut text = section(arm, targets, lengths);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
     let readings = targets.iter().flat_map(|target| of_target(target));
@@ -21,11 +38,12 @@ pub fn csv(stations: &[Station], arm: &Arm, targets: &[String]) -> String {
         .chain(["temperature".to_owned()])
         .chain(commands)
         .chain(readings)
+        .chain(lengths.iter().map(|own| own.name.clone()))
         .collect();
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
     for station in stations {
-        writeln!(text, "{}", row(station, arm, targets.len())).expect("a string");
+        writeln!(text, "{}", row(station, arm, targets.len(), lengths.len())).expect("a string");
     }
     text
 }
@@ -36,7 +54,7 @@ fn of_target(target: &str) -> [String; 7] {
 }
 
 /// The section that reads the table, as comments.
-fn section(arm: &Arm, targets: &[String]) -> String {
+fn section(arm: &Arm, targets: &[String], lengths: &[LengthColumn]) -> String {
     let list = |names: &[String]| {
         format!(
             "[{}]",
@@ -82,13 +100,23 @@ fn section(arm: &Arm, targets: &[String]) -> String {
         lines.push(format!("sd = {}", list(&columns[3..6])));
         lines.push(format!("samples = {:?}", columns[6]));
     }
+    for own in lengths {
+        lines.extend([
+            "[[stations.lengths]]".to_owned(),
+            format!("name = {:?}", own.name),
+            format!("reads = {:?}", own.reads.word()),
+            format!("column = {:?}", own.name),
+            "unit = \"mm\"".to_owned(),
+            format!("sd_mm = {}", own.sd_mm),
+        ]);
+    }
     lines.iter().fold(String::new(), |mut text, line| {
         writeln!(text, "# {line}").expect("a string");
         text
     })
 }
 
-fn row(station: &Station, arm: &Arm, targets: usize) -> String {
+fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> String {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
     let temperature = station
@@ -103,8 +131,14 @@ fn row(station: &Station, arm: &Arm, targets: usize) -> String {
         let reading = station
             .measured()
             .iter()
-            .find(|reading| reading.target == target);
+            .find(|reading| reading.target == target && reading.value.point().is_some());
         cells.extend(reading.map_or_else(|| std::array::from_fn(|_| String::new()), measured));
+    }
+    for source in (1..=lengths).map(SourceId) {
+        let mut own = station.measured().iter();
+        let own = own.find(|reading| reading.source == source);
+        let length = own.and_then(|reading| reading.value.length());
+        cells.push(length.map_or_else(String::new, |length| number(length.mm)));
     }
     cells.join(",")
 }

@@ -107,7 +107,7 @@ fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
     let offered = (validity::learnt_from(outcome).count() + others) as u64;
     let count = |(model, of): (Model, &'static str)| {
         let (_, calibration) = outcome.calibrations.iter().find(|(own, _)| *own == model)?;
-        let kept = calibration.poses as u64;
+        let kept = calibration.stations as u64;
         Some(StageCount {
             stage: "fit",
             of,

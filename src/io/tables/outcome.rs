@@ -6,7 +6,7 @@ use crate::fit::camera_size::CameraSize;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Corrects, ErrorFrame, PoseModel};
+use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, began};
@@ -89,6 +89,27 @@ pub struct SeveralTargets {
     pub sessions: Vec<ShownFlange>,
 }
 
+/// The part of one instrument in one model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// The model.
+    pub model: Model,
+    /// The instrument's name.
+    pub name: String,
+    /// Its readings, and its part in the fit; of the full error model that of the identified geometry.
+    pub size: SourceSize,
+    /// Factor from stated to found standard deviations; `None` where the model has none for it.
+    pub factor: Option<f64>,
+    /// Whether `size` is of the model itself.
+    pub is_fitted: bool,
+    /// The instrument as the model has it in the last session that trained; `None` of one that reads places.
+    pub gauge: Option<Gauge>,
+    /// Number of its lengths that were held out.
+    pub held_out: usize,
+    /// Root mean square of measured minus predicted over them, mm; `None` without any.
+    pub held_out_rms_mm: Option<f64>,
+}
+
 /// Stations of a session with several targets, by what stands for their readings ([`crate::fit::flange`]).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ShownFlange {
@@ -121,6 +142,8 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
+    /// The sources of each model.
+    pub sources: Vec<Source>,
     /// The sessions' targets, where there are several.
     pub targets: SeveralTargets,
     /// The base that errors are stated in.

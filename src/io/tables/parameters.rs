@@ -10,7 +10,7 @@ use crate::fit::identifiability::{
 use crate::fit::{Calibration, Freedom, Identifiability, Unknown};
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
-use crate::kinematics::{Arm, Axis, Element, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{Arm, Axis, Element, GaugePart, LinkQuantity, Motion, Parameter};
 use crate::report::Model;
 
 row! {
@@ -64,6 +64,8 @@ pub enum BelongsTo {
     Target,
     /// A session.
     Session,
+    /// An instrument that reads one length.
+    Gauge,
 }
 
 /// The quantity that a parameter measures.
@@ -97,10 +99,16 @@ pub enum ParameterQuantity {
     Rz,
     /// Command–feedback weight: the share of the way from reported to commanded angle.
     CommandWeight,
+    /// Reading of a distance at its anchor, or a plane's distance from the base's origin.
+    Offset,
+    /// Tilt of a plane's normal towards the first axis across it.
+    Tilt,
+    /// Tilt of a plane's normal towards the second axis across it.
+    OtherTilt,
 }
 
 words! {
-    BelongsTo { Base: "base", Link: "link", Target: "target", Session: "session" }
+    BelongsTo { Base: "base", Link: "link", Target: "target", Session: "session", Gauge: "gauge" }
     ParameterQuantity {
         Theta: "theta",
         D: "d",
@@ -116,6 +124,9 @@ words! {
         Ry: "ry",
         Rz: "rz",
         CommandWeight: "command_weight",
+        Offset: "offset",
+        Tilt: "tilt_1",
+        OtherTilt: "tilt_2",
     }
 }
 
@@ -439,6 +450,7 @@ impl Subject {
                 Parameter::Base(_) => BelongsTo::Base,
                 Parameter::Link { .. } => BelongsTo::Link,
                 Parameter::Target(_) => BelongsTo::Target,
+                Parameter::Gauge(_) => BelongsTo::Gauge,
             },
             Self::CommandWeight { session: None, .. } => BelongsTo::Link,
             Self::CommandWeight { .. } => BelongsTo::Session,
@@ -462,6 +474,12 @@ impl Subject {
                     LinkQuantity::Y => ParameterQuantity::Y,
                     LinkQuantity::Rx => ParameterQuantity::Rx,
                     LinkQuantity::Ry => ParameterQuantity::Ry,
+                },
+                Parameter::Gauge(part) => match part {
+                    GaugePart::Place(axis) => direction(Motion::Translation(axis)),
+                    GaugePart::Offset | GaugePart::Height => ParameterQuantity::Offset,
+                    GaugePart::Tilt => ParameterQuantity::Tilt,
+                    GaugePart::OtherTilt => ParameterQuantity::OtherTilt,
                 },
             },
         }

@@ -39,6 +39,7 @@ fn reading(position: Point3<f64>, line: u64) -> RowReading {
         motion_covariance: None,
     };
     RowReading {
+        source: SourceId::ONLY,
         target: TargetId::ONLY,
         line,
         value: Value::Point(point),

@@ -11,7 +11,7 @@ use super::{ConfigurationError, ConfigurationErrorKind};
 use crate::fit::full::FullSettings;
 use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
-use crate::ingest::{StationsSettings, WrongFields};
+use crate::ingest::{LengthRead, StationsSettings, WrongFields};
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
@@ -248,6 +248,7 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         "without target",
         "left out: each table of [[stations.measured]] has the name of its target",
     )?;
+    lengths(stations, &names)?;
     wrong_unless(
         !is_long || (stations.station.is_some() && stations.measured.len() == 1),
         "[stations] target",
@@ -292,6 +293,60 @@ fn references(stations: &StationsSettings) -> Check {
             },
         )
     })
+}
+
+/// Checks the instruments that read one length.
+fn lengths(stations: &StationsSettings, targets: &[String]) -> Check {
+    let own = &stations.lengths;
+    wrong_unless(
+        own.is_empty() || stations.target.is_none(),
+        "[[stations.lengths]]",
+        "beside [stations] target",
+        "left out, or a table with the readings of a station in one row: rows of single readings name targets, no instruments",
+    )?;
+    let twice = own.iter().enumerate();
+    let mut twice =
+        twice.filter(|(place, length)| own[..*place].iter().any(|other| other.name == length.name));
+    let twice = twice.next();
+    wrong_unless(
+        twice.is_none(),
+        "[[stations.lengths]] name",
+        twice.map_or_else(String::new, |(_, length)| {
+            format!("{:?} twice", length.name)
+        }),
+        "names, each of one instrument",
+    )?;
+    each(own.iter(), |length| {
+        let name = &length.name;
+        let sizes = [
+            Some(length.sd_mm),
+            length.place.map(|place| place.sd_mm),
+            length.offset.map(|offset| offset.sd_mm),
+        ];
+        let wrong = sizes.into_iter().flatten().find(|sd| *sd <= 0.0);
+        wrong_unless(
+            wrong.is_none(),
+            "[[stations.lengths]] sd_mm",
+            wrong.map_or_else(String::new, |sd| format!("{sd} of {name:?}")),
+            "a standard deviation above zero",
+        )?;
+        let is_anchored = length.place.is_some() || length.offset.is_some();
+        wrong_unless(
+            length.reads == LengthRead::Distance || !is_anchored,
+            "[[stations.lengths]] place and offset",
+            format!("of {name:?}, which reads heights above a plane"),
+            "left out: only distances have an anchor",
+        )
+    })?;
+    let stray = own
+        .iter()
+        .find(|length| stations.target_of(length).is_none());
+    wrong_unless(
+        stray.is_none(),
+        "[[stations.lengths]] target",
+        stray.map_or_else(String::new, |length| format!("{:?}", length.target)),
+        &format!("one of the targets measured: {}", targets.join(", ")),
+    )
 }
 
 fn paths(key: &str, paths: &[&str]) -> Check {

@@ -126,6 +126,7 @@ impl<'p> Placed<'p> {
             poses: section.poses.clone(),
             drift_check_every: section.drift_check_every,
             verify_poses: section.verify_poses,
+            instruments: section.instruments.clone(),
             home,
         })
     }

@@ -44,7 +44,7 @@ impl Flanges {
         }
         let seen = test.iter();
         let mut seen: Vec<_> = seen
-            .map(|session| observations(arm, 0, session, settings))
+            .map(|session| places(observations(arm, 0, session, settings)))
             .collect();
         let mut derived = Derived::default();
         let own = training.into_iter().zip(frames);
@@ -84,6 +84,12 @@ struct Derived {
     orientations_rad: Vec<f64>,
 }
 
+/// The observations of places, by which sessions judge.
+fn places(mut observations: Vec<Observation>) -> Vec<Observation> {
+    observations.retain(|own| own.point().is_some());
+    observations
+}
+
 impl Derived {
     /// The session with one reading for each station; as it is where it has one target.
     fn session(
@@ -110,7 +116,10 @@ impl Derived {
                 Some(OneReading::Point(_)) => shown.points += 1,
                 None => shown.neither += 1,
             }
-            station.readings = one.iter().map(|one| one.reading().clone()).collect();
+            let lengths = station.readings.iter();
+            let lengths = lengths.filter(|own| own.value.kind().is_length()).cloned();
+            let one = one.iter().map(|one| one.reading().clone());
+            station.readings = one.chain(lengths).collect();
         }
         self.shown.push(shown);
         session

@@ -94,7 +94,10 @@ impl Judged<'_> {
             for set in &mut sets {
                 let model = self.models.get(set.subject.model);
                 let weights = model.map_or(&[][..], |model| model.weights());
-                let own = weights.iter().skip(first);
+                // Lengths have no residual of a position.
+                let weighed = weights.iter().zip(&self.observed.all).skip(first);
+                let own = weighed.filter(|(_, o)| o.point().is_some());
+                let own = own.map(|(weight, _)| weight);
                 for (residual, weight) in set.residuals.iter_mut().zip(own) {
                     residual.weight = Some(*weight);
                 }

@@ -320,6 +320,7 @@ impl<'t> Work<'t> {
             .is_some_and(|own| arms.known[own.best.arm].arm.has_slides());
         Guess {
             settings: StationsSettings {
+                lengths: Vec::new(),
                 separator: None,
                 decimal: None,
                 sheet: None,

@@ -20,7 +20,7 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
-use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets};
+use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets, Source as OfSource};
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReferenceCourse};
 use crate::join::{
@@ -310,6 +310,16 @@ fn outcome() -> Outcome<'static> {
     let grids = grids(&session.joined.stations, &error_frame, &geometric);
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
+        sources: vec![OfSource {
+            model: Model::Geometric,
+            name: "tracker".to_owned(),
+            size: geometric.sources[0].clone(),
+            factor: Some(1.0),
+            is_fitted: true,
+            gauge: None,
+            held_out: 0,
+            held_out_rms_mm: None,
+        }],
         targets: SeveralTargets::default(),
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,

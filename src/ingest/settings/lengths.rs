@@ -1,0 +1,107 @@
+//! `[[stations.lengths]]`: columns of instruments that read one length of a target, in a table of stations.
+
+use serde::{Deserialize, Serialize};
+
+use super::LengthUnit;
+
+/// An instrument that reads one length, its column and what is known of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LengthColumns {
+    /// The instrument's name.
+    pub name: String,
+    /// What it reads.
+    pub reads: LengthRead,
+    /// The column of its readings.
+    pub column: String,
+    /// Unit of that column, and of the column `sd`.
+    pub unit: LengthUnit,
+    /// Standard deviation of a reading, mm.
+    pub sd_mm: f64,
+    /// Column of the standard deviation, for readings that state one; absent: `sd_mm` of all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<String>,
+    /// Name of the target that it reads; absent: the main one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// The anchor's place in the base's frame; absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<KnownPlace>,
+    /// The reading at no distance; absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<KnownOffset>,
+}
+
+/// What an instrument of one length reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LengthRead {
+    /// The distance from its anchor.
+    Distance,
+    /// The height above its plane.
+    Height,
+}
+
+/// A place in the base's frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownPlace {
+    /// The place, mm.
+    pub xyz_mm: [f64; 3],
+    /// Standard uncertainty per axis, mm.
+    pub sd_mm: f64,
+}
+
+/// The reading of a distance at its anchor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownOffset {
+    /// The reading, mm; minus the radius where a sphere around the anchor is touched.
+    pub mm: f64,
+    /// Its standard uncertainty, mm.
+    pub sd_mm: f64,
+}
+
+impl LengthRead {
+    /// The word in a pipeline file.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Distance => "distance",
+            Self::Height => "height",
+        }
+    }
+}
+
+impl LengthColumns {
+    /// The least reading that there can be, mm: zero, or below it where such an offset is stated; `None` of heights.
+    pub fn least_mm(&self) -> Option<f64> {
+        let offset_mm = self.offset.map_or(0.0, |own| own.mm);
+        (self.reads == LengthRead::Distance).then_some(offset_mm.min(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> LengthColumns {
+        toml::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_distance_is_above_zero_or_above_its_offset() {
+        let bar =
+            "name = \"bar\"\nreads = \"distance\"\ncolumn = \"L\"\nunit = \"mm\"\nsd_mm = 0.005\n";
+        let face = bar.replace("distance", "height");
+        let sphere = format!(
+            "{bar}sd = \"u\"\nplace = {{ xyz_mm = [900, 0, 300], sd_mm = 5 }}\noffset = {{ mm = -12.7, sd_mm = 0.001 }}\n"
+        );
+        let least = [bar, &sphere, &face].map(|text| read(text).least_mm());
+        assert_eq!(least, [Some(0.0), Some(-12.7), None]);
+        for text in [bar, &sphere, &face] {
+            // What is written is read back: a run's name follows from it.
+            let own = read(text);
+            assert_eq!(read(&toml::to_string(&own).unwrap()), own);
+        }
+    }
+}

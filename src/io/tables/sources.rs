@@ -1,0 +1,114 @@
+//! `sources`: the instruments of a run, the size of each one's noise, and its share of the information.
+
+use super::outcome::Source;
+use crate::fit::{Gauge, sources};
+use crate::io::table::{row, words};
+use crate::join::ReadingKind;
+use crate::report::Model;
+
+row! {
+    /// The part of one source in one model.
+    pub struct SourceRow of "sources" {
+        /// The model.
+        model: Model,
+        /// Its index among the sources, from 0.
+        source_index: usize,
+        /// Its name.
+        source: String,
+        /// What it reads.
+        reads: SourceReads,
+        /// Number of its readings.
+        readings: usize,
+        /// Number of numbers in them.
+        numbers: usize,
+        /// Root mean square of its stated standard deviations, mm.
+        stated_sd_mm: f64,
+        /// Factor from stated to found standard deviations; `None` where the model has none for it.
+        noise_factor: Option<f64>,
+        /// Its standard error.
+        noise_factor_se: Option<f64>,
+        /// Numbers less those that the unknowns took.
+        redundancy: Option<f64>,
+        /// Its share of the information on the unknowns.
+        information_share: Option<f64>,
+        /// The prior's share.
+        prior_share: Option<f64>,
+        /// Place of its anchor in the base's frame, mm; `None` without one.
+        anchor as [anchor_x_mm, anchor_y_mm, anchor_z_mm]: Option<[f64; 3]>,
+        /// Its reading at no distance from the anchor, mm.
+        anchor_offset_mm: Option<f64>,
+        /// Normal of its plane in the base's frame; `None` without one.
+        normal as [normal_x, normal_y, normal_z]: Option<[f64; 3]>,
+        /// Distance of its plane from the base's origin along the normal, mm.
+        plane_height_mm: Option<f64>,
+        /// Number of lengths that were held out.
+        held_out: usize,
+        /// Root mean square of what is left of them, mm.
+        held_out_rms_mm: Option<f64>,
+    }
+}
+
+/// What a source reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SourceReads {
+    /// Positions.
+    Point,
+    /// Positions and orientations.
+    Pose,
+    /// Distances from an anchor.
+    Distance,
+    /// Heights above a plane.
+    Height,
+}
+
+words! {
+    SourceReads { Point: "point", Pose: "pose", Distance: "distance", Height: "height" }
+}
+
+impl From<ReadingKind> for SourceReads {
+    fn from(kind: ReadingKind) -> Self {
+        match kind {
+            ReadingKind::Point => Self::Point,
+            ReadingKind::Pose => Self::Pose,
+            ReadingKind::Distance => Self::Distance,
+            ReadingKind::Height => Self::Height,
+        }
+    }
+}
+
+/// The rows of all sources in all models.
+pub fn rows(all: &[Source]) -> Vec<SourceRow> {
+    all.iter().map(|own| of_source(own, all)).collect()
+}
+
+fn of_source(own: &Source, all: &[Source]) -> SourceRow {
+    let sizes = all.iter().filter(|other| other.model == own.model);
+    let sizes: Vec<_> = sizes.map(|other| other.size.clone()).collect();
+    let size = &own.size;
+    let (anchor, plane) = match &own.gauge {
+        Some(Gauge::Distance(anchor)) => (Some(anchor), None),
+        Some(Gauge::Height(plane)) => (None, Some(plane)),
+        None => (None, None),
+    };
+    let fitted = |value: f64| own.is_fitted.then_some(value);
+    SourceRow {
+        model: own.model,
+        source_index: size.source.0,
+        source: own.name.clone(),
+        reads: size.kind.into(),
+        readings: size.readings,
+        numbers: size.rows,
+        stated_sd_mm: size.stated_mm,
+        noise_factor: own.factor,
+        noise_factor_se: size.factor_error().filter(|_| own.is_fitted),
+        redundancy: fitted(size.redundancy),
+        information_share: fitted(size.share),
+        prior_share: fitted((1.0 - sources::shares(&sizes)).max(0.0)),
+        anchor: anchor.map(|anchor| anchor.place.coords.into()),
+        anchor_offset_mm: anchor.map(|anchor| anchor.offset_mm),
+        normal: plane.map(|plane| plane.normal.into_inner().into()),
+        plane_height_mm: plane.map(|plane| plane.height_mm),
+        held_out: own.held_out,
+        held_out_rms_mm: own.held_out_rms_mm,
+    }
+}

@@ -1,0 +1,188 @@
+//! Instruments that read one length: their readings at stations that took no part, and sessions without them for what comes after the
+//! fit.
+//!
+//! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
+//! their held-out readings, along the direction that is read, is in the table `sources`.
+
+use nalgebra::Vector3;
+
+use super::judged::TestSession;
+use super::observed::Observed;
+use super::{StageError, StageSettings};
+use crate::fit::model::Query;
+use crate::fit::{At, Channel, Frames, MeasuredPoint, Models, Observation, PoseModel, SourceSize};
+use crate::grid::{Choice, Grids, Verdict};
+use crate::io::tables::outcome::{JoinedSession, Source};
+use crate::join::SourceId;
+use crate::report::Model;
+
+/// The models that have sources.
+const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
+
+/// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.
+pub(super) fn settings_behind(observed: &Observed, settings: StageSettings) -> StageSettings {
+    if reads_places(observed) {
+        settings
+    } else {
+        StageSettings {
+            base: None,
+            ..settings
+        }
+    }
+}
+
+/// Whether any session has positions to train on.
+pub(super) fn reads_places(observed: &Observed) -> bool {
+    observed.all.iter().any(|own| own.point().is_some())
+}
+
+/// No grids, where the session that they are for has no positions. The expanded uncertainty is that of the sessions that judge.
+pub(super) fn no_grids(tests: &[TestSession<'_>], settings: &StageSettings) -> Grids {
+    let guards = tests
+        .iter()
+        .map(|test| guard_mm(&test.observations, settings));
+    Grids {
+        judged: Vec::new(),
+        table: None,
+        choice: Choice {
+            row: None,
+            verdict: Verdict::NotShown(NO_POSITIONS.to_owned()),
+            words: NO_POSITIONS.to_owned(),
+            within: None,
+            fewest_nodes: None,
+        },
+        configuration: None,
+        idw_power: settings.grid.idw_power,
+        guard_mm: guards.fold(0.0, f64::max),
+    }
+}
+
+const NO_POSITIONS: &str = "no table: the session that trained has readings of one length alone, and nodes are of positions";
+
+/// Expanded uncertainty (k = 2) of a position of these observations, mm: along the instrument's worst direction, and by the scale at the
+/// one that is furthest from their middle.
+fn guard_mm(observations: &[Observation], settings: &StageSettings) -> f64 {
+    let points: Vec<_> = observations.iter().filter_map(Observation::point).collect();
+    let sum: Vector3<f64> = points.iter().map(|own| own.position.coords).sum();
+    let middle = sum / points.len().max(1) as f64;
+    let of = |own: &&MeasuredPoint| {
+        let away_mm = (own.position.coords - middle).norm();
+        let tracker = own.instrument.symmetric_eigenvalues().max().max(0.0).sqrt();
+        (tracker, 1e-6 * settings.full.session_scale_ppm * away_mm)
+    };
+    let worst = points
+        .iter()
+        .map(of)
+        .fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| {
+            (a.max(c), b.max(d))
+        });
+    2.0 * worst.0.hypot(worst.1)
+}
+
+/// Refuses a session that only judges and has lengths alone.
+pub(super) fn check_judge(session: &JoinedSession) -> Result<(), StageError> {
+    let mut readings = session.joined.stations.iter().flat_map(|own| &own.readings);
+    let has_lengths = readings.clone().next().is_some();
+    let has_places = readings.any(|reading| !reading.value.kind().is_length());
+    if has_lengths && !has_places {
+        return Err(StageError::NoPlaces {
+            session: session.name.clone(),
+        });
+    }
+    Ok(())
+}
+
+/// The sources of all models: base + target, geometry and the full error model.
+pub(super) fn sources(
+    observed: &Observed,
+    models: &Models,
+    folds: &[Option<Models>],
+    settings: &StageSettings,
+) -> Vec<Source> {
+    let of = |model: Model| {
+        let sizes = match model {
+            Model::BaseTarget => &models.base_target.sources,
+            _ => &models.geometric.sources,
+        };
+        let is_there = models.get(model).is_some();
+        let sizes = sizes.iter().filter(move |_| is_there);
+        sizes.map(move |size| source(model, size, observed, models, folds, settings))
+    };
+    OF.into_iter().flat_map(of).collect()
+}
+
+fn source(
+    model: Model,
+    size: &SourceSize,
+    observed: &Observed,
+    models: &Models,
+    folds: &[Option<Models>],
+    settings: &StageSettings,
+) -> Source {
+    let names = &settings.fit.source_names;
+    let usual = || "tracker".to_owned();
+    let full = models.full.as_ref().filter(|_| model == Model::Full);
+    let of_full = full.and_then(|full| full.repeatability.lengths.get(size.source.0));
+    let of_full = of_full.filter(|_| size.kind.is_length());
+    let fitted = model != Model::Full;
+    let left = held_out(model, size.source, observed, folds);
+    let gauge = frames(models, model)
+        .last()
+        .and_then(|own| own.gauge(size.source).copied());
+    Source {
+        model,
+        name: names.get(size.source.0).cloned().unwrap_or_else(usual),
+        size: size.clone(),
+        factor: if fitted {
+            Some(size.factor)
+        } else {
+            of_full.map(|variance| variance.sqrt())
+        },
+        is_fitted: fitted,
+        gauge,
+        held_out: left.len(),
+        held_out_rms_mm: rms(&left),
+    }
+}
+
+fn rms(left: &[f64]) -> Option<f64> {
+    let squares: f64 = left.iter().map(|own| own * own).sum();
+    (!left.is_empty()).then(|| (squares / left.len() as f64).sqrt())
+}
+
+/// Measured minus predicted of every held-out length of a source, mm.
+fn held_out(
+    model: Model,
+    source: SourceId,
+    observed: &Observed,
+    folds: &[Option<Models>],
+) -> Vec<f64> {
+    let own = observed.all.iter().zip(&observed.folds);
+    let own = own.filter(|(o, _)| o.source == source && o.measured.length().is_some());
+    let left = own.filter_map(|(o, fold)| {
+        let models = folds.get(*fold)?.as_ref()?;
+        let it = models.get(model)?;
+        left_of(it, &frames(models, model), o)
+    });
+    left.collect()
+}
+
+/// The frames of each session at the model's best estimate.
+fn frames(models: &Models, model: Model) -> Vec<Frames> {
+    match (model, &models.full) {
+        (Model::Full, Some(full)) => full.fitted_frames(),
+        (Model::BaseTarget, _) => models.base_target.frames.clone(),
+        _ => models.geometric.frames.clone(),
+    }
+}
+
+/// Measured minus predicted length, mm; `None` where the model has no prediction.
+fn left_of(model: &dyn PoseModel, frames: &[Frames], observation: &Observation) -> Option<f64> {
+    let Channel {
+        session, source, ..
+    } = observation.channel();
+    let gauge = frames.get(session)?.gauge(source)?;
+    let query = At::Joints(Query::of(observation));
+    let place = model.position(&query).ok()?;
+    Some(observation.measured.length()?.mm - gauge.reading_mm(&place))
+}

@@ -1,0 +1,215 @@
+//! Instruments that read one length, in tables of stations: beside a tracker, alone, and as judges.
+
+use std::fs;
+
+use super::cell::{Cell, Ended, ended, posegrid};
+use super::tabled;
+
+/// Anchors with their offsets and standard deviations, and a plane, mm.
+const DISTANCES: [[f64; 5]; 2] = [
+    [2600.0, 1500.0, 300.0, 20.0, 0.05],
+    [900.0, -2400.0, 500.0, -15.0, 0.02],
+];
+const HEIGHT: [f64; 5] = [0.0, 0.0, 1.0, -400.0, 0.03];
+
+/// A simulated session of the arm with this seed: the text of its table of stations.
+fn simulated(cell: &Cell, seed: &str) -> String {
+    let out = cell.path(&format!("simulated-{seed}"));
+    let list = |numbers: &[f64; 5]| numbers.map(|number| number.to_string()).join(",");
+    let mut command = posegrid();
+    command
+        .args(["simulate", "pipelines/robots/kr210-r2700-extra.toml"])
+        .args(["--arm", "3", "--seed", seed])
+        .args(["--home", "0,-75,100,25,55,-15", "--random-joints", "120"])
+        .args(["--table", "--height-above", &list(&HEIGHT)]);
+    for distance in &DISTANCES {
+        command.args(["--distance-from", &list(distance)]);
+    }
+    let made = ended(command.arg("--out").arg(&out));
+    assert_eq!(made.code, 0, "{}", made.messages);
+    fs::read_to_string(out.join("stations.csv")).expect("written")
+}
+
+/// The section that the head of a table shows.
+fn section(table: &str) -> String {
+    let head = table
+        .lines()
+        .skip(1)
+        .map_while(|line| line.strip_prefix("# "));
+    head.fold(String::new(), |text, line| text + line + "\n")
+}
+
+/// The rows of a table with the cells blank whose columns `is_blank` names.
+fn blanked(table: &str, is_blank: impl Fn(&str) -> bool) -> String {
+    let rows = table.lines().filter(|line| !line.starts_with('#'));
+    let rows: Vec<Vec<&str>> = rows.map(|line| line.split(',').collect()).collect();
+    let blank: Vec<bool> = rows[0].iter().map(|name| is_blank(name)).collect();
+    let line = |(place, row): (usize, &Vec<&str>)| {
+        let cells = row.iter().zip(&blank);
+        let cells = cells.map(|(cell, blank)| if *blank && place > 0 { "" } else { cell });
+        cells.collect::<Vec<&str>>().join(",")
+    };
+    let lines: Vec<String> = rows.iter().enumerate().map(line).collect();
+    lines.join("\n") + "\n"
+}
+
+/// Columns of the tracker's readings.
+fn of_tracker(name: &str) -> bool {
+    name.starts_with("T1_")
+}
+
+/// Columns of the instruments of one length.
+fn of_lengths(name: &str) -> bool {
+    name.starts_with('L')
+}
+
+/// A cell that learns from Monday's table and is judged by Tuesday's, each with these columns blank.
+fn judged(monday: impl Fn(&str) -> bool, tuesday: impl Fn(&str) -> bool) -> (Cell, Ended) {
+    let cell = Cell::new();
+    let tables = [simulated(&cell, "3"), simulated(&cell, "4")];
+    let cell = tabled::cell_with(cell, &section(&tables[0]));
+    let cell = cell.with(
+        "folder = \"sessions\"",
+        "folder = \"sessions\"\nsessions = [\"mon\"]\ntest = [\"tue\"]",
+    );
+    let blanked = [blanked(&tables[0], monday), blanked(&tables[1], tuesday)];
+    for (name, text) in ["mon", "tue"].into_iter().zip(blanked) {
+        fs::create_dir_all(cell.session(name)).expect("writable");
+        fs::write(cell.session(name).join("measured.csv"), text).expect("writable");
+    }
+    let run = cell.run(&[]);
+    (cell, run)
+}
+
+/// A row of `sources`: its name, what it reads, factor, share and root mean square of held-out lengths.
+#[derive(Debug)]
+struct Row {
+    model: String,
+    source: String,
+    reads: String,
+    factor: Option<f64>,
+    share: Option<f64>,
+    held_out_mm: Option<f64>,
+}
+
+fn sources(cell: &Cell) -> Vec<Row> {
+    let table = cell.table("sources", "mon");
+    let number = |name: &str, row: usize| {
+        let column = table.f64(name);
+        arrow::array::Array::is_valid(column, row).then(|| column.value(row))
+    };
+    let row = |row: usize| Row {
+        model: table.text("model").value(row).to_owned(),
+        source: table.text("source").value(row).to_owned(),
+        reads: table.text("reads").value(row).to_owned(),
+        factor: number("noise_factor", row),
+        share: number("information_share", row),
+        held_out_mm: number("held_out_rms_mm", row),
+    };
+    (0..table.rows()).map(row).collect()
+}
+
+/// Anchors with their offsets by the full error model, in the order of the instruments, mm.
+fn anchors(cell: &Cell) -> Vec<[f64; 4]> {
+    let table = cell.table("sources", "mon");
+    let own = (0..table.rows()).filter(|&row| {
+        table.text("model").value(row) == "full" && table.text("reads").value(row) == "distance"
+    });
+    let names = [
+        "anchor_x_mm",
+        "anchor_y_mm",
+        "anchor_z_mm",
+        "anchor_offset_mm",
+    ];
+    own.map(|row| names.map(|name| table.f64(name).value(row)))
+        .collect()
+}
+
+#[test]
+fn a_tracker_and_three_instruments_of_lengths_train_together() {
+    let (cell, run) = judged(|_| false, |_| false);
+    assert!(
+        run.code == 0 || run.code == 1,
+        "{}{}",
+        run.results,
+        run.messages
+    );
+    let sources = sources(&cell);
+    let names: Vec<(&str, &str)> = sources
+        .iter()
+        .filter(|own| own.model == "geometric")
+        .map(|own| (own.source.as_str(), own.reads.as_str()))
+        .collect();
+    assert_eq!(
+        names,
+        [
+            ("tracker", "point"),
+            ("L1", "distance"),
+            ("L2", "distance"),
+            ("L3", "height")
+        ]
+    );
+    let shares: f64 = sources
+        .iter()
+        .filter(|own| own.model == "geometric")
+        .filter_map(|own| own.share)
+        .sum();
+    assert!(shares > 0.5 && shares <= 1.0, "{sources:?}");
+    for own in sources
+        .iter()
+        .filter(|own| own.model == "full" && own.source != "tracker")
+    {
+        let held_out_mm = own.held_out_mm.expect("held out");
+        assert!(own.factor.is_some() && held_out_mm < 0.3, "{own:?}");
+    }
+    // Anchors are near where they were put: a turn of the first joint's zero and the height of the base move them with the arm.
+    let found = anchors(&cell);
+    assert_eq!(found.len(), 2);
+    for (found, wanted) in found.iter().zip(&DISTANCES) {
+        for (found, wanted) in found.iter().zip(&wanted[..4]) {
+            assert!((found - wanted).abs() < 8.0, "{found} for {wanted}");
+        }
+        let offset = found[3] - wanted[3];
+        assert!(offset.abs() < 0.5, "{offset} mm");
+    }
+    let named = "source L2: ";
+    assert!(run.results.contains("judged by tue"), "{}", run.results);
+    let page = fs::read_dir(cell.path("lake/report/kr210-demo/mon")).expect("a page");
+    let page = page.map(|file| fs::read_to_string(file.expect("a page").path()).expect("text"));
+    assert!(
+        page.collect::<String>().contains(named),
+        "the page names the sources"
+    );
+}
+
+#[test]
+fn lengths_alone_train_and_a_tracker_judges() {
+    let (cell, run) = judged(of_tracker, of_lengths);
+    assert!(
+        run.results.contains("judged by tue: 120 stations"),
+        "{}{}",
+        run.results,
+        run.messages
+    );
+    let sources = sources(&cell);
+    assert!(
+        sources.iter().all(|own| own.source != "tracker"),
+        "{sources:?}"
+    );
+    let full = sources.iter().filter(|own| own.model == "full");
+    for own in full {
+        assert!(own.held_out_mm.expect("held out") < 0.5, "{own:?}");
+    }
+}
+
+#[test]
+fn lengths_alone_judge_nothing() {
+    let (_, run) = judged(|_| false, of_tracker);
+    assert_eq!(run.code, 1, "{}{}", run.results, run.messages);
+    assert!(
+        run.messages
+            .contains("tue judges, but its stations have readings of one length alone"),
+        "{}",
+        run.messages
+    );
+}
