@@ -7,7 +7,7 @@ use posegrid::fit::full::design::PoseView;
 use posegrid::fit::full::layout::{Block, Layout};
 use posegrid::fit::full::regression::Sums;
 use posegrid::fit::full::spectrum::Kernel;
-use posegrid::join::ReadingKind;
+use posegrid::fit::observation::measured::Shown;
 use posegrid::kinematics::{Axes, Twist};
 
 mod common;
@@ -48,7 +48,7 @@ fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
         time: None,
         middle: Point3::origin(),
     };
-    view.rows(layout, ReadingKind::Point)
+    view.rows(layout, &Shown::Point)
 }
 
 /// `Σ_j J_j k(q_j − q'_j) J'_jᵀ`, the kernels without their constant, which the joint offsets own.

@@ -213,13 +213,7 @@ fn results<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     let (observed, models, folds) = (trained.observed, trained.models, trained.folds);
-    let settings = &lengths::settings_behind(
-        &observed,
-        StageSettings {
-            noise: flanges.noise,
-            ..settings.clone()
-        },
-    );
+    let settings = &lengths::settings_behind(&observed, flanges.noise, settings);
     let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
     let judged = Judged {
         arm,
@@ -231,10 +225,8 @@ fn results<'a>(
     let locator = Locator::new(&models, arm, settings.locate, &train);
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
     let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
-    let mut residuals = mountings::of_one_mounting(residuals);
-    if !lengths::reads_places(&observed) {
-        residuals.retain(|set| !set.residuals.is_empty());
-    }
+    let residuals = mountings::of_one_mounting(residuals);
+    let mut residuals = lengths::of_positions(residuals, &observed);
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::main);
     let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;
@@ -245,19 +237,15 @@ fn results<'a>(
     let fold = |station| folds_of.get(&station).copied();
     let mut stations = grid_stations(&training[last], &error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
-    let mut grids = if lengths::reads_places(&observed) {
-        grids(
-            &stations,
-            &error_frame,
-            &models,
-            &folds,
-            last,
-            settings,
-            progress,
-        )?
-    } else {
-        lengths::no_grids(&tested, settings)
-    };
+    let mut grids = grids(
+        &stations,
+        &error_frame,
+        &models,
+        &folds,
+        (last, &tested),
+        settings,
+        progress,
+    )?;
     let judges = Judges {
         arm,
         models: &models,

@@ -236,13 +236,12 @@ impl BlockRows {
         self.rows = BLOCK;
         self.values.clear();
         self.values.resize(BLOCK * (self.unknowns.len() + 1), 0.0);
-        let own = stations.places.len().min(first + BLOCK) - first;
+        let last = stations.places.len().min(first + BLOCK);
         let (moving, residual) = (chain.unknowns().len(), BLOCK * self.unknowns.len());
-        for i in 0..own {
-            let station = first + i;
-            let target = Point3::from(Vector3::from_fn(|row, _| end[row][i]));
-            let precision =
-                stations.whitening[0][station] * weights[stations.places[station]].sqrt();
+        let target_at = |i: usize| Point3::from(end.map(|axis| axis[i]));
+        for (i, &observation) in stations.places[first..last].iter().enumerate() {
+            let (station, target) = (first + i, target_at(i));
+            let precision = stations.whitening[0][station] * weights[observation].sqrt();
             let along = gauge.direction(&target) * precision;
             for (column, motion) in self.columns[..moving].iter().enumerate() {
                 let motion = Vector3::from_fn(|row, _| motion.linear[row][i]);

@@ -345,7 +345,7 @@ fn lengths(stations: &StationsSettings, targets: &[String]) -> Check {
         stray.is_none(),
         "[[stations.lengths]] target",
         stray.map_or_else(String::new, |length| format!("{:?}", length.target)),
-        &format!("one of the targets measured: {}", targets.join(", ")),
+        format!("one of the targets measured: {}", targets.join(", ")),
     )
 }
 

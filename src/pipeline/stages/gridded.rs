@@ -2,7 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{StageSettings, stated};
+use super::judged::TestSession;
+use super::{StageSettings, lengths, stated};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorFrame, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
@@ -41,10 +42,14 @@ pub(super) fn grids<'m>(
     error_frame: &'m ErrorFrame<'_>,
     models: &'m Models,
     folds: &'m [Option<Models>],
-    session: usize,
+    (session, tests): (usize, &[TestSession<'_>]),
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
+    let sources = &models.base_target.sources;
+    if sources.iter().all(|own| own.kind.is_length()) {
+        return Ok(lengths::no_grids(tests, settings));
+    }
     let errors = |models: &'m Models| ToolErrors::new(models.best().1, session, error_frame);
     // A fold that holds no station out is never used.
     let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));

@@ -10,29 +10,41 @@ use super::judged::TestSession;
 use super::observed::Observed;
 use super::{StageError, StageSettings};
 use crate::fit::model::Query;
-use crate::fit::{At, Channel, Frames, MeasuredPoint, Models, Observation, PoseModel, SourceSize};
+use crate::fit::{
+    At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
+};
 use crate::grid::{Choice, Grids, Verdict};
 use crate::io::tables::outcome::{JoinedSession, Source};
 use crate::join::SourceId;
-use crate::report::Model;
+use crate::report::{Model, ResidualSet};
 
 /// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
 
 /// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.
-pub(super) fn settings_behind(observed: &Observed, settings: StageSettings) -> StageSettings {
-    if reads_places(observed) {
-        settings
-    } else {
-        StageSettings {
-            base: None,
-            ..settings
-        }
+pub(super) fn settings_behind(
+    observed: &Observed,
+    noise: Noise,
+    settings: &StageSettings,
+) -> StageSettings {
+    let base = settings.base.filter(|_| reads_places(observed));
+    StageSettings {
+        noise,
+        base,
+        ..settings.clone()
     }
 }
 
+/// The sets of residuals that have any; of a training without positions those of its own sessions have none.
+pub(super) fn of_positions(mut sets: Vec<ResidualSet>, observed: &Observed) -> Vec<ResidualSet> {
+    if !reads_places(observed) {
+        sets.retain(|set| !set.residuals.is_empty());
+    }
+    sets
+}
+
 /// Whether any session has positions to train on.
-pub(super) fn reads_places(observed: &Observed) -> bool {
+fn reads_places(observed: &Observed) -> bool {
     observed.all.iter().any(|own| own.point().is_some())
 }
 
