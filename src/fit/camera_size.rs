@@ -58,7 +58,7 @@ pub fn found(
     let row = |own: &Observation| {
         let end = chains.of(own.channel()).view(&own.axes).end;
         Row {
-            residual: DVector::from_vec(own.measured.residual(&end)),
+            residual: DVector::from_vec(own.measured.residual(&end, None)),
             camera: own.measured.instrument(),
         }
     };

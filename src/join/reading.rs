@@ -138,6 +138,9 @@ impl Value {
             stated_covariance: point
                 .stated_covariance
                 .map(|own| packed(&turned(full(own)))),
+            motion_covariance: point
+                .motion_covariance
+                .map(|own| packed(&turned(full(own)))),
         };
         let turn = MeanOrientation {
             orientation: inverse.rotation,

@@ -13,7 +13,7 @@ use super::PlanSettings;
 use crate::fit::observation::MeasuredLength;
 use crate::fit::{
     Anchor, Channel, Frames, Freedom, Gauge, Measured, MeasuredPoint, Observation, Owner, Plane,
-    Prior, Problem, Sees, SourceId, Structure, TargetId, TrackerUncertainty,
+    Prior, Problem, Sees, SourceId, Structure, TargetId, Uncertainty,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::ingest::LengthRead;
@@ -82,7 +82,7 @@ struct Around<'s> {
     tracker_from_base: Isometry3<f64>,
     /// The target's place on the flange, mm.
     target: Vector3<f64>,
-    uncertainty: TrackerUncertainty,
+    uncertainty: Uncertainty,
     repeatability_mm: f64,
     /// Standard deviations of the geometry's lengths, mm, and angles, rad.
     prior: (f64, f64),
@@ -333,6 +333,7 @@ impl Around<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::TrackerUncertainty;
     use crate::kinematics::RobotFile;
 
     fn poses(from: usize, count: usize) -> Vec<Vec<f64>> {
@@ -364,14 +365,14 @@ mod tests {
             arm: &arm,
             tracker_from_base: isometry_from_rpy([2500.0, -900.0, 400.0], [0.02, -0.01, 2.0]),
             target: Vector3::new(60.0, 20.0, 80.0),
-            uncertainty: TrackerUncertainty {
+            uncertainty: Uncertainty::Tracker(TrackerUncertainty {
                 range_um: 10.0,
                 range_um_per_m: 0.3,
                 transverse_um: 15.0,
                 transverse_um_per_m: 6.0,
                 divisor: 2.0,
                 orientation_rad: None,
-            },
+            }),
             repeatability_mm: 0.03,
             prior: (0.5, 0.5e-3),
         };

@@ -243,13 +243,13 @@ impl Measured {
         };
         match self {
             Self::Point(point) => put(point),
-            Self::Pose(point, turn) => match turn.joint {
-                Some(joint) => covariance.copy_from(&joint.instrument),
-                None => {
-                    put(point);
-                    (3..6).for_each(|axis| covariance[(axis, axis)] = turn.sd_rad * turn.sd_rad);
+            Self::Pose(point, turn) => {
+                put(point);
+                (3..6).for_each(|axis| covariance[(axis, axis)] = turn.sd_rad * turn.sd_rad);
+                if let Some(joint) = turn.joint {
+                    covariance.copy_from(&joint.instrument);
                 }
-            },
+            }
             Self::Distance(length) | Self::Height(length) => {
                 covariance[(0, 0)] = length.instrument_mm.powi(2);
             }
@@ -319,7 +319,9 @@ impl Instrument {
         let kept = reading.kept.max(1) as f64;
         let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);
         let added = Matrix3::from_diagonal(&scatter.into())
-            + point.motion_covariance.map_or_else(Matrix3::zeros, symmetric);
+            + point
+                .motion_covariance
+                .map_or_else(Matrix3::zeros, symmetric);
         let stated = point.stated_covariance.map(symmetric);
         match (turn, source.uncertainty.camera()) {
             (Some(turn), Some(camera)) => {

@@ -269,41 +269,42 @@ fn false_events_are_rare() {
 }
 
 #[test]
-#[ignore]
-fn scale() {
+fn many_strays_and_shocks_hide_neither_each_other_nor_a_bump() {
     let mut scene = Scene::new(&THREE, 977, 17);
-    let drift = |i: usize| {
+    let motion = |i: usize| {
         let share = i as f64 / 400.0;
-        let b = if i > 500 { 0.7 } else { 0.0 };
+        let bump = if i > 500 { 0.7 } else { 0.0 };
         turned(
-            [0.1 * share + b, -0.1 * share, 0.1 * (3.0 * share).sin()],
+            [0.1 * share + bump, -0.1 * share, 0.1 * (3.0 * share).sin()],
             [1e-4 * share, -5e-5 * share, 2e-4 * share],
         )
     };
-    let mut looks = scene.looks(drift, |i, k| (i * 7 + k * 3) % 11 != 0);
-    for i in (0..977).step_by(19) {
-        let n = looks[i].seen.len();
-        looks[i].seen[i % n].1 += Vector3::new(1.0, -0.7, 0.3);
+    let mut looks = scene.looks(motion, |i, k| (i * 7 + k * 3) % 11 != 0);
+    for look in looks.iter_mut().step_by(19) {
+        let own = look.seen.len() / 2;
+        look.seen[own].1 += Vector3::new(1.0, -0.7, 0.3);
     }
-    for i in (5..977).step_by(61) {
-        for s in &mut looks[i].seen {
-            s.1 += Vector3::new(0.3, -1.7, 0.3);
+    for look in looks.iter_mut().skip(5).step_by(61) {
+        for (_, at) in &mut look.seen {
+            *at += Vector3::new(0.3, -1.7, 0.3);
         }
     }
-    let t = std::time::Instant::now();
     let found = follow(&looks).unwrap();
-    println!(
-        "{:?} {} events {:?}",
-        t.elapsed(),
-        found.events.len(),
-        found.sizes
+    let count = |is_it: fn(&&Event) -> bool| found.events.iter().filter(is_it).count();
+    let strays = count(|event| matches!(event, Event::Stray { .. }));
+    let shocks = count(|event| matches!(event, Event::Shock { .. }));
+    assert!(
+        strays.abs_diff(52) <= 2 && shocks.abs_diff(16) <= 2,
+        "{strays} strays, {shocks} shocks"
     );
-    println!(
+    assert!(
+        matches!(bumps(&found)[..], [Event::Bump { before: 501, .. }]),
         "{:?}",
-        found
-            .events
-            .iter()
-            .filter(|e| !matches!(e, Event::Stray { .. }))
-            .collect::<Vec<_>>()
+        bumps(&found)
+    );
+    assert!(
+        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.05,
+        "{:?}",
+        found.sizes
     );
 }

@@ -250,14 +250,11 @@ fn take_out(course: &ReferenceCourse, rows: &mut [Row]) -> BTreeMap<usize, Strin
             continue;
         };
         let motion = &course.followed.motions[look];
-        match unknown(course, look, main) {
-            Some(reason) => {
-                left_out.insert(place, reason);
-            }
-            None => {
-                let row = &mut rows[place];
-                row.readings.iter_mut().for_each(|own| undo(own, motion));
-            }
+        if let Some(reason) = unknown(course, look, main) {
+            left_out.insert(place, reason);
+        } else {
+            let readings = rows[place].readings.iter_mut();
+            readings.for_each(|own| undo(own, motion));
         }
     }
     left_out

@@ -26,6 +26,7 @@ fn rows(arm: &Arm) -> Vec<Row> {
             time_ns: None,
             temperature_c: Some(20.0),
             readings: vec![reading(place, k + 2)],
+            references: Vec::new(),
         }
     };
     (0..40).map(row).collect()
@@ -51,6 +52,8 @@ fn joined(arm: &Arm, rows: Vec<Row>) -> Joined {
     let rows = Rows {
         file: "measured.csv".to_owned(),
         rows,
+        apart: Vec::new(),
+        references: Vec::new(),
         rejects: Vec::new(),
     };
     tabled(rows, arm, &JoinSettings::default())

@@ -181,10 +181,10 @@ fn references() -> ReferenceCourse {
             .collect(),
     };
     let looks: Vec<Look> = (0..4).map(look).collect();
-    let at = |place: i64| LookAt {
-        line: 2 + place.unsigned_abs(),
-        at_ns: 1_000_000_000 * place,
-        station: (place != 1).then_some(place.unsigned_abs() as usize),
+    let at = |place: usize| LookAt {
+        line: 2 + place as u64,
+        at_ns: 1_000_000_000 * place as i64,
+        station: (place != 1).then_some(place),
         seen: 2,
     };
     ReferenceCourse {
