@@ -11,6 +11,7 @@ use std::fs;
 use assert_cmd::Command;
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use posegrid::fit::full::FullSettings;
+use posegrid::fit::problem::{Prior, Problem};
 use posegrid::fit::{
     self, Calibration, CameraUncertainty, ErrorBase, FitSettings, Freedom, Mounted, Noise, Source,
     TrackerUncertainty,
@@ -703,4 +704,58 @@ fn points_of_a_laser_line_with_their_covariance_find_the_arm_better_than_without
     assert!(by_covariance < 0.6 * all && by_covariance < 0.06);
     let s2 = identified(&arm, &with, &noise).solution.variance_factor;
     assert!((s2 - 1.0).abs() < 0.2, "{s2}");
+}
+
+#[test]
+fn the_gradient_of_correlated_rows_is_that_of_their_norms() {
+    // Position and tilt of a camera's readings are whitened together: the rows' derivatives against differences of the cost.
+    let arm = common::arm("kr210-r2700-extra");
+    let (_, session) = exact(&arm, 11, 24);
+    let place = camera_from_tracker(&session, 1500.0);
+    let of = |station: &Station| Some(place * pose(station)?);
+    let (seen, _) = viewed(&session, &mut Views::new(8, TRUE_NOISE_PX), of, |own| own);
+    let observed = fit::observations(0, &seen.joined.stations, &arm, &by_camera(CAMERA));
+    let found = fit::identify(
+        &arm,
+        &observed,
+        1,
+        Freedom::BaseAndTarget,
+        &FitSettings::default(),
+    );
+    let frames = found.expect("a fit").frames;
+    let problem = Problem::new(
+        &observed,
+        arm.chain(),
+        &frames,
+        Freedom::Geometry,
+        &Prior::default(),
+    );
+    let size = problem.unknowns().len();
+    let at = DVector::from_fn(size, |place, _| 1e-5 * (place as f64 + 1.0).sin());
+    let cost = |at: &DVector<f64>| {
+        problem
+            .norms(at)
+            .iter()
+            .map(|norm| norm * norm)
+            .sum::<f64>()
+    };
+    let normal = problem.normal(&at, &vec![1.0; observed.len()]);
+    assert!((normal.cost / cost(&at) - 1.0).abs() < 1e-9);
+    for place in 0..size {
+        let step = 1e-5;
+        let moved = |by: f64| {
+            let mut at = at.clone();
+            at[place] += by;
+            cost(&at)
+        };
+        // The cost is the sum of squares of measured minus predicted.
+        let numeric = -(moved(step) - moved(-step)) / (4.0 * step);
+        let allowed = 1e-4 * normal.information[(place, place)].sqrt() * normal.cost.sqrt();
+        assert!(
+            (normal.gradient[place] - numeric).abs() < allowed,
+            "{:?}: {} and {numeric}",
+            problem.unknowns()[place],
+            normal.gradient[place]
+        );
+    }
 }
