@@ -28,7 +28,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("simulate", "geometry ingest join kinematics units"),
     (
         "plan",
-        "figures fit geometry grid join kinematics progress report simulate",
+        "figures fit geometry grid ingest join kinematics linalg progress report simulate",
     ),
     ("history", "compensation figures fit kinematics report"),
     // What reads and writes.
