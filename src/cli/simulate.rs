@@ -22,7 +22,9 @@ use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
 use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
-use crate::simulate::{LengthInstrument, SimulateError, SimulateSettings, Simulated, simulate};
+use crate::simulate::{
+    LengthInstrument, LengthTruth, SimulateError, SimulateSettings, Simulated, simulate,
+};
 
 mod flags;
 
