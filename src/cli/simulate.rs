@@ -14,8 +14,7 @@ use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::robot::ArmFlags;
-use crate::fit::{Anchor, Gauge, Plane};
-use crate::ingest::{LengthRead, Recording};
+use crate::ingest::Recording;
 use crate::io::log_writer::{
     LogWriteError, write_controller_log, write_targets_log, write_tracker_log,
 };
@@ -25,7 +24,9 @@ use crate::io::targets::{self, TargetsError};
 use crate::io::whole_file::told;
 use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
-use crate::simulate::{LengthInstrument, SimulateError, SimulateSettings, Simulated, simulate};
+use crate::simulate::{
+    LengthInstrument, LengthTruth, SimulateError, SimulateSettings, Simulated, simulate,
+};
 
 mod flags;
 
@@ -296,31 +297,15 @@ impl SimulateArgs {
     /// The table of the stations, with a reading of each reflector.
     fn stations_table(&self, arm: &Arm, simulated: &Simulated) -> String {
         let instruments = self.instruments();
-        let lengths: Vec<LengthColumn> = instruments
-            .iter()
-            .enumerate()
-            .map(|(number, (gauge, sd_mm))| LengthColumn {
+        let lengths = instruments.iter().enumerate();
+        let lengths: Vec<LengthColumn> = lengths
+            .map(|(number, own)| LengthColumn {
                 name: format!("L{}", number + 1),
-                reads: match gauge {
-                    Gauge::Distance(_) => LengthRead::Distance,
-                    Gauge::Height(_) => LengthRead::Height,
-                },
-                sd_mm: *sd_mm,
+                reads: own.truth.reads(),
+                sd_mm: own.sd_mm,
             })
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
-        let readings: Vec<_> = instruments
-            .iter()
-            .map(|(gauge, _)| |place: &Point3<f64>| gauge.reading_mm(place))
-            .collect();
-        let instruments = lengths.iter().zip(&readings);
-        let instruments: Vec<LengthInstrument<'_>> = instruments
-            .map(|(own, reading_mm)| LengthInstrument {
-                reads: own.reads,
-                sd_mm: own.sd_mm,
-                reading_mm,
-            })
-            .collect();
         simulated.add_lengths(&mut stations, &instruments);
         station_table::csv(&stations, arm, &self.target_names(), &lengths)
     }
@@ -337,17 +322,22 @@ impl SimulateArgs {
         numbers.map(|number| format!("T{number}")).collect()
     }
 
-    /// The instruments of one length with their standard deviations, mm: distances first.
-    fn instruments(&self) -> Vec<(Gauge, f64)> {
-        let distance = |Five([x, y, z, offset_mm, sd_mm]): &Five| {
-            let place = Point3::new(*x, *y, *z);
-            let offset_mm = *offset_mm;
-            (Gauge::Distance(Anchor { place, offset_mm }), *sd_mm)
+    /// The instruments of one length: distances first.
+    fn instruments(&self) -> Vec<LengthInstrument> {
+        let distance = |Five([x, y, z, offset_mm, sd_mm]): &Five| LengthInstrument {
+            truth: LengthTruth::Distance {
+                anchor: Point3::new(*x, *y, *z),
+                offset_mm: *offset_mm,
+            },
+            sd_mm: *sd_mm,
         };
-        let height = |Five([x, y, z, height_mm, sd_mm]): &Five| {
-            let normal = Unit::try_new(Vector3::new(*x, *y, *z), 0.0);
-            let normal = normal.unwrap_or_else(Vector3::z_axis);
-            (Gauge::Height(Plane::new(normal, *height_mm)), *sd_mm)
+        let height = |Five([x, y, z, height_mm, sd_mm]): &Five| LengthInstrument {
+            truth: LengthTruth::Height {
+                normal: Unit::try_new(Vector3::new(*x, *y, *z), 0.0)
+                    .unwrap_or_else(Vector3::z_axis),
+                height_mm: *height_mm,
+            },
+            sd_mm: *sd_mm,
         };
         let distances = self.distance_from.iter().map(distance);
         distances

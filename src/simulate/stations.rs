@@ -1,6 +1,6 @@
 //! The stations that a perfect join would find in a synthetic session, for tests of the stages after the join.
 
-use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Quaternion, UnitQuaternion, UnitVector3, Vector3};
 
 use super::Simulated;
 use super::random::{Ingredient, Stream};
@@ -17,17 +17,52 @@ use crate::units::{ClockModel, Stamp, Tracker};
 const SETTLING_NS: i64 = 100_000_000;
 
 /// An instrument that reads one length of the measured target.
-#[derive(Clone, Copy)]
-pub struct LengthInstrument<'i> {
-    /// Whether it reads distances or heights.
-    pub reads: LengthRead,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LengthInstrument {
+    /// What it reads, and where it is.
+    pub truth: LengthTruth,
     /// Standard deviation of its readings, mm.
     pub sd_mm: f64,
-    /// Its reading without noise on a target at a place in the base's frame, mm.
-    pub reading_mm: &'i dyn Fn(&Point3<f64>) -> f64,
 }
 
-impl LengthInstrument<'_> {
+/// What an instrument of one length reads, and where it is in the base's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LengthTruth {
+    /// The distance from an anchor.
+    Distance {
+        /// The anchor, mm.
+        anchor: Point3<f64>,
+        /// The reading at no distance, mm.
+        offset_mm: f64,
+    },
+    /// The height above a plane.
+    Height {
+        /// The plane's normal.
+        normal: UnitVector3<f64>,
+        /// Its distance from the base's origin along the normal, mm.
+        height_mm: f64,
+    },
+}
+
+impl LengthTruth {
+    /// The word of what it reads.
+    pub const fn reads(&self) -> LengthRead {
+        match self {
+            Self::Distance { .. } => LengthRead::Distance,
+            Self::Height { .. } => LengthRead::Height,
+        }
+    }
+
+    /// The reading without noise on a target at a place in the base's frame, mm.
+    fn reading_mm(&self, place: &Point3<f64>) -> f64 {
+        match self {
+            Self::Distance { anchor, offset_mm } => (place - anchor).norm() + offset_mm,
+            Self::Height { normal, height_mm } => normal.dot(&place.coords) - height_mm,
+        }
+    }
+}
+
+impl LengthInstrument {
     /// The reading of a target at `place` with a standard normal number, at the beginning of a station.
     fn reading(
         &self,
@@ -37,14 +72,14 @@ impl LengthInstrument<'_> {
         station: &Station,
     ) -> Reading {
         let length = MeanLength {
-            mm: (self.reading_mm)(place) + self.sd_mm * normal,
+            mm: self.truth.reading_mm(place) + self.sd_mm * normal,
             sd_mm: self.sd_mm,
         };
         let at = Stamp::from_ns(station.start.ns());
         Reading {
             source,
             target: TargetId::ONLY,
-            value: match self.reads {
+            value: match self.truth.reads() {
                 LengthRead::Distance => Value::Distance(length),
                 LengthRead::Height => Value::Height(length),
             },
@@ -137,7 +172,7 @@ impl Simulated {
 
     /// Adds the readings of instruments of one length on the measured target, as sources behind the tracker. Anchors and planes stand
     /// still before the tracker, in the base's frame at the session's start; each reading is lost as often as a station is.
-    pub fn add_lengths(&self, stations: &mut [Station], instruments: &[LengthInstrument<'_>]) {
+    pub fn add_lengths(&self, stations: &mut [Station], instruments: &[LengthInstrument]) {
         let settings = &self.truth.settings;
         let mut noise = Stream::new(settings.seed, Ingredient::Lengths);
         for (station, truth) in stations.iter_mut().zip(&self.truth.stations) {
