@@ -251,6 +251,7 @@ fn value(pose: &Isometry3<f64>) -> Value {
     let point = MeanPoint {
         position: pose.translation.vector.into(),
         scatter_mm: [0.0; 3],
+        motion_covariance: None,
         stated_covariance: None,
     };
     let turn = MeanOrientation {
@@ -682,6 +683,7 @@ fn points_of_a_laser_line_with_their_covariance_find_the_arm_better_than_without
         let point = |stated| MeanPoint {
             position: (seen.translation.vector + off).into(),
             scatter_mm: [0.0; 3],
+            motion_covariance: None,
             stated_covariance: stated,
         };
         for (station, stated) in [
