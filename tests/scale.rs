@@ -116,7 +116,7 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
     };
     let key = RunKey::new("kr210", "monday", "00ff");
     let rows = RunRows::of(outcome, &context, &key).map_err(|error| error.to_string())?;
-    assert!(rows.tables().iter().all(|table| table.rows() > 0));
+    assert!(rows.tables().all(|table| table.rows() > 0));
     Ok(())
 }
 
