@@ -83,6 +83,10 @@ pub struct SimulateArgs {
     /// the base's origin and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
     height_above: Vec<Five>,
+    /// A reference reflector on the robot's base in that table, read at each station, at this place in the base's frame, mm: it moves with
+    /// the base, as --base-drift-mm has it; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "table")]
+    reference: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
     #[command(flatten)]
@@ -307,7 +311,17 @@ impl SimulateArgs {
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
-        station_table::csv(&stations, arm, &self.target_names(), &lengths)
+        let places: Vec<Point3<f64>> = self
+            .reference
+            .iter()
+            .map(|Triple(at)| Point3::from(*at))
+            .collect();
+        let read = station_table::Read {
+            targets: &self.target_names(),
+            lengths: &lengths,
+            references: &simulated.references(&places),
+        };
+        station_table::csv(&stations, arm, read)
     }
 
     /// The places of the further reflectors, mm.

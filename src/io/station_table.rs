@@ -26,7 +26,7 @@ use crate::join::tabled::Rows;
 use columns::Columns;
 
 pub use error::{StationTableError, StationTableErrorKind};
-pub use write::{LengthColumn, csv};
+pub use write::{LengthColumn, Read, csv};
 
 /// What was read from a table of stations.
 #[derive(Debug)]

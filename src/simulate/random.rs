@@ -61,6 +61,8 @@ pub enum Ingredient {
     Beside = 24,
     /// Readings of instruments of one length.
     Lengths = 25,
+    /// Readings of references.
+    References = 26,
 }
 
 /// One stream of random numbers.

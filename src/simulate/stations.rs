@@ -6,6 +6,7 @@ use super::Simulated;
 use super::random::{Ingredient, Stream};
 use super::tracker::off;
 use super::truth::TrueStation;
+use crate::geometry::isometry_from_rpy;
 use crate::ingest::{LengthRead, TargetReadings};
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
@@ -187,6 +188,24 @@ impl Simulated {
                 }
             }
         }
+    }
+
+    /// The positions of references on the base at each station, in the tracker's frame, mm; empty without any. They are where the base is
+    /// in its drift, at these places in its frame, and each reading has noise of its own.
+    pub fn references(&self, places: &[Point3<f64>]) -> Vec<Vec<Point3<f64>>> {
+        let settings = &self.truth.settings;
+        let cell = &settings.cell;
+        let tracker_from_base =
+            isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
+        let mut noise = Stream::new(settings.seed, Ingredient::References);
+        let mut read = |at: &Point3<f64>, truth: &TrueStation| {
+            let seen = tracker_from_base * (at + truth.base_drift_mm);
+            seen + off(&seen.coords, &noise.normal3(), &settings.tracker)
+        };
+        let stations = self.truth.stations.iter();
+        stations
+            .map(|truth| places.iter().map(|at| read(at, truth)).collect())
+            .collect()
     }
 
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {

@@ -198,7 +198,14 @@ fn what_is_written_is_read_by_the_section_in_its_head() {
     let simulated = crate::simulate::simulate(&arm, &settings).unwrap();
     let stations = simulated.stations_with(&[nalgebra::Vector3::new(120.0, 0.0, 0.0)]);
     let names = ["T1".to_owned(), "T2".to_owned()];
-    let text = csv(&stations, &arm, &names, &[]);
+    let text = csv(
+        &stations,
+        &arm,
+        super::Read {
+            targets: &names,
+            ..super::Read::default()
+        },
+    );
     let lines = text.lines().skip(1);
     let section: Vec<&str> = lines.map_while(|line| line.strip_prefix("# ")).collect();
     let section = section.join("\n");

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use nalgebra::Point3;
+
 use crate::ingest::LengthRead;
 use crate::join::{Reading, SourceId, Station, TargetId};
 use crate::kinematics::{Arm, Joint};
@@ -20,15 +22,34 @@ pub struct LengthColumn {
     pub sd_mm: f64,
 }
 
-/// The table of these stations, with the readings of targets of these names in their order, and those of instruments of one length. Angles are in degrees, positions in mm;
-/// readings that are missing are blank. Comments above the header say how a pipeline file reads it.
-pub fn csv(
-    stations: &[Station],
-    arm: &Arm,
-    targets: &[String],
-    lengths: &[LengthColumn],
-) -> String {
-    let mut text = section(arm, targets, lengths);
+/// What is read in a table beside the joints.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Read<'a> {
+    /// Names of the targets, in their order.
+    pub targets: &'a [String],
+    /// Instruments of one length, in the order of sources behind the first.
+    pub lengths: &'a [LengthColumn],
+    /// Positions of references on the base at each station, mm; empty without references.
+    pub references: &'a [Vec<Point3<f64>>],
+}
+
+impl Read<'_> {
+    /// Names of the references.
+    fn references(&self) -> impl Iterator<Item = String> {
+        let count = self.references.first().map_or(0, Vec::len);
+        (1..=count).map(|number| format!("B{number}"))
+    }
+}
+
+/// The table of these stations with what is read at them. Angles are in degrees, positions in mm; readings that are missing are blank.
+/// Comments above the header say how a pipeline file reads it.
+pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
+    let Read {
+        targets,
+        lengths,
+        references,
+    } = read;
+    let mut text = section(arm, &read);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
     let readings = targets.iter().flat_map(|target| of_target(target));
@@ -39,11 +60,18 @@ pub fn csv(
         .chain(commands)
         .chain(readings)
         .chain(lengths.iter().map(|own| own.name.clone()))
+        .chain(read.references().flat_map(|name| of_reference(&name)))
         .collect();
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
-    for station in stations {
-        writeln!(text, "{}", row(station, arm, targets.len(), lengths.len())).expect("a string");
+    for (place, station) in stations.iter().enumerate() {
+        let mut cells = row(station, arm, targets.len(), lengths.len());
+        let own = references.get(place).map_or(&[][..], |own| own);
+        cells.extend(
+            own.iter()
+                .flat_map(|at| at.iter().map(|x| number(*x)).collect::<Vec<_>>()),
+        );
+        writeln!(text, "{}", cells.join(",")).expect("a string");
     }
     text
 }
@@ -53,8 +81,14 @@ fn of_target(target: &str) -> [String; 7] {
     ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"].map(|own| format!("{target}_{own}"))
 }
 
+/// Columns of a reference's position.
+fn of_reference(name: &str) -> [String; 3] {
+    ["x", "y", "z"].map(|own| format!("{name}_{own}"))
+}
+
 /// The section that reads the table, as comments.
-fn section(arm: &Arm, targets: &[String], lengths: &[LengthColumn]) -> String {
+fn section(arm: &Arm, read: &Read<'_>) -> String {
+    let (targets, lengths) = (read.targets, read.lengths);
     let list = |names: &[String]| {
         format!(
             "[{}]",
@@ -110,13 +144,23 @@ fn section(arm: &Arm, targets: &[String], lengths: &[LengthColumn]) -> String {
             format!("sd_mm = {}", own.sd_mm),
         ]);
     }
+    for name in read.references() {
+        lines.extend([
+            "[[stations.references]]".to_owned(),
+            format!("name = {name:?}"),
+            "on = \"base\"".to_owned(),
+            format!("position = {}", list(&of_reference(&name))),
+            "unit = \"mm\"".to_owned(),
+        ]);
+    }
     lines.iter().fold(String::new(), |mut text, line| {
         writeln!(text, "# {line}").expect("a string");
         text
     })
 }
 
-fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> String {
+/// The cells of a station but for its references.
+fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> Vec<String> {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
     let temperature = station
@@ -140,7 +184,7 @@ fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> String {
         let length = own.and_then(|reading| reading.value.length());
         cells.push(length.map_or_else(String::new, |length| number(length.mm)));
     }
-    cells.join(",")
+    cells
 }
 
 /// Position and quaternion of the command; blank where there is none.

@@ -196,3 +196,45 @@ fn a_wrong_section_of_references_is_told() {
     told("on = \"floor\"", "on = \"wall\"").expect(2, &["wall"]);
     told("\"f3z\"", "\"f4z\"").expect(1, &["f4z"]);
 }
+
+/// A session that `posegrid simulate --table` wrote, by the section in the table's head.
+#[test]
+fn a_simulated_table_has_the_drift_of_its_base() {
+    let flags = [
+        "--grid-step",
+        "240",
+        "--size",
+        "720,960,480",
+        "--table",
+        "--base-drift-mm",
+        "0.5",
+    ];
+    let references = [
+        "--reference",
+        "300,300,100",
+        "--reference",
+        "-300,250,90",
+        "--reference",
+        "100,-380,400",
+    ];
+    let flags: Vec<&str> = flags.into_iter().chain(references).collect();
+    let made = cell().with_simulated("mon", &flags);
+    let text = std::fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
+    let head = text
+        .lines()
+        .skip(1)
+        .map_while(|line| line.strip_prefix("# "));
+    let section: Vec<&str> = head.collect();
+    let cell = made
+        .with(STATIONS, &format!("{}\n", section.join("\n")))
+        .with("stations = \"measured.csv\"", "stations = \"stations.csv\"");
+    cell.run(&["--verbose"])
+        .expect(0, &["3 references on the base, which tell rotations"]);
+    let motion = cell.table("reference_motion", "mon");
+    let shift = ["shift_x_mm", "shift_y_mm", "shift_z_mm"].map(|name| motion.f64(name).clone());
+    let size = |row: usize| Vector3::from([0, 1, 2].map(|axis| shift[axis].value(row))).norm();
+    let largest = (0..motion.rows()).map(size).fold(0.0, f64::max);
+    assert!((0.2..2.0).contains(&largest), "{largest} mm");
+    // A drift is no bump.
+    assert_eq!(motion.text("event").null_count(), motion.rows());
+}
