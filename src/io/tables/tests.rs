@@ -101,6 +101,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<CalibrationRow>(),
         as_schema::<ParameterRow>(),
         as_schema::<ScaleRow>(),
+        as_schema::<sources::SourceRow>(),
         as_schema::<JointErrorRow>(),
         as_schema::<ResidualRow>(),
         as_schema::<SemivariogramRow>(),
@@ -173,8 +174,8 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let runs = lake.read("runs", &key()).unwrap();
     assert_eq!(
         runs.list("table_names").value_length(0),
-        13,
-        "twelve tables and the page"
+        14,
+        "thirteen tables and the page"
     );
     assert_eq!(
         runs.text("verdict").value(0),
