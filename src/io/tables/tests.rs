@@ -101,6 +101,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<CalibrationRow>(),
         as_schema::<ParameterRow>(),
         as_schema::<ScaleRow>(),
+        as_schema::<sources::SourceRow>(),
         as_schema::<ReferenceRow>(),
         as_schema::<MotionRow>(),
         as_schema::<JointErrorRow>(),
@@ -167,6 +168,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     assert_read_back(&lake, &run.calibrations);
     assert_read_back(&lake, &run.parameters);
     assert_read_back(&lake, &run.scales);
+    assert_read_back(&lake, &run.sources);
     assert_read_back(&lake, &run.references);
     assert_read_back(&lake, &run.joint_errors);
     assert_read_back(&lake, &run.residuals);
@@ -177,8 +179,8 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let runs = lake.read("runs", &key()).unwrap();
     assert_eq!(
         runs.list("table_names").value_length(0),
-        13,
-        "twelve tables and the page"
+        16,
+        "fifteen tables and the page"
     );
     assert_eq!(
         runs.text("verdict").value(0),
