@@ -238,3 +238,22 @@ fn a_simulated_table_has_the_drift_of_its_base() {
     // A drift is no bump.
     assert_eq!(motion.text("event").null_count(), motion.rows());
 }
+
+/// What `posegrid inspect` makes of positions that stand still while the arm moves.
+#[test]
+fn inspect_takes_positions_that_stand_still_for_references() {
+    let cell = session(&moved(3), REFERENCES);
+    let table = cell.session("mon").join("measured.csv");
+    let mut inspect = crate::cell::posegrid();
+    inspect
+        .arg("inspect")
+        .arg(&table)
+        .args(["--robot", "kr210-r2700-extra"]);
+    crate::cell::ended(&mut inspect).expect(
+        0,
+        &[
+            "[[stations.references]]\nname = \"f1\"\non = \"base\"  # unsure: it does not move with the arm",
+            "position = [\"f3x\", \"f3y\", \"f3z\"]",
+        ],
+    );
+}

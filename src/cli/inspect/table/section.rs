@@ -7,7 +7,8 @@ use nalgebra::Isometry3;
 use crate::cli::inspect::{escaped, toml_text};
 use crate::geometry::rpy;
 use crate::ingest::{
-    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, StationsSettings, TableTime,
+    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
+    StationsSettings, TableTime,
 };
 use crate::io::inspect::table::{Commands, Guess, Key};
 use crate::io::robot::Selection;
@@ -181,6 +182,9 @@ impl Lines<'_> {
         for reading in &settings.measured {
             self.reading(reading, settings.measured.len() > 1);
         }
+        for own in &settings.references {
+            self.reference(own);
+        }
     }
 
     fn pose(&mut self, commanded: &PoseColumns) {
@@ -217,6 +221,17 @@ impl Lines<'_> {
                 Some(Key::Orientation),
             ),
             None => self.left_out(),
+        }
+    }
+
+    fn reference(&mut self, own: &ReferenceColumns) {
+        self.head("[stations.references]");
+        self.key("name", &toml_text(&own.name), None);
+        let on = format!("\"{}\"", own.on.word());
+        self.key("on", &on, Some(Key::Reference));
+        if let (Some(position), Some(unit)) = (&own.position, own.unit) {
+            self.key("position", &list(position), None);
+            self.key("unit", &format!("\"{}\"", length(unit)), None);
         }
     }
 

@@ -281,7 +281,7 @@ fn of_placed(columns: &[ColumnSummary], placed: &[&Placed], whose: Whose) -> Cho
 }
 
 /// A target's name: what its three columns begin with, otherwise the words without the axis.
-fn name(columns: &[ColumnSummary], own: &Placed) -> String {
+pub(super) fn name(columns: &[ColumnSummary], own: &Placed) -> String {
     let names = own.columns.map(|column| columns[column].name.as_str());
     let common = names[0].char_indices().take_while(|&(at, c)| {
         names

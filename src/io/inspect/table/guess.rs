@@ -10,11 +10,12 @@ use super::choices::{self, Choice, Part, Target};
 use super::columns::{ColumnSummary, number};
 use super::commands::{Commands, commands};
 use super::long::{self, Long};
-use super::roles::{Roles, Whose};
+use super::roles::{Placed, Roles, Whose};
 use super::sum::position;
 use super::uses::{self, Time};
 use crate::ingest::{
-    AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, StationsSettings,
+    AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
+    StationsSettings,
 };
 use crate::io::measured_table::MeasuredTable;
 use crate::join::placement::{Placement, ReadingAtFlange};
@@ -51,6 +52,8 @@ pub enum Key {
     Unit,
     /// `[stations.measured] orientation`.
     Orientation,
+    /// `[stations.references] on`.
+    Reference,
 }
 
 /// Why a key is unsure, and the alternative.
@@ -311,6 +314,7 @@ impl<'t> Work<'t> {
             uses::time(self.table, self.columns, &used),
             uses::temperature(self.columns, &used),
         );
+        let references = self.references(roles, &mut doubts);
         let mut notes = self.notes(roles, commands.is_some());
         let time = time.and_then(|time| usable(time, &mut doubts, &mut notes));
         let (angle, slide, _) = self.units;
@@ -337,7 +341,7 @@ impl<'t> Work<'t> {
                 time,
                 temperature: temperature.map(|column| self.names[column].clone()),
                 missing: MISSING.into(),
-                references: Vec::new(),
+                references,
                 commanded,
                 measured,
             },
@@ -370,6 +374,27 @@ impl<'t> Work<'t> {
             .chain(positions)
             .chain(self.choice.joints.columns.clone())
             .collect()
+    }
+
+    /// Positions that stand still while the arm moves.
+    fn references(&self, roles: &Roles, doubts: &mut Vec<Doubt>) -> Vec<ReferenceColumns> {
+        let still = roles.positions.iter();
+        let still = still.filter(|own| !own.moves && own.whose != Whose::Command);
+        let of_columns = |own: &Placed| ReferenceColumns {
+            name: choices::name(self.columns, own),
+            on: StandsOn::Base,
+            position: Some(self.three(own.columns)),
+            unit: Some(self.units.2),
+        };
+        let all: Vec<ReferenceColumns> = still.map(of_columns).collect();
+        if !all.is_empty() {
+            doubts.push(Doubt {
+                key: Key::Reference,
+                words: "it does not move with the arm, so it stands on the robot's base or on the floor: write \"floor\" where it does"
+                    .to_owned(),
+            });
+        }
+        all
     }
 
     /// The commanded pose, where it is not the measured one.
@@ -411,12 +436,6 @@ impl<'t> Work<'t> {
     /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
         let mut notes = Vec::new();
-        for own in roles.positions.iter().filter(|own| !own.moves) {
-            notes.push(format!(
-                "{} does not move with the arm: a reference reflector on base or floor; not used",
-                self.three(own.columns).join(", ")
-            ));
-        }
         let is_chosen = |columns: &[usize; 3]| {
             self.choice.targets.iter().any(|target| {
                 target
