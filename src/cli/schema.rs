@@ -71,13 +71,13 @@ fn list() -> String {
             ""
         };
         format!(
-            "{:<15} v{}  one row per {}{read}\n",
+            "{:<17} v{}  one row per {}{read}\n",
             schema.table, schema.version, schema.one_row_per
         )
     };
-    let keys = |file: &str| format!("{file:<15}     every key of a {file} file (read)\n");
+    let keys = |file: &str| format!("{file:<17}     every key of a {file} file (read)\n");
     let tables = schema::all().iter().map(line);
-    let views = format!("{VIEWS:<15}     SQL of the views current_runs and sessions, for DuckDB\n");
+    let views = format!("{VIEWS:<17}     SQL of the views current_runs and sessions, for DuckDB\n");
     tables.chain(keys::FILES.map(keys)).chain([views]).collect()
 }
 
@@ -152,7 +152,7 @@ mod tests {
             schema::all().len() + keys::FILES.len() + 1
         );
         assert!(
-            text.starts_with("stations        v3  one row per dwell of the arm\n"),
+            text.starts_with("stations          v4  one row per dwell of the arm\n"),
             "{text}"
         );
     }
