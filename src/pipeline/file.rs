@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use thiserror::Error;
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
@@ -623,9 +624,22 @@ impl TryFrom<CommandedKeys> for CommandedSection {
     }
 }
 
+/// The fault of a section `[tracker]`.
+#[derive(Debug, Error)]
+pub enum TrackerSectionError {
+    /// It leaves out what has no default.
+    #[error(transparent)]
+    Missing(#[from] MissingConvention),
+    /// It states two kinds of instrument.
+    #[error(
+        "[tracker] has `uncertainty` and `camera`: keep the one of the instrument that measured"
+    )]
+    Both,
+}
+
 impl TryFrom<TrackerKeys> for TrackerSection {
-    type Error = MissingConvention;
-    fn try_from(keys: TrackerKeys) -> Result<Self, MissingConvention> {
+    type Error = TrackerSectionError;
+    fn try_from(keys: TrackerKeys) -> Result<Self, TrackerSectionError> {
         let of_topic = |topic| TrackerFile {
             topic,
             time: keys.time,
@@ -644,8 +658,9 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             uncertainty: match (keys.uncertainty, keys.camera) {
                 (Some(tracker), None) => Uncertainty::Tracker(tracker),
                 (None, Some(camera)) => Uncertainty::Camera(camera),
-                (None, None) | (Some(_), Some(_)) => {
-                    return Err(MissingConvention::new("tracker", "uncertainty", DATA_SHEET));
+                (Some(_), Some(_)) => return Err(TrackerSectionError::Both),
+                (None, None) => {
+                    return Err(MissingConvention::new("tracker", "uncertainty", DATA_SHEET).into());
                 }
             },
             tracker_from_base: keys.tracker_from_base,
