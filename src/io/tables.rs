@@ -236,7 +236,6 @@ impl RunRows {
             &self.calibrations.table,
             &self.parameters.table,
             &self.scales.table,
-            &self.sources.table,
             &self.joint_errors.table,
             &self.residuals.table,
             &self.semivariograms.table,
@@ -244,8 +243,10 @@ impl RunRows {
             &self.compensation.table,
             &self.accuracy.table,
         ];
-        let references = where_there(&self.references.table);
-        always.into_iter().chain(references)
+        let rare = [&self.sources.table, &self.references.table];
+        always
+            .into_iter()
+            .chain(rare.into_iter().filter_map(where_there))
     }
 }
 

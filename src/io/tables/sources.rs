@@ -3,7 +3,7 @@
 use super::outcome::Source;
 use crate::fit::{Gauge, sources};
 use crate::io::table::{row, words};
-use crate::join::ReadingKind;
+use crate::join::{ReadingKind, SourceId};
 use crate::report::Model;
 
 row! {
@@ -76,8 +76,10 @@ impl From<ReadingKind> for SourceReads {
     }
 }
 
-/// The rows of all sources in all models.
+/// The rows of all sources in all models; none where one instrument measured, whose share is all there is.
 pub fn rows(all: &[Source]) -> Vec<SourceRow> {
+    let several = all.iter().any(|own| own.size.source != SourceId::ONLY);
+    let all = if several { all } else { &[] };
     all.iter().map(|own| of_source(own, all)).collect()
 }
 

@@ -10,19 +10,19 @@ const REFERENCES: &str = r#"
 [[stations.references]]
 name = "F1"
 on = "floor"
-position = ["f1x", "f1y", "f1z"]
+position = ["F1_x", "F1_y", "F1_z"]
 unit = "mm"
 
 [[stations.references]]
 name = "F2"
 on = "floor"
-position = ["f2x", "f2y", "f2z"]
+position = ["F2_x", "F2_y", "F2_z"]
 unit = "mm"
 
 [[stations.references]]
 name = "F3"
 on = "floor"
-position = ["f3x", "f3y", "f3z"]
+position = ["F3_x", "F3_y", "F3_z"]
 unit = "mm"
 "#;
 
@@ -62,7 +62,7 @@ fn moved(count: usize) -> String {
         [1600.0, 300.0, -250.0],
         [400.0, 600.0, 300.0],
     ];
-    let mut text = format!("{HEADER};f1x;f1y;f1z;f2x;f2y;f2z;f3x;f3y;f3z\n");
+    let mut text = format!("{HEADER};F1_x;F1_y;F1_z;F2_x;F2_y;F2_z;F3_x;F3_y;F3_z\n");
     for (station, row) in rows().iter().enumerate() {
         let now = motion(station);
         let mut cells: Vec<String> = row.split(';').map(str::to_owned).collect();
@@ -191,10 +191,10 @@ fn a_wrong_section_of_references_is_told() {
     let told = |from: &str, to: &str| session(&text, &REFERENCES.replace(from, to)).run(&[]);
     told("name = \"F2\"", "name = \"F1\"")
         .expect(2, &["[[stations.references]] name", "\"F1\" twice"]);
-    told("\nposition = [\"f2x\", \"f2y\", \"f2z\"]", "")
+    told("\nposition = [\"F2_x\", \"F2_y\", \"F2_z\"]", "")
         .expect(2, &["[[stations.references]] position", "three columns"]);
     told("on = \"floor\"", "on = \"wall\"").expect(2, &["wall"]);
-    told("\"f3z\"", "\"f4z\"").expect(1, &["f4z"]);
+    told("\"F3_z\"", "\"F4_z\"").expect(1, &["F4_z"]);
 }
 
 /// A session that `posegrid simulate --table` wrote, by the section in the table's head.
@@ -252,8 +252,8 @@ fn inspect_takes_positions_that_stand_still_for_references() {
     crate::cell::ended(&mut inspect).expect(
         0,
         &[
-            "[[stations.references]]\nname = \"f1\"\non = \"base\"  # unsure: it does not move with the arm",
-            "position = [\"f3x\", \"f3y\", \"f3z\"]",
+            "[[stations.references]]\nname = \"F1\"\non = \"base\"  # unsure: it does not move with the arm",
+            "position = [\"F3_x\", \"F3_y\", \"F3_z\"]",
         ],
     );
 }

@@ -14,8 +14,8 @@ use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
     self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
-    Observation, PoseModel, Prediction, Source, SourceId, ToolErrors, TrackerUncertainty,
-    TrainingSettings,
+    Observation, PoseModel, Prediction, Source, SourceId, SourceSize, ToolErrors,
+    TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
@@ -197,6 +197,23 @@ fn references() -> ReferenceCourse {
     }
 }
 
+/// The part of an instrument; of the second as if it were one more.
+fn of_source(number: usize, geometric: &Calibration) -> OfSource {
+    OfSource {
+        model: Model::Geometric,
+        name: format!("tracker {number}"),
+        size: SourceSize {
+            source: SourceId(number),
+            ..geometric.sources[0].clone()
+        },
+        factor: Some(1.0),
+        is_fitted: true,
+        gauge: None,
+        held_out: 0,
+        held_out_rms_mm: None,
+    }
+}
+
 fn log_reject(messages: Option<u64>) -> LogReject {
     LogReject {
         file: "controller.mcap".to_owned(),
@@ -310,16 +327,7 @@ fn outcome() -> Outcome<'static> {
     let grids = grids(&session.joined.stations, &error_frame, &geometric);
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
-        sources: vec![OfSource {
-            model: Model::Geometric,
-            name: "tracker".to_owned(),
-            size: geometric.sources[0].clone(),
-            factor: Some(1.0),
-            is_fitted: true,
-            gauge: None,
-            held_out: 0,
-            held_out_rms_mm: None,
-        }],
+        sources: [0, 1].map(|number| of_source(number, &geometric)).into(),
         targets: SeveralTargets::default(),
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
