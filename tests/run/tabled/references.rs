@@ -79,6 +79,9 @@ fn moved(count: usize) -> String {
             if (place, station) == (1, 33) {
                 seen.x += 2.5;
             }
+            if (place, station) == (0, 40) {
+                seen.y = 1e12;
+            }
             for axis in 0..3 {
                 let value = seen[axis] + 0.03 * noise.next();
                 cells.push(if is_read {
@@ -149,7 +152,9 @@ fn drift_and_bump_are_taken_out_and_told() {
     let own: Vec<usize> = (0..rejects.rows())
         .filter(|&row| kinds.value(row) == "references")
         .collect();
-    assert_eq!(own.len(), 1);
+    assert_eq!(own.len(), 2);
+    let reason = rejects.text("reason").value(own[1]);
+    assert!(reason.contains("farther than any instrument reads"), "{reason}");
     assert!(
         rejects
             .text("reason")

@@ -11,6 +11,9 @@ use crate::io::measured_table::Cell;
 use crate::join::references::ReferenceId;
 use crate::join::tabled::{ApartRow, RowItem, RowReference};
 
+/// Coordinates beyond this are no reading of a cell, mm: a hundred kilometres.
+const FARTHEST_MM: f64 = 1e8;
+
 impl Reader<'_> {
     /// The references that a row of a wide table has readings of.
     pub(super) fn references(&mut self, row: usize) -> Vec<RowReference> {
@@ -72,10 +75,17 @@ impl Reader<'_> {
         row: usize,
         unit: LengthUnit,
     ) -> Result<RowReference, Fault> {
+        let position = self.place(sums, row, unit)?;
+        if position.coords.amax() > FARTHEST_MM {
+            return Err(Fault::of(format!(
+                "a position of ({:e}, {:e}, {:e}) mm is farther than any instrument reads",
+                position.x, position.y, position.z
+            )));
+        }
         Ok(RowReference {
             reference,
             line: self.table.line(row),
-            position: self.place(sums, row, unit)?,
+            position,
         })
     }
 
