@@ -1,5 +1,5 @@
 //! Starting frames: a closed-form alignment of the nominal arm's flanges, then base and target alone. Sources that read one length
-//! have a start of their own ([`gauges`]).
+//! have a start of their own (`gauges`).
 
 mod gauges;
 

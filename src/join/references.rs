@@ -1,10 +1,10 @@
 //! Reference reflectors: points on the floor or on the robot's base that should not move. What their readings move together is
 //! the motion of the instrument, or of the base, and it is taken out of the readings of the target.
 //!
-//! 1. [`shape`]: the places of the references among each other; whether they tell rotations (three that are not in line).
-//! 2. [`walk`]: their common motion as a random walk with shocks, with its covariance at every look.
-//! 3. [`sizes`]: noise, walk and shocks by likelihood, from a robust start.
-//! 4. [`events`]: what is none of these, one after another by its significance: a bump (the walk jumps), a shock at one look,
+//! 1. `shape`: the places of the references among each other; whether they tell rotations (three that are not in line).
+//! 2. `walk`: their common motion as a random walk with shocks, with its covariance at every look.
+//! 3. `sizes`: noise, walk and shocks by likelihood, from a robust start.
+//! 4. `events`: what is none of these, one after another by its significance: a bump (the walk jumps), a shock at one look,
 //!    a stray reading, a reference that was moved.
 //!
 //! A bump ends a part of the session. Where the references tell all six motions, the parts are carried into one frame; where they

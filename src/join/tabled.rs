@@ -4,7 +4,7 @@
 //!
 //! 1. rows are in order of time where every one has a time, otherwise in the table's order, a second apart;
 //! 2. a row that repeats another to the last digit is a copy;
-//! 3. the motion of references on floor or base is taken out ([`carried`]);
+//! 3. the motion of references on floor or base is taken out (`carried`);
 //! 4. readings far from every place that the nominal arm can have had are of another reflector, as with logs
 //!    ([`super::placement`]).
 
