@@ -154,7 +154,10 @@ fn drift_and_bump_are_taken_out_and_told() {
         .collect();
     assert_eq!(own.len(), 2);
     let reason = rejects.text("reason").value(own[1]);
-    assert!(reason.contains("farther than any instrument reads"), "{reason}");
+    assert!(
+        reason.contains("farther than any instrument reads"),
+        "{reason}"
+    );
     assert!(
         rejects
             .text("reason")
