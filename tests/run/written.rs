@@ -91,6 +91,11 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/run/lengths.rs: quantities of gauges",
     ),
     (
+        "sources.model",
+        &["base_target", "geometric", "full"],
+        "tests/run/lengths.rs: these cells have a tracker alone",
+    ),
+    (
         "sources.reads",
         &["point", "pose", "distance", "height"],
         "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
