@@ -251,7 +251,10 @@ fn a_simulated_table_has_the_drift_of_its_base() {
 #[test]
 fn inspect_takes_positions_that_stand_still_for_references() {
     // The quickstart's x is a sum of columns, which no name tells: a constant away it is one column.
-    let cell = session(&moved(3).replace("x0;dx;", "x;more;"), "");
+    let cell = session(
+        &moved(3).replace("x0;dx;", "x;more;").replace(";F", ";B"),
+        "",
+    );
     let table = cell.session("mon").join("measured.csv");
     let mut inspect = crate::cell::posegrid();
     inspect
@@ -261,8 +264,8 @@ fn inspect_takes_positions_that_stand_still_for_references() {
     crate::cell::ended(&mut inspect).expect(
         0,
         &[
-            "[[stations.references]]\nname = \"F1\"\non = \"base\"  # unsure: it does not move with the arm",
-            "position = [\"F3_x\", \"F3_y\", \"F3_z\"]",
+            "[[stations.references]]\nname = \"B1\"\non = \"base\"  # unsure: it does not move with the arm",
+            "position = [\"B3_x\", \"B3_y\", \"B3_z\"]",
         ],
     );
 }
