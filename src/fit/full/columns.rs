@@ -78,7 +78,7 @@ pub(super) fn layout(
 /// Whether a session's base may have drifted unseen: references that were followed show the drift itself.
 fn drifts(observations: &[Observation], session: usize) -> bool {
     let mut own = observations.iter().filter(|o| o.session == session);
-    own.any(|o| !o.follows_references)
+    !own.any(|o| o.follows_references)
 }
 
 /// The middle of each session's stations by the nominal arm, in the base frame, mm.
