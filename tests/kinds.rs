@@ -3,8 +3,9 @@
 //!
 //! Arms are drawn from the prior that the fit states, and sessions are made here, without the simulator. The proof is of 500 sessions and
 //! runs by a command of its own: `cargo test --release --test kinds -- --ignored --nocapture`. For each kind it prints the share of
-//! intervals that hold the truth, pooled over parameters, with a standard error over sessions, since those of one session err together;
-//! 95 % has to be within two of them. A few sessions of each kind are among the normal tests.
+//! intervals that hold the truth, pooled over parameters, with a standard error over sessions, since those of one session err together.
+//! 95 % has to be inside all seven intervals of these shares, which hold together with 95 %. Measured: 94.3 % (three distances, whose
+//! noise sizes are found from few readings) to 95.3 % (6-DoF target), each ± 0.3. A few sessions of each kind are among the normal tests.
 
 mod common;
 
@@ -33,6 +34,8 @@ const TURN_RAD: f64 = 1.5e-4;
 const LENGTH_MM: f64 = 0.02;
 /// Half the width of a 95 % interval over its standard deviation.
 const INTERVAL: f64 = 1.959_964;
+/// The same for seven intervals that hold together with 95 %, a seventh of the chance each.
+const TOGETHER: f64 = 2.690_110;
 /// A parameter counts where the session tells it better than half as well as the prior.
 const IDENTIFIABLE: f64 = 0.5;
 
@@ -396,12 +399,8 @@ fn a_few_sessions_of_each_kind_have_sound_intervals() {
 fn intervals_of_500_sessions_of_each_kind_hold_95_percent() {
     for (kind, share) in shown(500) {
         let off = (share.inside - 0.95).abs();
-        // Followed motion errs alike at neighbouring stations, which the fit does not know.
-        let allowed = if kind == Kind::References {
-            0.02
-        } else {
-            2.0 * share.error
-        };
+        // Seven kinds are asked at once: each may be off by chance with a seventh of 5 %.
+        let allowed = TOGETHER * share.error;
         assert!(
             off <= allowed,
             "{kind:?}: {:.4} ± {:.4}",
