@@ -34,7 +34,7 @@ const TURN_RAD: f64 = 1.5e-4;
 const LENGTH_MM: f64 = 0.02;
 /// Half the width of a 95 % interval over its standard deviation.
 const INTERVAL: f64 = 1.959_964;
-/// The same for seven intervals that hold together with 95 %, a seventh of the chance each.
+/// Half the width of seven intervals that hold together with 95 %, each with a seventh of the chance to miss.
 const TOGETHER: f64 = 2.690_110;
 /// A parameter counts where the session tells it better than half as well as the prior.
 const IDENTIFIABLE: f64 = 0.5;
