@@ -5,6 +5,7 @@
 
 pub mod placement;
 mod rotation_order;
+mod symmetric;
 pub mod typed;
 
 use std::fmt;
@@ -13,6 +14,7 @@ use std::ops::Mul;
 
 pub use placement::{EulerOrder, Placement, PlacementError};
 pub use rotation_order::{NoOrder, RotationOrder};
+pub use symmetric::{symmetric, upper};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

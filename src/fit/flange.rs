@@ -18,7 +18,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Translation3, UnitQuaternion
 
 use super::frames::Frames;
 use super::observation::{Measured, Noise, Uncertainty};
-use crate::geometry::align;
+use crate::geometry::{align, upper};
 use crate::join::{
     MeanOrientation, MeanPoint, Reading, ReadingKind, SourceId, Station, TargetId, Value,
 };
@@ -181,12 +181,11 @@ fn of_all(
     sd_rad: f64,
 ) -> Option<Reading> {
     let kept = readings.iter().map(|reading| reading.kept).sum::<usize>();
-    let c = |row, column| covariance[(row, column)];
     let point = MeanPoint {
         position,
         // The scatter of each target's readings is in the covariance.
         scatter_mm: [0.0; 3],
-        stated_covariance: Some([c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2)]),
+        stated_covariance: Some(upper(covariance)),
         motion_covariance: None,
     };
     let turn = MeanOrientation {

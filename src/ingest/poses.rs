@@ -1,8 +1,9 @@
 //! Poses and points: faults of a row, and conversion to the crate's units.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::rows::RowFault;
+use crate::geometry::{symmetric, upper};
 
 /// The count of quaternions that were not of unit length.
 pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
@@ -78,11 +79,8 @@ pub(super) fn invert(
     *position = (back * -Vector3::from(*position)).into();
     *quaternion = back.coords.into();
     if let Some(own) = covariance {
-        let [xx, xy, xz, yy, yz, zz] = *own;
         let turn = back.to_rotation_matrix();
-        let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-        let turned = turn.matrix() * matrix * turn.matrix().transpose();
-        *own = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| turned[place]);
+        *own = upper(&(turn.matrix() * symmetric(*own) * turn.matrix().transpose()));
     }
 }
 

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::Station;
+use crate::geometry::{symmetric, upper};
 use crate::units::{Stamp, Tracker};
 
 /// An instrument's index among the sources of its session, from 0.
@@ -137,10 +138,10 @@ impl Value {
             scatter_mm: [0, 1, 2].map(|axis| scatter[(axis, axis)].max(0.0).sqrt()),
             stated_covariance: point
                 .stated_covariance
-                .map(|own| packed(&turned(full(own)))),
+                .map(|own| upper(&turned(symmetric(own)))),
             motion_covariance: point
                 .motion_covariance
-                .map(|own| packed(&turned(full(own)))),
+                .map(|own| upper(&turned(symmetric(own)))),
         };
         let turn = MeanOrientation {
             orientation: inverse.rotation,
@@ -190,16 +191,6 @@ impl Value {
             Self::Distance(length) | Self::Height(length) => Some(length),
         }
     }
-}
-
-/// A symmetric matrix from xx xy xz yy yz zz.
-const fn full([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
-/// xx xy xz yy yz zz of a symmetric matrix.
-fn packed(matrix: &Matrix3<f64>) -> [f64; 6] {
-    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
 }
 
 impl Reading {

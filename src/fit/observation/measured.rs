@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vec
 
 use super::Source;
 use crate::fit::gauge::Gauge;
+use crate::geometry::symmetric;
 use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
@@ -366,11 +367,6 @@ impl MeasuredPoint {
                 .map_or_else(isotropic, |factor| factor.l()),
         }
     }
-}
-
-/// A symmetric matrix from xx xy xz yy yz zz.
-fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 impl JointCovariance {

@@ -1,10 +1,10 @@
 //! The nodes of a table: where they lie, and what each holds.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::{CompensationTableError, TableFile};
 use crate::compensation::Known;
-use crate::geometry::{Base, Command, Position, Transform};
+use crate::geometry::{Base, Command, Position, Transform, symmetric};
 use crate::grid::{Lattice, Refusal};
 use crate::io::tables::compensation::NodeRow;
 
@@ -85,7 +85,7 @@ impl TableFile<'_> {
         if let Some(refusal) = node.refused {
             return Ok(Err(refusal));
         }
-        let (Some(error), Some([xx, xy, xz, yy, yz, zz]), Some(joints)) =
+        let (Some(error), Some(covariance), Some(joints)) =
             (node.error, node.error_cov_mm2, &node.joints_rad)
         else {
             return Err(self.node_error(
@@ -93,6 +93,7 @@ impl TableFile<'_> {
                 "it is not refused and lacks an error, a covariance or joint angles".to_owned(),
             ));
         };
+        let [xx, _, _, yy, _, zz] = covariance;
         if xx.min(yy).min(zz) < 0.0 {
             return Err(
                 self.node_error(row, format!("a variance is negative: {xx}, {yy}, {zz} mm²"))
@@ -101,7 +102,7 @@ impl TableFile<'_> {
         Ok(Ok(Known {
             joints: joints.clone(),
             error: Vector3::from(error),
-            covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            covariance: symmetric(covariance),
         }))
     }
 }

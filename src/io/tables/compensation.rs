@@ -6,8 +6,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::error_frame::ErrorFrameName;
 use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
-use super::words::{TableVerdict, joint_units, placement, upper, xyzw};
+use super::words::{TableVerdict, joint_units, placement, xyzw};
 use super::{PublishContext, grid_steps};
+use crate::geometry::upper;
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
 use crate::io::common::corrects;
 use crate::io::table::row;

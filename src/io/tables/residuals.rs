@@ -1,6 +1,7 @@
 //! `residuals`: measured minus predicted target position of every station under every model.
 
-use super::words::{Role, upper};
+use super::words::Role;
+use crate::geometry::upper;
 use crate::io::table::row;
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
+use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::fit::Identifiability;
 use crate::fit::scale::ScaleVerdict;
@@ -224,9 +224,4 @@ pub(in crate::io) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
 /// The position x y z, mm, and the quaternion x y z w.
 pub(super) fn placement(isometry: &Isometry3<f64>) -> ([f64; 3], [f64; 4]) {
     (isometry.translation.vector.into(), xyzw(&isometry.rotation))
-}
-
-/// The upper triangle xx xy xz yy yz zz.
-pub(in crate::io) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
-    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
 }

@@ -8,9 +8,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nalgebra::Matrix3;
-
 use super::{ApartRow, Row, RowItem, RowReading, RowReject};
+use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::join::Value;
 use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
@@ -337,21 +336,9 @@ fn undo(reading: &mut RowReading, motion: &Motion) {
         .map(|point| motion.covariance_at(&point.position));
     if let Some(point) = reading.value.point_mut() {
         point.position = motion.undone(&point.position);
-        point.motion_covariance = covariance.map(|own| six(&own));
+        point.motion_covariance = covariance.map(|own| upper(&own));
     }
     if let Value::Pose(_, turn) = &mut reading.value {
         turn.orientation = motion.undone_turn(&turn.orientation);
     }
-}
-
-/// xx xy xz yy yz zz of a symmetric matrix.
-fn six(own: &Matrix3<f64>) -> [f64; 6] {
-    [
-        own[(0, 0)],
-        own[(0, 1)],
-        own[(0, 2)],
-        own[(1, 1)],
-        own[(1, 2)],
-        own[(2, 2)],
-    ]
 }
