@@ -16,7 +16,7 @@ use posegrid::fit::{
     self, Calibration, CameraUncertainty, ErrorBase, FitSettings, Freedom, Mounted, Noise, Source,
     TrackerUncertainty,
 };
-use posegrid::grid::{GridSettings, Interpolation, Rule, Tolerance};
+use posegrid::grid::Tolerance;
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::join::{
     JoinReject, MeanOrientation, MeanPoint, Pairing, ReadingKind, Station, Unmeasured, Value,
@@ -303,17 +303,7 @@ fn settings(noise: Noise) -> StageSettings {
         base: Some(ErrorBase::Fitted),
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            steps_mm: vec![250.0],
-            bounds: None,
-            orientation_xyzw: None,
-            orientation_tolerance_deg: 180.0,
-            interpolations: vec![Interpolation::Trilinear],
-            sources: vec![posegrid::grid::Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
-        },
+        grid: common::one_step(250.0),
         tolerance: Tolerance {
             mm: 1.0,
             share: 0.95,

@@ -15,7 +15,7 @@ use posegrid::fit::{
     SurveyedBase,
 };
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
+use posegrid::grid::Tolerance;
 use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
 use posegrid::io::log_writer::{write_controller_log, write_targets_log};
@@ -255,17 +255,7 @@ fn settings(simulated: &Simulated, six_dof: bool) -> StageSettings {
         })),
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            steps_mm: vec![250.0],
-            bounds: None,
-            orientation_xyzw: None,
-            orientation_tolerance_deg: 180.0,
-            interpolations: vec![Interpolation::Trilinear],
-            sources: vec![Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
-        },
+        grid: common::one_step(250.0),
         tolerance: Tolerance {
             mm: 1.0,
             share: 0.95,

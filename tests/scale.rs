@@ -10,7 +10,7 @@ use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
 use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
+use posegrid::grid::{Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::{GridBasis, PublishContext, RunRows};
 use posegrid::kinematics::Arm;
@@ -66,17 +66,7 @@ fn settings() -> StageSettings {
         base: None,
         target_is_tool: None,
         similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            steps_mm: vec![100.0],
-            bounds: None,
-            orientation_xyzw: None,
-            orientation_tolerance_deg: 180.0,
-            interpolations: vec![Interpolation::Trilinear],
-            sources: vec![Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
-        },
+        grid: common::one_step(100.0),
         tolerance: Tolerance {
             mm: 2.0,
             share: 0.8,

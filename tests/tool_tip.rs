@@ -8,7 +8,7 @@ use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
+use posegrid::grid::{Tolerance, Verdict};
 use posegrid::io::tables::outcome::Outcome;
 use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
@@ -72,17 +72,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
         })),
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            steps_mm: vec![250.0],
-            bounds: None,
-            orientation_xyzw: None,
-            orientation_tolerance_deg: 180.0,
-            interpolations: vec![Interpolation::Trilinear],
-            sources: vec![Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
-        },
+        grid: common::one_step(250.0),
         tolerance: Tolerance {
             mm: 1.0,
             share: 0.95,

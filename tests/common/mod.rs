@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::{Noise, Observation, Source, TrackerUncertainty, Uncertainty};
-use posegrid::grid::Reach;
+use posegrid::grid::{self, GridSettings, Interpolation, Reach, Rule};
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     Recording, TimeSource, TrackerSettings,
@@ -59,6 +59,21 @@ pub fn state_orientation(noise: &mut Noise, sd_rad: f64) {
 pub fn position(observation: &Observation) -> Point3<f64> {
     let point = observation.point().expect("the tracker reads positions");
     point.position
+}
+
+/// Grids of one step, of the error model's values, for targets in any orientation.
+pub fn one_step(step_mm: f64) -> GridSettings {
+    GridSettings {
+        steps_mm: vec![step_mm],
+        bounds: None,
+        orientation_xyzw: None,
+        orientation_tolerance_deg: 180.0,
+        interpolations: vec![Interpolation::Trilinear],
+        sources: vec![grid::Source::Model],
+        idw_power: 2.0,
+        choose: Rule::Within,
+        within: 0.05,
+    }
 }
 
 /// A file of the recordings that stand beside the project; `None`, said loudly, where they are absent.

@@ -17,7 +17,7 @@ use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorFrame, FitSettings, FrameUncertainty};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
+use posegrid::grid::{GridSettings, Tolerance};
 use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
@@ -89,15 +89,8 @@ fn stage_settings(harmonics: usize) -> StageSettings {
         target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
-            steps_mm: vec![250.0],
-            bounds: None,
-            orientation_xyzw: None,
             orientation_tolerance_deg: 15.0,
-            interpolations: vec![Interpolation::Trilinear],
-            sources: vec![Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
+            ..common::one_step(250.0)
         },
         tolerance: TOLERANCE,
         locate: Locate {

@@ -189,14 +189,17 @@ class Arm:
         return turned @ FLANGE_TURN, turned @ at_zero + shifted
 
 
-def joints_for(positions):
-    """Commanded angles with which the controller, which knows the nominal arm, brings its tool to positions in the one orientation."""
-    nominal, wanted = Arm(), quaternion_turn(ORIENTATION)
+def joints_for(positions, turns=None):
+    """Commanded angles with which the controller, which knows the nominal arm, brings its tool to positions, each in its own orientation or
+    all in the one that the pipeline file has."""
+    nominal = Arm()
     nominal.tool = TOOL
+    wanted = np.tile(quaternion_turn(ORIENTATION), (len(positions), 1, 1)) if turns is None else turns
+    back = wanted.transpose(0, 2, 1)
     angles = np.tile(HOME, (len(positions), 1))
     for _ in range(50):
         turned, place = nominal.tool_pose(angles)
-        error = np.concatenate([place - positions, rotation_vector(turned @ wanted.T) * 1e3], axis=1)
+        error = np.concatenate([place - positions, rotation_vector(turned @ back) * 1e3], axis=1)
         if np.abs(error).max() < 1e-9:
             return angles
         columns = []
@@ -204,7 +207,7 @@ def joints_for(positions):
             moved = angles.copy()
             moved[:, joint] += 1e-6
             turned_, place_ = nominal.tool_pose(moved)
-            there = np.concatenate([place_ - positions, rotation_vector(turned_ @ wanted.T) * 1e3], axis=1)
+            there = np.concatenate([place_ - positions, rotation_vector(turned_ @ back) * 1e3], axis=1)
             columns.append((there - error) / 1e-6)
         step = np.linalg.solve(np.stack(columns, axis=2), error[..., None])[..., 0]
         angles = angles - step * np.minimum(1, 0.3 / np.abs(step).max(axis=1, keepdims=True))
@@ -277,13 +280,7 @@ def record(arm, generator, folder, pitch):
 
     turned = euler(TRACKER_EULER_DEG)
     times = np.arange(0.013, ends[-1], 0.05)
-    seen = arm.tool_pose(at(times))[1] @ turned.T + TRACKER_MM
-    # Half of what the data sheet states: 10 µm + 0.3 µm/m along the beam, 15 µm + 6 µm/m across it.
-    reach = np.linalg.norm(seen, axis=1, keepdims=True)
-    beam = seen / reach
-    along = generator.normal(0, 1, (len(seen), 1)) * (10 + 0.3e-3 * reach) / 2e3
-    across = generator.normal(0, 1, seen.shape) * (15 + 6e-3 * reach) / 2e3
-    seen = seen + along * beam + across - (across * beam).sum(axis=1, keepdims=True) * beam
+    seen = as_read(generator, arm.tool_pose(at(times))[1] @ turned.T + TRACKER_MM)
     with (folder / "tracker.mcap").open("wb") as stream:
         writer = mcap_ros2.writer.Writer(stream)
         point = writer.register_msgdef("geometry_msgs/msg/PointStamped", POINT_STAMPED)
@@ -298,6 +295,15 @@ def record(arm, generator, folder, pitch):
                 writer.write_message("/tracker/temperature", warmth, body, now, now)
         writer.finish()
     return len(commands)
+
+
+def as_read(generator, points):
+    """Points as the tracker reads them: half of what its data sheet states, 10 µm + 0.3 µm/m along the beam, 15 µm + 6 µm/m across it."""
+    reach = np.linalg.norm(points, axis=1, keepdims=True)
+    beam = points / reach
+    along = generator.normal(0, 1, (len(points), 1)) * (10 + 0.3e-3 * reach) / 2e3
+    across = generator.normal(0, 1, points.shape) * (15 + 6e-3 * reach) / 2e3
+    return points + along * beam + across - (across * beam).sum(axis=1, keepdims=True) * beam
 
 
 def euler(degrees):

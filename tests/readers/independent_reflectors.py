@@ -23,7 +23,7 @@ import sys
 import numpy as np
 
 from independent_arm import (
-    CONFIGURATION, LOW, ORIENTATION, REPEATABILITY, ROOT, SIZE, TOOL, TRACKER_EULER_DEG, TRACKER_MM, Arm, command, euler, grid,
+    LOW, ORIENTATION, REPEATABILITY, ROOT, SIZE, TOOL, TRACKER_EULER_DEG, TRACKER_MM, Arm, as_read, command, euler, grid,
     joints_for, quaternion_turn, rotation_vector, turn, write_targets,
 )
 
@@ -39,15 +39,6 @@ def rigid(shift, turned):
     angle = np.linalg.norm(turned)
     own = turn(turned / angle, angle) if angle > 0 else np.eye(3)
     return lambda points: points @ own.T + shift
-
-
-def seen(generator, points):
-    """Points as the tracker reads them: half of what the data sheet states."""
-    reach = np.linalg.norm(points, axis=1, keepdims=True)
-    beam = points / reach
-    along = generator.normal(0, 1, (len(points), 1)) * (10 + 0.3e-3 * reach) / 2e3
-    across = generator.normal(0, 1, points.shape) * (15 + 6e-3 * reach) / 2e3
-    return points + along * beam + across - (across * beam).sum(axis=1, keepdims=True) * beam
 
 
 def record(arm, generator, folder, pitch):
@@ -70,7 +61,7 @@ def record(arm, generator, folder, pitch):
             drift = rigid(share * np.array([0.8, -0.5, 0.3]), share * np.array([1e-4, -1e-4, 3e-4]))
             knock = rigid(*bump) if share > 2 / 3 else rigid(np.zeros(3), np.zeros(3))
             points = from_base(np.vstack([reflectors[number], REFERENCES]))
-            read = [[f"{value:.6f}" for value in point] for point in seen(generator, knock(drift(points)))]
+            read = [[f"{value:.6f}" for value in point] for point in as_read(generator, knock(drift(points)))]
             for missing in np.flatnonzero(generator.uniform(0, 1, 3) < 0.05):
                 read[missing] = ["0", "0", "0"]
             row = [*np.degrees(rests[number]), *commands[number], *ORIENTATION]
@@ -115,27 +106,9 @@ def stated_places(tool):
     return "\n".join(lines)
 
 
-def angles_to(positions, turns):
-    """Commanded angles for places and orientations of the nominal tool."""
-    nominal = Arm()
-    angles = joints_for(positions)
-    for _ in range(20):
-        turned, place = nominal.tool_pose(angles)
-        error = np.concatenate([place - positions, rotation_vector(turned @ turns.transpose(0, 2, 1)) * 1e3], axis=1)
-        columns = []
-        for joint in range(6):
-            moved = angles.copy()
-            moved[:, joint] += 1e-6
-            turned_, place_ = nominal.tool_pose(moved)
-            there = np.concatenate([place_ - positions, rotation_vector(turned_ @ turns.transpose(0, 2, 1)) * 1e3], axis=1)
-            columns.append((there - error) / 1e-6)
-        angles = angles - np.linalg.solve(np.stack(columns, axis=2), error[..., None])[..., 0]
-    return angles
-
-
 def left(arm, generator, wanted, positions, turns):
     """Mean error in position, mm, and in orientation less its mean, mrad, once the arm has gone to commands."""
-    angles = angles_to(positions, turns)
+    angles = joints_for(positions, turns)
     turned, place = arm.tool_pose(angles + generator.normal(0, REPEATABILITY, angles.shape))
     asked = quaternion_turn(ORIENTATION)
     off = rotation_vector(turned @ np.tile(asked.T, (len(turned), 1, 1)))
