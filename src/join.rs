@@ -292,9 +292,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         target: &seen.target,
         clock: clock.model,
         placement: decision.placement,
-        gate_mm: settings
-            .geometry_gate_mm
-            .max(GATE_REACH * decision.median_mm),
+        gate_mm: pair::gate_mm(decision.median_mm, settings),
         same_mm: SAME_REACH * seen.stationary_mm,
         usual_mm: seen.usual_scatter_mm(),
         settle_s: match settings.settle_s {
@@ -336,8 +334,6 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     })
 }
 
-/// The geometry gate is at least this many median distances, for arms worse than it assumes.
-const GATE_REACH: f64 = 10.0;
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 

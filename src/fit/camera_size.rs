@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::Calibration;
-use super::observation::{Measured, Observation};
+use super::observation::Observation;
 use super::problem::{Freedom, Prior, Problem};
 use crate::join::SourceId;
 use crate::kinematics::Arm;
@@ -64,14 +64,9 @@ pub fn found(
     };
     let own = observations.iter().filter(|own| own.source == source);
     let rows: Vec<Row> = own.map(row).collect();
-    let all = observations.iter().map(|own| kind_rows(&own.measured));
-    let all = all.sum::<usize>() as f64;
+    let all = problem.row_count() as f64;
     let counted = (all / (all - calibration.structure.rank as f64).max(1.0)).max(1.0);
     (rows.len() >= 10).then(|| scored(&rows, counted)).flatten()
-}
-
-const fn kind_rows(measured: &Measured) -> usize {
-    measured.kind().rows()
 }
 
 /// The calibration's geometry around its own frames, as offsets of a problem that starts from them.

@@ -10,13 +10,12 @@
 use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell, target_dwells};
 use super::observe::usual_scatter_mm;
-use super::pair::Evidence;
-use super::pattern::MIN_PAIRS;
-use super::placement::{Placement, ReadingAtFlange};
+use super::pair::{Evidence, placed};
+use super::placement::ReadingAtFlange;
 use super::readings::Readings;
 use super::{
-    GATE_REACH, JoinError, JoinReject, JoinSettings, Pairing, Reading, ReadingCounts, SAME_REACH,
-    Station, TargetId,
+    JoinError, JoinReject, JoinSettings, Pairing, Reading, ReadingCounts, SAME_REACH, Station,
+    TargetId,
 };
 use crate::figures::median;
 use crate::ingest::{Poses, TemperatureSamples};
@@ -102,15 +101,14 @@ impl<'a> Other<'a> {
             })
         });
         let pairs: Vec<ReadingAtFlange> = pairs.collect();
-        let placement = Placement::fit_far(&pairs).filter(|_| pairs.len() >= MIN_PAIRS)?;
-        let reach_mm = GATE_REACH * placement.median_mm(&pairs);
+        let (placement, gate_mm) = placed(&pairs, found.settings)?;
         Some(Evidence {
             readings: &self.readings,
             temperatures: found.temperatures,
             target: &self.dwells,
             clock: found.clock,
             placement,
-            gate_mm: found.settings.geometry_gate_mm.max(reach_mm),
+            gate_mm,
             same_mm: SAME_REACH * self.readings.stationary().threshold,
             usual_mm: usual_scatter_mm(&self.dwells),
             settle_s: found.settle_s,

@@ -13,12 +13,28 @@ use nalgebra::{Point3, Vector3};
 use super::average::{kept, mean_and_scatter, mean_orientation};
 use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell};
-use super::placement::Placement;
+use super::pattern::MIN_PAIRS;
+use super::placement::{Placement, ReadingAtFlange};
 use super::reading::{MeanOrientation, MeanPoint, Reading, SourceId, TargetId, Value};
 use super::readings::{Readings, Seen};
 use super::{JoinError, JoinSettings, Pairing, Unmeasured};
 use crate::ingest::TemperatureSamples;
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
+
+/// The geometry gate is at least this many median distances, for arms worse than it assumes.
+const GATE_REACH: f64 = 10.0;
+
+/// The placement of a target by its own readings, and the distance from it beyond which a reading is another reflector's, mm; `None`
+/// where too few readings place it.
+pub fn placed(readings: &[ReadingAtFlange], settings: &JoinSettings) -> Option<(Placement, f64)> {
+    let placement = Placement::fit_far(readings).filter(|_| readings.len() >= MIN_PAIRS)?;
+    Some((placement, gate_mm(placement.median_mm(readings), settings)))
+}
+
+/// Distance from a placement beyond which a reading is another reflector's, mm, where half of them are within `median_mm`.
+pub fn gate_mm(median_mm: f64, settings: &JoinSettings) -> f64 {
+    settings.geometry_gate_mm.max(GATE_REACH * median_mm)
+}
 
 /// The inputs of a verdict.
 pub struct Evidence<'a> {

@@ -158,16 +158,6 @@ impl Event {
 }
 
 impl Motion {
-    /// No motion, at the first part.
-    pub fn none(middle: Point3<f64>) -> Self {
-        Self {
-            moved: Isometry3::identity(),
-            middle,
-            covariance: Matrix6::zeros(),
-            part: 0,
-        }
-    }
-
     /// A position measured now, in the instrument's frame of the first look, mm.
     pub fn undone(&self, position: &Point3<f64>) -> Point3<f64> {
         self.moved.inverse_transform_point(position)

@@ -14,11 +14,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::pattern::MIN_PAIRS;
+use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
 use super::{
-    ClockEstimate, Command, Found, GATE_REACH, JoinSettings, Joined, Pairing, Reading,
-    ReadingCounts, SourceId, Station, TargetId, Unmeasured, Value,
+    ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts, SourceId,
+    Station, TargetId, Unmeasured, Value,
 };
 use crate::ingest::StandsOn;
 use crate::join::references::ReferenceId;
@@ -339,17 +339,11 @@ impl<'a> Gates<'a> {
                 }
             }
         }
-        let gate = |readings: Vec<ReadingAtFlange>| {
-            let placement =
-                Placement::fit_far(&readings).filter(|_| readings.len() >= MIN_PAIRS)?;
-            let reach_mm = GATE_REACH * placement.median_mm(&readings);
-            Some((placement, settings.geometry_gate_mm.max(reach_mm)))
-        };
         Self {
             arm,
             targets: readings
                 .into_iter()
-                .map(|(target, own)| (target, gate(own)))
+                .map(|(target, own)| (target, placed(&own, settings)))
                 .collect(),
         }
     }

@@ -169,6 +169,24 @@ pub enum StandsOn {
     Floor,
 }
 
+impl StandsOn {
+    /// In words.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Base => "base",
+            Self::Floor => "floor",
+        }
+    }
+
+    /// What moves where references on it do.
+    pub const fn moves(self) -> &'static str {
+        match self {
+            Self::Base => "the base or the instrument",
+            Self::Floor => "the instrument",
+        }
+    }
+}
+
 /// Columns of an orientation, in one of four forms.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "OrientationKeys", into = "OrientationKeys")]

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Matrix3x6, Point3, Rotation3, Vector3};
 
 use super::walk::Moves;
 use super::{Found, Look, ReferenceId};
+use crate::join::dwell::median;
 
 /// References are in line when their spread beside the line is below this share of the spread along it.
 const IN_LINE: f64 = 0.05;
@@ -35,7 +36,7 @@ impl Shape {
         }
         let places: BTreeMap<_, _> = seen
             .into_iter()
-            .map(|(reference, all)| ((reference, 0), median(&all)))
+            .map(|(reference, all)| ((reference, 0), middle(&all)))
             .collect();
         let count = places.len().max(1) as f64;
         let middle = places.values().sum::<Vector3<f64>>() / count;
@@ -150,10 +151,6 @@ fn left_jacobian(turn: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 /// The median along each axis.
-fn median(all: &[Vector3<f64>]) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| {
-        let mut values: Vec<f64> = all.iter().map(|at| at[axis]).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    })
+fn middle(all: &[Vector3<f64>]) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| median(&mut all.iter().map(|at| at[axis]).collect::<Vec<f64>>()))
 }

@@ -6,9 +6,9 @@ use nalgebra::Point3;
 
 use super::walk::{self, Moves, Ratios};
 use super::{Look, ReferenceId};
+use crate::join::clock::SIGMA_PER_MAD;
+use crate::join::dwell::median;
 
-/// From a median of magnitudes to the standard deviation of a normal distribution.
-const OF_MEDIAN: f64 = 1.482_602_218_505_602;
 /// Looks between the two whose difference shows the walk.
 const FAR: usize = 20;
 /// Least ratio of a variance to the noise's: below it, nothing can be seen of it.
@@ -171,12 +171,10 @@ fn between(looks: &[Look]) -> Option<f64> {
 
 /// Variance of numbers around zero by the median of their magnitudes.
 fn variance(all: impl IntoIterator<Item = f64>) -> f64 {
-    (OF_MEDIAN * middle(all.into_iter().map(f64::abs))).powi(2)
+    (SIGMA_PER_MAD * middle(all.into_iter().map(f64::abs))).powi(2)
 }
 
 /// The median; 0 of none.
 fn middle(all: impl IntoIterator<Item = f64>) -> f64 {
-    let mut all: Vec<f64> = all.into_iter().collect();
-    all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied().unwrap_or(0.0)
+    median(&mut all.into_iter().collect::<Vec<f64>>())
 }

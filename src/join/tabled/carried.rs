@@ -310,24 +310,6 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
     })
 }
 
-impl StandsOn {
-    /// In words.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Base => "base",
-            Self::Floor => "floor",
-        }
-    }
-
-    /// What moves where references on it do.
-    pub const fn moves(self) -> &'static str {
-        match self {
-            Self::Base => "the base or the instrument",
-            Self::Floor => "the instrument",
-        }
-    }
-}
-
 /// Takes a motion out of a reading.
 fn undo(reading: &mut RowReading, motion: &Motion) {
     let covariance = reading

@@ -1,6 +1,6 @@
 //! Sessions of a camera: flipped views of the target are left out, and the size of the camera's noise is estimated.
 
-use super::observed::observations;
+use super::observed::observations_of;
 use super::wrong_targets::{Left, take_out};
 use super::{StageError, StageSettings};
 use crate::fit::camera_size::{self, CameraSize};
@@ -21,10 +21,7 @@ pub(super) fn leave_out_flips(
         return;
     }
     let mut sessions: Vec<&mut JoinedSession> = training.iter_mut().chain(test).collect();
-    let seen = sessions.iter().enumerate();
-    let seen: Vec<Observation> = seen
-        .flat_map(|(place, session)| observations(arm, place, session, settings))
-        .collect();
+    let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
     let flipped = flips::check(arm, &seen, sessions.len(), &settings.fit, &settings.noise);
     for own in &flipped {
         let Observation {
@@ -55,10 +52,7 @@ pub(super) fn sized(
     if !is_of_camera(&settings) {
         return Ok((settings, None));
     }
-    let seen = training.iter().enumerate();
-    let seen: Vec<Observation> = seen
-        .flat_map(|(place, session)| observations(arm, place, session, &settings))
-        .collect();
+    let seen = observations_of(arm, training, &settings);
     let geometric = fit::identify(arm, &seen, training.len(), Freedom::Geometry, &settings.fit)?;
     let found = camera_size::found(arm, &seen, &geometric, SourceId::ONLY);
     if let (Some(found), Some(source)) = (found, settings.noise.sources.first_mut())

@@ -18,9 +18,7 @@ pub(super) struct Observed {
 
 impl Observed {
     pub(super) fn new(arm: &Arm, training: &[JoinedSession], settings: &StageSettings) -> Self {
-        let own =
-            |(place, session): (usize, &JoinedSession)| observations(arm, place, session, settings);
-        let all: Vec<Observation> = training.iter().enumerate().flat_map(own).collect();
+        let all = observations_of(arm, training, settings);
         let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
         // A pose is at the place of its first visit, in whichever session, so that no block separates its visits.
         let places = visits::poses(&dwells(training));
@@ -65,6 +63,18 @@ impl Observed {
             .filter(|(_, own)| **own != fold);
         kept.map(|(observation, _)| observation.clone()).collect()
     }
+}
+
+/// The observations of all these sessions, numbered from 0.
+pub(super) fn observations_of<'s>(
+    arm: &Arm,
+    sessions: impl IntoIterator<Item = &'s JoinedSession>,
+    settings: &StageSettings,
+) -> Vec<Observation> {
+    let numbered = sessions.into_iter().enumerate();
+    numbered
+        .flat_map(|(place, session)| observations(arm, place, session, settings))
+        .collect()
 }
 
 /// The dwells of the observations of all sessions, in their order.

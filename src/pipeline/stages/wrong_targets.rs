@@ -1,9 +1,9 @@
 //! Readings under the name of another target: left out before anything is fitted, each with its reason.
 
-use super::observed::observations;
+use super::observed::observations_of;
 use super::{StageError, StageSettings};
+use crate::fit::TargetId;
 use crate::fit::mislabelled::{self, Checked, Mislabelled, SwappedThroughout, Wrong};
-use crate::fit::{Observation, TargetId};
 use crate::io::tables::outcome::JoinedSession;
 use crate::io::tables::residuals::target_name;
 use crate::join::{JoinReject, Pairing, Reading, Station, Unmeasured};
@@ -20,10 +20,7 @@ pub(super) fn leave_out(
     if !sessions.iter().any(|session| has_several_targets(session)) {
         return Ok(());
     }
-    let seen = sessions.iter().enumerate();
-    let seen: Vec<Observation> = seen
-        .flat_map(|(place, session)| observations(arm, place, session, settings))
-        .collect();
+    let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
     let Checked {
         stations,
         throughout,
