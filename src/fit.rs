@@ -123,7 +123,7 @@ pub struct FitSettings {
     /// Names of the sources in the order of [`SourceId`]; empty for one without a name. The input states them, not this section.
     #[serde(skip)]
     pub source_names: Vec<String>,
-    /// What is known of the sources that read lengths, in the order of [`SourceId`]. The input states it, not this section.
+    /// Stated places and offsets of the sources that read lengths, in the order of [`SourceId`]. The input states them, not this section.
     #[serde(skip)]
     pub gauges: Vec<KnownGauge>,
     /// The blocks of the work space for held-out figures.

@@ -342,7 +342,7 @@ fn source_names(file: &PipelineFile) -> Vec<String> {
     places.into_iter().chain(lengths).collect()
 }
 
-/// What is known of each source that reads lengths, in the order of sources; nothing of that of places.
+/// Stated place and offset of each source that reads lengths, in the order of sources; none of that of places.
 fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
     let Some(stations) = file.stations.as_ref().filter(|own| !own.lengths.is_empty()) else {
         return Vec::new();

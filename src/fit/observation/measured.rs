@@ -304,9 +304,9 @@ impl MeasuredLength {
     reason = "one at a time, while a reading becomes an observation"
 )]
 enum Instrument {
-    /// Of the position, mm².
+    /// Covariance of the position, mm².
     Point(Matrix3<f64>),
-    /// Of position and rotation vector, mm² and rad².
+    /// Covariance of position and rotation vector, mm² and rad².
     Pose(Matrix6<f64>),
 }
 

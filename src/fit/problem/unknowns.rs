@@ -116,12 +116,12 @@ pub struct Prior {
     pub targets: Vec<Option<KnownTarget>>,
     /// Known distances between targets, in every session.
     pub distances: Vec<TargetDistance>,
-    /// What is known of each source that reads a length, in every session, in the order of sources; sources after the last have no
-    /// prior.
+    /// Stated place and offset of each source that reads a length, in every session, in the order of sources; sources after the
+    /// last have no prior.
     pub gauges: Vec<KnownGauge>,
 }
 
-/// What is known of an instrument that reads one length before the fit.
+/// The stated place and offset of an instrument that reads one length, before the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct KnownGauge {
     /// The anchor's place in the base's frame, mm, with its standard uncertainty per axis, mm; `None` where it is not known.

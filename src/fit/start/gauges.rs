@@ -30,12 +30,12 @@ pub(super) struct SeenAt {
     pub(super) mm: f64,
 }
 
-/// What is known before the start.
+/// Stated places of an instrument and its target, before the start.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
-    /// Of the instrument.
+    /// The anchor's stated place and offset.
     pub(super) gauge: KnownGauge,
-    /// Of the target's place on the flange.
+    /// The target's stated place on the flange; `None` where none is stated.
     pub(super) target: Option<KnownTarget>,
 }
 
@@ -235,7 +235,7 @@ impl<'s> Solving<'s> {
         (information, gradient, cost)
     }
 
-    /// What is stated: the unknown's place, stated minus present value, and the standard deviation.
+    /// Each stated unknown: its place in the vector, stated minus present value (mm), and the standard deviation (mm).
     fn stated(&self) -> Vec<(usize, f64, f64)> {
         let target = self.known.target;
         let sd_mm = target.map_or(TARGET_MM, |own| own.sd_mm);

@@ -22,45 +22,59 @@ const EVERY_MM: f64 = 200.0;
 
 /// The figures of each session; and, as text, the figures that could not be read.
 pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {
-    let read: Vec<(Vec<Figure>, Vec<String>)> = sessions
+    let read: Vec<OfSession> = sessions
         .par_iter()
-        .map(|session| of_session(lake, session))
+        .map(|session| OfSession::read(lake, session))
         .collect();
-    let (mut figures, wrong): (Vec<_>, Vec<_>) = read.into_iter().unzip();
-    let mut wrong: Vec<String> = wrong.concat();
     let mut first = BTreeMap::new();
-    for (session, own) in sessions.iter().zip(&mut figures) {
-        match references(lake, session, &mut first) {
-            Ok(more) => own.extend(more),
-            Err(reason) => wrong.push(reason),
-        }
+    let (mut figures, mut wrong) = (Vec::with_capacity(read.len()), Vec::new());
+    for (session, own) in sessions.iter().zip(read) {
+        let moved = moved(own.references, session.judged.segment, &mut first);
+        figures.push(own.figures.into_iter().chain(moved).collect());
+        wrong.extend(own.wrong);
     }
     (figures, wrong)
+}
+
+/// What one session's tables have.
+#[derive(Default)]
+struct OfSession {
+    figures: Vec<Figure>,
+    /// Its references in their first places.
+    references: Vec<ReferenceRow>,
+    /// Why a table could not be read.
+    wrong: Vec<String>,
+}
+
+impl OfSession {
+    fn read(lake: &Lake, session: &PastSession) -> Self {
+        let mut own = Self {
+            figures: session.judged.charted.iter().map(charted).collect(),
+            ..Self::default()
+        };
+        for read in [parameters, joint_curves] {
+            match read(lake, session) {
+                Ok(more) => own.figures.extend(more),
+                Err(reason) => own.wrong.push(reason),
+            }
+        }
+        match references(lake, session) {
+            Ok(rows) => own.references = rows,
+            Err(reason) => own.wrong.push(reason),
+        }
+        own
+    }
 }
 
 /// The place of a reference in the base frame, mm, and its standard deviation per axis, by segment and name.
 type Places = BTreeMap<(usize, String), (Point3<f64>, f64)>;
 
 /// How far each reference of a session is from its place in the segment's first session that has it: there the base moved on the
-/// floor, the reference on the base, or the frame that the arm shows. A reference that was moved during the session counts by its first
-/// place.
-fn references(
-    lake: &Lake,
-    session: &PastSession,
-    first: &mut Places,
-) -> Result<Vec<Figure>, String> {
-    // Runs of versions before these tables have none.
-    let there = lake.has(ReferenceRow::TABLE, &session.key);
-    if !there.map_err(|error| error.to_string())? {
-        return Ok(Vec::new());
-    }
-    let rows: Vec<ReferenceRow> = read(lake, session)?;
-    let own = rows
-        .into_iter()
-        .filter(|row| row.moved_by_mm.is_none() && row.of_session == session.key.session);
+/// floor, the reference on the base, or the frame that the arm shows.
+fn moved(rows: Vec<ReferenceRow>, segment: usize, first: &mut Places) -> Vec<Figure> {
     let figure = |row: ReferenceRow| {
         let at = Point3::from(row.in_base?);
-        let key = (session.judged.segment, row.reference.clone());
+        let key = (segment, row.reference.clone());
         let (before, before_sd_mm) = *first.entry(key).or_insert((at, row.sd_mm));
         Some(Figure {
             kind: Kind::Reference,
@@ -73,19 +87,18 @@ fn references(
             charted: None,
         })
     };
-    Ok(own.filter_map(figure).collect())
+    rows.into_iter().filter_map(figure).collect()
 }
 
-fn of_session(lake: &Lake, session: &PastSession) -> (Vec<Figure>, Vec<String>) {
-    let mut figures: Vec<Figure> = session.judged.charted.iter().map(charted).collect();
-    let mut wrong = Vec::new();
-    for read in [parameters, joint_curves] {
-        match read(lake, session) {
-            Ok(more) => figures.extend(more),
-            Err(reason) => wrong.push(reason),
-        }
+/// The references of a session, each in its first place; empty of sessions without any, and of versions before that table.
+fn references(lake: &Lake, session: &PastSession) -> Result<Vec<ReferenceRow>, String> {
+    let there = lake.has(ReferenceRow::TABLE, &session.key);
+    if !there.map_err(|error| error.to_string())? {
+        return Ok(Vec::new());
     }
-    (figures, wrong)
+    let mut rows: Vec<ReferenceRow> = read(lake, session)?;
+    rows.retain(|row| row.moved_by_mm.is_none() && row.of_session == session.key.session);
+    Ok(rows)
 }
 
 fn charted(charted: &Charted) -> Figure {
