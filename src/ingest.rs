@@ -33,6 +33,8 @@ pub use settings::{
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::{Controller, Stamp, Tracker};
 
 /// All samples of a session, in memory: the output of a simulation, from which logs are written.
@@ -67,7 +69,7 @@ pub struct TemperatureSamples {
 }
 
 /// The kind of loss that a reject of a log stands for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LossKind {
     /// Bytes cannot be read, and their content is lost.
     #[default]
@@ -82,7 +84,7 @@ pub enum LossKind {
 }
 
 /// A part of a log that was left out, and why.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogReject {
     /// The file, as the pipeline names it.
     pub file: String,
@@ -105,7 +107,7 @@ pub struct LogReject {
 }
 
 /// The clock of a time span.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SpanClock {
     /// The recorder's clock: log times.
     #[default]

@@ -45,6 +45,7 @@ pub mod tabled;
 use std::ops::AddAssign;
 
 use nalgebra::{Point3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
@@ -87,7 +88,7 @@ pub struct Joined {
 }
 
 /// The thresholds used: those of the settings, otherwise those found from the logs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// Joint motion within the stationary window, rad.
     pub stationary_rad: f64,
@@ -179,7 +180,7 @@ pub enum Unmeasured {
 }
 
 /// The clocks and the method by which they were found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockEstimate {
     /// The relation of the clocks.
     pub model: ClockModel,
@@ -196,7 +197,7 @@ pub struct ClockEstimate {
 }
 
 /// Readings by verdict.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReadingCounts {
     /// Readings that are part of a station's mean.
     pub kept: u64,
@@ -224,7 +225,7 @@ impl AddAssign for ReadingCounts {
 }
 
 /// A tracker dwell or a run of readings that belongs to no station.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JoinReject {
     /// First reading.
     pub start: Stamp<Tracker>,

@@ -120,6 +120,11 @@ pub fn canonical(settings: &impl Serialize) -> Result<String, ManifestError> {
 }
 
 impl Work {
+    /// BLAKE3 of its settings, hexadecimal.
+    pub fn settings_digest(&self) -> String {
+        blake3::hash(self.settings.as_bytes()).to_hex().to_string()
+    }
+
     /// The key of the run that this work makes with this version of the program.
     pub fn key(&self) -> RunKey {
         self.key_by_version(VERSION)

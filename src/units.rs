@@ -7,6 +7,8 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 /// Millimetres in a metre.
 pub const MM_PER_M: f64 = 1000.0;
 
@@ -73,6 +75,8 @@ impl fmt::Display for WallTime {
 }
 
 /// A moment in the clock `C`, in nanoseconds of that clock.
+#[derive(Serialize, Deserialize)]
+#[serde(transparent, bound = "")]
 pub struct Stamp<C> {
     ns: i64,
     clock: PhantomData<C>,
@@ -151,7 +155,7 @@ impl<C> fmt::Debug for Stamp<C> {
 /// ```
 ///
 /// The equation: `tracker − t₀ = (1 + drift)(controller − t₀) + offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClockModel {
     /// t₀, the first stamp of the controller's log.
     pub origin: Stamp<Controller>,

@@ -16,7 +16,7 @@ mod work;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
@@ -24,9 +24,10 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
-use crate::pipeline::configuration::{Configuration, Overrides};
+use crate::pipeline::configuration::{Configuration, Overrides, WorkPiece};
 use alone::Turn;
 use stop::Stop;
+use work::Extent;
 
 pub use summary::work;
 
@@ -36,6 +37,12 @@ pub use summary::work;
 Examples:
   posegrid run pipelines/quickstart.toml
   posegrid run pipelines/ur10-random.toml ur10-random-a --test ur10-random-b
+  posegrid run pipelines/ur10-random.toml --until session
+  posegrid run pipelines/ur10-random.toml --from estimate
+
+What ingest and join give of a session is published by itself, and taken from the lake by every later run with the same
+files and the same settings of ingest and join, whatever comes after: another tolerance or a larger pool reads no log
+again. --until session stops there; --from estimate starts there, and needs no log.
 
 Work that the lake has already is not done again: a run's name follows from its inputs, settings and version, and the same
 work gives the same bytes. No option repeats it: published files are never rewritten. `posegrid verify` recomputes it and
@@ -60,6 +67,12 @@ pub struct RunArgs {
     /// Sessions worked on at once; each uses every core, so more than one helps where single ones leave cores idle
     #[arg(long, value_name = "N", default_value = "1")]
     pub jobs: NonZeroUsize,
+    /// Stop after this stage: what it gives is published for later runs
+    #[arg(long, value_name = "STAGE")]
+    pub until: Option<Until>,
+    /// Start with this stage, from what the lake has of the stages before it: no log or table of stations is read
+    #[arg(long, value_name = "STAGE")]
+    pub from: Option<Since>,
     /// Wait while another batch has the lake, instead of giving up
     #[arg(long)]
     pub wait: bool,
@@ -71,12 +84,27 @@ pub struct RunArgs {
     pub verbose: bool,
 }
 
+/// The last stage of a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Until {
+    /// Ingest and join: dwells and readings of each session
+    Session,
+}
+
+/// The first stage of a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Since {
+    /// The fit and all that follows, from sessions as joined
+    Estimate,
+}
+
 /// Runs the pipeline; gives the exit code.
 pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     let overrides = Overrides {
         sessions: args.sessions.clone(),
         test: args.test.clone(),
         lake: args.lake.clone(),
+        from_joined: args.from == Some(Since::Estimate),
     };
     let configuration = match Configuration::load(&args.pipeline, &overrides) {
         Ok(configuration) => configuration,
@@ -88,6 +116,13 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
                 BAD_USAGE
             };
         }
+    };
+    let configuration = match args.until {
+        Some(Until::Session) => Configuration {
+            pieces: WorkPiece::each_session(&configuration.pieces),
+            ..configuration
+        },
+        None => configuration,
     };
     tell(&configuration);
     if args.dry_run {
@@ -129,11 +164,15 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    let (endings, without) = work::all(configuration, args.jobs, bars, &stop);
+    let extent = match args.until {
+        Some(Until::Session) => Extent::Joined,
+        None => Extent::Whole,
+    };
+    let (endings, without) = work::all(configuration, extent, args.jobs, bars, &stop);
     let mut set_aside = [configuration.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
     let written = messages::result(
-        summary::summary(configuration, &endings, &set_aside, args.verbose),
+        summary::summary(configuration, &endings, &set_aside, extent, args.verbose),
         bars,
     );
     let code = summary::exit_code(&endings, &set_aside, &stop);

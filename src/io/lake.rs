@@ -8,6 +8,9 @@
 //! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several processes that commit
 //!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
+//! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
+//! ([`Lake::start_joined`]): runs start from it.
+//!
 //! The lake also holds records of the files corrected with its tables ([`Correction`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
@@ -52,6 +55,20 @@ pub use vouch::{VouchedBy, read_given};
 
 /// The folder of the pages, next to those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";
+
+/// The table whose rows make runs exist.
+const RUNS: &str = "runs";
+
+/// The table whose rows make sessions as joined exist.
+pub const JOINED: &str = "joined_sessions";
+
+/// The table whose row makes the files of another table part of the lake.
+pub fn rows_of(table: &str) -> &'static str {
+    match table {
+        JOINED | "readings" => JOINED,
+        _ => RUNS,
+    }
+}
 
 /// Published tables, in a folder or on object storage.
 #[derive(Debug, Clone)]
@@ -101,7 +118,7 @@ impl Lake {
 
     /// Whether the run exists, that is, has a row in `runs`.
     pub fn exists(&self, key: &RunKey) -> Result<bool, LakeError> {
-        Ok(self.store.exists(&file_key("runs", key)?)?)
+        self.has(RUNS, key)
     }
 
     /// Whether there is a page of the run; versions without pages wrote none.
@@ -116,7 +133,16 @@ impl Lake {
 
     /// Begins a run; `None` when the lake has it.
     pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
-        Ok((!self.exists(key)?).then(|| OpenRun::new(self, key)))
+        self.begin(RUNS, key)
+    }
+
+    /// Begins the result of ingest and join of a session; `None` when the lake has it.
+    pub fn start_joined(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+        self.begin(JOINED, key)
+    }
+
+    fn begin(&self, rows: &'static str, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+        Ok((!self.has(rows, key)?).then(|| OpenRun::new(self, key, rows)))
     }
 
     /// Opens a file of a run: the table of that name, or its page ([`PAGES`]).

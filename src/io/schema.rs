@@ -140,7 +140,9 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 24] = [
+const FILES: [&str; 26] = [
+    include_str!("../../schemas/readings.toml"),
+    include_str!("../../schemas/joined_sessions.toml"),
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),

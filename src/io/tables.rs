@@ -3,8 +3,9 @@
 //!
 //! Inputs are the domain structs of [`Outcome`] and the statements of the pipeline file ([`PublishContext`]); outputs are
 //! rows with their checked [`Table`]s:
-//! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`, `reference_motion`; `logs` are written where they are read ([`logs`]);
-//! 2. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `sources`, `references`, `joint_errors`, `residuals`,
+//! 1. for each session as joined, once for all runs that start from it: `readings`, `joined_sessions`;
+//! 2. for each session of a run ([`SessionRows`]): `stations`, `rejects`, `clocks`, `reference_motion`; `logs` are written where they are read ([`logs`]);
+//! 3. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `sources`, `references`, `joint_errors`, `residuals`,
 //!    `semivariograms`, `grid_steps`, `compensation`, `accuracy`.
 //!
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
@@ -18,12 +19,14 @@ pub mod drift;
 pub mod error_frame;
 pub mod grid_steps;
 pub mod history;
+pub mod joined_sessions;
 pub mod joint_errors;
 pub mod logs;
 pub mod outcome;
 pub mod parameters;
 pub mod past;
 pub mod plan_figures;
+pub mod readings;
 pub mod references;
 pub mod rejects;
 pub mod residuals;
@@ -88,6 +91,8 @@ pub struct PublishContext<'a> {
     pub noise_mm2: Option<f64>,
     /// The conditions that the results are valid for, as the pipeline file states them.
     pub valid_for: Conditions,
+    /// The sessions as joined that the run started from.
+    pub made_of: Vec<RunKey>,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
 }
@@ -274,6 +279,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         bound_mm: figure.and_then(|figure| figure.bound),
         counted: figure.map(|figure| figure.counted),
         stations_covered_share: covered.map(Covered::of_stations),
+        made_of: Some(context.made_of.clone()),
         replaces: context.replaces.clone(),
     }
 }

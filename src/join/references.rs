@@ -20,12 +20,13 @@ use std::collections::BTreeMap;
 use nalgebra::{
     Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
 };
+use serde::{Deserialize, Serialize};
 
 use shape::{Shape, State};
 use walk::{Course, Moves, Ratios};
 
 /// A reference's index among those of its session, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ReferenceId(pub usize);
 
 /// One look at the references: a moment, and the places where those that were measured stood.
@@ -38,7 +39,7 @@ pub struct Look {
 }
 
 /// The motion of references in the instrument's frame since the session's first look.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// From where something stood at first to where it stands now.
     pub moved: Isometry3<f64>,
@@ -51,7 +52,7 @@ pub struct Motion {
 }
 
 /// An event of the references that is neither noise nor drift.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// All of them jumped together between two looks: the instrument was bumped, or the base.
     Bump {
@@ -94,7 +95,7 @@ pub enum Event {
 }
 
 /// One place of a reference in the instrument's frame at the session's first look.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// The reference.
     pub reference: ReferenceId,
@@ -111,7 +112,7 @@ pub struct Place {
 }
 
 /// Sizes of the noise and of the motion, as standard deviations.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sizes {
     /// Of a reading, per axis, mm.
     pub reading_mm: f64,
@@ -126,7 +127,7 @@ pub struct Sizes {
 }
 
 /// The course of a set of references.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Followed {
     /// The motion at each look.
     pub motions: Vec<Motion>,

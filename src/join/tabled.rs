@@ -13,6 +13,7 @@ mod carried;
 use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
@@ -84,7 +85,7 @@ pub struct RowReading {
 }
 
 /// A row or reading of a table that was left out.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowReject {
     /// The kind of item.
     pub kind: RowItem,
@@ -101,7 +102,7 @@ pub struct RowReject {
 }
 
 /// The kind of an item of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RowItem {
     /// A row.
     Row,

@@ -43,6 +43,13 @@ pub struct Replaced {
     pub row_digest: String,
 }
 
+impl Written {
+    /// Its name in the row that it belongs to: TABLE/SESSION.
+    pub fn name(&self) -> String {
+        format!("{}/{}", self.table, self.session)
+    }
+}
+
 impl StageCount {
     /// Checks that everything read was kept or rejected.
     pub fn check(&self) -> Result<(), ManifestError> {

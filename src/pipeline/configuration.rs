@@ -20,7 +20,7 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::keys::{KeyReference, missing};
+use super::keys::{KeyReference, join_settings, missing};
 use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
@@ -29,18 +29,20 @@ use crate::fit::{ErrorBase, FitSettings, KnownGauge, KnownTarget, SurveyedBase};
 use crate::geometry::Placement;
 use crate::ingest::{Mapping, StationsSettings, TrackerSettings};
 use crate::io::input::{self, Bound};
+use crate::io::lake::Lake;
 use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
 use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;
-use crate::manifest;
+use crate::manifest::{self, ManifestError};
 use crate::similarity::SimilaritySettings;
+use sessions::{Listed, Wanted};
 
 pub use error::{ConfigurationError, ConfigurationErrorKind};
 pub use files::Files;
 pub use sessions::{
-    LeftOut, POOLED, Recorded, SessionFiles, SessionTable, SetAside, Why, WorkPiece,
+    JoinedBefore, LeftOut, POOLED, Recorded, SessionFiles, SessionTable, SetAside, Why, WorkPiece,
 };
 pub use stated::StatedSetUp;
 pub use tree::Tree;
@@ -76,6 +78,8 @@ pub struct Configuration {
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
     pub settings: String,
+    /// Those of them that ingest and join read, likewise: part of the name of every session as joined.
+    pub join_settings: String,
     /// The place of the sessions' logs.
     pub tree: Tree,
     /// The pieces of work.
@@ -138,6 +142,8 @@ pub struct Overrides {
     pub test: Vec<String>,
     /// The folder of the published tables, relative to the working folder, instead of `[output] lake`; or an address on object storage.
     pub lake: Option<PathBuf>,
+    /// Whether the work is with sessions that the lake has as joined, instead of the files of `[input]`.
+    pub from_joined: bool,
 }
 
 impl Configuration {
@@ -153,15 +159,21 @@ impl Configuration {
         let placed = Placed::new(path, &file)?;
         let folder = placed_at(&base, &file.input.folder);
         let tree = Tree::at(&folder)?;
-        let listed = sessions::list(
-            path,
-            &tree,
-            &folder.named(),
-            &file.input,
-            file.stations.as_ref(),
-            file.limits,
-            overrides,
-        )?;
+        let lake = usable(overrides.lake.as_deref(), lake)?;
+        let join_settings = settings_of_join(&file)?;
+        let listed = if overrides.from_joined {
+            joined_sessions(path, &file, (&robot_file, &join_settings), &lake, overrides)?
+        } else {
+            sessions::list(
+                path,
+                &tree,
+                &folder.named(),
+                &file.input,
+                file.stations.as_ref(),
+                file.limits,
+                overrides,
+            )?
+        };
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),
@@ -169,6 +181,7 @@ impl Configuration {
             robot_file,
             reads: reads(path, &file, &arm)?,
             settings: manifest::canonical(&file)?,
+            join_settings,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
             stages: stages(&file, &placed, &arm),
@@ -185,9 +198,46 @@ impl Configuration {
             left_out: listed.left_out,
             logs: file.output.logs,
             sampling_plan: file.report.plan,
-            lake: usable(overrides.lake.as_deref(), lake)?,
+            lake,
         })
     }
+}
+
+/// The work with sessions that the lake has as joined, by this robot file and these settings of ingest and join.
+fn joined_sessions(
+    path: &Path,
+    file: &PipelineFile,
+    (robot_file, settings): (&Path, &str),
+    lake: &Place,
+    overrides: &Overrides,
+) -> Result<Listed, ConfigurationError> {
+    if file.output.logs {
+        let setting = ConfigurationErrorKind::Setting {
+            key: "[output] logs".to_owned(),
+            found: "true".to_owned(),
+            wanted:
+                "false: decoded samples are published from logs, and --from estimate reads none"
+                    .to_owned(),
+        };
+        return Err(setting.at(path));
+    }
+    let unread = |source| {
+        let robot = robot_file.to_owned();
+        ConfigurationErrorKind::Robot { robot, source }.at(path)
+    };
+    let opened = input::open(robot_file, Bound::ANY).map_err(unread)?;
+    let (robot_digest, _) = manifest::digest(opened).map_err(unread)?;
+    let wanted = Wanted {
+        robot: file.robot.name.as_deref(),
+        robot_digest: &robot_digest,
+        settings,
+    };
+    sessions::list_joined(&Lake::at(lake)?, &wanted, &file.input, overrides)
+}
+
+/// The settings of a pipeline file that ingest and join read, as canonical JSON.
+fn settings_of_join(file: &PipelineFile) -> Result<String, ManifestError> {
+    manifest::canonical(&join_settings(&serde_json::to_value(file)?))
 }
 
 fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {

@@ -4,6 +4,7 @@
 //! incomplete file is held against them, so that all missing keys are told at once ([`missing`]). What is read is decided by the
 //! structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds keys, words and defaults of both against each other.
 
+mod joins;
 pub mod missing;
 #[cfg(test)]
 mod tests;
@@ -12,6 +13,8 @@ mod text;
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
+
+pub use joins::join_settings;
 
 /// The names under which the command `schema` knows the two files.
 pub const FILES: [&str; 2] = ["pipeline", "robot"];
@@ -46,6 +49,9 @@ pub struct KeySection {
     /// The section with which a file is read without this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unless: Option<String>,
+    /// Whether ingest and join read its keys: they are settings of a session as joined.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub joins: bool,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,
@@ -82,6 +88,9 @@ pub struct Key {
     /// The section with which its own is read without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unless: Option<String>,
+    /// Whether ingest and join read it, where that differs from its section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joins: Option<bool>,
     /// The section that has to be in the file with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub with: Option<String>,

@@ -276,6 +276,7 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         counted: None,
         stations_covered_share: None,
         reason: (!plan.is_met()).then_some(why),
+        made_of: None,
         replaces,
     }
 }

@@ -1,18 +1,19 @@
 //! One piece of work: read, joined, run through the stages, published.
 //!
 //! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has the run is left
-//! unchanged. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
+//! unchanged. Otherwise the sessions are joined, or read as joined where the lake has them ([`joined`]), the stages run, and all tables are written before the row of `runs`
 //! that makes the run exist.
 
 mod error;
 mod inputs;
+mod joined;
 mod mounting;
 mod session;
 
 use nalgebra::Isometry3;
 
 use super::compared::compared;
-use super::configuration::{Configuration, SessionFiles, WorkPiece};
+use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
 use super::publish::publish;
@@ -37,6 +38,8 @@ use crate::report::{Angles, Split};
 
 pub use error::RunError;
 pub(super) use inputs::{input, work};
+use joined::Joiner;
+pub(super) use joined::ROBOT;
 pub(super) use session::session;
 
 /// The result of a finished piece of work.
@@ -75,15 +78,51 @@ impl Done {
     }
 }
 
+/// A session as joined.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SessionDone {
+    /// The session.
+    pub session: String,
+    /// The name of its result.
+    pub run: String,
+    /// Whether the lake had it already.
+    pub already_there: bool,
+    /// Number of dwells.
+    pub dwells: usize,
+    /// Number of them with a measurement of their own.
+    pub paired: usize,
+}
+
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
     configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
+    with_files(configuration, piece, |piece| {
+        run_local(configuration, piece, progress)
+    })
+}
+
+/// Ingest and join of the first session of a piece of work, for later runs to start from; fetched likewise.
+pub fn join_session(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+) -> Result<SessionDone, RunError> {
+    with_files(configuration, piece, |piece| {
+        join_local(configuration, piece, progress)
+    })
+}
+
+/// Work with the files of a piece on this machine.
+fn with_files<T>(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    work: impl FnOnce(&WorkPiece) -> Result<T, RunError>,
+) -> Result<T, RunError> {
     let fetched = Fetched::of(&configuration.tree, piece)?;
-    let done = run_local(configuration, fetched.piece(), progress);
-    done.map_err(|error| {
+    work(fetched.piece()).map_err(|error| {
         if fetched.is_copied() {
             RunError::Copied {
                 session: error.session().map(str::to_owned),
@@ -93,6 +132,27 @@ pub fn run_piece(
             error
         }
     })
+}
+
+/// Ingest and join of a session whose files are on this machine.
+fn join_local(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+) -> Result<SessionDone, RunError> {
+    let joiner = Joiner {
+        configuration,
+        work: &work(configuration, piece)?,
+        lake: &Lake::at(&configuration.lake)?,
+        progress,
+    };
+    let files = piece
+        .training
+        .first()
+        .ok_or_else(|| RunError::NoRobotName {
+            session: piece.session.clone(),
+        })?;
+    joiner.made(files).map_err(|error| error.of(files))
 }
 
 /// Does one piece of work whose logs are on this machine.
@@ -107,28 +167,24 @@ fn run_local(
     let Some(mut run) = lake.start(&key)? else {
         return already_there(configuration, &lake, &key);
     };
-    let mut joined = |files: &SessionFiles| {
-        let joined = session(configuration, files, Some(&mut run), progress);
-        joined.map_err(|error| error.of(files))
+    let joiner = Joiner {
+        configuration,
+        work: &work,
+        lake: &lake,
+        progress,
     };
-    let training = piece
-        .training
-        .iter()
-        .map(&mut joined)
-        .collect::<Result<Vec<_>, _>>()?;
-    let test = piece
-        .test
-        .iter()
-        .map(&mut joined)
-        .collect::<Result<Vec<_>, _>>()?;
+    let sessions = joiner.all(piece, &mut run)?;
     let outcome = stages::run(
         &configuration.arm,
-        training,
-        test,
+        sessions.training,
+        sessions.test,
         &configuration.stages,
         progress,
     )?;
-    let context = context(configuration, &outcome, lake.current(&key)?);
+    let context = PublishContext {
+        made_of: sessions.made_of,
+        ..context(configuration, &outcome, lake.current(&key)?)
+    };
     let promised = promise::held(
         configuration.sampling_plan.as_ref(),
         &outcome,
@@ -283,6 +339,7 @@ fn context<'a>(
         },
         noise_mm2: noise_mm2(configuration, outcome),
         valid_for: configuration.valid_for.clone(),
+        made_of: Vec::new(),
         replaces,
     }
 }

@@ -13,6 +13,7 @@ mod application;
 mod base_motion;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::promise::{Promise, PromiseKept};
 use super::tip::{Turn, without_constant};
@@ -24,7 +25,7 @@ pub use application::{Application, application};
 pub use base_motion::{BaseMotion, base_motion};
 
 /// A target and the command that a table computed for it, in the frame of commands.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CorrectedTarget {
     /// Name of the target.
     pub name: String,
@@ -38,7 +39,7 @@ pub struct CorrectedTarget {
 }
 
 /// Stations and their corrected targets.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Matched {
     /// For each command the index of its target; `None` where there is none.
     pub of_command: Vec<Option<usize>>,

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use super::near;
 use super::stop::Stop;
-use super::work::{Ending, Failure};
+use super::work::{Ending, Extent, Failure};
 use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
@@ -45,6 +45,7 @@ pub fn summary(
     configuration: &Configuration,
     endings: &[Ending],
     set_aside: &[SetAside],
+    extent: Extent,
     verbose: bool,
 ) -> String {
     let sessions = configuration
@@ -56,7 +57,7 @@ pub fn summary(
     for ending in endings {
         text += &paragraph(ending, verbose);
     }
-    text += &Totals::of(endings, set_aside).words(configuration.stages.tolerance.mm);
+    text += &Totals::of(endings, set_aside).words(extent, configuration.stages.tolerance.mm);
     text
 }
 
@@ -86,6 +87,18 @@ fn line(session: &str, ending: &Ending) -> String {
                 "done"
             };
             state_line(state, session, &outcome(done))
+        }
+        Ending::Joined(joined) => {
+            let state = if joined.already_there {
+                "done-before"
+            } else {
+                "joined"
+            };
+            let words = format!(
+                "{} dwells, {} measured, result {}",
+                joined.dwells, joined.paired, joined.run
+            );
+            state_line(state, session, &words)
         }
         Ending::Failed(Failure { reason, .. }) => {
             state_line("failed", session, &format!("no result: {reason}"))
@@ -218,6 +231,10 @@ impl Totals {
                     totals.new += usize::from(!done.already_there);
                     totals.met += usize::from(done.verdict == Verdict::Meets);
                 }
+                Ending::Joined(joined) => {
+                    totals.before += usize::from(joined.already_there);
+                    totals.new += usize::from(!joined.already_there);
+                }
                 Ending::Failed(_) => totals.failed += 1,
                 Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
             }
@@ -231,7 +248,7 @@ impl Totals {
         totals
     }
 
-    fn words(&self, tolerance_mm: f64) -> String {
+    fn words(&self, extent: Extent, tolerance_mm: f64) -> String {
         let Self {
             new,
             before,
@@ -243,10 +260,15 @@ impl Totals {
         let results = new + before;
         let not_met = results - met;
         let all = results + failed + stopped;
-        let mut text = format!(
-            "{met} of {all} within {tolerance_mm} mm, {failed} without a result: {new} done, {before} done before, \
-             {not_met} not met, {failed} failed, {waiting} waiting"
-        );
+        let mut text = match extent {
+            Extent::Whole => format!(
+                "{met} of {all} within {tolerance_mm} mm, {failed} without a result: {new} done, {before} done before, \
+                 {not_met} not met, {failed} failed, {waiting} waiting"
+            ),
+            Extent::Joined => format!(
+                "{results} of {all} sessions joined: {new} now, {before} before, {failed} failed, {waiting} waiting"
+            ),
+        };
         if *stopped > 0 {
             write!(text, ", {stopped} stopped").expect("a string");
         }

@@ -10,13 +10,16 @@ use super::stop::{Stop, Stoppable};
 use crate::cli::messages::Printable;
 use crate::cli::progress::Bars;
 use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
-use crate::pipeline::run::{Done, run_piece};
+use crate::pipeline::run::{Done, RunError, SessionDone, join_session, run_piece};
+use crate::progress::Progress;
 
 /// The ending of one piece of work.
 #[derive(Debug)]
 pub enum Ending {
     /// With a result.
     Done(Box<Done>),
+    /// With a session as joined, which was all that was asked for.
+    Joined(SessionDone),
     /// Without one.
     Failed(Failure),
     /// A signal ended it under way.
@@ -34,18 +37,54 @@ pub struct Failure {
     pub session: Option<String>,
 }
 
+/// What all pieces of a batch have in common.
+struct Batch<'a> {
+    configuration: &'a Configuration,
+    extent: Extent,
+    bars: &'a Bars,
+    stop: &'a Stop,
+}
+
+impl Batch<'_> {
+    fn attempt(&self, piece: &WorkPiece, progress: &dyn Progress) -> Result<Ending, RunError> {
+        match self.extent {
+            Extent::Whole => {
+                let done = run_piece(self.configuration, piece, progress)?;
+                Ok(Ending::Done(Box::new(done)))
+            }
+            Extent::Joined => join_session(self.configuration, piece, progress).map(Ending::Joined),
+        }
+    }
+}
+
 /// A piece's ending, and the sessions that it left out.
 type Ended = (Ending, Vec<SetAside>);
+
+/// How far the work goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// To verdict, tables and page.
+    Whole,
+    /// To sessions as joined.
+    Joined,
+}
 
 /// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
 /// pools left out.
 pub fn all(
     configuration: &Configuration,
+    extent: Extent,
     jobs: NonZeroUsize,
     bars: &Bars,
     stop: &Stop,
 ) -> (Vec<Ending>, Vec<SetAside>) {
     let next = AtomicUsize::new(0);
+    let batch = Batch {
+        configuration,
+        extent,
+        bars,
+        stop,
+    };
     let work = || {
         let mut own = Vec::new();
         loop {
@@ -53,7 +92,7 @@ pub fn all(
             let Some(piece) = configuration.pieces.get(place) else {
                 return own;
             };
-            own.push((place, pooled(configuration, place, piece, bars, stop)));
+            own.push((place, pooled(&batch, place, piece)));
         }
     };
     let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
@@ -71,17 +110,11 @@ pub fn all(
 }
 
 /// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
-fn pooled(
-    configuration: &Configuration,
-    place: usize,
-    piece: &WorkPiece,
-    bars: &Bars,
-    stop: &Stop,
-) -> Ended {
+fn pooled(batch: &Batch<'_>, place: usize, piece: &WorkPiece) -> Ended {
     let mut piece = piece.clone();
     let mut without: Vec<SetAside> = Vec::new();
     loop {
-        match one(configuration, &piece, bars, stop) {
+        match one(batch, &piece) {
             Ending::Failed(Failure {
                 reason,
                 session: Some(bad),
@@ -115,16 +148,17 @@ fn can_spare(piece: &WorkPiece, session: &str) -> bool {
 }
 
 /// Does one piece, unless an end was asked for.
-fn one(configuration: &Configuration, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
+fn one(batch: &Batch<'_>, piece: &WorkPiece) -> Ending {
+    let stop = batch.stop;
     if stop.asked() {
         return Ending::NotStarted;
     }
     let session = Printable(&piece.session).to_string();
-    let progress = &bars.of(&session);
+    let progress = &batch.bars.of(&session);
     let progress = Stoppable { progress, stop };
-    let attempt = AssertUnwindSafe(|| run_piece(configuration, piece, &progress));
+    let attempt = AssertUnwindSafe(|| batch.attempt(piece, &progress));
     let failure = match panic::catch_unwind(attempt) {
-        Ok(Ok(done)) => return Ending::Done(Box::new(done)),
+        Ok(Ok(ending)) => return ending,
         Ok(Err(error)) => Failure {
             reason: error.to_string(),
             session: error.session().map(str::to_owned),

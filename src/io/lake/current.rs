@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Lake, LakeError, session_key};
+use super::{Lake, LakeError, RUNS, session_key};
 use crate::io::tables::runs::row_digest;
 use crate::manifest::{Replaced, RunKey};
 
@@ -12,7 +12,7 @@ impl Lake {
     /// Where several runs are replaced by none, which two machines writing at once can leave, it is the last by name. A
     /// file that is not at the place of its row is not read as a row.
     pub fn current(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
-        let rows = self.rows(&session_key("runs", key)?, 0)?;
+        let rows = self.rows(RUNS, &session_key(RUNS, key)?, 0)?;
         let (mut runs, mut replaced) = (BTreeMap::new(), BTreeSet::new());
         for (place, row) in rows {
             let row = row?.believed(&place.named())?;
@@ -21,7 +21,7 @@ impl Lake {
                 continue;
             };
             let own = RunKey::new(&key.robot, &key.session, &run);
-            if row.key() != Some(&own) || self.place("runs", &own)? != place {
+            if row.key() != Some(&own) || self.place(RUNS, &own)? != place {
                 continue;
             }
             runs.insert(run, row_digest(&row));

@@ -1,6 +1,6 @@
-//! Rows of `runs` in a lake.
+//! Rows of `runs` and of `joined_sessions` in a lake.
 
-use super::{Lake, LakeError};
+use super::{JOINED, Lake, LakeError, RUNS};
 use crate::io::schema;
 use crate::io::store::{Listed, Place};
 use crate::io::table::{self, Opened};
@@ -8,18 +8,28 @@ use crate::io::table::{self, Opened};
 /// Number of row files that are read at a time.
 const AT_ONCE: usize = 64;
 
-/// The place of a row of `runs`, and the row or why it cannot be read.
+/// The place of a row, and the row or why it cannot be read.
 pub type RunRow = (Place, Result<Opened, LakeError>);
 
 impl Lake {
     /// The rows of all runs, in the order of robot, session and run; one that cannot be read does not stop the others.
     pub fn runs(&self) -> Result<Vec<RunRow>, LakeError> {
-        self.rows("runs", 2)
+        self.rows(RUNS, RUNS, 2)
     }
 
-    /// The rows `levels` folders below a folder.
-    pub(super) fn rows(&self, folder: &str, levels: usize) -> Result<Vec<RunRow>, LakeError> {
-        let schema = schema::find("runs")?;
+    /// The rows of all sessions as joined, likewise.
+    pub fn joined_sessions(&self) -> Result<Vec<RunRow>, LakeError> {
+        self.rows(JOINED, JOINED, 2)
+    }
+
+    /// The rows of a table `levels` folders below a folder.
+    pub(super) fn rows(
+        &self,
+        table: &str,
+        folder: &str,
+        levels: usize,
+    ) -> Result<Vec<RunRow>, LakeError> {
+        let schema = schema::find(table)?;
         let listed = self.store.list(folder, levels..=levels)?.into_iter();
         let listed: Vec<Listed> = listed
             .filter(|file| file.key.ends_with(".parquet"))

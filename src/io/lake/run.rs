@@ -12,11 +12,13 @@ use crate::io::store::Tag;
 use crate::io::table::Table;
 use crate::manifest::{RunKey, Written, digest};
 
-/// A run whose tables are being written.
+/// A run, or the result of a stage, whose tables are being written.
 #[derive(Debug)]
 pub struct OpenRun<'a> {
     lake: &'a Lake,
     key: RunKey,
+    /// The table whose row makes it exist.
+    rows: &'static str,
     written: Vec<Written>,
     /// The store's tag of each table.
     tags: Vec<Tag>,
@@ -34,10 +36,11 @@ pub enum Commit {
 }
 
 impl<'a> OpenRun<'a> {
-    pub(super) fn new(lake: &'a Lake, key: &RunKey) -> Self {
+    pub(super) fn new(lake: &'a Lake, key: &RunKey, rows: &'static str) -> Self {
         Self {
             lake,
             key: key.clone(),
+            rows,
             written: Vec::new(),
             tags: Vec::new(),
             kept: Vec::new(),
@@ -111,7 +114,7 @@ impl<'a> OpenRun<'a> {
         written: Written,
     ) -> Result<(), LakeError> {
         let mut tag = None;
-        if !self.lake.exists(&self.key)? {
+        if !self.lake.has(self.rows, &self.key)? {
             tag = self.lake.store.put(key, temporary)?;
         } else if written.digest != self.digest_of(key)? {
             let place = self.lake.store.place(key);
@@ -122,22 +125,23 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Commits the run by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`].
+    /// Commits the run by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`]; or the result of a stage by its
+    /// row in the table of such results.
     ///
     /// # Panics
-    /// When the table is not the `runs` row of this run.
-    pub fn commit(self, runs: &Table) -> Result<Commit, LakeError> {
+    /// When the table is not the row of this run or result.
+    pub fn commit(self, row: &Table) -> Result<Commit, LakeError> {
         assert_eq!(
-            runs.schema().table,
-            "runs",
-            "a run is committed by its row in `runs`"
+            row.schema().table,
+            self.rows,
+            "a run is committed by its row in `runs`, the result of a stage by its own"
         );
-        assert_eq!(runs.key(), Some(&self.key), "the row is the run's own");
+        assert_eq!(row.key(), Some(&self.key), "the row is the run's own");
         for (written, tag) in self.written.iter().zip(&self.tags) {
             self.check_unchanged(written, tag)?;
         }
-        let key = self.file_key(runs)?;
-        let (temporary, _) = self.lake.write(runs, &key)?;
+        let key = self.file_key(row)?;
+        let (temporary, _) = self.lake.write(row, &key)?;
         Ok(if self.lake.store.create(&key, temporary)? {
             Commit::Done
         } else {

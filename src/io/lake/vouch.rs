@@ -7,7 +7,7 @@ use std::path::Path;
 use arrow::array::AsArray as _;
 
 use super::error::folder_error;
-use super::{Lake, LakeError, encoded, file_key};
+use super::{Lake, LakeError, encoded, file_key, rows_of};
 use crate::io::input::{self, Bound};
 use crate::io::schema::{self, TableSchema};
 use crate::io::table::{self, FileError, FileErrorKind, Opened, Seal, Table};
@@ -33,7 +33,7 @@ impl Lake {
         Ok(table::open(file, &place, schema)?)
     }
 
-    /// The digest of a file of a run in the run's row of `runs`: of the table of that name, or its page. `None` where there
+    /// The digest of a file of a run, or of a session as joined, in its row: of the table of that name, or its page. `None` where there
     /// is no row; an error where the row does not name the file.
     ///
     /// A run that learnt from several sessions has files in the folder of each, and its row in one of them.
@@ -42,7 +42,7 @@ impl Lake {
         table: &str,
         key: &RunKey,
     ) -> Result<Option<String>, LakeError> {
-        let Some(row) = self.row_of(key)? else {
+        let Some(row) = self.row_of(rows_of(table), key)? else {
             return Ok(None);
         };
         let name = format!("{table}/{}", key.session);
@@ -57,12 +57,12 @@ impl Lake {
         }
     }
 
-    /// The row of the run that has a file with this key.
-    fn row_of(&self, key: &RunKey) -> Result<Option<Table>, LakeError> {
-        if self.exists(key)? {
-            return Ok(Some(self.read("runs", key)?));
+    /// The row of the run, or of the session as joined, that has a file with this key.
+    fn row_of(&self, rows: &str, key: &RunKey) -> Result<Option<Table>, LakeError> {
+        if self.has(rows, key)? {
+            return Ok(Some(self.read(rows, key)?));
         }
-        let folder = format!("runs/{}", encoded("robot", &key.robot)?);
+        let folder = format!("{rows}/{}", encoded("robot", &key.robot)?);
         let name = format!("/{}.parquet", encoded("run", &key.run)?);
         let listed = self.store.list(&folder, 1..=1)?;
         let Some(found) = listed.iter().find(|file| file.key.ends_with(&name)) else {
@@ -70,7 +70,7 @@ impl Lake {
         };
         let place = self.store.place(&found.key).named();
         let file = self.store.open_listed(found)?;
-        Ok(Some(table::read_open(file, &place, schema::find("runs")?)?))
+        Ok(Some(table::read_open(file, &place, schema::find(rows)?)?))
     }
 
     /// Reads a table of a run, which has to have the digest in its row of `runs`, where there is one.
@@ -85,7 +85,7 @@ impl Lake {
         let named = place.named();
         let wrong = folder_error("read", &named);
         let mut by_row = false;
-        if table != "runs"
+        if table != rows_of(table)
             && let Some(written) = self.written_digest(table, key)?
         {
             let (found, _) = digest(&file).map_err(&wrong)?;

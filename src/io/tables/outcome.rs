@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::fit::camera_size::CameraSize;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
@@ -49,7 +51,7 @@ impl JoinedSession {
 }
 
 /// The corrected targets that drove a session, and the target of each station.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivenBy {
     /// The corrected targets.
     pub file: DrivingFile,
@@ -203,7 +205,7 @@ impl Outcome<'_> {
 }
 
 /// The commands that drove a session.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivingFile {
     /// The run whose table corrected the targets.
     pub key: RunKey,

@@ -4,7 +4,9 @@ use super::PublishError;
 use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
 use crate::io::table::{Row as _, Table, row};
-use crate::manifest::{Replaced, StageCount, VERSION, Work, Written, cpu_features, platform};
+use crate::manifest::{
+    Replaced, RunKey, StageCount, VERSION, Work, Written, cpu_features, platform,
+};
 use crate::units::WallTime;
 
 row! {
@@ -64,6 +66,8 @@ row! {
         visits: Option<usize>,
         /// Share of all measured stations that the table answers for; `None` where the verdict is of something else.
         stations_covered_share: Option<f64>,
+        /// The sessions as joined that it started from, as SESSION/RUN; `None` of a plan, and in rows before version 5.
+        made_of: Option<Vec<String>>,
         /// The run that this one takes the place of.
         replaces: Option<String>,
         /// The digest of that run's row.
@@ -94,6 +98,8 @@ pub struct Ending {
     pub counted: Option<Counted>,
     /// Share of all measured stations that the table answers for; `None` where the verdict is of something else.
     pub stations_covered_share: Option<f64>,
+    /// The sessions as joined that it started from; `None` of a plan.
+    pub made_of: Option<Vec<RunKey>>,
     /// The run that this one takes the place of.
     pub replaces: Option<Replaced>,
 }
@@ -143,12 +149,9 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
         input_bytes: inputs().map(|input| input.bytes).collect(),
         input_digests: inputs().map(|input| input.digest.clone()).collect(),
         settings: work.settings.clone(),
-        settings_digest: blake3::hash(work.settings.as_bytes()).to_hex().to_string(),
+        settings_digest: work.settings_digest(),
         counts,
-        table_names: written
-            .iter()
-            .map(|file| format!("{}/{}", file.table, file.session))
-            .collect(),
+        table_names: written.iter().map(Written::name).collect(),
         table_rows: written.iter().map(|file| file.rows).collect(),
         table_digests: written.iter().map(|file| file.digest.clone()).collect(),
         verdict: ending.verdict,
@@ -159,6 +162,12 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
         held_out: ending.counted.map(|counted| counted.poses),
         visits: ending.counted.map(|counted| counted.visits),
         stations_covered_share: ending.stations_covered_share,
+        made_of: ending.made_of.as_ref().map(|sessions| {
+            let names = sessions.iter();
+            names
+                .map(|own| format!("{}/{}", own.session, own.run))
+                .collect()
+        }),
         replaces: replaced.map(|replaced| replaced.run.clone()),
         replaced_row_digest: replaced.map(|replaced| replaced.row_digest.clone()),
         row_digest: None,

@@ -8,6 +8,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::{ApartRow, Row, RowItem, RowReading, RowReject};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
@@ -16,7 +18,7 @@ use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow
 use crate::units::NS_PER_S;
 
 /// The course of a session's references on floor or base.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceCourse {
     /// What they stand on.
     pub on: StandsOn,
@@ -33,7 +35,7 @@ pub struct ReferenceCourse {
 }
 
 /// The moment of a look.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LookAt {
     /// Line in the table, from 1.
     pub line: u64,

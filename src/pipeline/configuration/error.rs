@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::geometry::PlacementError;
 use crate::io::input::toml_problem;
+use crate::io::lake::LakeError;
 use crate::io::store::StoreError;
 use crate::join::JoinError;
 use crate::manifest::ManifestError;
@@ -67,6 +68,9 @@ pub enum ConfigurationError {
     /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
+    /// The lake cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
     /// The place of the tables, or of the sessions, cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),

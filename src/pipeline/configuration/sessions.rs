@@ -1,6 +1,6 @@
 //! Sessions: those to learn from and those that judge, their pieces of work, and those that have to wait.
 //!
-//! 1. `found` looks into the folder of `[input]`; a log that is still being written makes its session wait (`growing`).
+//! 1. `found` looks into the folder of `[input]`, or `joined` into the lake for sessions as joined; a log that is still being written makes its session wait (`growing`).
 //! 2. Named sessions, or all, become pieces of work, alone or pooled. A pool learns from the sessions that are ready; with
 //!    one more it is other work.
 //! 3. Sessions that wait or are bad are set aside with the reason, and stop no other; a judge that is not ready stops those
@@ -8,6 +8,7 @@
 
 mod found;
 mod growing;
+mod joined;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,9 +16,12 @@ use std::path::{Path, PathBuf};
 use super::tree::Tree;
 use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
 use crate::ingest::StationsSettings;
+use crate::io::lake::Lake;
 use crate::io::log::{Limits, SessionLogs};
+use crate::manifest::{Input, RunKey};
 use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
 use found::{Found, Session};
+pub use joined::Wanted;
 
 /// The session of a pooled fit.
 pub const POOLED: &str = "pooled";
@@ -29,14 +33,16 @@ pub enum Recorded {
     Logs(SessionLogs),
     /// A table of its stations.
     Table(SessionTable),
+    /// No files: the lake has it as joined.
+    Joined(JoinedBefore),
 }
 
 impl Recorded {
-    /// Its logs; `None` of a table.
+    /// Its logs; `None` of anything else.
     pub const fn logs(&self) -> Option<&SessionLogs> {
         match self {
             Self::Logs(logs) => Some(logs),
-            Self::Table(_) => None,
+            Self::Table(_) | Self::Joined(_) => None,
         }
     }
 
@@ -49,8 +55,18 @@ impl Recorded {
                 .chain(&mut logs.tracker)
                 .collect(),
             Self::Table(table) => vec![&mut table.path],
+            Self::Joined(_) => Vec::new(),
         }
     }
+}
+
+/// A session that the lake has as joined.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JoinedBefore {
+    /// Its robot, name and result.
+    pub key: RunKey,
+    /// The session's own files that it was made from.
+    pub inputs: Vec<Input>,
 }
 
 /// A table with the stations of a session.
@@ -137,7 +153,7 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Lists the work: `folder` is `[input] folder`, resolved, in `tree`.
+/// Lists the work with the files of `[input]`: `folder` is `[input] folder`, resolved, in `tree`.
 pub(super) fn list(
     path: &Path,
     tree: &Tree,
@@ -161,27 +177,107 @@ pub(super) fn list(
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
-    let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
-    let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
-    let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
-    named_once(named.as_deref().unwrap_or_default(), &test)?;
-    named_once(&test, &[])?;
-    let training = match &named {
-        Some(names) => names.iter().map(|name| found.named(name)).collect(),
-        None => all_but(&found.sessions, &test),
+    let candidates = Candidates {
+        place: folder.to_owned(),
+        wanted: input.sessions_by.of(input),
+        named: &|name| found.named(name),
+        sessions: &found.sessions,
+        left_out: &found.left_out,
     };
-    let judges: Vec<Session> = test.iter().map(|name| found.named(name)).collect();
-    let (pieces, set_aside) = pieces(input.pool, &training, &judges);
-    let waits = |aside: &SetAside| matches!(aside.why, Why::Waits(_));
-    if pieces.is_empty() && !set_aside.iter().any(waits) {
-        return Err(nothing(folder, input, &found, &training, &judges));
+    candidates.listed(input, overrides)
+}
+
+/// Lists the work with sessions that the lake has as joined.
+pub(super) fn list_joined(
+    lake: &Lake,
+    wanted: &Wanted<'_>,
+    input: &InputSection,
+    overrides: &Overrides,
+) -> Result<Listed, ConfigurationError> {
+    let (sessions, left_out) = joined::sessions(lake, wanted)?;
+    let named = |name: &str| {
+        let found = sessions.iter().find(|session| session.name == name);
+        found.cloned().unwrap_or_else(|| Session {
+            name: name.to_owned(),
+            recorded: Err(Why::Bad("the lake does not have it as joined".to_owned())),
+            corrected: None,
+        })
+    };
+    let candidates = Candidates {
+        place: lake.root().named(),
+        wanted: "a row of joined_sessions, which `posegrid run --until session` writes".to_owned(),
+        named: &named,
+        sessions: &sessions,
+        left_out: &left_out,
+    };
+    candidates.listed(input, overrides)
+}
+
+/// Sessions that there may be work with.
+struct Candidates<'a> {
+    /// Where they were looked for.
+    place: PathBuf,
+    /// What makes a session there.
+    wanted: String,
+    /// The session of a name, or why there is none.
+    named: &'a dyn Fn(&str) -> Session,
+    sessions: &'a [Session],
+    left_out: &'a [LeftOut],
+}
+
+impl Candidates<'_> {
+    fn listed(
+        &self,
+        input: &InputSection,
+        overrides: &Overrides,
+    ) -> Result<Listed, ConfigurationError> {
+        let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
+        let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
+        let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
+        named_once(named.as_deref().unwrap_or_default(), &test)?;
+        named_once(&test, &[])?;
+        let of_name = |name: &String| (self.named)(name);
+        let training = match &named {
+            Some(names) => names.iter().map(of_name).collect(),
+            None => all_but(self.sessions, &test),
+        };
+        let judges: Vec<Session> = test.iter().map(of_name).collect();
+        let (pieces, set_aside) = pieces(input.pool, &training, &judges);
+        let waits = |aside: &SetAside| matches!(aside.why, Why::Waits(_));
+        if pieces.is_empty() && !set_aside.iter().any(waits) {
+            return Err(self.nothing(&training, &judges));
+        }
+        Ok(Listed {
+            pieces,
+            set_aside,
+            // Entries that are no session matter only where every session is asked for.
+            left_out: named.map_or_else(|| self.left_out.to_vec(), |_| Vec::new()),
+        })
     }
-    Ok(Listed {
-        pieces,
-        set_aside,
-        // Entries that are no session matter only where every session of the folder is asked for.
-        left_out: named.map_or(found.left_out, |_| Vec::new()),
-    })
+
+    /// The error where there is nothing to do and nothing to wait for.
+    fn nothing(&self, training: &[Session], judges: &[Session]) -> ConfigurationError {
+        let bad = training.iter().chain(judges).find_map(|session| {
+            let why = session.files().err()?;
+            Some((session.name.clone(), why.reason().to_owned()))
+        });
+        if let Some((session, reason)) = bad {
+            return ConfigurationError::Session {
+                session,
+                reason,
+                folder: self.place.clone(),
+                found: self.sessions.iter().map(|s| s.name.clone()).collect(),
+            };
+        }
+        let left = self.left_out.iter();
+        ConfigurationError::NoSessions {
+            folder: self.place.clone(),
+            wanted: self.wanted.clone(),
+            left_out: left
+                .map(|left| format!("{} ({})", left.name, left.reason))
+                .collect(),
+        }
+    }
 }
 
 /// Checks that sessions are made by something that their files have.
@@ -320,6 +416,23 @@ impl Session {
     }
 }
 
+impl WorkPiece {
+    /// Each session of these pieces by itself, in their order.
+    pub fn each_session(pieces: &[Self]) -> Vec<Self> {
+        let mut seen = BTreeSet::new();
+        let sessions = pieces
+            .iter()
+            .flat_map(|own| own.training.iter().chain(&own.test));
+        let sessions = sessions.filter(|files| seen.insert(files.name.clone()));
+        let piece = |files: &SessionFiles| Self {
+            session: files.name.clone(),
+            training: vec![files.clone()],
+            test: Vec::new(),
+        };
+        sessions.map(piece).collect()
+    }
+}
+
 impl SetAside {
     fn new(session: &str, why: Why, before: usize) -> Self {
         Self {
@@ -346,34 +459,4 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), ConfigurationErro
         });
     }
     Ok(())
-}
-
-/// The error where there is nothing to do and nothing to wait for.
-fn nothing(
-    folder: &Path,
-    input: &InputSection,
-    found: &Found<'_>,
-    training: &[Session],
-    judges: &[Session],
-) -> ConfigurationError {
-    let bad = training.iter().chain(judges).find_map(|session| {
-        let why = session.files().err()?;
-        Some((session.name.clone(), why.reason().to_owned()))
-    });
-    if let Some((session, reason)) = bad {
-        return ConfigurationError::Session {
-            session,
-            reason,
-            folder: folder.to_owned(),
-            found: found.sessions.iter().map(|s| s.name.clone()).collect(),
-        };
-    }
-    let left = found.left_out.iter();
-    ConfigurationError::NoSessions {
-        folder: folder.to_owned(),
-        wanted: input.sessions_by.of(input),
-        left_out: left
-            .map(|left| format!("{} ({})", left.name, left.reason))
-            .collect(),
-    }
 }

@@ -158,6 +158,7 @@ impl Planning {
             sessions: vec![session.to_owned()],
             test: Vec::new(),
             lake: Some(self.lake.named()),
+            from_joined: false,
         };
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration

@@ -8,6 +8,7 @@ use crate::io::lake::LakeError;
 use crate::io::log::LogError;
 use crate::io::station_table::StationTableError;
 use crate::io::tables::PublishError;
+use crate::io::tables::joined_sessions::NotRestored;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
 use crate::pipeline::configuration::SessionFiles;
@@ -125,6 +126,18 @@ pub enum RunError {
         session: String,
         /// Why.
         source: Box<TargetsError>,
+    },
+    /// A session as joined cannot be read back.
+    #[error(
+        "session {session}: its result of ingest and join in the lake, {run}, cannot be used: {source}"
+    )]
+    NotRestored {
+        /// The session.
+        session: String,
+        /// Name of the result.
+        run: String,
+        /// Why.
+        source: Box<NotRestored>,
     },
     /// The tables cannot be published.
     #[error(transparent)]

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::RunError;
+use super::joined::ROBOT;
 use crate::io::input::{self, Bound};
 use crate::io::log::{SessionLogs, read_metadata};
 use crate::io::station_table;
@@ -16,7 +17,7 @@ pub(in crate::pipeline) fn work(
     configuration: &Configuration,
     piece: &WorkPiece,
 ) -> Result<Work, RunError> {
-    let mut inputs = vec![input(&configuration.robot_file, "robot")?];
+    let mut inputs = vec![input(&configuration.robot_file, ROBOT)?];
     for files in piece.training.iter().chain(&piece.test) {
         inputs.extend(session_inputs(configuration, files).map_err(|error| error.of(files))?);
     }
@@ -39,6 +40,7 @@ fn session_inputs(
     let name = &files.name;
     let mut inputs = match &files.recorded {
         Recorded::Logs(logs) => both_logs(logs, name)?,
+        Recorded::Joined(before) => before.inputs.clone(),
         Recorded::Table(table) => vec![table_input(
             configuration,
             table,
@@ -131,6 +133,9 @@ fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
+    if let Recorded::Joined(before) = &files.recorded {
+        return Ok(before.key.robot.clone());
+    }
     let logs = files.recorded.logs().ok_or_else(none)?;
     let mut metadata = read_metadata(logs, configuration.limits)?;
     metadata.remove("session.robot").ok_or_else(none)

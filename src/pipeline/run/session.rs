@@ -12,8 +12,9 @@ use crate::io::input::Bound;
 use crate::io::lake::OpenRun;
 use crate::io::log::{JointSink, SessionLogs, SessionRead, read_session};
 use crate::io::station_table;
+use crate::io::tables::joined_sessions::Restored;
 use crate::io::tables::logs::LogTable;
-use crate::io::tables::outcome::JoinedSession;
+use crate::io::tables::outcome::{DrivenBy, JoinedSession};
 use crate::join::supposed::Supposed;
 use crate::join::tabled::tabled;
 use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join};
@@ -45,12 +46,12 @@ pub(in crate::pipeline) fn session(
         (Recorded::Table(table), Reads::Tables(settings)) => {
             of_table(configuration, files, table, settings)
         }
-        // Sessions are looked for as what the pipeline file reads.
-        (Recorded::Logs(_), Reads::Tables(_)) | (Recorded::Table(_), Reads::Logs(_)) => {
-            Err(RunError::OtherKind {
-                session: files.name.clone(),
-            })
-        }
+        // Sessions are looked for as what the pipeline file reads, and those as joined are read back before.
+        (Recorded::Logs(_), Reads::Tables(_))
+        | (Recorded::Table(_), Reads::Logs(_))
+        | (Recorded::Joined(_), _) => Err(RunError::OtherKind {
+            session: files.name.clone(),
+        }),
     }
 }
 
@@ -143,6 +144,22 @@ impl OwnLogs<'_> {
     }
 }
 
+/// The session of a result of ingest and join: commands and the check of the set-up follow from its stations.
+pub(super) fn of_joined(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    restored: Restored,
+) -> Result<JoinedSession, RunError> {
+    let set_up = set_up(configuration, files, &restored.joined, || None)?;
+    Ok(JoinedSession {
+        log_rejects: restored.log_rejects,
+        counts: restored.counts,
+        sampling_plan: restored.sampling_plan,
+        set_up,
+        ..commanded_in(configuration, files, restored.joined, restored.driven_by)
+    })
+}
+
 /// Where the camera is mounted, as the pipeline file states it; `None` of another instrument.
 fn mounted(configuration: &Configuration) -> Option<Mounted> {
     let source = configuration.stages.noise.source(SourceId::ONLY);
@@ -228,21 +245,32 @@ fn with_commands(
     files: &SessionFiles,
     joined: Joined,
 ) -> Result<JoinedSession, RunError> {
+    let driven_by = driven::driven_by(files, &joined.stations, configuration.limits)?;
+    Ok(commanded_in(configuration, files, joined, driven_by))
+}
+
+/// A session with the commands of its stations in the frames that the pipeline file states.
+fn commanded_in(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    joined: Joined,
+    driven_by: Option<DrivenBy>,
+) -> JoinedSession {
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,
     };
     let frames = configuration.command_frames.unwrap_or(no_commands);
-    Ok(JoinedSession {
+    JoinedSession {
         name: files.name.clone(),
         sampling_plan: None,
-        driven_by: driven::driven_by(files, &joined.stations, configuration.limits)?,
+        driven_by,
         log_rejects: Vec::new(),
         counts: BTreeMap::new(),
         commanded: commanded(&joined.stations, &configuration.arm, &frames),
         joined,
         set_up: None,
-    })
+    }
 }
 
 /// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small. `anew` is

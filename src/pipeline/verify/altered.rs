@@ -60,11 +60,6 @@ impl Output {
     }
 }
 
-/// The name of a file in the row of `runs`.
-pub(super) fn file_name(file: &Written) -> String {
-    format!("{}/{}", file.table, file.session)
-}
-
 /// A file of a run, open for reading.
 pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, LakeError> {
     lake.open(&file.table, &key.of_session(&file.session))
@@ -73,7 +68,7 @@ pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, La
 /// Every file that the row names, digested.
 pub(super) fn outputs(claim: &Claim, lake: &Lake) -> Vec<Output> {
     let output = |file: &Written| Output {
-        name: file_name(file),
+        name: file.name(),
         claimed: file.digest.clone(),
         found: found(claim, file, lake),
     };

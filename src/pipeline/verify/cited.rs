@@ -8,13 +8,13 @@
 
 use std::collections::BTreeSet;
 
-use super::altered::{KNOWN_ARM, file_name, is_gone};
+use super::altered::{KNOWN_ARM, is_gone};
 use super::claim::Claim;
 use super::register::Register;
 use crate::io::lake::Lake;
 use crate::io::table::Row as _;
 use crate::io::tables::stations::StationRow;
-use crate::manifest::RunKey;
+use crate::manifest::{RunKey, Written};
 
 /// Another run that a run depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -89,7 +89,7 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
     let files = cited.files.iter();
     let of_role = files.filter(|file| role.tables().contains(&&*file.table));
     let gone = of_role.filter(|file| is_gone(&cited.key, file, lake));
-    let gone: Vec<String> = gone.map(file_name).collect();
+    let gone: Vec<String> = gone.map(Written::name).collect();
     if gone.is_empty() {
         Left::Whole(register.superseding(&cited.key).map(str::to_owned))
     } else {

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use tempfile::TempDir;
 
-use super::altered::file_name;
 use super::cited::DRIVING;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
@@ -17,9 +16,10 @@ use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
 use crate::progress::Progress;
 
-/// Columns of `runs` that are not compared as values: the machine and the replaced run may differ, inputs and settings were
+/// Columns of `runs` that are not compared as values: the machine and the replaced run may differ, what it is made of is named by version, inputs and settings were
 /// compared before, and the digests of files and of the row are compared by themselves.
-const ROW_ONLY: [&str; 12] = [
+const ROW_ONLY: [&str; 13] = [
+    "made_of",
     "version",
     "platform",
     "cpu_features",
@@ -138,10 +138,10 @@ impl Sides<'_> {
         let published = &self.verified.claim.files;
         let mut files: BTreeMap<String, (Option<&Written>, Option<&Written>)> = BTreeMap::new();
         for file in published {
-            files.entry(file_name(file)).or_default().0 = Some(file);
+            files.entry(file.name()).or_default().0 = Some(file);
         }
         for file in &computed.files {
-            files.entry(file_name(file)).or_default().1 = Some(file);
+            files.entry(file.name()).or_default().1 = Some(file);
         }
         let (mut same, mut others) = (0, Vec::new());
         for (name, sides) in files {
@@ -190,7 +190,7 @@ impl Sides<'_> {
 
     /// The digest of the published file; `None` where it is missing.
     fn found(&self, file: &Written) -> Option<&String> {
-        let name = file_name(file);
+        let name = file.name();
         let mut outputs = self.verified.outputs.iter();
         outputs.find(|output| output.name == name)?.digest()
     }
@@ -215,9 +215,9 @@ impl Sides<'_> {
             return FileOutcome::Page;
         };
         for again in &computed.files {
-            let name = file_name(again);
+            let name = again.name();
             let mut files = claim.files.iter();
-            if let Some(published) = files.find(|file| file_name(file) == name) {
+            if let Some(published) = files.find(|file| file.name() == name) {
                 other = other.replace(&again.digest, &published.digest);
             }
         }

@@ -58,6 +58,7 @@ impl Source {
             sessions: claim.sessions.clone(),
             test: claim.test_sessions.clone(),
             lake: Some(lake.to_owned()),
+            from_joined: false,
         };
         let configuration =
             Configuration::load(pipeline, &overrides).map_err(|error| match error {

@@ -1,0 +1,222 @@
+//! `joined_sessions`: sessions as joined, and where each comes from. Its row makes the result of ingest and join exist.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::PublishError;
+use super::outcome::{DrivenBy, JoinedSession};
+use super::readings::{self, NoStations, ReadingRow};
+use super::runs::row_digest;
+use crate::ingest::LogReject;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::{Row, Rows, Table, row};
+use crate::join::tabled::ReferenceCourse;
+use crate::join::{
+    ClockEstimate, Found, JoinReject, Joined, Pairing, ReadingCounts, RowReject, Station,
+};
+use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::units::WallTime;
+
+row! {
+    /// A session as joined.
+    pub struct JoinedSessionRow of "joined_sessions" {
+        /// Version that computed it.
+        version: String,
+        /// Processor architecture and operating system.
+        platform: String,
+        /// Processor features that determine the arithmetic.
+        cpu_features: Vec<String>,
+        /// Start of the session; `None` where no clock has an epoch.
+        session_started: Option<WallTime>,
+        /// Number of dwells.
+        dwells: usize,
+        /// Number of them with a measurement of their own.
+        paired: usize,
+        /// Names of the files read.
+        input_names: Vec<String>,
+        /// Sizes of the files read, in the order of their names, bytes.
+        input_bytes: Vec<u64>,
+        /// BLAKE3 digests of the files read, in the order of their names, hexadecimal.
+        input_digests: Vec<String>,
+        /// The settings of ingest and join as JSON.
+        settings: String,
+        /// The digest of `settings`.
+        settings_digest: String,
+        /// Everything but dwells and readings, as JSON ([`AsJoined`]).
+        joined: String,
+        /// Names of the files written, as TABLE/SESSION.
+        table_names: Vec<String>,
+        /// Rows of the files written, in the order of their names.
+        table_rows: Vec<u64>,
+        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
+        table_digests: Vec<String>,
+        /// The digest of this row; `None` only while it is made.
+        row_digest: Option<String>,
+    }
+}
+
+/// A session as joined, without its dwells and readings, and without what follows from them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AsJoined {
+    log_rejects: Vec<LogReject>,
+    counts: BTreeMap<String, u64>,
+    clock: ClockEstimate,
+    rejects: Vec<JoinReject>,
+    row_rejects: Vec<RowReject>,
+    references: Vec<ReferenceCourse>,
+    reading_counts: ReadingCounts,
+    found: Found,
+    driven_by: Option<DrivenBy>,
+    sampling_plan: Option<String>,
+}
+
+/// The result of ingest and join, read back.
+#[derive(Debug, Clone)]
+pub struct Restored {
+    /// The files that it comes from.
+    pub inputs: Vec<Input>,
+    /// The session's stations, clocks and rejects.
+    pub joined: Joined,
+    /// Messages and byte ranges that its logs lost.
+    pub log_rejects: Vec<LogReject>,
+    /// Number of items read, by kind.
+    pub counts: BTreeMap<String, u64>,
+    /// The corrected targets that drove it.
+    pub driven_by: Option<DrivenBy>,
+    /// The id of the sampling plan it was measured by.
+    pub sampling_plan: Option<String>,
+}
+
+/// The reason why a session as joined cannot be read back.
+#[derive(Debug, Error)]
+pub enum NotRestored {
+    /// Its tables cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// Its row is of a build with other fields.
+    #[error(
+        "its column joined cannot be read: {0}; was it written by another build of this version?"
+    )]
+    Json(#[from] serde_json::Error),
+    /// Its readings are no dwells.
+    #[error("its table readings is damaged: {0}")]
+    Stations(#[from] NoStations),
+    /// It does not have one row.
+    #[error("its table joined_sessions has {0} rows; a session has one")]
+    Rows(usize),
+    /// Lists of different lengths.
+    #[error("its lists of files read differ in length")]
+    Inputs,
+}
+
+/// The table `readings` of a session.
+pub fn readings(session: &JoinedSession, key: &RunKey) -> Result<Rows<ReadingRow>, PublishError> {
+    Ok(Row::table(readings::rows(&session.joined.stations), key)?)
+}
+
+/// The table `joined_sessions` of a session whose readings were written as `written`.
+pub fn table(
+    session: &JoinedSession,
+    work: &Work,
+    written: &[Written],
+) -> Result<Table, PublishError> {
+    let row = row(session, work, written)?;
+    let table = |row: JoinedSessionRow| Ok(JoinedSessionRow::table(vec![row], &work.key())?.table);
+    let unsigned: Result<Table, PublishError> = table(row.clone());
+    table(JoinedSessionRow {
+        row_digest: Some(row_digest(&unsigned?)),
+        ..row
+    })
+}
+
+/// The row without its digest.
+fn row(
+    session: &JoinedSession,
+    work: &Work,
+    written: &[Written],
+) -> Result<JoinedSessionRow, PublishError> {
+    let inputs = || work.inputs.iter();
+    let stations = &session.joined.stations;
+    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
+    Ok(JoinedSessionRow {
+        version: VERSION.to_owned(),
+        platform: platform(),
+        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        session_started: session.started(),
+        dwells: stations.len(),
+        paired: stations.iter().filter(is_paired).count(),
+        input_names: inputs().map(|input| input.name.clone()).collect(),
+        input_bytes: inputs().map(|input| input.bytes).collect(),
+        input_digests: inputs().map(|input| input.digest.clone()).collect(),
+        settings: work.settings.clone(),
+        settings_digest: work.settings_digest(),
+        joined: serde_json::to_string(&AsJoined::of(session))?,
+        table_names: written.iter().map(Written::name).collect(),
+        table_rows: written.iter().map(|file| file.rows).collect(),
+        table_digests: written.iter().map(|file| file.digest.clone()).collect(),
+        row_digest: None,
+    })
+}
+
+/// Reads a session as joined back from a lake, the same to the last bit.
+pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
+    let rows = JoinedSessionRow::read(&lake.read(JoinedSessionRow::TABLE, key)?);
+    let [row] = &rows[..] else {
+        return Err(NotRestored::Rows(rows.len()));
+    };
+    let stations = ReadingRow::read(&lake.read(ReadingRow::TABLE, key)?);
+    let stations = readings::stations(&stations)?;
+    let own: AsJoined = serde_json::from_str(&row.joined)?;
+    Ok(Restored {
+        inputs: inputs(row).ok_or(NotRestored::Inputs)?,
+        joined: Joined {
+            stations,
+            clock: own.clock,
+            rejects: own.rejects,
+            row_rejects: own.row_rejects,
+            references: own.references,
+            counts: own.reading_counts,
+            found: own.found,
+        },
+        log_rejects: own.log_rejects,
+        counts: own.counts,
+        driven_by: own.driven_by,
+        sampling_plan: own.sampling_plan,
+    })
+}
+
+/// The files that a row names; `None` where its lists differ in length.
+pub fn inputs(row: &JoinedSessionRow) -> Option<Vec<Input>> {
+    let counts = [row.input_bytes.len(), row.input_digests.len()];
+    if counts != [row.input_names.len(); 2] {
+        return None;
+    }
+    let files = row.input_names.iter().zip(&row.input_bytes);
+    let input = |((name, &bytes), digest): ((&String, &u64), &String)| Input {
+        name: name.clone(),
+        bytes,
+        digest: digest.clone(),
+    };
+    Some(files.zip(&row.input_digests).map(input).collect())
+}
+
+impl AsJoined {
+    fn of(session: &JoinedSession) -> Self {
+        let joined = &session.joined;
+        Self {
+            log_rejects: session.log_rejects.clone(),
+            counts: session.counts.clone(),
+            clock: joined.clock.clone(),
+            rejects: joined.rejects.clone(),
+            row_rejects: joined.row_rejects.clone(),
+            references: joined.references.clone(),
+            reading_counts: joined.counts,
+            found: joined.found,
+            driven_by: session.driven_by.clone(),
+            sampling_plan: session.sampling_plan.clone(),
+        }
+    }
+}

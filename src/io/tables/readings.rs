@@ -1,0 +1,263 @@
+//! `readings`: dwells and readings as the session was joined, to the last bit, so that later stages start from them.
+
+use nalgebra::{Point3, Quaternion, UnitQuaternion};
+use thiserror::Error;
+
+use super::sources::SourceReads;
+use super::stations::Unpaired;
+use super::words::xyzw;
+use crate::io::table::row;
+use crate::join::{
+    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
+    Value,
+};
+use crate::units::Stamp;
+
+row! {
+    /// A reading of a dwell, or a dwell without readings.
+    #[derive(Default)]
+    pub struct ReadingRow of "readings" {
+        /// Number of the dwell in the session.
+        station: usize,
+        /// Number of the reading in the dwell.
+        reading: usize,
+        /// Why the dwell has no measurement; `None` where it is paired.
+        reason: Option<Unpaired>,
+        /// Start of the dwell, ns of the controller's clock.
+        start_ns: i64,
+        /// Its end, ns of the controller's clock.
+        end_ns: i64,
+        /// Mean reported joint angles, rad.
+        joints_rad: Vec<f64>,
+        /// Number of samples in the mean.
+        joint_samples: usize,
+        /// Commanded position of the tool point, frame of commands, mm.
+        command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
+        /// Commanded orientation, x y z w.
+        command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
+        /// Index of the instrument; `None` of a dwell without readings, as are the next ones.
+        source_index: Option<usize>,
+        /// Index of the target.
+        target_index: Option<usize>,
+        /// Kind of the reading.
+        reads: Option<SourceReads>,
+        /// Position, mm.
+        at as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
+        /// Orientation, x y z w.
+        turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
+        /// Standard deviation of a sample along each axis, mm.
+        scatter_mm as [scatter_x_mm, scatter_y_mm, scatter_z_mm]: Option<[f64; 3]>,
+        /// Scatter of the orientations, rad.
+        scatter_orientation_rad: Option<f64>,
+        /// Covariance that the instrument states, mm²: xx xy xz yy yz zz.
+        stated_cov_mm2 as [
+            stated_cov_xx_mm2,
+            stated_cov_xy_mm2,
+            stated_cov_xz_mm2,
+            stated_cov_yy_mm2,
+            stated_cov_yz_mm2,
+            stated_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
+        motion_cov_mm2 as [
+            motion_cov_xx_mm2,
+            motion_cov_xy_mm2,
+            motion_cov_xz_mm2,
+            motion_cov_yy_mm2,
+            motion_cov_yz_mm2,
+            motion_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// Length, mm.
+        length_mm: Option<f64>,
+        /// Its stated standard uncertainty, mm.
+        length_sd_mm: Option<f64>,
+        /// Number of samples of the dwell.
+        samples: Option<usize>,
+        /// Number of them in the mean.
+        samples_kept: Option<usize>,
+        /// First of them, ns of the tracker's clock.
+        first_ns: Option<i64>,
+        /// Last of them, ns of the tracker's clock.
+        last_ns: Option<i64>,
+        /// Temperature, °C.
+        temperature_c: Option<f64>,
+    }
+}
+
+/// Rows that are no dwells.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum NoStations {
+    /// A value that a row of its kind has is null.
+    #[error("reading {reading} of station {station} has no {column}")]
+    Absent {
+        /// The dwell.
+        station: usize,
+        /// The reading.
+        reading: usize,
+        /// The column, or the first of several that belong together.
+        column: &'static str,
+    },
+    /// Dwells that are not numbered in order.
+    #[error(
+        "row {row} is reading {reading} of station {station}, which does not follow the row before it"
+    )]
+    Order {
+        /// Number of the row, from 0.
+        row: usize,
+        /// The dwell.
+        station: usize,
+        /// The reading.
+        reading: usize,
+    },
+}
+
+/// The rows of a session's dwells as joined, in order.
+pub fn rows(stations: &[Station]) -> Vec<ReadingRow> {
+    stations.iter().flat_map(of_dwell).collect()
+}
+
+fn of_dwell(station: &Station) -> Vec<ReadingRow> {
+    let command = station.command.as_ref();
+    let dwell = ReadingRow {
+        station: station.number,
+        reason: Unpaired::of(&station.pairing),
+        start_ns: station.start.ns(),
+        end_ns: station.end.ns(),
+        joints_rad: station.joints.clone(),
+        joint_samples: station.joint_samples,
+        command: command.map(|own| own.position.coords.into()),
+        command_turn: command.and_then(|own| own.orientation.as_ref().map(xyzw)),
+        ..ReadingRow::default()
+    };
+    if station.readings.is_empty() {
+        return vec![dwell];
+    }
+    let readings = station.readings.iter().enumerate();
+    readings
+        .map(|(number, reading)| with_reading(&dwell, number, reading))
+        .collect()
+}
+
+/// A dwell's row with one of its readings.
+fn with_reading(dwell: &ReadingRow, number: usize, reading: &Reading) -> ReadingRow {
+    let (point, turn) = (reading.value.point(), reading.value.turn());
+    let length = reading.value.length();
+    ReadingRow {
+        reading: number,
+        source_index: Some(reading.source.0),
+        target_index: Some(reading.target.0),
+        reads: Some(reading.value.kind().into()),
+        at: point.map(|own| own.position.coords.into()),
+        turn: turn.map(|own| xyzw(&own.orientation)),
+        scatter_mm: point.map(|own| own.scatter_mm),
+        scatter_orientation_rad: turn.map(|own| own.scatter_rad),
+        stated_cov_mm2: point.and_then(|own| own.stated_covariance),
+        motion_cov_mm2: point.and_then(|own| own.motion_covariance),
+        length_mm: length.map(|own| own.mm),
+        length_sd_mm: length.map(|own| own.sd_mm),
+        samples: Some(reading.taken),
+        samples_kept: Some(reading.kept),
+        first_ns: Some(reading.first.ns()),
+        last_ns: Some(reading.last.ns()),
+        temperature_c: reading.temperature_c,
+        ..dwell.clone()
+    }
+}
+
+/// The dwells of the rows of a table, the same to the last bit as those that made them.
+pub fn stations(rows: &[ReadingRow]) -> Result<Vec<Station>, NoStations> {
+    let mut stations: Vec<Station> = Vec::new();
+    for (place, row) in rows.iter().enumerate() {
+        let follows = match stations.last() {
+            Some(last) if row.reading > 0 => {
+                row.station == last.number && row.reading == last.readings.len()
+            }
+            last => row.reading == 0 && last.is_none_or(|last| row.station > last.number),
+        };
+        if !follows {
+            return Err(NoStations::Order {
+                row: place,
+                station: row.station,
+                reading: row.reading,
+            });
+        }
+        if row.reading == 0 {
+            stations.push(dwell(row));
+        }
+        if let (Some(last), Some(reads)) = (stations.last_mut(), row.reads) {
+            last.readings.push(reading(row, reads)?);
+        }
+    }
+    Ok(stations)
+}
+
+/// A dwell without its readings.
+fn dwell(row: &ReadingRow) -> Station {
+    let command = row.command.map(|position| Command {
+        position: Point3::from(position),
+        orientation: row.command_turn.map(turn_of),
+    });
+    Station {
+        number: row.station,
+        start: Stamp::from_ns(row.start_ns),
+        end: Stamp::from_ns(row.end_ns),
+        joints: row.joints_rad.clone(),
+        joint_samples: row.joint_samples,
+        command,
+        readings: Vec::new(),
+        pairing: match row.reason {
+            None => Pairing::Paired,
+            Some(Unpaired::SeveralCandidates) => Pairing::Ambiguous,
+            Some(Unpaired::Unmeasured(why)) => Pairing::Unmeasured(why),
+        },
+    }
+}
+
+fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> {
+    let of = |column| NoStations::Absent {
+        station: row.station,
+        reading: row.reading,
+        column,
+    };
+    let point = || {
+        Ok(MeanPoint {
+            position: row.at.ok_or_else(|| of("x_mm"))?.into(),
+            scatter_mm: row.scatter_mm.ok_or_else(|| of("scatter_x_mm"))?,
+            stated_covariance: row.stated_cov_mm2,
+            motion_covariance: row.motion_cov_mm2,
+        })
+    };
+    let turn = || {
+        let scatter = row.scatter_orientation_rad;
+        Ok(MeanOrientation {
+            orientation: turn_of(row.turn.ok_or_else(|| of("qx"))?),
+            scatter_rad: scatter.ok_or_else(|| of("scatter_orientation_rad"))?,
+        })
+    };
+    let length = || {
+        Ok(MeanLength {
+            mm: row.length_mm.ok_or_else(|| of("length_mm"))?,
+            sd_mm: row.length_sd_mm.ok_or_else(|| of("length_sd_mm"))?,
+        })
+    };
+    Ok(Reading {
+        source: SourceId(row.source_index.ok_or_else(|| of("source_index"))?),
+        target: TargetId(row.target_index.ok_or_else(|| of("target_index"))?),
+        value: match reads {
+            SourceReads::Point => Value::Point(point()?),
+            SourceReads::Pose => Value::Pose(point()?, turn()?),
+            SourceReads::Distance => Value::Distance(length()?),
+            SourceReads::Height => Value::Height(length()?),
+        },
+        kept: row.samples_kept.ok_or_else(|| of("samples_kept"))?,
+        taken: row.samples.ok_or_else(|| of("samples"))?,
+        first: Stamp::from_ns(row.first_ns.ok_or_else(|| of("first_ns"))?),
+        last: Stamp::from_ns(row.last_ns.ok_or_else(|| of("last_ns"))?),
+        temperature_c: row.temperature_c,
+    })
+}
+
+/// The quaternion as it was written: normalised anew it would differ in its last bits.
+fn turn_of([x, y, z, w]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))
+}

@@ -1,0 +1,118 @@
+//! Sessions that a lake has as joined, for work without their logs or tables.
+//!
+//! Inputs: the rows of `joined_sessions`, and what a result has to be of: the robot, its file, the settings of ingest and join, this
+//! version. Output: the sessions by name, each with its one result, or why it has none that can be used.
+
+use std::collections::BTreeMap;
+
+use super::found::Session;
+use super::{JoinedBefore, LeftOut, Recorded, Why};
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Row as _;
+use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
+use crate::manifest::{Input, RunKey, VERSION};
+use crate::pipeline::run::ROBOT;
+
+/// What a result of ingest and join has to be of.
+#[derive(Debug)]
+pub struct Wanted<'a> {
+    /// The robot's name; `None` where it is not stated.
+    pub robot: Option<&'a str>,
+    /// BLAKE3 of the robot file.
+    pub robot_digest: &'a str,
+    /// The settings of ingest and join.
+    pub settings: &'a str,
+}
+
+/// A result of ingest and join.
+struct Before {
+    key: RunKey,
+    inputs: Vec<Input>,
+    /// Why it cannot be used; `None` where it can.
+    unusable: Option<&'static str>,
+}
+
+/// The sessions of a lake as joined, by name, and rows that cannot be read.
+pub(super) fn sessions(
+    lake: &Lake,
+    wanted: &Wanted<'_>,
+) -> Result<(Vec<Session>, Vec<LeftOut>), LakeError> {
+    let mut by_name: BTreeMap<String, Vec<Before>> = BTreeMap::new();
+    let mut left_out = Vec::new();
+    for (place, row) in lake.joined_sessions()? {
+        let named = place.named();
+        let table = row.and_then(|row| Ok(row.believed(&named)?));
+        let before = table.map_err(|error| error.to_string()).and_then(|table| {
+            let key = table.key().cloned().ok_or("it states no session")?;
+            let rows = JoinedSessionRow::read(&table);
+            let row = rows.first().ok_or("it has no row")?;
+            before(key, row, wanted).ok_or_else(|| "its lists of files differ in length".to_owned())
+        });
+        match before {
+            Ok(before) if wanted.robot.is_some_and(|own| own != before.key.robot) => {}
+            Ok(before) => by_name
+                .entry(before.key.session.clone())
+                .or_default()
+                .push(before),
+            Err(reason) => left_out.push(LeftOut {
+                name: place.display().to_string(),
+                reason,
+            }),
+        }
+    }
+    Ok((by_name.into_iter().map(session).collect(), left_out))
+}
+
+fn before(key: RunKey, row: &JoinedSessionRow, wanted: &Wanted<'_>) -> Option<Before> {
+    let inputs = inputs(row)?;
+    let is_of_robot = |input: &Input| input.name == ROBOT && input.digest == wanted.robot_digest;
+    let unusable = if row.version != VERSION {
+        Some("of another version of posegrid")
+    } else if row.settings != wanted.settings {
+        Some("of other settings of ingest and join")
+    } else if !inputs.iter().any(is_of_robot) {
+        Some("of another robot file")
+    } else {
+        None
+    };
+    let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
+    Some(Before {
+        key,
+        inputs: inputs.collect(),
+        unusable,
+    })
+}
+
+/// A session with its one result that can be used.
+fn session((name, results): (String, Vec<Before>)) -> Session {
+    let (usable, others): (Vec<Before>, Vec<Before>) = results
+        .into_iter()
+        .partition(|before| before.unusable.is_none());
+    let recorded = match &usable[..] {
+        [one] => Ok(Recorded::Joined(JoinedBefore {
+            key: one.key.clone(),
+            inputs: one.inputs.clone(),
+        })),
+        [] => {
+            let mut reasons: Vec<&str> = others.iter().filter_map(|own| own.unusable).collect();
+            reasons.sort_unstable();
+            reasons.dedup();
+            Err(Why::Bad(format!(
+                "as joined the lake has it only {}: run it from its files",
+                reasons.join(" and ")
+            )))
+        }
+        several => {
+            let names: Vec<&str> = several.iter().map(|own| own.key.run.as_str()).collect();
+            Err(Why::Bad(format!(
+                "the lake has it as joined from several recordings or robots ({}): run it from its files, or name [robot] name",
+                names.join(", ")
+            )))
+        }
+    };
+    Session {
+        name,
+        recorded,
+        corrected: None,
+    }
+}
