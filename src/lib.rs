@@ -28,6 +28,8 @@
 //!
 //! A table of stations is an input like logs: [`io::station_table`] reads it, and [`join::tabled`] makes its rows stations.
 //!
+//! What ingest and join give of a session is published by itself, and later runs start from it ([`pipeline::run`],
+//! [`io::tables::readings`]).
 //! There is one road from logs to stations: [`io::log::read_session`] replays the samples of the logs into the detector of dwells
 //! ([`join::stationary::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
 //!

@@ -15,6 +15,9 @@ pub use runs::{Replaced, StageCount, Written, cpu_features, platform};
 /// The version of this program, part of every run's name.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+/// Name of the input with the nominal arm.
+pub const ROBOT: &str = "robot";
+
 /// Bytes of the digest in a run's name: among fewer than 2⁶⁴ runs two equal names are unlikely.
 const RUN_BYTES: usize = 16;
 

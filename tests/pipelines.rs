@@ -169,7 +169,7 @@ fn a_test_session_is_not_learnt_from() {
         Cell::new(&[]).configuration(&Overrides {
             sessions: sessions.iter().map(ToString::to_string).collect(),
             test: vec!["tue".to_owned()],
-            lake: None,
+            ..Overrides::default()
         })
     };
     let configuration = test(&[]).expect("good");

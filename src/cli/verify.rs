@@ -20,8 +20,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Register, RowList, Selected, Selection, Verdict, Verified, VerifyError, account,
-    clean, row_contradictions, select, verify,
+    JoinedVerified, PastRun, Register, RowList, Selected, Selection, Verdict, Verified,
+    VerifyError, account, clean, joined, row_contradictions, select, verify,
 };
 use crate::progress::Progress;
 
@@ -130,9 +130,10 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     }
     clean();
     let verdicts = all(&selected, &lake, bars)?;
+    let joined = sessions_as_joined(&lake, args, bars)?;
     let account = account(&lake, &selected, &args.names)?;
     let mut lines = files::lines(&account, args.names.is_empty());
-    let mut belongs = !account.is_mismatch();
+    let mut belongs = !account.is_mismatch() && !joined.iter().any(JoinedVerified::is_mismatch);
     if let Some(expected) = expected {
         let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
         lines.extend(files::against_list(&unexpected, newer));
@@ -141,6 +142,20 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     messages::result(format!("\n{}", lines.join("\n")), bars)?;
     messages::result(words::summary(&verdicts, &selected), bars)?;
     Ok(exit_code(&verdicts, belongs))
+}
+
+/// Verifies the sessions as joined, and prints what was found.
+fn sessions_as_joined(
+    lake: &Lake,
+    args: &VerifyArgs,
+    bars: &Bars,
+) -> Result<Vec<JoinedVerified>, Ended> {
+    let progress = bars.of("joined");
+    let found = joined(lake, &args.pipeline, &args.names, &progress).map_err(VerifyError::from)?;
+    if let Some(text) = words::joined(&found) {
+        messages::result(text, bars)?;
+    }
+    Ok(found)
 }
 
 /// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.

@@ -50,8 +50,8 @@ pub struct KeySection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unless: Option<String>,
     /// Whether ingest and join read its keys: they are settings of a session as joined.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub joins: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joins: Option<bool>,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,

@@ -39,7 +39,7 @@ use crate::report::{Angles, Split};
 pub use error::RunError;
 pub(super) use inputs::{input, work};
 use joined::Joiner;
-pub(super) use joined::ROBOT;
+pub(super) use joined::joined_work;
 pub(super) use session::session;
 
 /// The result of a finished piece of work.

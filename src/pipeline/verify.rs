@@ -10,6 +10,8 @@
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
 //!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
+//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]).
+//!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
 //! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
 //! list kept elsewhere ([`RowList`]). Every file under the lake is also counted ([`FilesOfLake`]).
@@ -18,6 +20,7 @@ mod altered;
 mod cited;
 mod claim;
 mod files;
+mod joined;
 mod list;
 mod recompute;
 mod register;
@@ -40,6 +43,7 @@ pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
+pub use joined::{Anew, JoinedVerified, joined};
 pub use list::{ListError, ListedRow, RowList, Unexpected};
 pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;

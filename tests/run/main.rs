@@ -13,6 +13,7 @@ mod forged;
 mod inspect_tables;
 mod interrupted;
 mod iso_9283;
+mod joined;
 mod joints;
 mod judged;
 mod kept;

@@ -6,6 +6,8 @@ use super::cell::{Cell, Ended, ended, undisturbed};
 
 /// Published files of one piece of work: thirteen tables, `runs` among them, and the page.
 const FILES: usize = 14;
+/// Published files of its session as joined, from which another piece starts too.
+const JOINED: usize = 2;
 
 #[test]
 fn a_run_gives_every_table_and_page_of_every_session() {
@@ -13,9 +15,14 @@ fn a_run_gives_every_table_and_page_of_every_session() {
     for session in ["mon", "tue"] {
         let folder = format!("/kr210-demo/{session}/");
         let tables = lake.keys().filter(|path| path.contains(&folder));
-        assert_eq!(tables.count(), FILES, "{session}: {:?}", lake.keys());
+        assert_eq!(
+            tables.count(),
+            FILES + JOINED,
+            "{session}: {:?}",
+            lake.keys()
+        );
     }
-    assert_eq!(lake.len(), 2 * FILES, "{:?}", lake.keys());
+    assert_eq!(lake.len(), 2 * (FILES + JOINED), "{:?}", lake.keys());
 }
 
 #[test]
@@ -37,12 +44,16 @@ fn the_same_work_is_not_done_again_and_that_is_stated() {
 fn other_settings_are_other_work() {
     let cell = Cell::new().with_simulated("few", &["--random", "12"]);
     cell.run(&[]).expect(3, &["not shown"]);
-    assert_eq!(cell.lake().len(), FILES);
+    assert_eq!(cell.lake().len(), FILES + JOINED);
     let cell = cell.with("mm = 0.5", "mm = 0.4");
     let again = cell.run(&[]);
     again.expect(3, &["tolerance 0.4 mm"]);
     assert!(!again.results.contains("done-before"), "{}", again.results);
-    assert_eq!(cell.lake().len(), 2 * FILES, "both runs stand side by side");
+    assert_eq!(
+        cell.lake().len(),
+        2 * FILES + JOINED,
+        "both runs stand side by side, of one session as joined"
+    );
 }
 
 #[test]

@@ -91,6 +91,22 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/run/lengths.rs: quantities of gauges",
     ),
     (
+        "readings.reads",
+        &["distance", "height"],
+        "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
+    ),
+    (
+        "readings.reason",
+        &[
+            "target_moved",
+            "wrong_target",
+            "instrument_moved",
+            "flipped_view",
+            "several_candidates",
+        ],
+        "as of stations.reason; wrong targets and flips are left out by an estimate, after the readings were published",
+    ),
+    (
         "sources.model",
         &["base_target", "geometric", "full"],
         "tests/run/lengths.rs: these cells have a tracker alone",
@@ -139,6 +155,9 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("references.", OF_TABLES),
     ("reference_motion.", OF_TABLES),
     ("stations.motion_cov_", OF_TABLES),
+    ("readings.motion_cov_", OF_TABLES),
+    ("readings.stated_cov_", NO_COVARIANCE),
+    ("readings.length_", NO_LENGTHS),
     (
         "rejects.line",
         "tests/run/tabled.rs: these cells have logs, and lines are of tables of stations",

@@ -6,8 +6,8 @@ use crate::cli::messages::Printable;
 use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
-    ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, Left, Output,
-    Recomputed, Role, Selected, Verdict, Verified,
+    Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, JoinedVerified,
+    Left, Output, Recomputed, Role, Selected, Verdict, Verified,
 };
 
 /// A run by robot, session and name.
@@ -48,6 +48,40 @@ const fn word(verdict: &Verdict) -> &'static str {
         Verdict::SameValues { .. } => "the same values in other bytes",
         Verdict::Same => "the same",
     }
+}
+
+/// The sessions as joined: a line for each that differs or could not be joined anew, then how many there are; `None` without any.
+pub(super) fn joined(verified: &[JoinedVerified]) -> Option<String> {
+    if verified.is_empty() {
+        return None;
+    }
+    let mut lines: Vec<String> = verified.iter().flat_map(joined_problems).collect();
+    let count = |is: fn(&JoinedVerified) -> bool| verified.iter().filter(|own| is(own)).count();
+    let same = count(|own| own.anew == Some(Anew::Same));
+    let changed = count(JoinedVerified::is_mismatch);
+    lines.push(format!(
+        "sessions as joined: {} in the lake, {} as written, {changed} changed; {same} joined anew and the same",
+        verified.len(),
+        verified.len() - changed
+    ));
+    Some(lines.join("\n"))
+}
+
+fn joined_problems(verified: &JoinedVerified) -> Vec<String> {
+    let subject = match &verified.key {
+        Some(key) => format!("{}/{} as joined {}", key.robot, key.session, key.run),
+        None => verified.place.display().to_string(),
+    };
+    let anew = match &verified.anew {
+        Some(Anew::Differs(tables)) => {
+            Some(format!("joined anew it differs in {}", tables.join(", ")))
+        }
+        Some(Anew::No(reason)) => Some(format!("not joined anew: {reason}")),
+        Some(Anew::Same) | None => None,
+    };
+    let told = verified.problems.iter().cloned().chain(anew);
+    told.map(|words| Printable(&format!("{subject}: {words}")).to_string())
+        .collect()
 }
 
 /// The number of runs with each verdict, and of runs that were not looked at.

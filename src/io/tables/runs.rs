@@ -200,6 +200,7 @@ mod tests {
             bound_mm: Some(0.2),
             counted: Some(Counted::once(100)),
             stations_covered_share: Some(1.0),
+            made_of: None,
             replaces: None,
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();

@@ -70,7 +70,7 @@ pub enum ConfigurationError {
     Manifest(#[from] ManifestError),
     /// The lake cannot be read.
     #[error(transparent)]
-    Lake(#[from] LakeError),
+    Lake(Box<LakeError>),
     /// The place of the tables, or of the sessions, cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -183,6 +183,12 @@ impl ConfigurationError {
     /// Whether the same file may work later: it has no fault.
     pub const fn is_worth_a_retry(&self) -> bool {
         matches!(self, Self::Store(error) if error.is_worth_a_retry())
+    }
+}
+
+impl From<LakeError> for ConfigurationError {
+    fn from(error: LakeError) -> Self {
+        Self::Lake(Box::new(error))
     }
 }
 

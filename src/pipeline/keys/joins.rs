@@ -39,7 +39,7 @@ fn in_section(section: &KeySection, value: &Value) -> Option<Value> {
             let read: Vec<Value> = read.collect();
             (!read.is_empty()).then_some(Value::Array(read))
         }
-        other => section.joins.then(|| other.clone()),
+        other => section.joins?.then(|| other.clone()),
     }
 }
 
@@ -48,8 +48,8 @@ fn of_key(own: &KeySection, key: &str, value: &Value) -> Option<Value> {
         return in_section(inner, value);
     }
     let of_key = own.keys.iter().find(|known| known.key == key);
-    let joins = of_key.and_then(|known| known.joins).unwrap_or(own.joins);
-    joins.then(|| value.clone())
+    let joins = of_key.and_then(|known| known.joins).or(own.joins);
+    joins?.then(|| value.clone())
 }
 
 /// Whether a value is a table, or a list of tables.

@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::RunError;
-use super::joined::ROBOT;
 use crate::io::input::{self, Bound};
 use crate::io::log::{SessionLogs, read_metadata};
 use crate::io::station_table;
-use crate::manifest::{self, Input, Work};
+use crate::manifest::{self, Input, ROBOT, Work};
 use crate::pipeline::configuration::{
     Configuration, Reads, Recorded, SessionFiles, SessionTable, WorkPiece,
 };

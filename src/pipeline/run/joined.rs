@@ -12,12 +12,9 @@ use crate::io::tables::PublishError;
 use crate::io::tables::joined_sessions::{self, NotRestored};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::Pairing;
-use crate::manifest::{Input, RunKey, Work};
+use crate::manifest::{Input, ROBOT, RunKey, Work};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, WorkPiece};
 use crate::progress::Progress;
-
-/// Name of the input with the nominal arm.
-pub(in crate::pipeline) const ROBOT: &str = "robot";
 
 /// The sessions of a piece of work as joined.
 pub(super) struct Sessions {
@@ -100,15 +97,12 @@ impl Joiner<'_> {
             let side = input.name.strip_prefix(&files.name);
             input.name == ROBOT || side.is_some_and(|side| side.starts_with('/'))
         };
-        Work {
-            robot: self.work.robot.clone(),
-            session: files.name.clone(),
-            pipeline: String::new(),
-            sessions: vec![files.name.clone()],
-            test_sessions: Vec::new(),
-            inputs: self.work.inputs.iter().filter(is_own).cloned().collect(),
-            settings: self.configuration.join_settings.clone(),
-        }
+        joined_work(
+            &self.work.robot,
+            &files.name,
+            self.work.inputs.iter().filter(is_own).cloned().collect(),
+            self.configuration.join_settings.clone(),
+        )
     }
 
     /// A session that the lake has as joined; `None` where it has to be read. Decoded samples are published from the logs alone.
@@ -142,6 +136,24 @@ impl Joiner<'_> {
         let row = joined_sessions::table(session, work, open.written())?;
         open.commit(&row)?;
         Ok(())
+    }
+}
+
+/// Ingest and join of one session as work of its own, of which the name of its result follows.
+pub(in crate::pipeline) fn joined_work(
+    robot: &str,
+    session: &str,
+    inputs: Vec<Input>,
+    settings: String,
+) -> Work {
+    Work {
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+        pipeline: String::new(),
+        sessions: vec![session.to_owned()],
+        test_sessions: Vec::new(),
+        inputs,
+        settings,
     }
 }
 

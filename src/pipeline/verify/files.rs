@@ -1,7 +1,7 @@
 //! All files under a lake: of a run, the lake's own, left over, or foreign.
 //!
 //! A query over the folder of a table reads every file there, so files that do not belong are named. A file belongs if the
-//! row of its run, at its own place in `runs`, names it. Files at a run's place that name that run, without a row of it,
+//! row of its run, at its own place in `runs`, names it, or the row of its session as joined. Files at a run's place that name that run, without a row of it,
 //! are reported by run: the row was deleted, or the run was never committed. A record of corrections belongs if it is
 //! unchanged. All other files are foreign.
 
@@ -19,7 +19,7 @@ use known::{Judged, Known, Scope, rows_now};
 /// The files under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FilesOfLake {
-    /// Number of files that rows of `runs` name, and of those rows.
+    /// Number of files that rows of `runs` and `joined_sessions` name, and of those rows.
     pub of_runs: usize,
     /// Number of files of runs whose rows cannot be read.
     pub of_unread: usize,

@@ -28,6 +28,7 @@ use crate::join::{
     Station,
 };
 use crate::kinematics::{Arm, RobotFile};
+use crate::manifest::RunKey;
 use crate::progress::Quiet;
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
@@ -89,6 +90,7 @@ pub(super) fn context() -> PublishContext<'static> {
             payload_kg: Some(120.0),
             ..Conditions::default()
         },
+        made_of: vec![RunKey::new("kr210", SESSION, "0123456789abcdef")],
         replaces: None,
     }
 }

@@ -10,8 +10,7 @@ use super::{JoinedBefore, LeftOut, Recorded, Why};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Row as _;
 use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
-use crate::manifest::{Input, RunKey, VERSION};
-use crate::pipeline::run::ROBOT;
+use crate::manifest::{Input, ROBOT, RunKey, VERSION};
 
 /// What a result of ingest and join has to be of.
 #[derive(Debug)]

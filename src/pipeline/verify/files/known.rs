@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::super::selection::Selected;
-use crate::io::lake::{Lake, LakeError, LakeFile, Stands};
+use crate::io::lake::{JOINED, Lake, LakeError, LakeFile, Stands};
+use crate::io::table::Row as _;
+use crate::io::tables::readings::ReadingRow;
 
 /// The files that the rows of the lake name.
 pub(super) struct Known {
@@ -46,6 +48,17 @@ impl Known {
                 known.keys.extend(lake.file_key(&file.table, &key).ok());
             }
         }
+        for (place, row) in lake.joined_sessions()? {
+            let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
+                continue;
+            };
+            if lake.place(JOINED, &key)? != place {
+                continue;
+            }
+            for table in [JOINED, ReadingRow::TABLE] {
+                known.keys.insert(lake.file_key(table, &key)?);
+            }
+        }
         for key in &selected.unread {
             known.unread.extend(of_row(key));
             known.unread_rows.insert(key.clone());
@@ -61,7 +74,9 @@ impl Known {
             Stands::Temporary => Judged::Temporary,
             Stands::Foreign => Judged::Foreign,
             Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
-            Stands::OfRun { table, .. } if table == "runs" => Judged::Foreign,
+            Stands::OfRun { table, .. } if ["runs", JOINED].contains(&table.as_str()) => {
+                Judged::Foreign
+            }
             Stands::OfRun { robot, run, .. } => {
                 let name = (robot.clone(), run.clone());
                 if self.unread.contains(&name) {
@@ -86,9 +101,9 @@ fn of_row(key: &str) -> Option<(String, String)> {
     Some((robot.to_owned(), run.to_owned()))
 }
 
-/// Robots and runs that have rows now.
+/// Robots and runs, or sessions as joined, that have rows now.
 pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
-    let files = lake.files("runs")?;
+    let files = [lake.files("runs")?, lake.files(JOINED)?].concat();
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 

@@ -1,0 +1,107 @@
+//! Sessions as joined: published by themselves, and what later runs start from.
+
+use std::fs;
+
+use super::cell::{Cell, ended, posegrid, published, undisturbed};
+use super::same_work::assert_same;
+
+/// Asserts that ingest and join first, and the rest without any of the sessions' files, give the same bytes as all at once; `code` is the
+/// exit code of both.
+pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
+    let at_once = cell.path("at-once").to_string_lossy().into_owned();
+    let stepwise = cell.path("stepwise").to_string_lossy().into_owned();
+    cell.run(&["--lake", &at_once]).expect(code, &[]);
+    let first = cell.run(&["--lake", &stepwise, "--until", "session"]);
+    first.expect(0, &[" sessions joined: "]);
+    fs::rename(cell.path("sessions"), cell.path("archived")).expect("writable");
+    let then = cell.run(&["--lake", &stepwise, "--from", "estimate"]);
+    fs::rename(cell.path("archived"), cell.path("sessions")).expect("writable");
+    then.expect(code, &[]);
+    let (once, steps) = (published(at_once.as_ref()), published(stepwise.as_ref()));
+    assert!(once.keys().any(|path| path.starts_with("runs/")));
+    assert_same(&steps, &once);
+}
+
+#[test]
+fn a_run_from_sessions_as_joined_has_the_bytes_of_one_from_logs() {
+    let cell = Cell::new().with_quickstart("mon");
+    let joined = cell.run(&["--until", "session"]);
+    joined.expect(
+        0,
+        &[
+            "joined       mon: ",
+            "1 of 1 sessions joined: 1 now, 0 before",
+        ],
+    );
+    let files: Vec<String> = cell.lake().into_keys().collect();
+    assert_eq!(files.len(), 2, "{files:?}");
+    cell.run(&["--until", "session"])
+        .expect(0, &["done-before  mon: ", "0 now, 1 before"]);
+    // Without any log.
+    fs::remove_dir_all(cell.path("sessions")).expect("writable");
+    cell.run(&["--from", "estimate"])
+        .expect(0, &["1 of 1 within 0.5 mm"]);
+    let mut expected = undisturbed().lake();
+    expected.retain(|path, _| path.contains("/mon/"));
+    assert_same(&cell.lake(), &expected);
+    // What comes after the join may change; what comes before may not.
+    let cell = cell.with("mm = 0.5", "mm = 0.4");
+    cell.run(&["--from", "estimate"])
+        .expect(0, &["1 of 1 within 0.4 mm"]);
+    let cell = cell.with("[tolerance]", "[join]\nmin_readings = 4\n\n[tolerance]");
+    cell.run(&["--from", "estimate"]).expect(
+        2,
+        &[
+            "mon",
+            "of other settings of ingest and join",
+            "run it from its files",
+        ],
+    );
+}
+
+#[test]
+fn the_whole_is_not_left_to_what_is_there_as_joined() {
+    let cell = Cell::new().with_quickstart("mon");
+    cell.run(&["--from", "estimate"])
+        .expect(2, &["no session to learn from", "joined_sessions"]);
+    cell.run(&["--until", "session"]).expect(0, &[]);
+    cell.run(&["tue", "--from", "estimate"])
+        .expect(2, &["tue", "the lake does not have it as joined"]);
+    let cell = cell.with("lake = \"lake\"", "lake = \"lake\"\nlogs = true");
+    cell.run(&["--from", "estimate"])
+        .expect(2, &["[output] logs", "reads none"]);
+}
+
+#[test]
+fn readings_that_were_changed_are_read_from_the_logs_again_or_refused() {
+    let cell = Cell::new().with_quickstart("mon");
+    cell.run(&["--until", "session"]).expect(0, &[]);
+    let readings = cell.table_file("readings", "mon");
+    let mut bytes = fs::read(&readings).expect("written");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&readings, &bytes).expect("writable");
+    let lake = cell.path("lake").to_string_lossy().into_owned();
+    ended(posegrid().args(["verify", &lake])).expect(3, &["mon as joined", "1 changed"]);
+    cell.run(&["--from", "estimate"]).expect(
+        1,
+        &["mon", "its result of ingest and join", "cannot be used"],
+    );
+    cell.run(&[])
+        .expect(0, &["1 of 1 within 0.5 mm", "its files are read again"]);
+}
+
+#[test]
+fn sessions_as_joined_are_verified_by_themselves() {
+    let cell = undisturbed();
+    let lake = cell.path("lake").to_string_lossy().into_owned();
+    ended(posegrid().args(["verify", &lake, "mon"])).expect(
+        1,
+        &["sessions as joined: 1 in the lake, 1 as written, 0 changed; 0 joined anew and the same"],
+    );
+    let pipeline = cell.pipeline().to_string_lossy().into_owned();
+    ended(posegrid().args(["verify", &lake, "mon", "--pipeline", &pipeline])).expect(
+        0,
+        &["sessions as joined: 1 in the lake, 1 as written, 0 changed; 1 joined anew and the same"],
+    );
+}
