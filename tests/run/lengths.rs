@@ -3,6 +3,7 @@
 use std::fs;
 
 use super::cell::{Cell, Ended, ended, posegrid};
+use super::joined::assert_two_steps_as_one;
 use super::tabled;
 
 /// Anchors with their offsets and standard deviations, and a plane, mm.
@@ -149,6 +150,7 @@ fn a_tracker_and_three_instruments_of_lengths_train_together() {
             ("L3", "height")
         ]
     );
+    assert_two_steps_as_one(&cell, run.code);
     let shares: f64 = sources
         .iter()
         .filter(|own| own.model == "geometric")

@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 
 use super::{HEADER, STATIONS, cell, means, rows};
 use crate::cell::Cell;
+use crate::joined::assert_two_steps_as_one;
 
 const REFERENCES: &str = r#"
 [[stations.references]]
@@ -191,6 +192,7 @@ fn two_references_keep_the_larger_part() {
             .iter()
             .all(|&row| reason.value(row) == "instrument_moved")
     );
+    assert_two_steps_as_one(&cell, 0);
 }
 
 #[test]
