@@ -5,7 +5,7 @@
 //! 1. geometry, frames, anchors and planes are fitted with Cauchy's loss, so that wrong numbers do not pull them;
 //! 2. the residuals of each instrument in each session have a scale by their median, as Student's t with four degrees of freedom: errors
 //!    of an arm have such tails ([`crate::method::error_model`]);
-//! 3. a reading is wrong where its residual is so rare that a session without wrong numbers has one with the chance [`CHANCE`];
+//! 3. a reading is wrong where its residual is so rare that a session without wrong numbers has one once in a hundred;
 //! 4. everything again without them, until no further one is found.
 //!
 //! The smallest wrong number that is found depends on what the geometry leaves: with a hundred readings it is about eighteen medians

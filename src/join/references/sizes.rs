@@ -12,7 +12,7 @@ use crate::join::dwell::median;
 
 /// Looks between the two whose difference shows the walk.
 const FAR: usize = 20;
-/// In sessions of more looks than [`sample::ALL`] also this share of them, as a walk that is slow shows only so far apart.
+/// In sessions of more looks than a sample has also this share of them, as a walk that is slow shows only so far apart.
 const FARTHER: usize = 50;
 /// Least ratio of a variance to the noise's: below it, nothing can be seen of it.
 const LEAST: f64 = 1e-6;
