@@ -49,6 +49,7 @@ pub mod sources;
 pub mod start;
 mod tool_errors;
 pub mod visits;
+pub mod wrong_lengths;
 
 use std::collections::{BTreeMap, BTreeSet};
 

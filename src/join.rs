@@ -171,7 +171,7 @@ pub enum Unmeasured {
     TargetMoved,
     /// The dwell lies outside the tracker's log.
     OutsideTrackerLog,
-    /// Its readings are far from every place that the arm can have had: a wrong reflector or a lost beam.
+    /// Its readings are far from every place that the arm can have had: a wrong reflector, a lost beam or a wrong number.
     WrongTarget,
     /// The instrument or the base moved, and where it stood is not known.
     InstrumentMoved,

@@ -642,3 +642,94 @@ fn too_few_lengths_are_refused() {
         "{said}"
     );
 }
+
+/// A session of one of the [`kinds`] of an arm with drawn errors, with wrong numbers: the source, the station and what is added, mm.
+fn with_wrong(kind: usize, seed: u64, wrong: &[(usize, usize, f64)]) -> (Arm, Vec<Observation>) {
+    let (arm, mut normals) = (arm(), Normals(seed));
+    let (sees, sizes) = kinds()[kind].clone();
+    let errors = drawn_errors(&arm, &mut normals);
+    let wanted = truth(&sees);
+    let mut observed = seen(&arm, &wanted, &errors, STATIONS, &sizes, &mut normals);
+    for own in &mut observed {
+        let mut added = wrong.iter();
+        let added = added.find(|(source, at, _)| (own.source.0, own.station) == (*source, *at));
+        if let (Some((_, _, mm)), Measured::Distance(length) | Measured::Height(length)) =
+            (added, &mut own.measured)
+        {
+            length.mm += mm;
+        }
+    }
+    (arm, observed)
+}
+
+/// The source and the station of each reading that the gate takes for a wrong number.
+fn taken(arm: &Arm, observed: &[Observation]) -> Vec<(usize, usize)> {
+    let wrong = wrong_lengths::check(arm, observed, 1, &drawn_settings());
+    let wrong = wrong.iter().map(|own| &observed[own.place]);
+    wrong.map(|own| (own.source.0, own.station)).collect()
+}
+
+#[test]
+fn wrong_numbers_of_millimetres_and_of_metres_are_found() {
+    let wrong = [
+        (1, 4, 3.0),
+        (1, 30, 2000.0),
+        (2, 31, -1000.0),
+        (2, 60, -2.0),
+        (1, 61, 40.0),
+        (1, 88, -0.9e3),
+    ];
+    let mut wanted: Vec<_> = wrong.iter().map(|(source, at, _)| (*source, *at)).collect();
+    wanted.sort_by_key(|(source, at)| (*at, *source));
+    for kind in 0..2 {
+        for seed in 0..3 {
+            let (arm, observed) = with_wrong(kind, 400 + seed, &wrong);
+            let found = taken(&arm, &observed);
+            assert_eq!(found, wanted, "kind {kind}, seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn readings_behind_a_slip_of_the_wire_are_found() {
+    let slipped: Vec<(usize, usize, f64)> = (75..STATIONS).map(|at| (1, at, 6.0)).collect();
+    let wanted: Vec<(usize, usize)> = slipped
+        .iter()
+        .map(|(source, at, _)| (*source, *at))
+        .collect();
+    let (arm, observed) = with_wrong(0, 9, &slipped);
+    assert_eq!(taken(&arm, &observed), wanted);
+}
+
+#[test]
+fn sound_readings_are_hardly_ever_taken_for_wrong_numbers() {
+    let sessions = (0..24).flat_map(|seed| (0..3).map(move |kind| (kind, seed)));
+    let wrong = sessions.map(|(kind, seed)| {
+        let (arm, observed) = with_wrong(kind, 700 + seed, &[]);
+        taken(&arm, &observed).len()
+    });
+    let wrong: usize = wrong.sum();
+    assert!(wrong <= 1, "{wrong} readings in 72 sessions");
+}
+
+#[test]
+fn the_start_is_not_moved_by_wrong_numbers() {
+    let arm = arm();
+    for sees in [anchor(1), plane([0.3, -0.5, 0.8], 250.0)] {
+        let wanted = truth(&[sees]);
+        let mut observed = exact(&arm, &wanted, &nominal(&arm));
+        for (place, own) in observed.iter_mut().enumerate() {
+            if let Measured::Distance(length) | Measured::Height(length) = &mut own.measured
+                && place % 9 == 0
+            {
+                length.mm += if place % 2 == 0 { 3000.0 } else { -700.0 };
+            }
+        }
+        let settings = FitSettings {
+            loss: Loss::Cauchy { tuning: 2.0 },
+            ..FitSettings::default()
+        };
+        let found = identify(&arm, &observed, 1, Freedom::BaseAndTarget, &settings).expect("a fit");
+        assert_same_gauges(&found.frames[0], &wanted, 1e-3);
+    }
+}

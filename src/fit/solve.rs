@@ -4,9 +4,11 @@
 //! against the instrument's noise, so that a model that cannot fit does not override the prior. `s²` and the robust
 //! weights are recomputed between rounds of Levenberg–Marquardt.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
-use super::loss::Loss;
+use super::loss::{Loss, Numbers};
 use super::problem::{Normal, Problem};
 
 /// The state in which the solver ended.
@@ -67,7 +69,7 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
         convergence = descent.convergence;
         point = descent.point;
         norms = problem.norms(&point.offsets);
-        let renewed = loss.weights(&norms);
+        let renewed = robust_weights(problem, loss, &norms);
         factor = variance_factor(problem, &norms, &renewed, rank);
         if renewed != weights {
             weights = renewed;
@@ -201,14 +203,33 @@ fn damped_step(
     solved.component_mul(scales)
 }
 
+/// The robust weight of each observation, the readings of each source by a scale of their own: stated uncertainties of different
+/// instruments are rarely of one scale.
+fn robust_weights(problem: &Problem<'_>, loss: Loss, norms: &[f64]) -> Vec<f64> {
+    let mut sources: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (place, own) in problem.observations().iter().enumerate() {
+        let key = (own.source, Numbers::of(own.measured.kind()));
+        sources.entry(key).or_default().push(place);
+    }
+    let mut weights = vec![1.0; norms.len()];
+    for ((_, numbers), places) in sources {
+        let own: Vec<f64> = places.iter().map(|&place| norms[place]).collect();
+        for (place, weight) in places.into_iter().zip(loss.weights(&own, numbers)) {
+            weights[place] = weight;
+        }
+    }
+    weights
+}
+
 fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: usize) -> f64 {
     let misfit: f64 = norms
         .iter()
         .zip(weights)
         .map(|(norm, weight)| weight * norm * norm)
         .sum();
-    let mean_weight = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
-    factor_of(misfit, mean_weight * problem.row_count() as f64, rank)
+    let observations = problem.observations().iter().zip(weights);
+    let rows = observations.map(|(own, weight)| weight * own.measured.kind().rows() as f64);
+    factor_of(misfit, rows.sum(), rank)
 }
 
 /// `misfit / (rows − rank)`.

@@ -23,11 +23,15 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// The geometry gate is at least this many median distances, for arms worse than it assumes.
 const GATE_REACH: f64 = 10.0;
+/// Readings that place a target, at most: of more, some spread over all of them.
+const PLACED_BY: usize = 5000;
 
 /// The placement of a target by its own readings, and the distance from it beyond which a reading is another reflector's, mm; `None`
 /// where too few readings place it.
 pub fn placed(readings: &[ReadingAtFlange], settings: &JoinSettings) -> Option<(Placement, f64)> {
-    let placement = Placement::fit_far(readings).filter(|_| readings.len() >= MIN_PAIRS)?;
+    let stride = readings.len().div_ceil(PLACED_BY).max(1);
+    let spread: Vec<ReadingAtFlange> = readings.iter().step_by(stride).copied().collect();
+    let placement = Placement::fit_far(&spread).filter(|_| readings.len() >= MIN_PAIRS)?;
     Some((placement, gate_mm(placement.median_mm(readings), settings)))
 }
 

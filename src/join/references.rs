@@ -11,6 +11,7 @@
 //! do not, nothing ties the parts together ([`Followed::is_bridged`]).
 
 mod events;
+mod sample;
 mod shape;
 mod sizes;
 mod walk;
@@ -22,7 +23,8 @@ use nalgebra::{
 };
 use serde::{Deserialize, Serialize};
 
-use shape::{Shape, State};
+use events::Events;
+use shape::{Shape, State, Turned};
 use walk::{Course, Moves, Ratios};
 
 /// A reference's index among those of its session, from 0.
@@ -207,13 +209,16 @@ struct Work<'a> {
     looks: &'a [Look],
     shape: Shape,
     /// Events so far.
-    events: Vec<Found>,
+    events: Events,
     /// The state at each look, which rotations are linear around.
     states: Vec<State>,
+    /// Room for what the readings of each look say, and for the filter's steps.
+    told: Vec<walk::Look>,
+    steps: Vec<walk::Step>,
 }
 
 /// An event that has been found.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Found {
     /// The walk jumps before the look.
     Jump(usize),
@@ -227,14 +232,18 @@ enum Found {
 
 /// Rounds in which places, motion and the point of linearisation are found in turn.
 const ROUNDS: usize = 4;
+/// States that change by less than this have settled, mm.
+const SETTLED_MM: f64 = 1e-8;
 
 impl<'a> Work<'a> {
     fn new(looks: &'a [Look]) -> Self {
         Self {
             shape: Shape::still(looks),
             looks,
-            events: Vec::new(),
+            events: Events::default(),
             states: vec![(Vector3::zeros(), Vector3::zeros()); looks.len()],
+            told: Vec::new(),
+            steps: Vec::new(),
         }
     }
 
@@ -244,20 +253,22 @@ impl<'a> Work<'a> {
         i: usize,
         look: &'a Look,
     ) -> impl Iterator<Item = (ReferenceId, Matrix3x6<f64>, Vector3<f64>)> {
+        let about = Turned::of(&self.states[i]);
         shape::used(i, look, &self.events).filter_map(move |(reference, at)| {
-            let place = self
-                .shape
-                .places
-                .get(&shape::place_of(reference, i, &self.events))?;
-            let (row, y) = self.shape.row(place, at, &self.states[i]);
+            let place = self.events.place_of(reference, i);
+            let place = self.shape.places.get(&place)?;
+            let (row, y) = self.shape.row(place, at, &about);
             Some((reference, row, y))
         })
     }
 
-    /// What the readings of each look say of the state there.
-    fn told(&self) -> Vec<walk::Look> {
+    /// Finds what the readings of each look say of the state there.
+    fn tell(&mut self) {
+        let mut told = std::mem::take(&mut self.told);
+        told.clear();
         let looks = self.looks.iter().enumerate();
-        looks.map(|(i, look)| self.told_by(i, look)).collect()
+        told.extend(looks.map(|(i, look)| self.told_by(i, look)));
+        self.told = told;
     }
 
     fn told_by(&self, i: usize, look: &'a Look) -> walk::Look {
@@ -267,8 +278,9 @@ impl<'a> Work<'a> {
             score: Vector6::zeros(),
             squares: 0.0,
             rows: 0,
-            jumps: self.events.contains(&Found::Jump(i)),
-            shaken: self.events.contains(&Found::Shock(i)),
+            looks: 1.0,
+            jumps: self.events.contains(Found::Jump(i)),
+            shaken: self.events.contains(Found::Shock(i)),
         };
         for (_, row, y) in self.rows(i, look) {
             told.information += row.transpose() * row;
@@ -282,24 +294,37 @@ impl<'a> Work<'a> {
     /// Finds states and places in turn, until both agree.
     fn settle(&mut self, ratios: Ratios) -> Course {
         let moves = self.shape.moves;
-        let mut course = walk::course(&self.told(), ratios, moves);
         for _ in 0..ROUNDS {
-            let radius = self.shape.radius_mm;
-            let states = course.states.iter().map(|(state, _)| {
-                let (shift, turn) = (state.fixed_rows::<3>(0), state.fixed_rows::<3>(3));
-                (shift.into_owned(), turn / radius)
-            });
-            self.states = states.collect();
+            self.tell();
+            let found = walk::states(&self.told, ratios, moves, &mut self.steps);
+            let is_settled = self.take_states(&found);
             self.shape = self.shape.settled(self.looks, &self.events, &self.states);
-            course = walk::course(&self.told(), ratios, moves);
+            if is_settled {
+                break;
+            }
         }
-        course
+        self.tell();
+        walk::course(&self.told, ratios, moves, &mut self.steps)
+    }
+
+    /// Takes states with rotations in mm as those to be linear around; whether none of them changed.
+    fn take_states(&mut self, found: &[Vector6<f64>]) -> bool {
+        let radius = self.shape.radius_mm;
+        let mut change_mm: f64 = 0.0;
+        for (own, found) in self.states.iter_mut().zip(found) {
+            let (shift, turn) = (found.fixed_rows::<3>(0), found.fixed_rows::<3>(3) / radius);
+            change_mm = change_mm.max((own.0 - shift).amax());
+            change_mm = change_mm.max((own.1 - turn).amax() * radius);
+            *own = (shift.into_owned(), turn);
+        }
+        change_mm < SETTLED_MM
     }
 
     /// The sizes of greatest likelihood with the events found.
-    fn likely(&self, start: Ratios) -> Ratios {
+    fn likely(&mut self, start: Ratios) -> Ratios {
         let several = self.shape.places.len() > 1;
-        sizes::likely(&self.told(), start, self.shape.moves, several)
+        self.tell();
+        sizes::likely(&self.told, start, self.shape.moves, several)
     }
 
     /// The result, in the frame of the first look.
@@ -315,7 +340,7 @@ impl<'a> Work<'a> {
         let mut part = 0;
         let motions = self.states.iter().zip(&course.states).enumerate();
         let motions = motions.map(|(i, (state, (_, covariance)))| {
-            part += usize::from(self.events.contains(&Found::Jump(i)));
+            part += usize::from(self.events.contains(Found::Jump(i)));
             Motion {
                 moved: pose(state) * first.inverse(),
                 middle,
@@ -328,6 +353,7 @@ impl<'a> Work<'a> {
         let radius = self.shape.radius_mm;
         let mut events: Vec<Event> = self
             .events
+            .all
             .iter()
             .map(|event| self.event(event, &motions))
             .collect();
@@ -363,7 +389,7 @@ impl<'a> Work<'a> {
         let mut used: BTreeMap<(ReferenceId, usize), (usize, f64)> = BTreeMap::new();
         for (i, look) in self.looks.iter().enumerate() {
             for (reference, at) in shape::used(i, look, &self.events) {
-                let key = shape::place_of(reference, i, &self.events);
+                let key = self.events.place_of(reference, i);
                 let undone = self.shape.undone(at, &self.states[i]);
                 let away = self
                     .shape
@@ -429,10 +455,8 @@ impl<'a> Work<'a> {
     fn away_mm(&self, look: usize, reference: ReferenceId) -> f64 {
         let mut seen = self.looks[look].seen.iter();
         let at = seen.find(|(own, _)| *own == reference).map(|(_, at)| at);
-        let place = self
-            .shape
-            .places
-            .get(&shape::place_of(reference, look, &self.events));
+        let place = self.events.place_of(reference, look);
+        let place = self.shape.places.get(&place);
         let (Some(at), Some(place)) = (at, place) else {
             return 0.0;
         };
@@ -444,7 +468,7 @@ impl<'a> Work<'a> {
         let places = &self.shape.places;
         let before = look
             .checked_sub(1)
-            .map(|before| shape::place_of(reference, before, &self.events));
+            .map(|before| self.events.place_of(reference, before));
         let before = before.and_then(|key| places.get(&key));
         let after = places.get(&(reference, look));
         before

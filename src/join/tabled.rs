@@ -10,7 +10,7 @@
 
 mod carried;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -227,12 +227,16 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     }
 }
 
-/// Takes the readings of rows whose motion is not known out of them, as rejects.
+/// Takes the readings of places in rows whose motion is not known out of them, as rejects. Lengths stay: they are read in the base's
+/// frame, from what does not move in it.
 fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>, file: &str) -> Vec<RowReject> {
     let mut rejects = Vec::new();
     for (place, reason) in left_out {
         let readings = rows[*place].readings.drain(..);
-        rejects.extend(readings.map(|reading| RowReject {
+        let (lengths, places): (Vec<RowReading>, Vec<RowReading>) =
+            readings.partition(|reading| reading.value.kind().is_length());
+        rows[*place].readings = lengths;
+        rejects.extend(places.into_iter().map(|reading| RowReject {
             kind: RowItem::Reading,
             file: file.to_owned(),
             line: reading.line,
@@ -255,7 +259,7 @@ fn in_order(mut rows: Vec<Row>) -> (Vec<Row>, bool) {
 
 /// The rows without those that repeat an earlier one to the last digit; for each of them its reject and number of readings.
 fn without_copies(rows: Vec<Row>, file: &str) -> (Vec<Row>, Vec<(RowReject, usize)>) {
-    let mut first: BTreeMap<Vec<u64>, u64> = BTreeMap::new();
+    let mut first: HashMap<Vec<u64>, u64> = HashMap::with_capacity(rows.len());
     let (mut kept, mut copies) = (Vec::with_capacity(rows.len()), Vec::new());
     for row in rows {
         let line = *first.entry(digits(&row)).or_insert(row.line);

@@ -165,6 +165,7 @@ pub fn run<'a>(
     test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
     cameras::leave_out_flips(arm, &mut training, &mut test, settings);
+    lengths::leave_out_wrong(arm, &mut training, settings);
     let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let train = training_settings(settings);

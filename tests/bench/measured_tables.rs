@@ -1,13 +1,19 @@
 //! How long a table of measured values takes to read: `cargo bench --bench measured_tables`. 100,000 rows of 25 columns, with point
 //! and comma, once as cells (asked: 0.25 s on one core) and once by the `csv` crate into records of strings, which is the ratio's
-//! floor. Medians of nine rounds, seconds of processor. Without `--bench` (as `cargo test` calls it) a small table shows that it works.
+//! floor. Then 100,000 rows of six joints and one point, and of three points side by side, from the file to stations (asked: 0.5 s).
+//! Medians of nine rounds, seconds of processor. Without `--bench` (as `cargo test` calls it) a small table shows that it works.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use posegrid::ingest::StationsSettings;
 use posegrid::io::input::Bound;
 use posegrid::io::measured_table::{Form, read};
+use posegrid::io::station_table;
+use posegrid::join::JoinSettings;
+use posegrid::join::tabled::tabled;
+use posegrid::kinematics::{Arm, RobotFile};
 
 const COLUMNS: usize = 25;
 
@@ -33,6 +39,88 @@ fn main() {
             cells / records.max(1e-9)
         );
     }
+    to_stations(folder.path(), rows, rounds);
+}
+
+/// Places of the reflectors at the flange, mm.
+const REFLECTORS: [[f64; 3]; 3] = [
+    [60.0, 20.0, 90.0],
+    [-40.0, 70.0, 80.0],
+    [-20.0, -60.0, 120.0],
+];
+
+/// Measures tables of so many stations, from the file to stations.
+fn to_stations(folder: &Path, rows: usize, rounds: usize) {
+    println!("{rows} rows to stations              read, s    join, s   whole, s");
+    let arm = arm();
+    for reflectors in [1, 3] {
+        let path = folder.join(format!("stations-{reflectors}.csv"));
+        fs::write(&path, stations(&arm, rows, reflectors)).expect("room for a table");
+        let settings = section(reflectors);
+        let (mut reading, mut joining) = (Vec::new(), Vec::new());
+        for _ in 0..rounds {
+            let before = cpu_seconds();
+            let table = station_table::read(&path, &settings, None, &[], Bound::TABLE);
+            let table = table.expect("a table of stations");
+            let between = cpu_seconds();
+            let joined = tabled(table.rows, &arm, &JoinSettings::default());
+            joining.push(cpu_seconds() - between);
+            reading.push(between - before);
+            assert_eq!(joined.counts.kept, (rows * reflectors) as u64);
+        }
+        let (reading, joining) = (median(reading), median(joining));
+        let whole = reading + joining;
+        println!("{reflectors} reflectors {reading:>28.3} {joining:>10.3} {whole:>10.3}");
+    }
+}
+
+fn arm() -> Arm {
+    let text = fs::read_to_string("pipelines/robots/ur10.toml").expect("a robot file");
+    let file: RobotFile = toml::from_str(&text).expect("a robot file");
+    file.arm().expect("an arm")
+}
+
+/// `[stations]` of a table with so many reflectors.
+fn section(reflectors: usize) -> StationsSettings {
+    let joints: Vec<String> = (1..=6).map(|joint| format!("\"q{joint}\"")).collect();
+    let mut text = format!(
+        "station = \"station\"\njoints = [{}]\njoint_unit = \"deg\"\n",
+        joints.join(", ")
+    );
+    for own in 0..reflectors {
+        let _ = writeln!(
+            text,
+            "[[measured]]\nname = \"T{own}\"\nposition = [\"x{own}\", \"y{own}\", \"z{own}\"]\nunit = \"mm\""
+        );
+    }
+    toml::from_str(&text).expect("a section")
+}
+
+/// A table of the nominal arm's stations: names, joints in degrees and positions in mm, in the frame of the base.
+fn stations(arm: &Arm, rows: usize, reflectors: usize) -> String {
+    let mut text = "station,q1,q2,q3,q4,q5,q6".to_owned();
+    for own in 0..reflectors {
+        let _ = write!(text, ",x{own},y{own},z{own}");
+    }
+    for row in 0..rows {
+        let turn = |joint: usize| {
+            ((row + 1) as f64 * [2.0, 3.0, 5.0, 7.0, 11.0, 13.0_f64][joint].sqrt()).fract()
+        };
+        let joints: Vec<f64> = (0..6)
+            .map(|joint| 2.4 * (turn(joint) - 0.5) - 0.4)
+            .collect();
+        let flange = *arm.flange(&joints).isometry();
+        let _ = write!(text, "\nS{row}");
+        for angle in &joints {
+            let _ = write!(text, ",{:.9}", angle.to_degrees());
+        }
+        for place in &REFLECTORS[..reflectors] {
+            let at = flange * nalgebra::Point3::from(*place);
+            let _ = write!(text, ",{:.6},{:.6},{:.6}", at.x, at.y, at.z);
+        }
+    }
+    text.push('\n');
+    text
 }
 
 /// A table of numbers with 15 digits that look random.

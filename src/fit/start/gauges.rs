@@ -3,12 +3,18 @@
 //! 1. Candidates in closed form from the flange's origins `f`: for distances `d` the equation `|f − a|² = (d − o)²` is linear in the
 //!    anchor `a`, the offset `o` and `o² − |a|²`; for heights `h` the equation `n·f − c = h` is linear in the plane, or its normal is the
 //!    direction in which the flanges spread least. A stated place is a candidate, too.
-//! 2. From each of them anchor or plane and the target's place on the flange by damped least squares; the best is taken.
+//! 2. From each of them anchor or plane and the target's place on the flange by damped least squares with Cauchy's weights, so that
+//!    wrong numbers do not pull them; the best is taken.
+
+use std::rc::Rc;
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Unit, Vector3};
 
+use crate::figures::median;
 use crate::fit::gauge::{Anchor, Gauge, Plane};
+use crate::fit::loss::{Loss, Numbers};
 use crate::fit::problem::{KnownGauge, KnownTarget};
+use crate::join::clock::SIGMA_PER_MAD;
 use crate::kinematics::{Axis, GaugePart};
 use crate::units::MM_PER_M;
 
@@ -20,6 +26,12 @@ const TARGET_MM: f64 = 300.0;
 const NOTHING: f64 = 1e-6;
 /// A later candidate has to be better by this share: normals of both signs explain readings that are all the same.
 const BETTER: f64 = 1e-6;
+/// Rounds in which readings that fit badly lose their weight.
+const ROUNDS: usize = 8;
+/// Cauchy's tuning constant, in standard deviations.
+const TUNING: f64 = 2.0;
+/// Standard deviation below which the readings of a nominal arm do not scatter, mm.
+const LEAST_SD_MM: f64 = 1e-3;
 
 /// A reading of one length at a flange.
 #[derive(Debug, Clone, Copy)]
@@ -130,9 +142,14 @@ fn best(
     seen: &[SeenAt],
     known: &Known,
 ) -> Option<(Gauge, Vector3<f64>)> {
-    let solved = candidates.map(|candidate| Solving::new(candidate, seen, known).solved());
-    let found = solved.reduce(|best, other| {
-        if other.cost < best.cost * (1.0 - BETTER) {
+    let solved: Vec<Solving<'_>> = candidates
+        .map(|candidate| Solving::new(candidate, seen, known).robust())
+        .collect();
+    let scales = solved.iter().map(Solving::sd_mm);
+    let sd_mm = scales.fold(f64::INFINITY, f64::min);
+    let costs = solved.iter().map(|own| (own.robust_cost(sd_mm), own));
+    let (_, found) = costs.reduce(|best, other| {
+        if other.0 < best.0 * (1.0 - BETTER) {
             other
         } else {
             best
@@ -142,11 +159,14 @@ fn best(
 }
 
 /// Damped least squares of an instrument and a target's place.
+#[derive(Clone)]
 struct Solving<'s> {
     gauge: Gauge,
     target: Vector3<f64>,
     cost: f64,
     seen: &'s [SeenAt],
+    /// Weight of each reading.
+    weights: Rc<[f64]>,
     known: &'s Known,
 }
 
@@ -158,10 +178,47 @@ impl<'s> Solving<'s> {
             target,
             cost: f64::INFINITY,
             seen,
+            weights: vec![1.0; seen.len()].into(),
             known,
         };
         own.cost = own.normal().2;
         own
+    }
+
+    /// The solution with Cauchy's weights, whose scale is from the median of what is left.
+    fn robust(self) -> Self {
+        let mut own = self.solved();
+        for _ in 0..ROUNDS {
+            let loss = Loss::Cauchy { tuning: TUNING };
+            let left: Vec<f64> = own.left_mm().map(f64::abs).collect();
+            own.weights = loss.weights(&left, Numbers::One).into();
+            own.cost = own.normal().2;
+            own = own.solved();
+        }
+        own
+    }
+
+    /// Measured minus predicted lengths, mm.
+    fn left_mm(&self) -> impl Iterator<Item = f64> {
+        self.seen.iter().map(|own| {
+            let place = own.flange * Point3::from(self.target);
+            own.mm - self.gauge.reading_mm(&place)
+        })
+    }
+
+    /// Standard deviation of what is left, by its median, mm.
+    fn sd_mm(&self) -> f64 {
+        let left: Vec<f64> = self.left_mm().map(f64::abs).collect();
+        (median(&left).unwrap_or(0.0) * SIGMA_PER_MAD).max(LEAST_SD_MM)
+    }
+
+    /// Cauchy's cost of all readings at this scale, and that of the stated values, mm².
+    fn robust_cost(&self, sd_mm: f64) -> f64 {
+        let unit = TUNING * sd_mm;
+        let readings = self.left_mm().map(|left| (left / unit).powi(2).ln_1p());
+        let stated = self.stated().into_iter();
+        let stated = stated.map(|(_, away, sd)| (away / sd).powi(2));
+        unit * unit * readings.sum::<f64>() + stated.sum::<f64>()
     }
 
     fn solved(mut self) -> Self {
@@ -202,7 +259,7 @@ impl<'s> Solving<'s> {
         let mut other = Self {
             gauge: self.gauge.moved(of).as_start(),
             target: self.target + Vector3::new(step[0], step[1], step[2]),
-            ..*self
+            ..self.clone()
         };
         other.cost = other.normal().2;
         other
@@ -215,7 +272,7 @@ impl<'s> Solving<'s> {
         let (mut information, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
         let mut cost = 0.0;
         let mut row = DVector::zeros(size);
-        for own in self.seen {
+        for (own, weight) in self.seen.iter().zip(self.weights.iter()) {
             let place = own.flange * Point3::from(self.target);
             let along = own.flange.rotation.inverse() * self.gauge.direction(&place);
             row.rows_mut(0, 3).copy_from(&along);
@@ -223,9 +280,9 @@ impl<'s> Solving<'s> {
                 row[3 + column] = self.gauge.by_part(*part, &place);
             }
             let left = own.mm - self.gauge.reading_mm(&place);
-            information.ger(1.0, &row, &row, 1.0);
-            gradient.axpy(left, &row, 1.0);
-            cost += left * left;
+            information.ger(*weight, &row, &row, 1.0);
+            gradient.axpy(weight * left, &row, 1.0);
+            cost += weight * left * left;
         }
         for (place, away, sd) in self.stated() {
             information[(place, place)] += sd.powi(-2);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::LengthUnit;
+use super::{LengthUnit, StandsOn};
 
 /// An instrument that reads one length, its column and what is known of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -24,6 +24,9 @@ pub struct LengthColumns {
     /// Name of the target that it reads; absent: the main one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
+    /// What its anchor or plane stands on; absent: not asked, as no references on the base show it move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<StandsOn>,
     /// The anchor's place in the base's frame; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<KnownPlace>,
@@ -94,7 +97,7 @@ mod tests {
             "name = \"bar\"\nreads = \"distance\"\ncolumn = \"L\"\nunit = \"mm\"\nsd_mm = 0.005\n";
         let face = bar.replace("distance", "height");
         let sphere = format!(
-            "{bar}sd = \"u\"\nplace = {{ xyz_mm = [900, 0, 300], sd_mm = 5 }}\noffset = {{ mm = -12.7, sd_mm = 0.001 }}\n"
+            "{bar}sd = \"u\"\non = \"base\"\nplace = {{ xyz_mm = [900, 0, 300], sd_mm = 5 }}\noffset = {{ mm = -12.7, sd_mm = 0.001 }}\n"
         );
         let least = [bar, &sphere, &face].map(|text| read(text).least_mm());
         assert_eq!(least, [Some(0.0), Some(-12.7), None]);

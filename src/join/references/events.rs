@@ -4,7 +4,7 @@
 //! are half as significant and elsewhere, and everything is found anew, until none is left: each is so rare under the walk that
 //! a session has a false one with the chance [`CHANCE`].
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
@@ -19,6 +19,37 @@ const ROOM: usize = 5;
 /// Readings on each side of a reference's move at least.
 const FEWEST: usize = 4;
 
+/// Events that have been found.
+#[derive(Debug, Default)]
+pub(super) struct Events {
+    /// In the order in which they were found.
+    pub all: Vec<Found>,
+    sorted: BTreeSet<Found>,
+    /// First looks of each reference in a new place.
+    moved: BTreeMap<ReferenceId, BTreeSet<usize>>,
+}
+
+impl Events {
+    fn take(&mut self, event: Found) {
+        self.all.push(event);
+        self.sorted.insert(event);
+        if let Found::Moved(look, reference) = event {
+            self.moved.entry(reference).or_default().insert(look);
+        }
+    }
+
+    pub fn contains(&self, event: Found) -> bool {
+        self.sorted.contains(&event)
+    }
+
+    /// The place of a reference at a look: the reference, and the look from which it is there.
+    pub fn place_of(&self, reference: ReferenceId, look: usize) -> (ReferenceId, usize) {
+        let own = self.moved.get(&reference);
+        let last = own.and_then(|looks| looks.range(..=look).next_back());
+        (reference, last.copied().unwrap_or(0))
+    }
+}
+
 /// A candidate: the event, its look, and minus the logarithm of its chance.
 type Candidate = (Found, f64);
 
@@ -32,7 +63,7 @@ pub(super) fn find(work: &mut Work<'_>, ratios: Ratios, noise_mm2: f64) {
     let enough = (tests / CHANCE).ln();
     // More events than a quarter of the looks are no exceptions.
     let most = work.looks.len() / 4;
-    while work.events.len() < most {
+    while work.events.all.len() < most {
         let course = work.settle(ratios);
         let all = candidates(work, &course, noise_mm2);
         let significant = all.into_iter().filter(|(_, chance)| *chance > enough);
@@ -49,7 +80,7 @@ pub(super) fn find(work: &mut Work<'_>, ratios: Ratios, noise_mm2: f64) {
             let is_first = taken.is_empty();
             if is_first || (is_local && is_apart && chance > largest / 2.0) {
                 taken.push(event.look());
-                work.events.push(event);
+                work.events.take(event);
             }
         }
     }
@@ -79,7 +110,7 @@ fn candidates(work: &Work<'_>, course: &Course, noise_mm2: f64) -> Vec<Candidate
         }));
     }
     let seen = |look: &usize| !work.looks[*look].seen.is_empty();
-    let new = |event: &Found| !work.events.contains(event);
+    let new = |event: &Found| !work.events.contains(*event);
     for look in (0..work.looks.len()).filter(seen) {
         let (squares, freedom) = course.shocks[look];
         all.push((Found::Shock(look), rarity(squares / noise_mm2, freedom)));
@@ -144,6 +175,12 @@ fn moved(reference: ReferenceId, own: &[Left], noise_mm2: f64) -> Option<Candida
 /// `rᵀ S⁻¹ r` over the directions that S knows, and their number.
 fn squared(residual: &Vector3<f64>, share: &Matrix3<f64>) -> (f64, usize) {
     const KNOWN: f64 = 1e-3;
+    const SURELY_KNOWN: f64 = 0.03;
+    // The least eigenvalue is at least the determinant over the square of half of the trace.
+    let least = share.determinant() / (share.trace() / 2.0).powi(2);
+    if let Some(inverse) = share.try_inverse().filter(|_| least > SURELY_KNOWN) {
+        return (residual.dot(&(inverse * residual)), 3);
+    }
     let eigen = ((share + share.transpose()) * 0.5).symmetric_eigen();
     let known = (0..3).filter(|&i| eigen.eigenvalues[i] > KNOWN);
     known.fold((0.0, 0), |(sum, count), i| {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Matrix3x6, Point3, Rotation3, Vector3};
 
+use super::events::Events;
 use super::walk::Moves;
 use super::{Found, Look, ReferenceId};
 use crate::join::dwell::median;
@@ -51,12 +52,13 @@ impl Shape {
     }
 
     /// The places as means of the readings with the motion undone; middle and radius stay.
-    pub fn settled(&self, looks: &[Look], events: &[Found], states: &[State]) -> Self {
+    pub fn settled(&self, looks: &[Look], events: &Events, states: &[State]) -> Self {
         let mut sums: BTreeMap<(ReferenceId, usize), (Vector3<f64>, f64)> = BTreeMap::new();
         for (i, look) in looks.iter().enumerate() {
+            let turn_back = Rotation3::new(states[i].1).inverse();
             for (reference, at) in used(i, look, events) {
-                let own = sums.entry(place_of(reference, i, events)).or_default();
-                own.0 += self.undone(at, &states[i]);
+                let own = sums.entry(events.place_of(reference, i)).or_default();
+                own.0 += self.middle + turn_back * (at.coords - self.middle - states[i].0);
                 own.1 += 1.0;
             }
         }
@@ -83,20 +85,20 @@ impl Shape {
         self.middle + Rotation3::new(*turn).inverse() * away
     }
 
-    /// The rows of a reading of a place: `H`, and the reading less what does not depend on the state, both about `state`.
+    /// The rows of a reading of a place: `H`, and the reading less what does not depend on the state, both about a state.
     pub fn row(
         &self,
         place: &Vector3<f64>,
         at: &Point3<f64>,
-        (_, turn): &State,
+        about: &Turned,
     ) -> (Matrix3x6<f64>, Vector3<f64>) {
         let mut row = Matrix3x6::zeros();
         row.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        let arm = Rotation3::new(*turn) * (place - self.middle);
+        let arm = about.rotation * (place - self.middle);
         let mut free = at.coords - self.middle - arm;
         if self.moves == Moves::ShiftsAndTurns {
-            let turned = -arm.cross_matrix() * left_jacobian(turn);
-            free += turned * turn;
+            let turned = -arm.cross_matrix() * about.jacobian;
+            free += turned * about.turn;
             row.fixed_view_mut::<3, 3>(0, 3)
                 .copy_from(&(turned / self.radius_mm));
         }
@@ -104,23 +106,32 @@ impl Shape {
     }
 }
 
+/// The rotation of a state, and what rows are made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turned {
+    turn: Vector3<f64>,
+    rotation: Rotation3<f64>,
+    jacobian: Matrix3<f64>,
+}
+
+impl Turned {
+    pub fn of((_, turn): &State) -> Self {
+        Self {
+            turn: *turn,
+            rotation: Rotation3::new(*turn),
+            jacobian: left_jacobian(turn),
+        }
+    }
+}
+
 /// The readings of a look that are no strays.
 pub(super) fn used<'a>(
     i: usize,
     look: &'a Look,
-    events: &'a [Found],
+    events: &'a Events,
 ) -> impl Iterator<Item = (ReferenceId, &'a Point3<f64>)> {
     let seen = look.seen.iter().map(|(reference, at)| (*reference, at));
-    seen.filter(move |(reference, _)| !events.contains(&Found::Stray(i, *reference)))
-}
-
-/// The place of a reference at a look: the reference, and the look from which it is there.
-pub(super) fn place_of(reference: ReferenceId, i: usize, events: &[Found]) -> (ReferenceId, usize) {
-    let moves = events.iter().filter_map(|event| match event {
-        Found::Moved(from, own) if *own == reference && *from <= i => Some(*from),
-        Found::Moved(..) | Found::Jump(_) | Found::Shock(_) | Found::Stray(..) => None,
-    });
-    (reference, moves.max().unwrap_or(0))
+    seen.filter(move |(reference, _)| !events.contains(Found::Stray(i, *reference)))
 }
 
 /// Whether places tell rotations: at least three that are not in line.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
+use super::sample::{self, sample};
 use super::walk::{self, Moves, Ratios};
 use super::{Look, ReferenceId};
 use crate::join::clock::SIGMA_PER_MAD;
@@ -11,6 +12,8 @@ use crate::join::dwell::median;
 
 /// Looks between the two whose difference shows the walk.
 const FAR: usize = 20;
+/// In sessions of more looks than a sample has also this share of them, as a walk that is slow shows only so far apart.
+const FARTHER: usize = 50;
 /// Least ratio of a variance to the noise's: below it, nothing can be seen of it.
 const LEAST: f64 = 1e-6;
 /// Largest ratio.
@@ -42,14 +45,20 @@ pub(super) fn robust(looks: &[Look]) -> Robust {
     } else {
         0.0
     };
-    let far = differences(&each, FAR);
-    let walked = variance(far.iter().map(|(_, by)| *by)) / 2.0 - coordinates;
-    let seconds = middle(far.iter().map(|(s, _)| *s)) - middle(next.iter().map(|(s, _)| *s));
-    let walk = if seconds > 0.0 {
-        2.0 * walked / seconds
-    } else {
-        0.0
+    let next_s = middle(next.iter().map(|(s, _)| *s));
+    let walk_by = |apart: usize| {
+        let far = differences(&each, apart);
+        let walked = variance(far.iter().map(|(_, by)| *by)) / 2.0 - coordinates;
+        let seconds = middle(far.iter().map(|(s, _)| *s)) - next_s;
+        if seconds > 0.0 {
+            2.0 * walked / seconds
+        } else {
+            0.0
+        }
     };
+    let is_long = looks.len() > sample::ALL;
+    let farther = is_long.then(|| walk_by(looks.len() / FARTHER));
+    let walk = walk_by(FAR).max(farther.unwrap_or(0.0));
     let ratio = |variance: f64| (variance / noise_mm2).clamp(LEAST, MOST);
     Robust {
         noise_mm2,
@@ -60,11 +69,12 @@ pub(super) fn robust(looks: &[Look]) -> Robust {
     }
 }
 
-/// The ratios of greatest likelihood, one after another from a start. The references of a single place do not tell a shock from
+/// The ratios of greatest likelihood, one after another from a start; of very many looks by a sample of them. The references of a single place do not tell a shock from
 /// noise.
 pub(super) fn likely(looks: &[walk::Look], start: Ratios, moves: Moves, several: bool) -> Ratios {
     let turns = moves == Moves::ShiftsAndTurns;
     let free = [(true, 0), (turns, 1), (several, 2), (several && turns, 3)];
+    let looks = &*sample(looks, moves);
     let mut logs = logs(start);
     for _ in 0..SWEEPS {
         for (_, place) in free.iter().filter(|(is_free, _)| *is_free) {

@@ -257,6 +257,36 @@ fn a_reference_that_was_moved_begins_anew() {
 }
 
 #[test]
+fn a_very_long_session_is_followed_by_a_sample_of_its_looks() {
+    // 12,000 looks in which everything drifts by some 0.3 mm, and is bumped once: from look to look nothing of the drift shows.
+    let motion = |i: usize| {
+        let share = i as f64 / 12_000.0;
+        let bump = if i < 7000 { 0.0 } else { 0.6 };
+        turned(
+            [0.3 * share + bump, -0.1 * share, 0.2 * (3.0 * share).sin()],
+            [1e-4 * share, -5e-5 * share, 1e-4 * share],
+        )
+    };
+    let looks = Scene::new(&THREE, 12_000, 21).looks(motion, |i, k| (i * 7 + k * 3) % 11 != 0);
+    let found = follow(&looks).unwrap();
+    assert!(
+        matches!(found.events[..], [Event::Bump { before: 7000, .. }]),
+        "{:?}",
+        found.events
+    );
+    assert!(
+        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.03,
+        "{:?}",
+        found.sizes
+    );
+    let at = Point3::new(1500.0, 500.0, 900.0);
+    for (i, now) in found.motions.iter().enumerate().step_by(50) {
+        let (off, sd) = off(now, &motion(i), &motion(0), &at);
+        assert!(off < 4.0 * sd && sd < 0.06, "look {i}: {off} mm, {sd} mm");
+    }
+}
+
+#[test]
 fn false_events_are_rare() {
     let events: usize = (0..40)
         .map(|seed| {

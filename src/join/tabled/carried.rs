@@ -4,6 +4,10 @@
 //! show the instrument, where they do. A reading stays out where the motion at its station is not known: between the two looks
 //! that a bump is between, at a station where all references were elsewhere, and in the smaller parts of a session that nothing
 //! ties to its largest.
+//!
+//! Lengths stay as they are. Floor references show the instrument of places, which reads no lengths. Beside references on the base
+//! only instruments that stand on the base too are allowed: in its frame they do not move. One on the floor would, by as much as the
+//! base, and its anchor would need a place at each station.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -2,7 +2,7 @@ use nalgebra::Point3;
 
 use super::*;
 use crate::geometry::isometry_from_rpy;
-use crate::join::MeanPoint;
+use crate::join::{MeanLength, MeanPoint};
 use crate::kinematics::RobotFile;
 
 fn arm() -> Arm {
@@ -134,4 +134,30 @@ fn few_readings_of_a_target_are_not_judged_by_their_place() {
     rows.truncate(4);
     rows[1].readings[0] = reading(Point3::new(0.0, 0.0, 5000.0), 3);
     assert_eq!(joined(&arm, rows).counts.kept, 4);
+}
+
+#[test]
+fn a_bump_of_the_instrument_takes_no_lengths_out() {
+    let arm = arm();
+    let length = Value::Distance(MeanLength {
+        mm: 812.5,
+        sd_mm: 0.01,
+    });
+    let mut rows = rows(&arm);
+    for row in &mut rows {
+        row.readings.push(RowReading {
+            source: SourceId(1),
+            value: length,
+            ..row.readings[0]
+        });
+    }
+    let left_out = BTreeMap::from([(5, "the instrument was bumped".to_owned())]);
+    let rejects = take_out(&mut rows, &left_out, "measured.csv");
+    assert_eq!(rejects.len(), 1);
+    assert_eq!(
+        (rejects[0].station, rejects[0].line),
+        (Some(5), rows[5].line)
+    );
+    assert_eq!(rows[5].readings.len(), 1);
+    assert_eq!(rows[5].readings[0].value, length);
 }

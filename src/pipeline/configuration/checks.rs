@@ -11,7 +11,7 @@ use super::{ConfigurationError, ConfigurationErrorKind};
 use crate::fit::full::FullSettings;
 use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
-use crate::ingest::{LengthRead, StationsSettings, WrongFields};
+use crate::ingest::{LengthRead, StandsOn, StationsSettings, WrongFields};
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
@@ -346,6 +346,26 @@ fn lengths(stations: &StationsSettings, targets: &[String]) -> Check {
         "[[stations.lengths]] target",
         stray.map_or_else(String::new, |length| format!("{:?}", length.target)),
         format!("one of the targets measured: {}", targets.join(", ")),
+    )?;
+    stand_with_references(stations)
+}
+
+/// Checks that instruments of one length keep their places where references on the base follow its motion: an anchor on the floor has
+/// another place in the frame of a base that moved.
+fn stand_with_references(stations: &StationsSettings) -> Check {
+    let mut references = stations.references.iter();
+    let is_followed = references.any(|own| own.on == StandsOn::Base);
+    let mut lengths = stations.lengths.iter();
+    let moved = lengths.find(|own| is_followed && own.on != Some(StandsOn::Base));
+    wrong_unless(
+        moved.is_none(),
+        "[[stations.lengths]] on",
+        moved.map_or_else(String::new, |own| {
+            let on = own.on.map_or("nothing", StandsOn::word);
+            format!("{on:?} of {:?} beside references on the base", own.name)
+        }),
+        "\"base\" where its anchor or plane stands on the base; one on the floor changes its place in the base's frame when the base \
+         moves, which is not followed: leave out that instrument, or the references on the base",
     )
 }
 

@@ -1,5 +1,5 @@
-//! Instruments that read one length: their readings at stations that took no part, and sessions without them for what comes after the
-//! fit.
+//! Instruments that read one length: wrong numbers among their readings, their readings at stations that took no part, and sessions
+//! without them for what comes after the fit.
 //!
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
 //! their held-out readings, along the direction that is read, is in the table `sources`.
@@ -7,19 +7,49 @@
 use nalgebra::Vector3;
 
 use super::judged::TestSession;
-use super::observed::Observed;
+use super::observed::{Observed, observations_of};
+use super::wrong_targets::{Left, take_out};
 use super::{StageError, StageSettings};
 use crate::fit::model::Query;
+use crate::fit::wrong_lengths::{self, WrongLength};
 use crate::fit::{
     At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
 };
 use crate::grid::{Choice, Grids, Verdict};
 use crate::io::tables::outcome::{JoinedSession, Source};
-use crate::join::SourceId;
+use crate::join::{SourceId, Unmeasured};
+use crate::kinematics::Arm;
 use crate::report::{Model, ResidualSet};
 
 /// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
+
+/// Takes wrong numbers of instruments of one length out of the sessions that train, each with its reason.
+pub(super) fn leave_out_wrong(arm: &Arm, training: &mut [JoinedSession], settings: &StageSettings) {
+    let seen = observations_of(arm, &*training, settings);
+    if seen.iter().all(|own| own.measured.length().is_none()) {
+        return;
+    }
+    for own in wrong_lengths::check(arm, &seen, training.len(), &settings.fit) {
+        let reading = &seen[own.place];
+        let (source, target) = (reading.source, reading.target);
+        let left = Left {
+            station: reading.station,
+            reason: WrongLength::reason(&own, &name(source, settings), reading.station),
+            otherwise: Unmeasured::WrongTarget,
+        };
+        take_out(&mut training[reading.session], &left, |reading| {
+            (reading.source, reading.target) == (source, target)
+        });
+    }
+}
+
+/// An instrument's name.
+fn name(source: SourceId, settings: &StageSettings) -> String {
+    let names = &settings.fit.source_names;
+    let own = names.get(source.0).cloned();
+    own.unwrap_or_else(|| "tracker".to_owned())
+}
 
 /// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.
 pub(super) fn settings_behind(
@@ -131,8 +161,6 @@ fn source(
     folds: &[Option<Models>],
     settings: &StageSettings,
 ) -> Source {
-    let names = &settings.fit.source_names;
-    let usual = || "tracker".to_owned();
     let full = models.full.as_ref().filter(|_| model == Model::Full);
     let of_full = full.and_then(|full| full.repeatability.lengths.get(size.source.0));
     let of_full = of_full.filter(|_| size.kind.is_length());
@@ -143,7 +171,7 @@ fn source(
         .and_then(|own| own.gauge(size.source).copied());
     Source {
         model,
-        name: names.get(size.source.0).cloned().unwrap_or_else(usual),
+        name: name(size.source, settings),
         size: size.clone(),
         factor: if fitted {
             Some(size.factor)

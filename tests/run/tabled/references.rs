@@ -204,6 +204,16 @@ fn a_wrong_section_of_references_is_told() {
     told("\nposition = [\"F2_x\", \"F2_y\", \"F2_z\"]", "")
         .expect(2, &["[[stations.references]] position", "three columns"]);
     told("on = \"floor\"", "on = \"wall\"").expect(2, &["wall"]);
+    // A wire whose anchor is on the floor, beside references on a base that may move.
+    let wire = "\n[[stations.lengths]]\nname = \"wire\"\nreads = \"distance\"\ncolumn = \"L\"\nunit = \"mm\"\nsd_mm = 0.1\n";
+    let on_base = REFERENCES.replace("on = \"floor\"", "on = \"base\"") + wire;
+    session(&text, &on_base).run(&[]).expect(
+        2,
+        &[
+            "[[stations.lengths]] on",
+            "\"wire\" beside references on the base",
+        ],
+    );
     told("\"F3_z\"", "\"F4_z\"").expect(1, &["F4_z"]);
 }
 

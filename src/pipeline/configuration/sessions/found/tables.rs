@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::super::growing::growing_table;
 use super::{Bound, Found, Lack, Recorded, Session, SessionTable, Tree, Why, logs, name_of};
 use crate::io::station_table;
 use crate::pipeline::file::{LogNames, SessionsBy};
@@ -121,7 +122,12 @@ impl Found<'_> {
             (Err(Lack::Absent(reason)), _) => return self.leave_out(name, reason),
             (Err(Lack::Wrong(reason)), _)
             | (_, Err(Lack::Absent(reason) | Lack::Wrong(reason))) => (Err(Why::Bad(reason)), None),
-            (Ok(table), Ok(corrected)) => (Ok(Recorded::Table(table)), corrected),
+            (Ok(table), Ok(corrected)) => {
+                let grows = growing_table(&table.path, self.settle());
+                let table =
+                    grows.map_or(Ok(Recorded::Table(table)), |grows| Err(Why::Waits(grows)));
+                (table, corrected)
+            }
         };
         self.sessions.push(Session {
             name,

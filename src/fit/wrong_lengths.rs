@@ -1,0 +1,151 @@
+//! Wrong numbers among readings of one length: a slip of the pen, a wire that slipped, a beam on something else. They are named and not
+//! fitted.
+//!
+//! Inputs: the observations of all sessions. Output: readings that are too far from what all others predict ([`WrongLength`]). Steps:
+//! 1. geometry, frames, anchors and planes are fitted with Cauchy's loss, so that wrong numbers do not pull them;
+//! 2. the residuals of each instrument in each session have a scale by their median, as Student's t with four degrees of freedom: errors
+//!    of an arm have such tails ([`crate::method::error_model`]);
+//! 3. a reading is wrong where its residual is so rare that a session without wrong numbers has one once in a hundred;
+//! 4. everything again without them, until no further one is found.
+//!
+//! The smallest wrong number that is found depends on what the geometry leaves: with a hundred readings it is about eighteen medians
+//! of their residuals. Smaller ones stay, and the robust weights of the models have them.
+
+use std::collections::BTreeMap;
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::observation::Observation;
+use super::{Calibration, FitSettings, Freedom, Loss, SourceId, identify};
+use crate::figures::median;
+use crate::kinematics::Arm;
+
+/// Chance of a reading that is named though nothing is wrong, in a session and instrument.
+const CHANCE: f64 = 0.01;
+/// Degrees of freedom of the residuals.
+const FREEDOM: f64 = 4.0;
+/// Median of the magnitude of Student's t with four degrees of freedom.
+const MEDIAN_T: f64 = 0.740_697;
+/// An instrument whose readings exceed what they find by fewer than these is not checked: their residuals say nothing of their size.
+const LEAST_REDUNDANCY: f64 = 8.0;
+/// Rounds at most.
+const ROUNDS: usize = 4;
+/// Residuals below this are rounding, mm.
+const LEAST_MM: f64 = 1e-6;
+
+/// A reading of one length that is a wrong number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WrongLength {
+    /// Place of the observation among those checked.
+    pub place: usize,
+    /// Measured minus predicted length, mm.
+    pub away_mm: f64,
+    /// Scale of the instrument's residuals: their median over that of Student's t, mm.
+    pub scale_mm: f64,
+    /// Number of the instrument's readings in the session.
+    pub readings: usize,
+}
+
+impl WrongLength {
+    /// The reason for which the reading is left out; `instrument` is its name.
+    pub fn reason(&self, instrument: &str, station: usize) -> String {
+        let Self {
+            away_mm,
+            scale_mm,
+            readings,
+            ..
+        } = self;
+        format!(
+            "wrong length: the reading of {instrument} at station {station} is {away_mm:+.2} mm from what the arm and all other readings \
+             predict, {:.0} times the usual size of the {readings} residuals of this instrument ({scale_mm:.3} mm): a wrong number, or the \
+             wire or beam was elsewhere",
+            away_mm.abs() / scale_mm
+        )
+    }
+}
+
+/// Looks for wrong numbers among readings of one length, in order of the observations; none are found where geometry cannot be fitted.
+pub fn check(
+    arm: &Arm,
+    observations: &[Observation],
+    sessions: usize,
+    settings: &FitSettings,
+) -> Vec<WrongLength> {
+    let robust = FitSettings {
+        loss: Loss::Cauchy { tuning: 2.0 },
+        ..settings.clone()
+    };
+    let mut wrong: BTreeMap<usize, WrongLength> = BTreeMap::new();
+    for _ in 0..ROUNDS {
+        let places = (0..observations.len()).filter(|place| !wrong.contains_key(place));
+        let places: Vec<usize> = places.collect();
+        let kept: Vec<Observation> = places.iter().map(|&at| observations[at].clone()).collect();
+        let fitted = identify(arm, &kept, sessions, Freedom::Geometry, &robust);
+        let Ok(fitted) = fitted else { break };
+        let found = far(&kept, &fitted);
+        if found.is_empty() {
+            break;
+        }
+        let found = found.into_iter().map(|own| WrongLength {
+            place: places[own.place],
+            ..own
+        });
+        wrong.extend(found.map(|own| (own.place, own)));
+    }
+    wrong.into_values().collect()
+}
+
+/// The readings that are too far from a fit, whichever they are of.
+fn far(observations: &[Observation], fitted: &Calibration) -> Vec<WrongLength> {
+    let mut left: BTreeMap<(usize, SourceId), Vec<(usize, f64)>> = BTreeMap::new();
+    for (place, own) in observations.iter().enumerate() {
+        if let Some(away_mm) = left_mm(own, fitted) {
+            let key = (own.session, own.source);
+            left.entry(key).or_default().push((place, away_mm));
+        }
+    }
+    let far = left.iter().filter_map(|((_, source), own)| {
+        let shrunk = shrunk(fitted, *source)?;
+        Some(far_of_one(own, shrunk))
+    });
+    far.flatten().collect()
+}
+
+/// The readings of one instrument in one session that are too far; `shrunk` is what the fit made of the size of residuals.
+fn far_of_one(left: &[(usize, f64)], shrunk: f64) -> Vec<WrongLength> {
+    let sizes: Vec<f64> = left.iter().map(|(_, away_mm)| away_mm.abs()).collect();
+    let middle = median(&sizes).unwrap_or(0.0);
+    let scale_mm = (middle / MEDIAN_T / shrunk).max(LEAST_MM);
+    let is_wrong = |away_mm: f64| chance(away_mm.abs() / scale_mm) * (left.len() as f64) < CHANCE;
+    let wrong = left.iter().filter(|(_, away_mm)| is_wrong(*away_mm));
+    let found = wrong.map(|&(place, away_mm)| WrongLength {
+        place,
+        away_mm,
+        scale_mm,
+        readings: left.len(),
+    });
+    found.collect()
+}
+
+/// Chance that Student's t is as far from zero on either side.
+fn chance(t: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, FREEDOM).map_or(1.0, |student| 2.0 * student.sf(t))
+}
+
+/// Root of the share of an instrument's rows that the unknowns did not take; `None` where too few are left to judge by.
+fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
+    let mut sizes = fitted.sources.iter();
+    let own = sizes.find(|own| own.source == source)?;
+    let is_judged = own.redundancy >= LEAST_REDUNDANCY;
+    is_judged.then(|| (own.redundancy / own.rows as f64).sqrt().min(1.0))
+}
+
+/// Measured minus fitted length, mm; `None` of another reading.
+fn left_mm(own: &Observation, fitted: &Calibration) -> Option<f64> {
+    let length = own.measured.length()?;
+    let frames = fitted.frames.get(own.session)?;
+    let gauge = frames.gauge(own.source)?;
+    let target = frames.flange_from_target(own.target).isometry();
+    let place = fitted.chain.nominal(&own.axes) * target;
+    Some(length.mm - gauge.reading_mm(&place.translation.vector.into()))
+}
