@@ -140,7 +140,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 24] = [
+const FILES: [&str; 25] = [
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),
@@ -152,6 +152,7 @@ const FILES: [&str; 24] = [
     include_str!("../../schemas/reference_motion.toml"),
     include_str!("../../schemas/joint_errors.toml"),
     include_str!("../../schemas/residuals.toml"),
+    include_str!("../../schemas/length_residuals.toml"),
     include_str!("../../schemas/semivariograms.toml"),
     include_str!("../../schemas/grid_steps.toml"),
     include_str!("../../schemas/compensation.toml"),
