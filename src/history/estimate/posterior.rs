@@ -38,6 +38,9 @@ struct Compared {
     base: Option<Isometry3<f64>>,
     /// The place of the main target on the flange, mm.
     target: Isometry3<f64>,
+    /// The share of the information that counts: readings of one station share the arm's own errors at it (its repeatability, and what is
+    /// too fine for the model), so those of several targets and instruments count as one position together.
+    share: f64,
 }
 
 impl Compared {
@@ -48,6 +51,7 @@ impl Compared {
             base: source.map(|source| *frames.tracker_from_base(source).isometry()),
             source,
             target: *frames.flange_from_target(TargetId::MAIN).isometry(),
+            share: share(frames),
         }
     }
 
@@ -70,6 +74,15 @@ impl Compared {
         };
         self.has(unknown.parameter, of)
     }
+}
+
+/// One position over the positions that a station's readings amount to: three numbers of each target, one of each length.
+fn share(frames: &Frames) -> f64 {
+    let count = |is: fn(&Sees) -> bool| frames.sees().iter().filter(|own| is(own)).count();
+    let lengths = count(|own| matches!(own, Sees::Length(_)));
+    let places = count(|own| *own == Sees::Places).min(1);
+    let numbers = 3 * places * frames.targets().len() + lengths;
+    (3.0 / numbers as f64).min(1.0)
 }
 
 /// Values of a joint's curve.
@@ -177,8 +190,8 @@ impl Posterior {
         information -= prior;
         Some(Estimate {
             columns: self.columns.clone(),
-            information,
-            moment,
+            information: information * self.frames.share,
+            moment: moment * self.frames.share,
             base: self.frames.base,
             target: Some(self.frames.target),
         })
