@@ -51,8 +51,8 @@ pub struct InstrumentRow {
     pub numbers: usize,
     /// Independent directions of instruments, arm and target together.
     pub rank: usize,
-    /// Root mean square over the test poses of the error of a predicted position that they leave open, mm; `None` with fewer test poses
-    /// than [`LEAST_TEST_POSES`], whose errors a base found anew takes out.
+    /// Root mean square over the test poses of the error of a predicted position that they leave open, mm; `None` with fewer than three
+    /// test poses, whose errors a base found anew takes out.
     pub open_mm: Option<f64>,
 }
 
