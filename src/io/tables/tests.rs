@@ -106,6 +106,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<MotionRow>(),
         as_schema::<JointErrorRow>(),
         as_schema::<ResidualRow>(),
+        as_schema::<length_residuals::LengthResidualRow>(),
         as_schema::<SemivariogramRow>(),
         as_schema::<StepRow>(),
         as_schema::<NodeRow>(),
