@@ -62,8 +62,8 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 pub use began::{Began, began};
 pub use error::JoinError;
 pub use reading::{
-    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SeveralSources,
-    SourceId, TargetId, Value, one_source,
+    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
+    TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
 pub use tabled::{RowItem, RowReject};

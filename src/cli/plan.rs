@@ -302,7 +302,8 @@ fn designs(text: &mut String, plan: &SamplingPlan) {
     text.push('\n');
 }
 
-/// How much accuracy each instrument of one length would buy at the poses of the session; nothing where none is stated.
+/// How much accuracy further reflectors and each instrument of one length would buy at the poses of the session; nothing where none
+/// is stated.
 fn instruments(text: &mut String, plan: &SamplingPlan, planning: &Planning) {
     let joints = |purpose: Purpose| {
         let visits = plan.session.visits.iter();
@@ -321,19 +322,26 @@ fn instruments(text: &mut String, plan: &SamplingPlan, planning: &Planning) {
         "instruments"
     )
     .expect("a string");
+    let told = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
     for row in &rows {
+        let share = row.open_mm.zip(first.open_mm).map(|(own, of)| own / of);
         writeln!(
             text,
-            "{:<width$}  {:>7}  {:>4}  {:>7.4}  {:>8.2}",
+            "{:<width$}  {:>7}  {:>4}  {:>7}  {:>8}",
             row.instruments,
             row.numbers,
             row.rank,
-            row.open_mm,
-            row.open_mm / first.open_mm
+            told(row.open_mm, 4),
+            told(share, 2)
         )
         .expect("a string");
     }
     *text += "open: what their noise leaves open of the geometry, root mean square of positions at the poses that verify\n";
+    if first.open_mm.is_none() {
+        *text += "-: not known; a base found anew takes out the errors of fewer than three poses: raise [plan] verify_poses\n";
+    }
 }
 
 fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {

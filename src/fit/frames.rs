@@ -6,7 +6,7 @@ use nalgebra::{Point3, UnitQuaternion};
 
 use super::gauge::{Gauge, Sees};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, align};
-use crate::join::{Several, SeveralSources};
+use crate::join::SeveralSources;
 
 pub use crate::join::{SourceId, TargetId};
 
@@ -163,17 +163,13 @@ impl Frames {
         }
     }
 
-    /// The frames of the only source and the only target, for steps that need one instrument and one target; an error where the
-    /// session has several.
-    pub fn one(&self) -> Result<FramePair, Several> {
+    /// The frames of the only source and the only target; `None` where the session has several, or its source reads one length.
+    pub fn one(&self) -> Option<FramePair> {
         match (&self.sources[..], &self.targets[..]) {
             ([source], [target]) if self.sees[0] == Sees::Places => {
-                Ok(FramePair::only(*source, *target))
+                Some(FramePair::only(*source, *target))
             }
-            (sources, targets) => Err(Several {
-                sources: sources.len(),
-                targets: targets.len(),
-            }),
+            _ => None,
         }
     }
 

@@ -395,6 +395,32 @@ impl FullModel {
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }
 
+    /// Variance of measured minus predicted length of a reading that took no part, mm²: of the prediction with the instrument's place, and
+    /// of the noise. `None` of a reading of places.
+    pub fn length_variance(&self, observation: &Observation) -> Option<f64> {
+        let channel = observation.channel();
+        let gauge = self.problem.gauge(channel, &self.offsets)?;
+        let query = Query::of(observation);
+        let view = self.viewed(&query);
+        let end = Point3::from(view.end.translation.vector);
+        let shown = observation.measured.shown(Some(&gauge), &end);
+        let mut rows = self.pose(&query, &view).rows(&self.layout, &shown);
+        // The unknowns are the first columns; the session's scale is that of the source of places.
+        for (unknown, by) in self.problem.by_parts(channel, Some(&gauge), &end) {
+            rows[(0, unknown)] = by;
+        }
+        if let Some(scale) = self.layout.columns(Block::Scale(observation.session)) {
+            rows.column_mut(scale.start).fill(0.0);
+        }
+        let (_, approach) = self.stands(&query, &view.joints);
+        let along = gauge.direction(&end);
+        let noise = self
+            .repeatability
+            .covariance(observation, &shown, &view.joints)[(0, 0)]
+            * self.tails.inflation();
+        Some(self.posterior.half(&rows).norm_squared() + along.dot(&(approach * along)) + noise)
+    }
+
     /// Covariance of the arm's repeatability at one visit, in addition to the model's own covariance, tracker frame, mm².
     /// It includes structure too fine for the model: only repeated visits of a pose distinguish the two.
     pub fn visit_covariance(&self, query: &Query<'_>) -> Matrix3<f64> {

@@ -5,9 +5,12 @@
 //! stations, so Λ and η add up, while posteriors, which share their prior, do not.
 //!
 //! Kept are the columns that sessions share and that can be compared: geometry, base and target, gravity, and
-//! the slow part of each joint's curve: coefficients of one that turns, values of one that slides. Everything else (the fast part of curves, gear lines, drift within the session, the
+//! the slow part of each joint's curve: coefficients of one that turns, values of one that slides. The base is that in the frame of
+//! the first source of places, the target the first. Everything else (further targets and sources, anchors and planes of instruments
+//! that read one length, the fast part of curves, gear lines, drift within the session, the
 //! settling error) is integrated out under its prior in each session by itself: a test gets
-//! less sharp by it, never too sharp. The unit of a column is the largest change expected of it ([`Column::unit`]).
+//! less sharp by it, never too sharp. Readings of several targets and instruments at one station share the arm's own errors there, and
+//! count as one position together. The unit of a column is the largest change expected of it ([`Column::unit`]).
 
 mod column;
 mod posterior;
@@ -35,8 +38,10 @@ pub struct Estimate {
     /// η: Λ times the offsets; those of base and target are offsets from the frames of this estimate.
     #[serde(with = "bits::vector")]
     moment: DVector<f64>,
+    /// The fitted base in its source's frame, mm; `None` where the estimate has no information on one.
     #[serde(with = "bits::frame")]
     base: Option<Isometry3<f64>>,
+    /// The fitted main target on the flange, mm; `None` where the estimate has no information on one.
     #[serde(with = "bits::frame")]
     target: Option<Isometry3<f64>>,
 }

@@ -140,7 +140,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 26] = [
+const FILES: [&str; 27] = [
     include_str!("../../schemas/readings.toml"),
     include_str!("../../schemas/joined_sessions.toml"),
     include_str!("../../schemas/stations.toml"),
@@ -154,6 +154,7 @@ const FILES: [&str; 26] = [
     include_str!("../../schemas/reference_motion.toml"),
     include_str!("../../schemas/joint_errors.toml"),
     include_str!("../../schemas/residuals.toml"),
+    include_str!("../../schemas/length_residuals.toml"),
     include_str!("../../schemas/semivariograms.toml"),
     include_str!("../../schemas/grid_steps.toml"),
     include_str!("../../schemas/compensation.toml"),

@@ -6,7 +6,7 @@
 //! 1. for each session as joined, once for all runs that start from it: `readings`, `joined_sessions`;
 //! 2. for each session of a run ([`SessionRows`]): `stations`, `rejects`, `clocks`, `reference_motion`; `logs` are written where they are read ([`logs`]);
 //! 3. for the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `sources`, `references`, `joint_errors`, `residuals`,
-//!    `semivariograms`, `grid_steps`, `compensation`, `accuracy`.
+//!    `length_residuals`, `semivariograms`, `grid_steps`, `compensation`, `accuracy`.
 //!
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
 
@@ -21,6 +21,7 @@ pub mod grid_steps;
 pub mod history;
 pub mod joined_sessions;
 pub mod joint_errors;
+pub mod length_residuals;
 pub mod logs;
 pub mod outcome;
 pub mod parameters;
@@ -62,6 +63,7 @@ use clocks::ClockRow;
 use compensation::NodeRow;
 use grid_steps::StepRow;
 use joint_errors::JointErrorRow;
+use length_residuals::LengthResidualRow;
 use parameters::ParameterRow;
 use references::{MotionRow, ReferenceRow};
 use rejects::RejectRow;
@@ -191,6 +193,8 @@ pub struct RunRows {
     pub joint_errors: Rows<JointErrorRow>,
     /// `residuals`.
     pub residuals: Rows<ResidualRow>,
+    /// `length_residuals`.
+    pub length_residuals: Rows<LengthResidualRow>,
     /// `semivariograms`.
     pub semivariograms: Rows<SemivariogramRow>,
     /// `grid_steps`.
@@ -217,6 +221,7 @@ impl RunRows {
             key,
             &outcome.starts(),
         );
+        let targets = &outcome.targets.names;
         Ok(Self {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
@@ -224,8 +229,9 @@ impl RunRows {
             sources: Row::table(sources::rows(&outcome.sources), key)?,
             references: Row::table(references::places(outcome), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
-            residuals: Row::table(
-                residuals::rows(&outcome.residuals, &outcome.targets.names),
+            residuals: Row::table(residuals::rows(&outcome.residuals, targets), key)?,
+            length_residuals: Row::table(
+                length_residuals::rows(&outcome.length_residuals, targets),
                 key,
             )?,
             semivariograms: Row::table(semivariograms, key)?,
@@ -248,7 +254,11 @@ impl RunRows {
             &self.compensation.table,
             &self.accuracy.table,
         ];
-        let rare = [&self.sources.table, &self.references.table];
+        let rare = [
+            &self.sources.table,
+            &self.references.table,
+            &self.length_residuals.table,
+        ];
         always
             .into_iter()
             .chain(rare.into_iter().filter_map(where_there))

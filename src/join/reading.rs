@@ -221,19 +221,6 @@ impl ReadingKind {
     }
 }
 
-/// Several sources or targets where the work is for one of each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error(
-    "{sources} measuring instruments and {targets} targets at the flange in one session: this step works with one instrument and one \
-     target; keep the readings of one instrument on one target, or name sessions that have no others"
-)]
-pub struct Several {
-    /// Number of sources in the session.
-    pub sources: usize,
-    /// Number of targets in the session.
-    pub targets: usize,
-}
-
 /// Several sources where the work is for one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(

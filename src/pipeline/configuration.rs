@@ -408,8 +408,8 @@ fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
     before.into_iter().chain(known).collect()
 }
 
-/// Names of the targets of a table with several, the main one first; empty where there is one.
-fn several_targets(file: &PipelineFile) -> Vec<String> {
+/// Names of the targets of sessions with several, the main one first; empty where there is one.
+pub(in crate::pipeline) fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
     let logged = |tracker: &TrackerSettings| {
         let targets = tracker.targets.iter();

@@ -124,17 +124,25 @@ fn recorded_one_way(file: &PipelineFile) -> Result<(), String> {
 }
 
 impl PipelineFile {
-    /// The measurement's uncertainty, for the fit.
-    pub fn noise(&self) -> Noise {
-        let fit = &self.fit.geometric;
-        let tracker = Source {
-            reads: if fit.orientations {
+    /// The uncertainty of the tracker's measurements alone.
+    pub fn noise_of_tracker(&self) -> Noise {
+        Noise::of_one(self.tracker_source(), self.fit.geometric.repeatability_mm)
+    }
+
+    fn tracker_source(&self) -> Source {
+        Source {
+            reads: if self.fit.geometric.orientations {
                 ReadingKind::Pose
             } else {
                 ReadingKind::Point
             },
             uncertainty: self.tracker.uncertainty,
-        };
+        }
+    }
+
+    /// The measurement's uncertainty, for the fit.
+    pub fn noise(&self) -> Noise {
+        let tracker = self.tracker_source();
         let lengths = self.stations.iter().flat_map(|own| &own.lengths);
         let lengths = lengths.map(|own| Source {
             reads: match own.reads {
@@ -150,7 +158,7 @@ impl PipelineFile {
         let sources = places.then_some(tracker).into_iter().chain(lengths);
         Noise {
             sources: sources.collect(),
-            repeatability_mm: fit.repeatability_mm,
+            repeatability_mm: self.fit.geometric.repeatability_mm,
         }
     }
 }

@@ -29,7 +29,7 @@ use crate::fit::{
     TrainingSettings,
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
-use crate::io::tables::outcome::{JoinedSession, Outcome, Source};
+use crate::io::tables::outcome::{JoinedSession, LengthResidual, Outcome, Source};
 use crate::join::{SeveralSources, one_source};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -173,13 +173,16 @@ pub fn run<'a>(
     check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
-    let sources = lengths::sources(&observed, &models, &folds, settings);
+    let length_residuals =
+        lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
+    let sources = lengths::sources(&models, &length_residuals, settings);
     let trained = Trained {
         observed,
         models,
         folds,
         camera_size: *camera_size,
         sources,
+        length_residuals,
     };
     results(arm, trained, flanges, settings, progress)
 }
@@ -194,6 +197,8 @@ struct Trained {
     camera_size: Option<CameraSize>,
     /// The instruments of each model.
     sources: Vec<Source>,
+    /// Their lengths by each model.
+    length_residuals: Vec<LengthResidual>,
 }
 
 /// The settings of a training.
@@ -302,6 +307,7 @@ fn results<'a>(
         on_top: models.on_top,
         scales,
         sources: trained.sources,
+        length_residuals: trained.length_residuals,
         error_frame,
         residuals,
         semivariograms,

@@ -1,7 +1,8 @@
 //! What each instrument would buy: the accuracy that a session's poses leave open, by the instruments that read them.
 //!
-//! Inputs: the nominal arm, poses to measure, instruments with their places and uncertainties. Output: a row for the tracker, for each
-//! instrument of one length, and for them together ([`InstrumentRow`]). For each set of instruments the information of the fit at these
+//! Inputs: the nominal arm, poses to measure, instruments with their places and uncertainties, and further reflectors. Output: a row
+//! for the tracker, for the tracker with these reflectors, for each instrument of one length, and for them together
+//! ([`InstrumentRow`]). For each set of instruments the information of the fit at these
 //! poses and the prior of the geometry give the covariance of arm and target, and that gives the covariance of predicted positions at
 //! other poses, less the rigid motion of all of them that a base found anew takes out. It is the part of the geometry alone: joint
 //! curves and other parts of the full error model are in the simulated robots of a plan, which a tracker measures.
@@ -50,8 +51,9 @@ pub struct InstrumentRow {
     pub numbers: usize,
     /// Independent directions of instruments, arm and target together.
     pub rank: usize,
-    /// Root mean square over the test poses of the error of a predicted position that they leave open, mm.
-    pub open_mm: f64,
+    /// Root mean square over the test poses of the error of a predicted position that they leave open, mm; `None` with fewer than three
+    /// test poses, whose errors a base found anew takes out.
+    pub open_mm: Option<f64>,
 }
 
 impl InstrumentSection {
@@ -74,6 +76,9 @@ impl InstrumentSection {
 /// A source of a set of instruments, with the standard deviation of a length, mm.
 type Source = (Sees, f64);
 
+/// Fewest test poses that show an error: a rigid motion takes out that of one, and of two all but that of their distance.
+const LEAST_TEST_POSES: usize = 3;
+
 /// The cell that instruments are compared in.
 #[derive(Debug, Clone)]
 struct Around<'s> {
@@ -82,6 +87,8 @@ struct Around<'s> {
     tracker_from_base: Isometry3<f64>,
     /// The target's place on the flange, mm.
     target: Vector3<f64>,
+    /// Places of further reflectors on the flange, mm.
+    beside: Vec<Vector3<f64>>,
     uncertainty: Uncertainty,
     repeatability_mm: f64,
     /// Standard deviations of the geometry's lengths, mm, and angles, rad.
@@ -93,8 +100,9 @@ const PRIOR: (f64, f64) = (3.0, 3e-3);
 /// Standard deviations of frames, targets and instruments, which are free but for what keeps a matrix positive, mm and rad.
 const FREE: (f64, f64) = (1e3, 1.0);
 
-/// The rows for the tracker alone, each instrument alone, all instruments of one length, and the tracker with them; `poses` are
-/// measured and `test` are predicted, both as reported angles. Empty without instruments.
+/// The rows for the tracker alone, the tracker with further reflectors, each instrument alone, all instruments of one length, and the
+/// tracker with them; `poses` are measured and `test` are predicted, both as reported angles. Empty without instruments and further
+/// reflectors.
 pub fn rows(
     arm: &Arm,
     poses: &[Vec<f64>],
@@ -105,10 +113,15 @@ pub fn rows(
         return Vec::new();
     };
     let cell = &settings.population.cell;
+    let target = &settings.flange_from_target;
+    let beside = settings.reflectors_mm.iter();
     let around = Around {
         arm,
         tracker_from_base: isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy),
-        target: settings.flange_from_target.translation.vector,
+        target: target.translation.vector,
+        beside: beside
+            .map(|place| (target * Point3::from(*place)).coords)
+            .collect(),
         uncertainty: tracker.uncertainty,
         repeatability_mm: settings.noise.repeatability_mm,
         prior: settings.fit.prior().geometry.unwrap_or(PRIOR),
@@ -122,35 +135,51 @@ fn compared(
     test: &[Vec<f64>],
     instruments: &[InstrumentSection],
 ) -> Vec<InstrumentRow> {
-    let row = |(instruments, sources): (String, Vec<Source>)| {
-        let set = Set::new(around, poses, &sources);
-        Some(InstrumentRow {
+    let row = |(instruments, sources, reflectors): (String, Vec<Source>, usize)| {
+        let set = Set::new(around, poses, &sources, reflectors);
+        let problem = set.problem();
+        let at = DVector::zeros(problem.unknowns().len());
+        InstrumentRow {
             instruments,
             numbers: set.numbers(),
-            rank: set.rank(),
-            open_mm: set.open_mm(test)?,
-        })
+            rank: Structure::of(&problem, &at).rank,
+            open_mm: set.open_mm(&problem, test),
+        }
     };
-    sets(instruments).into_iter().filter_map(row).collect()
+    let sets = sets(instruments, around.beside.len());
+    sets.into_iter().map(row).collect()
 }
 
-/// The sets of instruments that are compared, with their names; none without an instrument of one length.
-fn sets(instruments: &[InstrumentSection]) -> Vec<(String, Vec<Source>)> {
+/// The sets of instruments that are compared: their names, their sources, and the number of reflectors that the tracker reads; none
+/// without an instrument of one length and without reflectors `beside` the target.
+fn sets(instruments: &[InstrumentSection], beside: usize) -> Vec<(String, Vec<Source>, usize)> {
     let source = |one: &InstrumentSection| (Sees::Length(one.gauge()), one.sd_mm);
     let lengths: Vec<Source> = instruments.iter().map(source).collect();
-    if lengths.is_empty() {
+    if lengths.is_empty() && beside == 0 {
         return Vec::new();
     }
     let names: Vec<&str> = instruments.iter().map(|one| one.name.as_str()).collect();
     let names = names.join(" + ");
+    let mut trackers = vec![("tracker".to_owned(), 1)];
+    if beside > 0 {
+        trackers.push((format!("tracker, {} reflectors", beside + 1), beside + 1));
+    }
     let tracker = [(Sees::Places, 0.0)];
-    let together = [&tracker[..], &lengths].concat();
-    let mut sets = vec![("tracker".to_owned(), tracker.to_vec())];
+    let alone = trackers.iter();
+    let mut sets: Vec<_> = alone
+        .map(|(name, reflectors)| (name.clone(), tracker.to_vec(), *reflectors))
+        .collect();
     let each = instruments.iter().zip(&lengths);
-    sets.extend(each.map(|(one, source)| (one.name.clone(), vec![*source])));
-    sets.push((format!("tracker + {names}"), together));
+    sets.extend(each.map(|(one, source)| (one.name.clone(), vec![*source], 1)));
+    if !lengths.is_empty() {
+        let together = [&tracker[..], &lengths].concat();
+        let both = trackers.iter();
+        sets.extend(both.map(|(name, reflectors)| {
+            (format!("{name} + {names}"), together.clone(), *reflectors)
+        }));
+    }
     if instruments.len() > 1 {
-        sets.push((names, lengths));
+        sets.push((names, lengths, 1));
     }
     sets
 }
@@ -163,17 +192,37 @@ struct Set<'s> {
 }
 
 impl<'s> Set<'s> {
-    fn new(around: &'s Around<'s>, poses: &[Vec<f64>], sources: &[Source]) -> Self {
+    fn new(
+        around: &'s Around<'s>,
+        poses: &[Vec<f64>],
+        sources: &[Source],
+        reflectors: usize,
+    ) -> Self {
         let sees: Vec<Sees> = sources.iter().map(|source| source.0).collect();
         let bases = vec![Transform::claim(around.tracker_from_base); sources.len()];
-        let target = Isometry3::from_parts(around.target.into(), UnitQuaternion::identity());
-        let frames = Frames::new(bases, vec![Transform::claim(target)]);
+        let places = std::iter::once(&around.target).chain(&around.beside);
+        let target = |place: &Vector3<f64>| {
+            Transform::claim(Isometry3::from_parts(
+                (*place).into(),
+                UnitQuaternion::identity(),
+            ))
+        };
+        let targets = places.take(reflectors).map(target);
+        let frames = Frames::new(bases, targets.collect());
         let frames = frames.expect("some of each").seeing(&sees);
-        let numbered = sources.iter().enumerate();
+        let channels = sources.iter().enumerate().flat_map(|(number, source)| {
+            // An instrument of one length reads the main target.
+            let targets = if source.0 == Sees::Places {
+                reflectors
+            } else {
+                1
+            };
+            (0..targets).map(move |target| ((number, source), TargetId(target)))
+        });
         let observations = poses.iter().enumerate().flat_map(|(station, joints)| {
             let at =
-                |(number, source)| around.observation(&frames, station, joints, number, source);
-            numbered.clone().map(at).collect::<Vec<Observation>>()
+                |(source, target)| around.observation(&frames, (station, joints), source, target);
+            channels.clone().map(at).collect::<Vec<Observation>>()
         });
         Self {
             observations: observations.collect(),
@@ -202,21 +251,19 @@ impl<'s> Set<'s> {
         rows.sum()
     }
 
-    fn rank(&self) -> usize {
-        let problem = self.problem();
-        Structure::of(&problem, &DVector::zeros(problem.unknowns().len())).rank
-    }
-
-    /// Root mean square of the open error of predicted positions at these angles, mm; `None` where the covariance has no factor.
-    fn open_mm(&self, test: &[Vec<f64>]) -> Option<f64> {
-        let problem = self.problem();
-        let half = self.half(&problem)?;
-        let (rows, rigid) = self.moved(&problem, test);
+    /// Root mean square of the open error of predicted positions of the target at these angles, mm; `None` where too few poses show one,
+    /// and where the covariance has no factor.
+    fn open_mm(&self, problem: &Problem<'_>, test: &[Vec<f64>]) -> Option<f64> {
+        if test.len() < LEAST_TEST_POSES {
+            return None;
+        }
+        let half = self.half(problem)?;
+        let (rows, rigid) = self.moved(problem, test);
         let open = rows * half;
         let along = rigid.transpose() * &open;
         let left = open - rigid * along;
         let squares = gram(&left.as_view()).trace();
-        Some((squares / test.len().max(1) as f64).sqrt())
+        Some((squares / test.len() as f64).sqrt())
     }
 
     /// A square root H of the unknowns' covariance `H Hᵀ`.
@@ -278,19 +325,18 @@ impl<'s> Set<'s> {
 }
 
 impl Around<'_> {
-    /// A reading of one source at a pose; its value is what the nominal arm has there.
+    /// A reading of one source on one target at a pose; its value is what the nominal arm has there.
     fn observation(
         &self,
         frames: &Frames,
-        station: usize,
-        joints: &[f64],
-        number: usize,
-        (sees, sd_mm): &Source,
+        (station, joints): (usize, &[f64]),
+        (number, (sees, sd_mm)): (usize, &Source),
+        target: TargetId,
     ) -> Observation {
         let axes = self.arm.axes(joints);
-        let pair = frames.pair(SourceId(number), TargetId::ONLY);
+        let pair = frames.pair(SourceId(number), target);
         let flange = pair.tracker_from_base.isometry() * self.arm.chain().nominal(&axes);
-        let place = flange * Point3::from(self.target);
+        let place = flange * Point3::from(pair.flange_from_target.isometry().translation.vector);
         let own = Observation::planned(axes, place, self.uncertainty.covariance(&place));
         let measured = match sees {
             Sees::Length(gauge) => self.length(gauge, &place, *sd_mm),
@@ -298,6 +344,7 @@ impl Around<'_> {
         };
         Observation {
             source: SourceId(number),
+            target,
             station,
             pose: station,
             measured,
@@ -356,15 +403,18 @@ mod tests {
         }
     }
 
-    #[test]
-    fn more_and_better_instruments_leave_less_open() {
+    fn ur10() -> Arm {
         let text = include_str!("../../pipelines/robots/ur10.toml");
         let file: RobotFile = toml::from_str(text).expect("a robot file");
-        let arm = file.arm().expect("a valid arm");
-        let around = Around {
-            arm: &arm,
+        file.arm().expect("a valid arm")
+    }
+
+    fn around(arm: &Arm) -> Around<'_> {
+        Around {
+            arm,
             tracker_from_base: isometry_from_rpy([2500.0, -900.0, 400.0], [0.02, -0.01, 2.0]),
             target: Vector3::new(60.0, 20.0, 80.0),
+            beside: Vec::new(),
             uncertainty: Uncertainty::Tracker(TrackerUncertainty {
                 range_um: 10.0,
                 range_um_per_m: 0.3,
@@ -375,7 +425,13 @@ mod tests {
             }),
             repeatability_mm: 0.03,
             prior: (0.5, 0.5e-3),
-        };
+        }
+    }
+
+    #[test]
+    fn more_and_better_instruments_leave_less_open() {
+        let arm = ur10();
+        let around = around(&arm);
         let face = InstrumentSection {
             reads: LengthRead::Height,
             ..bar("face", [0.0, 0.0, -200.0], 0.01)
@@ -398,15 +454,47 @@ mod tests {
         let all = row("a + b + c + face");
         let together = row("tracker + a + b + c + face");
         assert_eq!((all.numbers, together.numbers), (240, 420));
-        let open = |name: &str| row(name).open_mm;
-        assert!(together.open_mm < open("tracker"), "{rows:?}");
-        assert!(together.open_mm < all.open_mm, "{rows:?}");
-        assert!(
-            all.open_mm < open("a") && open("a") < open("face"),
-            "{rows:?}"
-        );
+        let open = |name: &str| row(name).open_mm.expect("80 poses show it");
+        let (of_all, of_both) = (open("a + b + c + face"), open("tracker + a + b + c + face"));
+        assert!(of_both < open("tracker") && of_both < of_all, "{rows:?}");
+        assert!(of_all < open("a") && open("a") < open("face"), "{rows:?}");
         // A tracker is worth more than one bar, and less than infinitely more: the prior holds what the bar does not see.
         assert!(open("tracker") < open("a") && open("a") < 3.0, "{rows:?}");
         assert_eq!(compared(&around, &poses(0, 60), &poses(500, 80), &[]), []);
+        // Two poses show nothing of a position: a base found anew takes their errors out.
+        let two = compared(&around, &poses(0, 60), &poses(500, 2), &instruments);
+        assert!(two.iter().all(|row| row.open_mm.is_none()), "{two:?}");
+    }
+
+    #[test]
+    fn three_reflectors_identify_more_and_leave_less_open() {
+        let arm = ur10();
+        let around = Around {
+            beside: vec![
+                Vector3::new(-40.0, 70.0, 60.0),
+                Vector3::new(-10.0, -60.0, 120.0),
+            ],
+            ..around(&arm)
+        };
+        let of = |instruments: &[InstrumentSection]| {
+            compared(&around, &poses(0, 60), &poses(500, 80), instruments)
+        };
+        let [one, three] = &of(&[])[..] else {
+            panic!("the tracker with one and with three")
+        };
+        assert_eq!(three.instruments, "tracker, 3 reflectors");
+        assert_eq!([one.numbers, three.numbers], [180, 540]);
+        assert_eq!([one.rank, three.rank], [27, 33]);
+        assert!(three.open_mm < one.open_mm, "{one:?} {three:?}");
+        let names = of(&[bar("a", [1400.0, 300.0, -200.0], 0.01)]);
+        let names: Vec<&str> = names.iter().map(|row| row.instruments.as_str()).collect();
+        let expected = [
+            "tracker",
+            "tracker, 3 reflectors",
+            "a",
+            "tracker + a",
+            "tracker, 3 reflectors + a",
+        ];
+        assert_eq!(names, expected);
     }
 }

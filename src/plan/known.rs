@@ -8,9 +8,11 @@ use nalgebra::{DVector, Vector3};
 
 use crate::fit::full::design::saturation;
 use crate::fit::full::layout::Block;
-use crate::fit::full::next::{Mounting, Placed};
+use crate::fit::full::next::{Mounted, Mounting, Placed};
 use crate::fit::full::{FullModel, FullSettings};
-use crate::fit::{Frames, Observation, SourceId, TargetId};
+use crate::fit::{
+    Anchor, Frames, Gauge, KnownGauge, Observation, Sees, SourceId, TargetId, TrainingSettings,
+};
 use crate::geometry::rpy;
 use crate::kinematics::Arm;
 use crate::simulate::{
@@ -18,7 +20,10 @@ use crate::simulate::{
     SimulateSettings, Stream, Visit,
 };
 
-/// A known arm in a session that is still to come.
+/// Standard deviation per axis of a target's place that nothing is known of, mm.
+const ANYWHERE_MM: f64 = 300.0;
+
+/// A known arm in a session that is still to come, with one tracker and the main target.
 #[derive(Debug)]
 pub struct KnownArm {
     mounting: Mounting,
@@ -57,6 +62,24 @@ impl KnownArm {
     ) -> Option<FullModel> {
         let frames = self.mounting.starts(&self.model.starts()[0], found);
         self.model.learned(arm, observations, frames)
+    }
+
+    /// The model after stations of the session are measured, where it has further targets and instruments of one length than were
+    /// planned; `found` are the frames that the nominal arm finds from them. `None` where a factorisation fails.
+    pub fn learned_from_all(
+        &self,
+        arm: &Arm,
+        observations: &[Observation],
+        found: &Frames,
+        settings: &TrainingSettings<'_>,
+    ) -> Option<FullModel> {
+        let mounting = mounted_as_planned(found, &settings.fit.gauges);
+        let stations = self.model.span_stations();
+        let (full, up) = (settings.full, settings.up);
+        let model = self.model.next(arm, &mounting, stations, full, up)?;
+        let moved = self.mounting.starts(&self.model.starts()[0], found);
+        let starts = mounting.starts(&moved, found);
+        model.learned(arm, observations, starts)
     }
 
     /// Arm number `cell.seed` drawn from the posterior, with its base put into the cell where it was not moved.
@@ -156,6 +179,40 @@ impl KnownArm {
     fn coefficients(&self, block: Block, drawn: &DVector<f64>) -> Vec<f64> {
         let columns = self.model.layout().columns(block).unwrap_or(0..0);
         drawn.as_slice()[columns].to_vec()
+    }
+}
+
+/// The mounting of a session as it was planned, with the further targets and instruments of `found`; `known` are the stated places and
+/// offsets of instruments, in the order of sources.
+fn mounted_as_planned(found: &Frames, known: &[KnownGauge]) -> Mounting {
+    let further = found.sees().iter().enumerate().skip(1);
+    let further = further.map(|(source, sees)| match sees {
+        Sees::Length(gauge) => {
+            let known = known.get(source).copied().unwrap_or_default();
+            let gauge = as_stated(*gauge, &known);
+            Placed::Length { gauge, known }
+        }
+        Sees::Places | Sees::Nothing => Placed::Moved(*found.tracker_from_base(SourceId(source))),
+    });
+    let beside = found.targets().iter().skip(1).map(|place| Mounted::Other {
+        flange_from_target: *place,
+        sd_mm: ANYWHERE_MM,
+    });
+    Mounting {
+        session: 0,
+        sources: std::iter::once(Placed::Same).chain(further).collect(),
+        targets: std::iter::once(Mounted::Same).chain(beside).collect(),
+    }
+}
+
+/// An anchor in its stated place, with its stated offset, as far as they are stated.
+fn as_stated(gauge: Gauge, known: &KnownGauge) -> Gauge {
+    match gauge {
+        Gauge::Distance(found) => Gauge::Distance(Anchor {
+            place: known.place.map_or(found.place, |own| own.xyz_mm.into()),
+            offset_mm: known.offset.map_or(found.offset_mm, |own| own.0),
+        }),
+        Gauge::Height(_) => gauge,
     }
 }
 

@@ -58,6 +58,9 @@ pub struct PlanSection {
     /// `[[plan.instruments]]`: instruments of one length that the session could have beside the tracker.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub instruments: Vec<InstrumentSection>,
+    /// Places of further reflectors that the session could have beside the target, along the target's axes, mm.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reflectors_mm: Vec<[f64; 3]>,
     /// `[plan.constraints]`: the constraints on measured poses.
     #[serde(default)]
     pub constraints: ConstraintsSection,

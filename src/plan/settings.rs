@@ -62,6 +62,8 @@ pub struct PlanSettings {
     pub verify_poses: usize,
     /// Instruments of one length that the session could have beside the tracker.
     pub instruments: Vec<InstrumentSection>,
+    /// Places of further reflectors that the session could have beside the target, along the target's axes, mm.
+    pub reflectors_mm: Vec<[f64; 3]>,
 }
 
 /// The region in which a plan has to hold, in the base frame.

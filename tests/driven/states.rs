@@ -151,10 +151,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         outside: vec![],
     };
     let model = own.by.model.is::<FullModel>();
-    let of_full = |model: &FullModel| {
-        let estimate = Estimate::of_full(model, &[]).expect("one source and target");
-        estimate.expect("a covariance")
-    };
+    let of_full = |model: &FullModel| Estimate::of_full(model, &[]).expect("a covariance");
     let earlier = of_full(model.expect("a full error model"));
     let state = shown.state(|| {
         let models = identified(own, &stations, &full(true));

@@ -103,9 +103,7 @@ pub fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
         up,
     );
     let estimate = Estimate::of_full(&model.expect("a model"), &ranges(seen));
-    estimate
-        .expect("one source and target")
-        .expect("an estimate")
+    estimate.expect("an estimate")
 }
 
 /// Sessions of the same poses, with a truth of their own each.

@@ -32,7 +32,7 @@ fn simulated(cell: &Cell, seed: &str) -> String {
 }
 
 /// The section that the head of a table shows.
-fn section(table: &str) -> String {
+pub fn section(table: &str) -> String {
     let head = table
         .lines()
         .skip(1)
@@ -41,7 +41,7 @@ fn section(table: &str) -> String {
 }
 
 /// The rows of a table with the cells blank whose columns `is_blank` names.
-fn blanked(table: &str, is_blank: impl Fn(&str) -> bool) -> String {
+pub fn blanked(table: &str, is_blank: impl Fn(&str) -> bool) -> String {
     let rows = table.lines().filter(|line| !line.starts_with('#'));
     let rows: Vec<Vec<&str>> = rows.map(|line| line.split(',').collect()).collect();
     let blank: Vec<bool> = rows[0].iter().map(|name| is_blank(name)).collect();
@@ -55,7 +55,7 @@ fn blanked(table: &str, is_blank: impl Fn(&str) -> bool) -> String {
 }
 
 /// Columns of the tracker's readings.
-fn of_tracker(name: &str) -> bool {
+pub fn of_tracker(name: &str) -> bool {
     name.starts_with("T1_")
 }
 
@@ -88,6 +88,7 @@ struct Row {
     model: String,
     source: String,
     reads: String,
+    readings: i64,
     factor: Option<f64>,
     share: Option<f64>,
     held_out_mm: Option<f64>,
@@ -103,6 +104,7 @@ fn sources(cell: &Cell) -> Vec<Row> {
         model: table.text("model").value(row).to_owned(),
         source: table.text("source").value(row).to_owned(),
         reads: table.text("reads").value(row).to_owned(),
+        readings: table.i64("readings").value(row),
         factor: number("noise_factor", row),
         share: number("information_share", row),
         held_out_mm: number("held_out_rms_mm", row),
@@ -124,6 +126,53 @@ fn anchors(cell: &Cell) -> Vec<[f64; 4]> {
     ];
     own.map(|row| names.map(|name| table.f64(name).value(row)))
         .collect()
+}
+
+/// Every reading of one length has a row in training and one held out for each model, and those held out have the size that `sources`
+/// states; by the full error model they are as large as it states itself.
+fn assert_left_row_by_row(cell: &Cell, sources: &[Row]) {
+    let table = cell.table("length_residuals", "mon");
+    let word = |name: &str, row: usize| table.text(name).value(row).to_owned();
+    let residual = |row: usize| table.f64("residual_mm").value(row);
+    for own in sources.iter().filter(|own| own.held_out_mm.is_some()) {
+        let is_own = |row: &usize| {
+            (word("model", *row), word("source", *row)) == (own.model.clone(), own.source.clone())
+        };
+        let all: Vec<usize> = (0..table.rows()).filter(is_own).collect();
+        let (held_out, trained): (Vec<usize>, Vec<usize>) = all
+            .into_iter()
+            .partition(|&row| word("role", row) == "held_out");
+        assert_eq!(held_out.len(), trained.len(), "{own:?}");
+        assert_eq!(i64::try_from(trained.len()), Ok(own.readings), "{own:?}");
+        let squares = |of: &dyn Fn(usize) -> f64| -> f64 {
+            let own = held_out.iter().map(|&row| of(row).powi(2));
+            own.sum::<f64>() / held_out.len() as f64
+        };
+        let rms_mm = squares(&residual).sqrt();
+        assert!((rms_mm - own.held_out_mm.expect("held out")).abs() < 1e-9);
+        let sd = table.f64("predicted_sd_mm");
+        if own.model == "full" {
+            let size = squares(&|row| residual(row) / sd.value(row)).sqrt();
+            assert!(
+                (0.5..1.6).contains(&size),
+                "{own:?}: {size} standard deviations"
+            );
+            println!("{}: {rms_mm} mm, {size} standard deviations", own.source);
+        } else {
+            assert_eq!(
+                arrow::array::Array::null_count(sd),
+                sd.len() - full_held_out(&table)
+            );
+        }
+    }
+}
+
+/// Rows of the full error model that are held out: the only ones with a standard deviation.
+fn full_held_out(table: &posegrid::io::table::Table) -> usize {
+    let is = |row: &usize| {
+        table.text("model").value(*row) == "full" && table.text("role").value(*row) == "held_out"
+    };
+    (0..table.rows()).filter(is).count()
 }
 
 #[test]
@@ -164,6 +213,7 @@ fn a_tracker_and_three_instruments_of_lengths_train_together() {
         let held_out_mm = own.held_out_mm.expect("held out");
         assert!(own.factor.is_some() && held_out_mm < 0.3, "{own:?}");
     }
+    assert_left_row_by_row(&cell, &sources);
     // Anchors are near where they were put: a turn of the first joint's zero and the height of the base move them with the arm.
     let found = anchors(&cell);
     assert_eq!(found.len(), 2);

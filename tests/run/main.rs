@@ -25,6 +25,7 @@ mod planned;
 mod robot;
 mod same_work;
 mod set_up;
+mod several;
 mod split;
 mod tabled;
 mod targets;

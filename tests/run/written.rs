@@ -117,6 +117,21 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
     ),
     (
+        "length_residuals.model",
+        &["base_target", "geometric", "full"],
+        "tests/run/lengths.rs: these cells have a tracker alone",
+    ),
+    (
+        "length_residuals.role",
+        &["training", "held_out"],
+        "tests/run/lengths.rs: these cells have a tracker alone",
+    ),
+    (
+        "length_residuals.reads",
+        &["distance", "height"],
+        "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
+    ),
+    (
         "parameters.identifiability",
         &["moves_nothing"],
         "a reflector on the last axis, which no simulated session has",
@@ -152,6 +167,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
 /// Columns that have a value in no run here, and why.
 const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("sources.", NO_LENGTHS),
+    ("length_residuals.", NO_LENGTHS),
     ("references.", OF_TABLES),
     ("reference_motion.", OF_TABLES),
     ("stations.motion_cov_", OF_TABLES),

@@ -21,8 +21,9 @@ use super::rows::{rows, sums};
 use super::train::State;
 use super::{FullModel, FullSettings, Ready, at_fitted_bases};
 use crate::fit::frames::Frames;
+use crate::fit::gauge::{Gauge, Sees};
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
+use crate::fit::problem::{Freedom, KnownGauge, KnownTarget, Owner, Prior, Problem, Unknown};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, Motion, Parameter};
@@ -51,6 +52,13 @@ pub enum Placed {
     Same,
     /// One of them was moved; this is the approximate pose of the base, mm.
     Moved(Transform<Tracker, Base>),
+    /// An instrument that reads one length and was not there before.
+    Length {
+        /// Its approximate anchor or plane; where it is stated, as stated.
+        gauge: Gauge,
+        /// The stated place and offset.
+        known: KnownGauge,
+    },
 }
 
 /// Mounting of a new session's measured target, relative to the session before.
@@ -169,6 +177,7 @@ impl FullModel {
         let source = |source, now: &Placed| match now {
             Placed::Same => *past.tracker_from_base(source),
             Placed::Moved(tracker_from_base) => *tracker_from_base,
+            Placed::Length { .. } => Transform::identity(),
         };
         let target = |target, now: &Mounted| match now {
             Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
@@ -265,7 +274,7 @@ impl FullModel {
             Owner::Arm => kept(Owner::Arm, 0.0),
             Owner::Source { source, .. } => match mounting.sources[source.0] {
                 Placed::Same => kept(Owner::Source { session, source }, 0.0),
-                Placed::Moved(_) => Column::Fresh,
+                Placed::Moved(_) | Placed::Length { .. } => Column::Fresh,
             },
             Owner::Target { target, .. } => {
                 let past = Owner::Target { session, target };
@@ -487,7 +496,7 @@ impl Mounting {
             geometry: None,
             targets: self.targets.iter().map(expected).collect(),
             distances: Vec::new(),
-            gauges: Vec::new(),
+            gauges: self.sources.iter().map(Placed::known_gauge).collect(),
         }
     }
 
@@ -500,6 +509,7 @@ impl Mounting {
         let source = |source, now: &Placed| match now {
             Placed::Same => *past.tracker_from_base(source),
             Placed::Moved(_) => *stations.tracker_from_base(source),
+            Placed::Length { .. } => Transform::identity(),
         };
         let target = |target, now: &Mounted| match now {
             Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
@@ -524,8 +534,26 @@ impl Mounting {
         let sources = sources.map(|(place, now)| source(SourceId(place), now));
         let targets = self.targets.iter().enumerate();
         let targets = targets.map(|(place, now)| target(TargetId(place), now));
+        let sees: Vec<Sees> = self.sources.iter().map(Placed::sees).collect();
         Frames::new(sources.collect(), targets.collect())
             .expect("a session has a source and a target")
+            .seeing(&sees)
+    }
+}
+
+impl Placed {
+    const fn sees(&self) -> Sees {
+        match self {
+            Self::Same | Self::Moved(_) => Sees::Places,
+            Self::Length { gauge, .. } => Sees::Length(*gauge),
+        }
+    }
+
+    fn known_gauge(&self) -> KnownGauge {
+        match self {
+            Self::Same | Self::Moved(_) => KnownGauge::default(),
+            Self::Length { known, .. } => *known,
+        }
     }
 }
 

@@ -1,14 +1,14 @@
 //! A model's posterior → the information of the stations alone.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Isometry3};
 
 use super::Estimate;
 use super::column::{Column, frame_motions};
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{FramePair, Owner, TargetId, Unknown};
-use crate::kinematics::Parameter;
+use crate::fit::saved::{SavedCalibration, SavedError, SavedUnknown};
+use crate::fit::{Frames, Owner, Sees, SourceId, TargetId, Unknown};
+use crate::kinematics::{GaugePart, Parameter};
 
 /// Pairs `cos, sin` of the curve of a joint that turns that are compared between sessions: those with a period of at least 90°.
 const CURVE_PAIRS: usize = 4;
@@ -25,8 +25,64 @@ struct Posterior {
     means: Vec<f64>,
     /// Precision of the columns' prior; 0 for one without.
     precision: DMatrix<f64>,
-    /// The fitted frames.
-    frames: FramePair,
+    /// The fitted frames that are compared.
+    frames: Compared,
+}
+
+/// The frames of a session that are compared with those of others. Every further source and target is integrated out.
+struct Compared {
+    /// The source whose frame it is: the first that reads places; `None` where each source reads one length, and the base has no frame
+    /// but its own.
+    source: Option<SourceId>,
+    /// The base in that source's frame, mm.
+    base: Option<Isometry3<f64>>,
+    /// The place of the main target on the flange, mm.
+    target: Isometry3<f64>,
+    /// The share of the information that counts: readings of one station share the arm's own errors at it (its repeatability, and what is
+    /// too fine for the model), so those of several targets and instruments count as one position together.
+    share: f64,
+}
+
+impl Compared {
+    fn of(frames: &Frames) -> Self {
+        let mut sees = frames.sees().iter();
+        let source = sees.position(|own| *own == Sees::Places).map(SourceId);
+        Self {
+            base: source.map(|source| *frames.tracker_from_base(source).isometry()),
+            source,
+            target: *frames.flange_from_target(TargetId::MAIN).isometry(),
+            share: share(frames),
+        }
+    }
+
+    /// Whether an unknown of this parameter is compared: it is the arm's, or of the source or target (by its place `of` in the session)
+    /// whose frame is.
+    fn has(&self, parameter: Parameter, of: usize) -> bool {
+        match parameter {
+            Parameter::Link { .. } => true,
+            Parameter::Base(_) => self.source == Some(SourceId(of)),
+            Parameter::Target(_) => TargetId(of) == TargetId::MAIN,
+            Parameter::Gauge(_) => false,
+        }
+    }
+
+    fn has_unknown(&self, unknown: &Unknown) -> bool {
+        let of = match unknown.owner {
+            Owner::Arm => 0,
+            Owner::Source { source, .. } => source.0,
+            Owner::Target { target, .. } => target.0,
+        };
+        self.has(unknown.parameter, of)
+    }
+}
+
+/// One position over the positions that a station's readings amount to: three numbers of each target, one of each length.
+fn share(frames: &Frames) -> f64 {
+    let count = |is: fn(&Sees) -> bool| frames.sees().iter().filter(|own| is(own)).count();
+    let lengths = count(|own| matches!(own, Sees::Length(_)));
+    let places = count(|own| *own == Sees::Places).min(1);
+    let numbers = 3 * places * frames.targets().len() + lengths;
+    (3.0 / numbers as f64).min(1.0)
 }
 
 /// Values of a joint's curve.
@@ -39,18 +95,14 @@ struct Values {
 }
 
 impl Estimate {
-    /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted. Several sources
-    /// are refused; of several targets the main one is compared, for all are known by it and the arm.
+    /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted, or it has no session.
     ///
     /// `ranges` are the lowest and highest axis variable of each joint over the stations, rad or mm: the curve of a joint that slides is
     /// compared within them, and not at all where they are empty.
-    pub fn of_full(model: &FullModel, ranges: &[[f64; 2]]) -> Result<Option<Self>, SavedError> {
+    pub fn of_full(model: &FullModel, ranges: &[[f64; 2]]) -> Option<Self> {
         let frames = model.fitted_frames();
-        let Some(session) = frames.first() else {
-            return Ok(None);
-        };
-        let posterior = Posterior::of_full(model, ranges, session.main()?);
-        Ok(posterior.estimate())
+        let compared = Compared::of(frames.first()?);
+        Posterior::of_full(model, ranges, compared).estimate()
     }
 
     /// The estimate from a geometric calibration of one session; `None` when its covariance cannot be inverted.
@@ -58,13 +110,10 @@ impl Estimate {
         let Some(session) = saved.sessions.first() else {
             return Ok(None);
         };
+        let frames = Compared::of(&session.frames()?);
         let parameters = parameters(saved)?;
-        // The arm's, those of the source, and of several targets those of the first.
-        let kept = saved.unknowns.iter().enumerate();
-        let kept: Vec<usize> = kept
-            .filter(|(_, own)| own.of == 0)
-            .map(|(place, _)| place)
-            .collect();
+        let is_kept = |place: &usize| frames.has(parameters[*place].0, saved.unknowns[*place].of);
+        let kept: Vec<usize> = (0..parameters.len()).filter(is_kept).collect();
         let parameters: Vec<_> = kept.iter().map(|&place| parameters[place]).collect();
         let size = parameters.len();
         let covariance = DMatrix::from_fn(size, size, |i, j| {
@@ -86,7 +135,7 @@ impl Estimate {
             covariance,
             means: parameters.iter().map(|(_, offset)| *offset).collect(),
             precision: DMatrix::from_diagonal(&DVector::from_vec(precisions)),
-            frames: session.frames()?.main()?,
+            frames,
         };
         Ok(posterior.estimate())
     }
@@ -94,9 +143,9 @@ impl Estimate {
 
 impl Posterior {
     /// The posterior of a model's shared columns, and of the values of its slides' curves.
-    fn of_full(model: &FullModel, ranges: &[[f64; 2]], frames: FramePair) -> Self {
+    fn of_full(model: &FullModel, ranges: &[[f64; 2]], frames: Compared) -> Self {
         let (places, mut columns): (Vec<usize>, Vec<Column>) =
-            shared_columns(model).into_iter().unzip();
+            shared_columns(model, &frames).into_iter().unzip();
         let values = slide_curves(model, ranges);
         let size = places.len() + values.iter().map(|own| own.columns.len()).sum::<usize>();
         let mut rows = DMatrix::zeros(size, model.layout().size());
@@ -141,10 +190,10 @@ impl Posterior {
         information -= prior;
         Some(Estimate {
             columns: self.columns.clone(),
-            information,
-            moment,
-            base: Some(*self.frames.tracker_from_base.isometry()),
-            target: Some(*self.frames.flange_from_target.isometry()),
+            information: information * self.frames.share,
+            moment: moment * self.frames.share,
+            base: self.frames.base,
+            target: Some(self.frames.target),
         })
     }
 
@@ -177,8 +226,12 @@ fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedEr
             .copied()
             .unwrap_or(0.0)
     };
-    let known: Vec<Parameter> = chain.iter().copied().chain(frame_motions()).collect();
-    let parameter = |name: &String| {
+    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
+    let own = frame_motions().chain(gauges.map(Parameter::Gauge));
+    let known: Vec<Parameter> = chain.iter().copied().chain(own).collect();
+    let parameter = |SavedUnknown {
+                         parameter: name, ..
+                     }: &SavedUnknown| {
         let found = known.iter().find(|own| own.to_string() == *name);
         let wrong = || SavedError::Unknown {
             what: "a parameter",
@@ -186,11 +239,7 @@ fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedEr
         };
         found.map(|own| (*own, offset(*own))).ok_or_else(wrong)
     };
-    saved
-        .unknowns
-        .iter()
-        .map(|unknown| parameter(&unknown.parameter))
-        .collect()
+    saved.unknowns.iter().map(parameter).collect()
 }
 
 /// Whether a column of gravity, by its place among them, is the deflection of a joint that slides, in mm.
@@ -203,19 +252,15 @@ fn is_of_a_slide(model: &FullModel, place: usize) -> bool {
 }
 
 /// Columns of the model that are compared between sessions, with their places; dropped parts have no scale and are left out.
-fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
+fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> {
     let mut shared = Vec::new();
     for (block, own) in model.layout().blocks() {
         let first = own.start;
         match block {
             Block::Unknowns => {
                 let slides = |joint: usize| model.layout().slide_period_mm(joint - 1).is_some();
-                let is_main = |unknown: &Unknown| match unknown.owner {
-                    Owner::Arm | Owner::Source { .. } => true,
-                    Owner::Target { target, .. } => target == TargetId::MAIN,
-                };
                 let unknowns = own.zip(model.unknowns());
-                let unknowns = unknowns.filter(|(_, unknown)| is_main(unknown));
+                let unknowns = unknowns.filter(|(_, unknown)| frames.has_unknown(unknown));
                 shared.extend(
                     unknowns.map(|(place, own)| (place, Column::of(own.parameter, slides))),
                 );

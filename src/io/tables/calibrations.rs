@@ -470,7 +470,7 @@ impl<'a> Identified<'a> {
             Of::OnTop(model) => (model.frames().to_vec(), &[][..]),
         };
         match &frames[..] {
-            [one] => Some((one.one().ok()?, is_turned(unknowns))),
+            [one] => Some((one.one()?, is_turned(unknowns))),
             _ => None,
         }
     }

@@ -11,7 +11,7 @@ use crate::fit::scale::SessionScale;
 use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
-use crate::join::{Joined, began};
+use crate::join::{Joined, ReadingKind, SourceId, TargetId, began};
 use crate::manifest::RunKey;
 use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
 use crate::report::frame::StatedFrame;
@@ -112,6 +112,44 @@ pub struct Source {
     pub held_out_rms_mm: Option<f64>,
 }
 
+/// Measured minus predicted length of one reading by one model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LengthResidual {
+    /// The model.
+    pub model: Model,
+    /// The fold that held the reading out; `None` where it trained.
+    pub fold: Option<usize>,
+    /// The session's name.
+    pub session: String,
+    /// Number of the station in its session.
+    pub station: usize,
+    /// Number of the station that names its pose; all visits of one pose share it.
+    pub pose: usize,
+    /// The instrument.
+    pub source: SourceId,
+    /// The instrument's name.
+    pub name: String,
+    /// What it reads.
+    pub kind: ReadingKind,
+    /// The target that was read; `None` where the session has one.
+    pub target: Option<TargetId>,
+    /// The reading, mm.
+    pub measured_mm: f64,
+    /// The predicted reading, mm.
+    pub predicted_mm: f64,
+    /// Standard deviation of measured minus predicted, mm, of prediction and noise together; `None` of a model without a covariance.
+    pub sd_mm: Option<f64>,
+    /// Robust weight of the reading in training; `None` where it was held out.
+    pub weight: Option<f64>,
+}
+
+impl LengthResidual {
+    /// Measured minus predicted, mm.
+    pub fn residual_mm(&self) -> f64 {
+        self.measured_mm - self.predicted_mm
+    }
+}
+
 /// Stations of a session with several targets, by what stands for their readings ([`crate::fit::flange`]).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ShownFlange {
@@ -146,6 +184,8 @@ pub struct Outcome<'a> {
     pub scales: Vec<SessionScale>,
     /// The sources of each model.
     pub sources: Vec<Source>,
+    /// Every reading of one length by each model: in training, and held out.
+    pub length_residuals: Vec<LengthResidual>,
     /// The sessions' targets, where there are several.
     pub targets: SeveralTargets,
     /// The base that errors are stated in.

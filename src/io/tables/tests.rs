@@ -108,6 +108,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<MotionRow>(),
         as_schema::<JointErrorRow>(),
         as_schema::<ResidualRow>(),
+        as_schema::<length_residuals::LengthResidualRow>(),
         as_schema::<SemivariogramRow>(),
         as_schema::<StepRow>(),
         as_schema::<NodeRow>(),
@@ -174,6 +175,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     assert_read_back(&lake, &run.references);
     assert_read_back(&lake, &run.joint_errors);
     assert_read_back(&lake, &run.residuals);
+    assert_read_back(&lake, &run.length_residuals);
     assert_read_back(&lake, &run.semivariograms);
     assert_read_back(&lake, &run.steps);
     assert_read_back(&lake, &run.compensation);
@@ -181,8 +183,8 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let runs = lake.read("runs", &key()).unwrap();
     assert_eq!(
         runs.list("table_names").value_length(0),
-        16,
-        "fifteen tables and the page"
+        17,
+        "sixteen tables and the page"
     );
     assert_eq!(
         runs.text("verdict").value(0),

@@ -88,7 +88,7 @@ impl TableRun {
         let full = outcome.full.as_ref();
         let full = full.ok_or("there is no full error model of the session")?;
         let ranges = ranges(outcome, arm);
-        let own = Estimate::of_full(full, &ranges).map_err(|several| several.to_string())?;
+        let own = Estimate::of_full(full, &ranges);
         let own = own.ok_or("the covariance of the full error model is none")?;
         match history::session::estimate(&self.calibrations)? {
             (Model::Full, earlier) => Ok(between(&earlier, &own)),

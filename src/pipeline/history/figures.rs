@@ -136,9 +136,19 @@ fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String>
     let own = rows
         .into_iter()
         .filter(|row| Some(row.model) == best && row.unit != Unit::One);
+    // Several targets and instruments have parameters of one name each, in their order.
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    let mut named = |name: String| {
+        let count = seen.entry(name.clone()).or_default();
+        *count += 1;
+        match *count {
+            1 => name,
+            count => format!("{name}_{count}"),
+        }
+    };
     let figure = |row: ParameterRow| Figure {
         kind: Kind::Parameter,
-        name: row.parameter,
+        name: named(row.parameter),
         joint: row.joint,
         angle_rad: None,
         value: row.identified,

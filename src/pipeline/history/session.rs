@@ -70,7 +70,7 @@ pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Esti
         let saved = SavedFull::read(&row.model).map_err(|error| error.to_string())?;
         let model = FullModel::from_saved(&saved).map_err(|error| error.to_string())?;
         let ranges = ranges(row, &saved.arm.axes_from_joints);
-        let estimate = Estimate::of_full(&model, &ranges).map_err(|several| several.to_string())?;
+        let estimate = Estimate::of_full(&model, &ranges);
         let estimate = estimate.ok_or("the covariance of model full is none")?;
         return Ok((Model::Full, estimate));
     }

@@ -1,13 +1,16 @@
 //! The cell as a pipeline file states it → the settings of a plan.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::fit::{CameraUncertainty, TrackerUncertainty, Uncertainty};
+use crate::fit::{CameraUncertainty, FitSettings, TrackerUncertainty, Uncertainty};
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, SingularityFactors};
-use crate::pipeline::configuration::{ConfigurationError, ConfigurationErrorKind, placed, upwards};
+use crate::pipeline::configuration::{
+    ConfigurationError, ConfigurationErrorKind, placed, several_targets, upwards,
+};
 use crate::pipeline::file::PipelineFile;
 use crate::plan::line_of_sight::{Constraints, KeepOut, LineOfSight};
 use crate::plan::section::{ConstraintsSection, PlanSection};
@@ -34,7 +37,7 @@ impl<'p> Placed<'p> {
         let tool = tool
             .map(|tool| placed(path, "[commanded] flange_from_tool", &tool))
             .transpose()?;
-        let target = file.fit.geometric.target.map(|target| target.xyz_mm);
+        let target = of_main_target(file).target.map(|target| target.xyz_mm);
         let flange_from_target = match (target, tool) {
             (Some(xyz_mm), tool) => Isometry3::from_parts(
                 Translation3::from(xyz_mm),
@@ -44,7 +47,8 @@ impl<'p> Placed<'p> {
             (None, None) => {
                 return Err(ConfigurationErrorKind::Missing {
                     key: "[fit] target",
-                    reason: "a plan has to know where the target will sit at the flange: give its xyz_mm and sd_mm, or \
+                    reason: "a plan has to know where the target will sit at the flange (of several the main one, under its name in \
+                             [fit.targets]): give its xyz_mm and sd_mm, or \
                              [commanded] flange_from_tool where the tool is the target",
                 }
                 .at(path));
@@ -86,7 +90,7 @@ impl<'p> Placed<'p> {
                 // The table's orientation is the tool's: that of the target here.
                 UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
             });
-        let fit = &file.fit.geometric;
+        let fit = of_main_target(file);
         let up = file.robot.up;
         Ok(PlanSettings {
             seed: section.seed,
@@ -104,7 +108,7 @@ impl<'p> Placed<'p> {
             grid: file.grid.clone(),
             tolerance: file.tolerance,
             population: section.expect.population(
-                self.cell(fit.orientations),
+                self.cell(file.fit.geometric.orientations),
                 match &file.tracker.uncertainty {
                     Uncertainty::Tracker(own) => tracker(own),
                     Uncertainty::Camera(own) => {
@@ -114,8 +118,8 @@ impl<'p> Placed<'p> {
                 up.unwrap_or([0.0, 0.0, 1.0]),
             ),
             known: None,
-            noise: file.noise(),
-            fit: fit.clone(),
+            noise: file.noise_of_tracker(),
+            fit,
             full: file.fit.full.clone(),
             up: up.map(|up| upwards(self.path, up)).transpose()?,
             robots: section.robots,
@@ -127,6 +131,7 @@ impl<'p> Placed<'p> {
             drift_check_every: section.drift_check_every,
             verify_poses: section.verify_poses,
             instruments: section.instruments.clone(),
+            reflectors_mm: section.reflectors_mm.clone(),
             home,
         })
     }
@@ -180,6 +185,21 @@ impl<'p> Placed<'p> {
             keep_out_margin_mm: section.keep_out_margin_mm,
             tracker: line_of_sight.transpose()?,
         })
+    }
+}
+
+/// The geometric fit of planned sessions, whose target is the main one of the pipeline file.
+fn of_main_target(file: &PipelineFile) -> FitSettings {
+    let fit = &file.fit.geometric;
+    let names = several_targets(file);
+    let main = names
+        .first()
+        .and_then(|name| fit.targets.get(name).copied());
+    FitSettings {
+        target: fit.target.or(main),
+        targets: BTreeMap::new(),
+        target_distances: Vec::new(),
+        ..fit.clone()
     }
 }
 

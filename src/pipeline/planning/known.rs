@@ -9,12 +9,12 @@ use crate::compensation::IdentifiedArm;
 use crate::fit::full::FullModel;
 use crate::fit::full::next::{Mounted, Mounting, Placed};
 use crate::fit::saved::SavedArm;
+use crate::fit::{Sees, SourceId, TargetId};
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema::{self, SchemaError};
 use crate::io::store::Place;
-use crate::join::Several;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;
@@ -77,14 +77,6 @@ pub enum KnownError {
     /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// The run has several sources or targets.
-    #[error("[plan.known]: {}: {source}", path.display())]
-    Several {
-        /// The table.
-        path: PathBuf,
-        /// Number of each.
-        source: Several,
-    },
     /// The past session does not fit this plan.
     #[error("[plan.known]: {}", kind.message(path))]
     Misfit {
@@ -132,6 +124,8 @@ pub enum KnownMisfit {
         /// Distance between the two, mm.
         away_mm: f64,
     },
+    /// The base is said to be where it was, but each instrument of the session read one length: none has a frame.
+    NoBase,
     /// The covariance cannot be factored because of rounding.
     NotPositive,
 }
@@ -174,6 +168,9 @@ impl KnownMisfit {
             } => format!(
                 "the target of {path} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this \
                  plan: say target = \"other\""
+            ),
+            Self::NoBase => format!(
+                "the instruments of {path} read one length each, so the base in a tracker's frame is not known from it: say base = \"new\""
             ),
             Self::NotPositive => format!(
                 "the covariance of {path} cannot be factored again; identify that session anew with this version"
@@ -311,12 +308,12 @@ fn mounting(
             sd_mm,
         },
     };
-    let sat = model.fitted_frames()[session].one();
-    let sat = sat.map_err(|source| KnownError::Several {
-        path: path.to_owned(),
-        source,
-    })?;
-    let sat = sat.flange_from_target;
+    let past = &model.fitted_frames()[session];
+    // The planned session has one tracker and the main target: other instruments and targets of the past one are integrated out.
+    if known.base == BaseMounted::Same && past.sees()[SourceId::ONLY.0] != Sees::Places {
+        return Err(KnownMisfit::NoBase.at(path));
+    }
+    let sat = past.flange_from_target(TargetId::MAIN);
     let (found, wanted) = (
         sat.isometry().translation.vector,
         settings.flange_from_target.translation.vector,

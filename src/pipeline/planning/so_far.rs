@@ -24,6 +24,7 @@ use crate::join::{Pairing, Station};
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::{Configuration, Overrides};
 use crate::pipeline::run;
+use crate::pipeline::stages::StageSettings;
 use crate::plan::enough::{self, Next};
 use crate::plan::{Outcomes, Placer, PlanError, compare};
 use crate::progress::Progress;
@@ -99,7 +100,7 @@ impl Planning {
             .into());
         }
         let poses = VisitRow::read(&lake.read("sampling_plan", &key)?);
-        let joined = self.read_session(path, session, progress)?;
+        let (joined, stages) = self.read_session(path, session, progress)?;
         let stations = &joined.joined.stations;
         let counted = self.arm.counted();
         let is_verify = |station: &Station| {
@@ -115,7 +116,7 @@ impl Planning {
             .filter(|s| is_verify(s))
             .count();
         let taken: Vec<Station> = stations.iter().filter(|s| !is_verify(s)).cloned().collect();
-        let model = self.model_of(&joined, &taken)?;
+        let model = self.model_of(&joined, &taken, &stages)?;
         let region = self.region()?;
         let promise = enough::promised(&model, 0, &region, &self.settings);
         let left: Vec<&VisitRow> = poses
@@ -148,12 +149,13 @@ impl Planning {
         })
     }
 
+    /// The session, and the settings of its own stages: it may have more targets and instruments than are planned for.
     fn read_session(
         &self,
         path: &Path,
         session: &str,
         progress: &dyn Progress,
-    ) -> Result<JoinedSession, PlanningError> {
+    ) -> Result<(JoinedSession, StageSettings), PlanningError> {
         let overrides = Overrides {
             sessions: vec![session.to_owned()],
             test: Vec::new(),
@@ -167,7 +169,8 @@ impl Planning {
             .flat_map(|piece| &piece.training)
             .next();
         let files = files.expect("a configuration of one session has its files");
-        Ok(run::session(&configuration, files, None, progress).map_err(Box::new)?)
+        let joined = run::session(&configuration, files, None, progress).map_err(Box::new)?;
+        Ok((joined, configuration.stages))
     }
 
     /// The full error model of the stations that take part.
@@ -175,17 +178,17 @@ impl Planning {
         &self,
         joined: &JoinedSession,
         stations: &[Station],
+        stages: &StageSettings,
     ) -> Result<FullModel, PlanningError> {
-        let settings = &self.settings;
         let numbers = |number: usize| stations.iter().any(|station| station.number == number);
-        let mut observations = fit::observations(0, stations, &self.arm, &settings.noise);
+        let mut observations = fit::observations(0, stations, &self.arm, &stages.noise);
         fit::add_commands(
             &mut observations,
             &joined.joined.stations,
             &joined.commanded,
         );
         observations.retain(|observation| numbers(observation.station));
-        let found = self.trained(&observations).map_err(|source| {
+        let found = self.trained(&observations, stages).map_err(|source| {
             Box::new(SoFarError::Fit {
                 session: joined.name.clone(),
                 source,
@@ -199,18 +202,22 @@ impl Planning {
         })
     }
 
-    fn trained(&self, observations: &[Observation]) -> Result<Option<FullModel>, FitError> {
+    fn trained(
+        &self,
+        observations: &[Observation],
+        stages: &StageSettings,
+    ) -> Result<Option<FullModel>, FitError> {
         let settings = &self.settings;
-        if let Some(known) = &settings.known {
-            let found = fit::start::frames(&self.arm, observations, 1, &settings.fit)?;
-            return Ok(known.learned(&self.arm, observations, &found[0]));
-        }
         let train = TrainingSettings {
-            fit: &settings.fit,
+            fit: &stages.fit,
             full: &settings.full,
             up: settings.up,
         };
-        Ok(fit::models::train(&self.arm, observations, 1, &train)?.full)
+        let Some(known) = &settings.known else {
+            return Ok(fit::models::train(&self.arm, observations, 1, &train)?.full);
+        };
+        let found = &fit::start::frames(&self.arm, observations, 1, &stages.fit)?[0];
+        Ok(known.learned_from_all(&self.arm, observations, found, &train))
     }
 
     /// Axis variables of fresh poses of the region.

@@ -4,7 +4,7 @@
 //! driven sessions, ISO 9283, the tool tip, semivariograms) asks a station for its one reading, which is derived here
 //! ([`crate::fit::flange`]) by the targets' places as base + target fitted them. Sessions with one target stay as they are.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::observed::{Observed, observations};
 use super::{StageError, StageSettings};
@@ -42,6 +42,11 @@ impl Flanges {
         if let (Some(targets @ 2..), true) = (targets, settings.locate.with_target()) {
             return Err(StageError::OwnTargets { targets });
         }
+        let known = known_targets(observed);
+        let test: Vec<JoinedSession> = test
+            .into_iter()
+            .map(|session| of_targets(session, &known))
+            .collect();
         let seen = test.iter();
         let mut seen: Vec<_> = seen
             .map(|session| places(observations(arm, 0, session, settings)))
@@ -74,6 +79,22 @@ impl Flanges {
             seen,
         })
     }
+}
+
+/// The targets that the first session of the training read: an unseen session has them in their places there.
+fn known_targets(observed: &Observed) -> BTreeSet<TargetId> {
+    let first = observed.of_session(0);
+    first.map(|(own, _)| own.target).collect()
+}
+
+/// A session that judges, with its readings of these targets alone: nothing predicts the places of others.
+fn of_targets(mut session: JoinedSession, known: &BTreeSet<TargetId>) -> JoinedSession {
+    for station in &mut session.joined.stations {
+        station
+            .readings
+            .retain(|reading| known.contains(&reading.target));
+    }
+    session
 }
 
 /// What was derived so far.

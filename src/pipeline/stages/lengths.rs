@@ -2,7 +2,8 @@
 //! without them for what comes after the fit.
 //!
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
-//! their held-out readings, along the direction that is read, is in the table `sources`.
+//! their readings, along the direction that is read, is in the table `length_residuals`; its size where they are held out is in
+//! `sources`.
 
 use nalgebra::Vector3;
 
@@ -16,7 +17,7 @@ use crate::fit::{
     At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
 };
 use crate::grid::{Choice, Grids, Verdict};
-use crate::io::tables::outcome::{JoinedSession, Source};
+use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
 use crate::join::{SourceId, Unmeasured};
 use crate::kinematics::Arm;
 use crate::report::{Model, ResidualSet};
@@ -134,11 +135,10 @@ pub(super) fn check_judge(session: &JoinedSession) -> Result<(), StageError> {
     Ok(())
 }
 
-/// The sources of all models: base + target, geometry and the full error model.
+/// The sources of all models: base + target, geometry and the full error model; `left` are the residuals of their lengths.
 pub(super) fn sources(
-    observed: &Observed,
     models: &Models,
-    folds: &[Option<Models>],
+    left: &[LengthResidual],
     settings: &StageSettings,
 ) -> Vec<Source> {
     let of = |model: Model| {
@@ -148,7 +148,7 @@ pub(super) fn sources(
         };
         let is_there = models.get(model).is_some();
         let sizes = sizes.iter().filter(move |_| is_there);
-        sizes.map(move |size| source(model, size, observed, models, folds, settings))
+        sizes.map(move |size| source(model, size, models, left, settings))
     };
     OF.into_iter().flat_map(of).collect()
 }
@@ -156,16 +156,18 @@ pub(super) fn sources(
 fn source(
     model: Model,
     size: &SourceSize,
-    observed: &Observed,
     models: &Models,
-    folds: &[Option<Models>],
+    left: &[LengthResidual],
     settings: &StageSettings,
 ) -> Source {
     let full = models.full.as_ref().filter(|_| model == Model::Full);
     let of_full = full.and_then(|full| full.repeatability.lengths.get(size.source.0));
     let of_full = of_full.filter(|_| size.kind.is_length());
     let fitted = model != Model::Full;
-    let left = held_out(model, size.source, observed, folds);
+    let is_own = |own: &&LengthResidual| (own.model, own.source) == (model, size.source);
+    let left = left.iter().filter(is_own);
+    let left = left.filter(|own| own.fold.is_some());
+    let left: Vec<f64> = left.map(LengthResidual::residual_mm).collect();
     let gauge = frames(models, model)
         .last()
         .and_then(|own| own.gauge(size.source).copied());
@@ -185,26 +187,79 @@ fn source(
     }
 }
 
+fn name(source: SourceId, settings: &StageSettings) -> String {
+    let name = settings.fit.source_names.get(source.0).cloned();
+    name.unwrap_or_else(|| "tracker".to_owned())
+}
+
 fn rms(left: &[f64]) -> Option<f64> {
     let squares: f64 = left.iter().map(|own| own * own).sum();
     (!left.is_empty()).then(|| (squares / left.len() as f64).sqrt())
 }
 
-/// Measured minus predicted of every held-out length of a source, mm.
-fn held_out(
-    model: Model,
-    source: SourceId,
+/// Measured minus predicted of every length by each model, in training and held out; `sessions` are those that trained.
+pub(super) fn residuals(
     observed: &Observed,
+    sessions: &[JoinedSession],
+    models: &Models,
     folds: &[Option<Models>],
-) -> Vec<f64> {
-    let own = observed.all.iter().zip(&observed.folds);
-    let own = own.filter(|(o, _)| o.source == source && o.measured.length().is_some());
-    let left = own.filter_map(|(o, fold)| {
-        let models = folds.get(*fold)?.as_ref()?;
-        let it = models.get(model)?;
-        left_of(it, &frames(models, model), o)
-    });
-    left.collect()
+    settings: &StageSettings,
+) -> Vec<LengthResidual> {
+    let of = |model: Model| {
+        let trained = left_by(models, None, model, observed, sessions, settings);
+        let folds = folds.iter().enumerate();
+        let held_out = folds.flat_map(move |(fold, models)| {
+            let own = models.as_ref();
+            own.map_or_else(Vec::new, |own| {
+                left_by(own, Some(fold), model, observed, sessions, settings)
+            })
+        });
+        trained.into_iter().chain(held_out)
+    };
+    OF.into_iter().flat_map(of).collect()
+}
+
+/// What a model of a training leaves of the lengths: of all, or of those that `fold` held out of it.
+fn left_by(
+    models: &Models,
+    fold: Option<usize>,
+    model: Model,
+    observed: &Observed,
+    sessions: &[JoinedSession],
+    settings: &StageSettings,
+) -> Vec<LengthResidual> {
+    let Some(it) = models.get(model) else {
+        return Vec::new();
+    };
+    let frames = frames(models, model);
+    let full = models.full.as_ref().filter(|_| model == Model::Full);
+    let of = |(place, (o, own)): (usize, (&Observation, &usize))| {
+        let is_judged = fold.is_none_or(|fold| fold == *own);
+        let measured_mm = o.measured.length().filter(|_| is_judged)?.mm;
+        let left_mm = left_of(it, &frames, o)?;
+        let several = frames[o.session].has_several_targets();
+        let weights = it.weights();
+        Some(LengthResidual {
+            model,
+            fold,
+            session: sessions[o.session].name.clone(),
+            station: o.station,
+            pose: o.pose,
+            source: o.source,
+            name: name(o.source, settings),
+            kind: o.measured.kind(),
+            target: several.then_some(o.target),
+            measured_mm,
+            predicted_mm: measured_mm - left_mm,
+            sd_mm: full
+                .filter(|_| fold.is_some())
+                .and_then(|full| full.length_variance(o))
+                .map(f64::sqrt),
+            weight: weights.get(place).copied().filter(|_| fold.is_none()),
+        })
+    };
+    let all = observed.all.iter().zip(&observed.folds).enumerate();
+    all.filter_map(of).collect()
 }
 
 /// The frames of each session at the model's best estimate.

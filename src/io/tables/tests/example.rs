@@ -20,7 +20,9 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
-use crate::io::tables::outcome::{JoinedSession, Outcome, SeveralTargets, Source as OfSource};
+use crate::io::tables::outcome::{
+    JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
+};
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReferenceCourse};
 use crate::join::{
@@ -216,6 +218,25 @@ fn of_source(number: usize, geometric: &Calibration) -> OfSource {
     }
 }
 
+/// What is left of a distance in training, or held out by a fold.
+fn length_residual(fold: Option<usize>) -> LengthResidual {
+    LengthResidual {
+        model: Model::Geometric,
+        fold,
+        session: "mon".to_owned(),
+        station: 3,
+        pose: 3,
+        source: SourceId(1),
+        name: "bar".to_owned(),
+        kind: ReadingKind::Distance,
+        target: None,
+        measured_mm: 1234.5,
+        predicted_mm: 1234.25,
+        sd_mm: fold.map(|_| 0.05),
+        weight: fold.is_none().then_some(1.0),
+    }
+}
+
 fn log_reject(messages: Option<u64>) -> LogReject {
     LogReject {
         file: "controller.mcap".to_owned(),
@@ -330,6 +351,7 @@ fn outcome() -> Outcome<'static> {
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
         sources: [0, 1].map(|number| of_source(number, &geometric)).into(),
+        length_residuals: [None, Some(2)].map(length_residual).into(),
         targets: SeveralTargets::default(),
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
