@@ -109,6 +109,15 @@ pub struct MeanOrientation {
     pub scatter_rad: f64,
 }
 
+/// Distances by which the readings of a station were assigned to targets by geometry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assigned {
+    /// Root mean square distance of the readings from their targets at the nominal flange, mm.
+    pub misfit_mm: f64,
+    /// That of the best other assignment of the same readings, mm.
+    pub runner_up_mm: f64,
+}
+
 impl Value {
     /// A pose where an orientation was read, otherwise a point.
     pub const fn of(point: MeanPoint, orientation: Option<MeanOrientation>) -> Self {
