@@ -330,7 +330,13 @@ fn unjoined(
 
 /// The mistake under whose correction the logs can be joined; `None` where there is none.
 fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
-    let supposed = Supposed::of(&read.input, &configuration.arm, &configuration.join).ok()?;
+    let supposed = Supposed::of(
+        &read.input,
+        &configuration.arm,
+        &configuration.join,
+        configuration.unnamed_targets.as_ref(),
+    );
+    let supposed = supposed.ok()?;
     let stated = &configuration.set_up;
     setup::explain(
         &stated.set_up,
