@@ -189,10 +189,11 @@ fn what_cannot_be_assigned_is_named() {
 #[test]
 fn what_is_stated_of_unnamed_targets_has_to_be_enough() {
     let cell = Cell::new().with("topic = \"/tracker/point\"\n", UNNAMED);
-    cell.expect(2, &["targets_by_geometry", "no distance between T1 and T2"]);
+    cell.run(&[])
+        .expect(2, &["targets_by_geometry", "no distance between T1 and T2"]);
     let both = Cell::new().with(
         "topic = \"/tracker/point\"\n",
         &format!("{UNNAMED}targets = [{{ name = \"T1\" }}]\n"),
     );
-    both.expect(2, &["beside targets_by_geometry"]);
+    both.run(&[]).expect(2, &["beside targets_by_geometry"]);
 }

@@ -26,7 +26,7 @@ impl Noise {
     }
 
     fn below(&mut self, count: usize) -> usize {
-        let share = (self.next() + 1.0) / 2.0;
+        let share = f64::midpoint(self.next(), 1.0);
         (0..count)
             .rfind(|&n| share >= n as f64 / count as f64)
             .unwrap_or(0)
@@ -53,7 +53,7 @@ fn session(places: &[[f64; 3]], missing: f64, seed: u64) -> Session {
         for last in (1..order.len()).rev() {
             order.swap(last, noise.below(last + 1));
         }
-        order.retain(|_| (noise.next() + 1.0) / 2.0 >= missing);
+        order.retain(|_| f64::midpoint(noise.next(), 1.0) >= missing);
         let points = order.iter().map(|&target| {
             let own = tracker_from_base * flange * off * Point3::from(places[target]);
             own + noise.vector(0.05)
