@@ -16,6 +16,7 @@
 //!
 //! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
 
+pub mod assigned;
 pub mod average;
 pub mod began;
 pub mod clock;
@@ -42,11 +43,14 @@ pub mod stationary;
 pub mod supposed;
 pub mod tabled;
 
+use std::collections::BTreeMap;
 use std::ops::AddAssign;
 
 use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
+use self::assigned::Stated;
+use self::assigned::stream::{self, ByTarget};
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::ArmDwell;
@@ -62,8 +66,8 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 pub use began::{Began, began};
 pub use error::JoinError;
 pub use reading::{
-    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
-    TargetId, Value, one_source,
+    Assigned, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources,
+    SourceId, TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
 pub use tabled::{RowItem, RowReject};
@@ -79,6 +83,8 @@ pub struct Joined {
     pub rejects: Vec<JoinReject>,
     /// Rows and readings of a table of stations left out, with reasons; empty where logs were joined.
     pub row_rejects: Vec<RowReject>,
+    /// By station's number the distances by which its readings were assigned to targets; empty where readings name their targets.
+    pub assigned: BTreeMap<usize, Assigned>,
     /// The courses of references that were followed; empty where there were none.
     pub references: Vec<tabled::ReferenceCourse>,
     /// Readings by verdict; the sum is the number of readings.
@@ -325,6 +331,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         clock,
         rejects,
         row_rejects: Vec::new(),
+        assigned: BTreeMap::new(),
         references: Vec::new(),
         counts,
         found: Found {
@@ -337,6 +344,137 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
 
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
+
+/// Joins the two logs of a session whose readings are of several targets and do not name them: their targets are found by geometry,
+/// with what is stated of them.
+///
+/// Counts, rejects and dispositions are those of [`join`]; the distances of each assignment and of its runner-up are in
+/// [`Joined::assigned`].
+pub fn join_unnamed(
+    input: &JoinInput,
+    arm: &Arm,
+    settings: &JoinSettings,
+    stated: &Stated,
+) -> Result<Joined, JoinError> {
+    settings.check()?;
+    observe::check_joints(&input.joints, arm)?;
+    observe::check_temperatures(&input.temperatures)?;
+    let readings = Readings::find(&*input.readings, settings)?;
+    let seen = observe::observe(&readings, &input.joints, arm, settings)?;
+    let (clock, visits, settle_s) = clock_of_visits(&readings, &seen, input, stated, settings)?;
+    let by_target = stream::by_target(
+        &*input.readings,
+        &readings,
+        (&visits, &seen.target),
+        &clock.model,
+        stated,
+        settings,
+    )?;
+    let mut stations = unmeasured(&*input.commands, &seen.arm)?;
+    for &number in &by_target.ambiguous {
+        stations[number].pairing = Pairing::Ambiguous;
+    }
+    let (mut counts, mut rejects) = beside_targets(&readings, &seen, &by_target)?;
+    let found = others::Found {
+        arm: &seen.arm,
+        temperatures: &input.temperatures,
+        clock: clock.model,
+        settle_s,
+        settings,
+    };
+    for (place, own) in by_target.targets.iter().enumerate() {
+        if own.count() > 0 {
+            let (own, left_out) =
+                Other::of(TargetId(place), own, settings)?.add(&found, &mut stations)?;
+            counts += own;
+            rejects.extend(left_out);
+        }
+    }
+    rejects.sort_by_key(|own| own.start);
+    Ok(Joined {
+        stations,
+        clock,
+        rejects,
+        row_rejects: Vec::new(),
+        assigned: by_target.assigned,
+        references: Vec::new(),
+        counts,
+        found: Found {
+            stationary_rad: seen.stationary_rad,
+            stationary_mm: seen.stationary_mm,
+            settle_s,
+        },
+    })
+}
+
+/// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.
+fn clock_of_visits(
+    readings: &Readings<'_>,
+    seen: &Observation,
+    input: &JoinInput,
+    stated: &Stated,
+    settings: &JoinSettings,
+) -> Result<(ClockEstimate, Observation, f64), JoinError> {
+    let visits = Observation {
+        target: stream::visits(&seen.target, stated, SAME_REACH * seen.stationary_mm),
+        ..seen.clone()
+    };
+    let decision = decide::decide(visits.dwells(), settings.geometry_gate_mm)?;
+    let origin = Stamp::from_ns(input.joints.span_ns.0);
+    let (mut clock, relation, by_edges) = estimate_clock(&visits, &decision, origin);
+    if !by_edges {
+        clock.model = others::centred(clock.model, &visits.arm, &visits.target, &[]);
+    }
+    let found = || {
+        let firsts = stream::firsts(&visits, &seen.target);
+        settle::settling_s(&firsts, readings, &decision.support, relation)
+    };
+    let settle_s = settings.settle_s.map_or_else(found, Ok)?;
+    Ok((clock, visits, settle_s))
+}
+
+/// Stations without readings yet.
+fn unmeasured(
+    commands: &dyn Poses<Controller>,
+    dwells: &[ArmDwell],
+) -> Result<Vec<Station>, JoinError> {
+    let commands = in_force(commands, dwells)?;
+    let stations = dwells.iter().zip(commands).enumerate();
+    let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| Station {
+        number,
+        start: dwell.start,
+        end: dwell.end,
+        joints: dwell.joints.clone(),
+        joint_samples: dwell.samples,
+        command,
+        readings: Vec::new(),
+        pairing: Pairing::Unmeasured(Unmeasured::NoReadings),
+    };
+    Ok(stations.map(station).collect())
+}
+
+/// Counts and rejects of the readings that are of no target: missing, moving, outside of the arm's dwells, or of none by geometry.
+fn beside_targets(
+    readings: &Readings<'_>,
+    seen: &Observation,
+    by_target: &ByTarget<'_>,
+) -> Result<(ReadingCounts, Vec<JoinReject>), JoinError> {
+    let mut dispositions = first_dispositions(readings, seen);
+    for rows in readings.missing() {
+        dispositions.set(rows, Disposition::Missing);
+    }
+    let left_out = by_target.left_out.iter().map(|(rows, _)| rows);
+    for rows in by_target.assigned_rows.iter().chain(left_out) {
+        dispositions.set(rows.clone(), Disposition::Kept);
+    }
+    let mut rejects = dispositions.rejects(readings)?;
+    let left_out = stream::rejects(&by_target.left_out, readings)?;
+    let mut counts = dispositions.counts();
+    counts.kept = 0;
+    counts.unpaired += left_out.iter().map(|own| own.readings).sum::<u64>();
+    rejects.extend(left_out);
+    Ok((counts, rejects))
+}
 
 /// Refines the clock on the supporting pairs: the published estimate, the relation in seconds since the first stamps, and whether it is
 /// by the edges of dwells.
@@ -389,19 +527,27 @@ fn first_dispositions(readings: &Readings<'_>, seen: &Observation) -> Dispositio
     dispositions
 }
 
-fn stations(
+/// The command in force during each dwell.
+fn in_force(
     commands: &dyn Poses<Controller>,
     dwells: &[ArmDwell],
-    evidence: &pair::Evidence,
-    dispositions: &mut Dispositions,
-) -> Result<Vec<Station>, JoinError> {
+) -> Result<Vec<Option<Command>>, JoinError> {
     let occasion = |dwell: &ArmDwell| command::Occasion {
         start: dwell.start,
         end: dwell.end,
         flange: dwell.flange,
     };
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
-    let commands = command::in_force(commands, &occasions)?;
+    Ok(command::in_force(commands, &occasions)?)
+}
+
+fn stations(
+    commands: &dyn Poses<Controller>,
+    dwells: &[ArmDwell],
+    evidence: &pair::Evidence,
+    dispositions: &mut Dispositions,
+) -> Result<Vec<Station>, JoinError> {
+    let commands = in_force(commands, dwells)?;
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
         let (pairing, reading) = evidence.verdict(dwell, dispositions)?;
         Ok(Station {

@@ -32,7 +32,7 @@ pub use identified::{ApproachOffset, AxisError, AxisErrors};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
 pub use settings::{Poses, SimulateSettings};
-pub use stations::{LengthInstrument, LengthTruth};
+pub use stations::{LengthInstrument, LengthTruth, without_names};
 pub use true_arm::ArmErrors;
 pub use truth::{TrueStation, Truth};
 pub use visits::{Visit, visits};

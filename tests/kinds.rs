@@ -187,6 +187,7 @@ impl Session {
             temperature_c: None,
             readings,
             references: self.references(&tracker, station),
+            assigned: None,
         }
     }
 

@@ -16,14 +16,15 @@ use posegrid::fit::{
 };
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::Tolerance;
-use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
+use posegrid::ingest::{LoggedTarget, Recording, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
-use posegrid::io::log_writer::{write_controller_log, write_targets_log};
+use posegrid::io::log_writer::{write_controller_log, write_targets_log, write_tracker_log};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::residuals;
+use posegrid::join::assigned::Stated;
 use posegrid::join::{
-    JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
-    Station, TargetId, Unmeasured, Value, join,
+    Assigned, JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind,
+    SourceId, Station, TargetId, Unmeasured, Value, join, join_unnamed,
 };
 use posegrid::kinematics::{Arm, Parameter};
 use posegrid::pipeline::stages::{self, StageSettings};
@@ -33,7 +34,7 @@ use posegrid::report::{Accuracy, Angles, Model, Point, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
-    ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits,
+    ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits, without_names,
 };
 use posegrid::units::{ClockModel, Stamp, Tracker};
 use rand::{RngExt, SeedableRng};
@@ -829,4 +830,71 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
         largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
         "{largest} {counts:?}"
     );
+}
+
+/// The same readings as one topic of points that do not name their reflector; joined by geometry, with places stated to half a
+/// millimetre.
+fn from_unnamed_log(
+    arm: &Arm,
+    simulated: &Simulated,
+    readings: &[TargetReadings],
+) -> (Joined, u64) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [controller, tracker] =
+        ["controller.mcap", "tracker.mcap"].map(|log| folder.path().join(log));
+    let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
+    let joints: Vec<&str> = arm.joints().iter().map(|own| own.name.as_str()).collect();
+    let nothing = BTreeMap::new();
+    let recording = Recording {
+        readings: without_names(readings),
+        ..simulated.recording.clone()
+    };
+    write_controller_log(create(&controller), &recording, &joints, &nothing).expect("room");
+    write_tracker_log(create(&tracker), &recording, &nothing).expect("room");
+    let mut mapping = common::mapping(arm);
+    "/tracker/point".clone_into(&mut mapping.tracker.topic);
+    let read = common::read(&SessionLogs::of_two(&controller, &tracker), &mapping);
+    let kept = read.counts["readings.kept"];
+    let place = |at: &[f64; 3]| Some((Vector3::from(TOOL_MM) + Vector3::from(*at), 0.5));
+    let stated = Stated {
+        names: ["A", "B", "C"].map(str::to_owned).to_vec(),
+        places: PLACES.iter().map(place).collect(),
+        distances: Vec::new(),
+    };
+    let settings = JoinSettings::default();
+    let joined = join_unnamed(&read.input, arm, &settings, &stated).expect("a sound recording");
+    (joined, kept)
+}
+
+#[test]
+fn reflectors_that_a_log_does_not_name_are_those_of_the_table_of_the_same_session() {
+    let arm = common::arm("kr210-r2700-extra");
+    for seed in [7, 8, 9] {
+        let mut settings = day(seed, 60, true);
+        settings.cell.six_dof = false;
+        settings.tracker = TrackerErrors::adm();
+        settings.tracker.lost_share = 0.1;
+        settings.motion.dwell_s = 3.0;
+        let simulated = simulate(&arm, &settings).expect("in reach");
+        let beside = [PLACES[1], PLACES[2]].map(Vector3::from);
+        let in_turn = simulated.readings_in_turn(&beside);
+        let table = simulated.stations_with(&beside);
+        let (joined, kept) = from_unnamed_log(&arm, &simulated, &in_turn);
+        let c = joined.counts;
+        assert_eq!(
+            kept,
+            c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
+        );
+        let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
+        assert_eq!(kept, c.kept + rejected);
+        let (largest, counts) = beside_table(&joined, &table);
+        println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
+        // A reading under another name would be more than 100 mm off.
+        assert!(
+            largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
+            "{largest} {counts:?}"
+        );
+        let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
+        assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
+    }
 }

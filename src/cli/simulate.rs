@@ -14,7 +14,7 @@ use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::robot::ArmFlags;
-use crate::ingest::Recording;
+use crate::ingest::{Recording, TargetReadings};
 use crate::io::log_writer::{
     LogWriteError, write_controller_log, write_targets_log, write_tracker_log,
 };
@@ -26,6 +26,7 @@ use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 use crate::simulate::{
     LengthInstrument, LengthTruth, SimulateError, SimulateSettings, Simulated, simulate,
+    without_names,
 };
 
 mod flags;
@@ -75,6 +76,12 @@ pub struct SimulateArgs {
     /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     beside: Vec<Triple>,
+    /// Measure the reflectors one after another in each dwell, in an order that changes from dwell to dwell, instead of all at once
+    #[arg(long, requires = "beside")]
+    in_turn: bool,
+    /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
+    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference"])]
+    unnamed: bool,
     /// An instrument in that table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
     /// at no distance, mm, and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
@@ -280,7 +287,14 @@ impl SimulateArgs {
             if self.beside.is_empty() {
                 return Ok(write_tracker_log(sink, recording, &session)?);
             }
-            let readings = simulated.readings_with(&self.places_beside());
+            let readings = self.readings(simulated);
+            if self.unnamed {
+                let recording = Recording {
+                    readings: without_names(&readings),
+                    ..recording.clone()
+                };
+                return Ok(write_tracker_log(sink, &recording, &session)?);
+            }
             let targets: Vec<_> = self.target_names().into_iter().zip(readings).collect();
             let temperatures = &recording.temperatures;
             Ok(write_targets_log(sink, &targets, temperatures, &session)?)
@@ -296,6 +310,16 @@ impl SimulateArgs {
             })?;
         }
         Ok(())
+    }
+
+    /// Readings of the reflectors: all at once, or one after another.
+    fn readings(&self, simulated: &Simulated) -> Vec<TargetReadings> {
+        let beside = self.places_beside();
+        if self.in_turn || self.unnamed {
+            simulated.readings_in_turn(&beside)
+        } else {
+            simulated.readings_with(&beside)
+        }
     }
 
     /// The table of the stations, with a reading of each reflector.
@@ -316,10 +340,16 @@ impl SimulateArgs {
             .iter()
             .map(|Triple(at)| Point3::from(*at))
             .collect();
+        let turns = if self.unnamed {
+            simulated.turns(self.beside.len() + 1)
+        } else {
+            Vec::new()
+        };
         let read = station_table::Read {
             targets: &self.target_names(),
             lengths: &lengths,
             references: &simulated.references(&places),
+            turns: &turns,
         };
         station_table::csv(&stations, arm, read)
     }

@@ -86,6 +86,10 @@ pub struct TrackerSettings {
     /// one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<LoggedTarget>,
+    /// Names of the targets whose readings share the topic and do not name them, the main one first: they are found by geometry. Empty
+    /// where readings name their targets.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub targets_by_geometry: Vec<String>,
     /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
     /// states it.
     #[serde(skip_serializing)]
@@ -219,6 +223,8 @@ pub(crate) struct TrackerFile {
     pub(crate) frame: Option<String>,
     #[serde(default)]
     pub(crate) targets: Vec<LoggedTarget>,
+    #[serde(default)]
+    pub(crate) targets_by_geometry: Vec<String>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -303,6 +309,7 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             fields: file.fields,
             frame: file.frame,
             targets: file.targets,
+            targets_by_geometry: file.targets_by_geometry,
             eye_in_hand: false,
         })
     }

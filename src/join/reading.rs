@@ -5,6 +5,7 @@
 //! a fit is in [`crate::fit::observation::measured`].
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Station;
@@ -107,6 +108,15 @@ pub struct MeanOrientation {
     pub orientation: UnitQuaternion<f64>,
     /// Standard deviation of a single sample (rotation vector norm per axis, root mean square), rad.
     pub scatter_rad: f64,
+}
+
+/// Distances by which the readings of a station were assigned to targets by geometry.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Assigned {
+    /// Root mean square distance of the readings from their targets at the nominal flange, mm.
+    pub misfit_mm: f64,
+    /// That of the best other assignment of the same readings, mm.
+    pub runner_up_mm: f64,
 }
 
 impl Value {

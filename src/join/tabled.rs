@@ -18,8 +18,8 @@ use serde::{Deserialize, Serialize};
 use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
 use super::{
-    ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts, SourceId,
-    Station, TargetId, Unmeasured, Value,
+    Assigned, ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts,
+    SourceId, Station, TargetId, Unmeasured, Value,
 };
 use crate::ingest::StandsOn;
 use crate::join::references::ReferenceId;
@@ -45,6 +45,8 @@ pub struct Row {
     pub readings: Vec<RowReading>,
     /// The references that were read at the station.
     pub references: Vec<RowReference>,
+    /// Distances by which the readings were assigned to targets; `None` where they name them.
+    pub assigned: Option<Assigned>,
 }
 
 /// A row with readings of references alone, between stations.
@@ -212,6 +214,11 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         stations,
         rejects: Vec::new(),
         row_rejects: rejects,
+        assigned: rows
+            .iter()
+            .enumerate()
+            .filter_map(|(number, row)| Some((number, row.assigned?)))
+            .collect(),
         references: carried.courses,
         counts: ReadingCounts {
             kept,

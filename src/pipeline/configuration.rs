@@ -7,6 +7,7 @@
 //! 4. placements and directions become transforms;
 //! 5. sessions are looked for and become pieces of work (`sessions`).
 
+mod by_geometry;
 pub(super) mod checks;
 mod error;
 pub mod files;
@@ -34,6 +35,7 @@ use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
 use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
+use crate::join::assigned::Stated;
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError};
 use crate::similarity::SimilaritySettings;
@@ -74,6 +76,8 @@ pub struct Configuration {
     pub command_frames: Option<CommandFrames>,
     /// The set-up as stated, to be held against the logs.
     pub set_up: StatedSetUp,
+    /// What is stated of targets whose readings do not name them; `None` where readings name their targets.
+    pub unnamed_targets: Option<Stated>,
     /// The stages after the join.
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
@@ -184,6 +188,7 @@ impl Configuration {
             join_settings,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
+            unnamed_targets: by_geometry::unnamed(&file),
             stages: stages(&file, &placed, &arm),
             set_up: StatedSetUp::new(&file, &placed, &arm),
             arm,
@@ -413,7 +418,9 @@ pub(in crate::pipeline) fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
     let logged = |tracker: &TrackerSettings| {
         let targets = tracker.targets.iter();
-        targets.map(|target| target.name.clone()).collect()
+        let named = targets.map(|target| target.name.clone());
+        let unnamed = tracker.targets_by_geometry.iter().cloned();
+        named.chain(unnamed).collect()
     };
     let names = names.or_else(|| file.tracker.mapping.as_ref().map(logged));
     names.filter(|names| names.len() > 1).unwrap_or_default()

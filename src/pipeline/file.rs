@@ -405,6 +405,8 @@ struct TrackerKeys {
     ignore_orientation: bool,
     #[serde(default)]
     targets: Vec<LoggedTarget>,
+    #[serde(default)]
+    targets_by_geometry: Vec<String>,
     uncertainty: Option<TrackerUncertainty>,
     camera: Option<CameraUncertainty>,
     tracker_from_base: Option<TrackerFromBase>,
@@ -657,6 +659,7 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
             targets: keys.targets,
+            targets_by_geometry: keys.targets_by_geometry,
         };
         Ok(Self {
             mapping: keys

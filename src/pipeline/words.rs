@@ -3,11 +3,12 @@
 pub(super) mod references;
 
 use super::stages::scales;
+use crate::figures::median;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::io::tables::residuals::target_name;
-use crate::join::{Pairing, Station, TargetId};
+use crate::join::{Assigned, Pairing, Station, TargetId};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
@@ -19,6 +20,7 @@ pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let named = references::followed(outcome)
         .into_iter()
         .chain(several_targets(outcome))
+        .chain(sessions_of(outcome).filter_map(assigned_words))
         .chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
     named.chain(more).collect()
@@ -32,6 +34,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let mut words: Vec<String> = sessions.map(session_words).collect();
     words.extend(references::followed(outcome));
     words.extend(several_targets(outcome));
+    words.extend(sessions_of(outcome).filter_map(assigned_words));
     words.extend(several_sources(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
@@ -42,6 +45,29 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(judged_by(outcome));
     words.push(format!("beside it: {}", outcome.verdict.other_statement()));
     words
+}
+
+/// All sessions of an outcome.
+fn sessions_of<'o>(outcome: &'o Outcome<'_>) -> impl Iterator<Item = &'o JoinedSession> {
+    outcome.training.iter().chain(&outcome.test)
+}
+
+/// How clearly the readings of a session were assigned to targets by geometry; `None` where they name their targets.
+fn assigned_words(session: &JoinedSession) -> Option<String> {
+    let assigned = &session.joined.assigned;
+    let of = |own: fn(&Assigned) -> f64| median(&assigned.values().map(own).collect::<Vec<f64>>());
+    let ratios = assigned
+        .values()
+        .map(|own| own.runner_up_mm / own.misfit_mm);
+    Some(format!(
+        "{}: targets found by geometry at {} stations: readings are {:.2} mm from them at the nominal flange, {:.1} mm under the next best \
+         assignment (medians), which is {:.1} times as far where it is nearest",
+        session.name,
+        assigned.len(),
+        of(|own| own.misfit_mm)?,
+        of(|own| own.runner_up_mm)?,
+        ratios.fold(f64::INFINITY, f64::min),
+    ))
 }
 
 /// The size of a camera's noise.

@@ -63,6 +63,8 @@ pub enum Ingredient {
     Lengths = 25,
     /// Readings of references.
     References = 26,
+    /// Order in which reflectors are measured.
+    Turns = 27,
 }
 
 /// One stream of random numbers.

@@ -12,7 +12,7 @@ use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
     Unmeasured, Value,
 };
-use crate::units::{ClockModel, Stamp, Tracker};
+use crate::units::{ClockModel, Stamp, Tracker, round_ns};
 
 /// Readings before this are still settling, ns.
 const SETTLING_NS: i64 = 100_000_000;
@@ -93,6 +93,24 @@ impl LengthInstrument {
     }
 }
 
+/// Share of a reflector's part of a dwell that passes at its beginning and end while the beam is on its way.
+const CHANGES: f64 = 0.1;
+
+/// Readings of several reflectors as one stream in order of time, which does not name them.
+pub fn without_names(targets: &[TargetReadings]) -> TargetReadings {
+    let rows = targets
+        .iter()
+        .flat_map(|own| own.stamps.iter().zip(&own.positions));
+    let mut rows: Vec<_> = rows.map(|(stamp, position)| (*stamp, *position)).collect();
+    rows.sort_by_key(|(stamp, _)| *stamp);
+    let (stamps, positions) = rows.into_iter().unzip();
+    TargetReadings {
+        stamps,
+        positions,
+        ..TargetReadings::default()
+    }
+}
+
 impl Simulated {
     /// The stations that a perfect join would find: every dwell with the mean of its readings, none of them rejected but
     /// those of the first tenth of a second and outliers more than 1 mm from the truth.
@@ -169,6 +187,42 @@ impl Simulated {
             }
         }
         all
+    }
+
+    /// The order in which `targets` reflectors are measured one after another at each station, drawn anew for each.
+    pub fn turns(&self, targets: usize) -> Vec<Vec<usize>> {
+        let mut drawn = Stream::new(self.truth.settings.seed, Ingredient::Turns);
+        let order = |_: &TrueStation| {
+            let mut keyed: Vec<(u64, usize)> =
+                (0..targets).map(|target| (drawn.bits(), target)).collect();
+            keyed.sort_unstable();
+            keyed.into_iter().map(|(_, target)| target).collect()
+        };
+        self.truth.stations.iter().map(order).collect()
+    }
+
+    /// Readings of these reflectors ([`Self::readings_with`]) as of a tracker that measures one after another in each dwell, in the order
+    /// of [`Self::turns`]: of each the readings in its own part of the dwell, and none while the arm moves or the beam goes from one to
+    /// the next.
+    pub fn readings_in_turn(&self, beside: &[Vector3<f64>]) -> Vec<TargetReadings> {
+        let clock = self.truth.clock_model();
+        let all = self.readings_with(beside);
+        let mut in_turn = vec![TargetReadings::default(); all.len()];
+        for (truth, order) in self.truth.stations.iter().zip(self.turns(all.len())) {
+            let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
+            let part_ns = end.since_ns(start) as f64 / order.len().max(1) as f64;
+            for (turn, target) in order.into_iter().enumerate() {
+                let from = start.plus_ns(round_ns(part_ns * (turn as f64 + CHANGES)));
+                let to = start.plus_ns(round_ns(part_ns * (turn as f64 + 1.0 - CHANGES)));
+                let (own, kept) = (&all[target], &mut in_turn[target]);
+                let first = own.stamps.partition_point(|stamp| *stamp < from);
+                let last = own.stamps.partition_point(|stamp| *stamp <= to);
+                kept.stamps.extend(&own.stamps[first..last.max(first)]);
+                kept.positions
+                    .extend(&own.positions[first..last.max(first)]);
+            }
+        }
+        in_turn
     }
 
     /// Adds the readings of instruments of one length on the measured target, as sources behind the tracker. Anchors and planes stand

@@ -175,6 +175,7 @@ fn mapping() -> Mapping {
             temperature: None,
             ignore_orientation: false,
             targets: Vec::new(),
+            targets_by_geometry: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

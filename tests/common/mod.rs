@@ -268,6 +268,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
             targets: Vec::new(),
+            targets_by_geometry: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

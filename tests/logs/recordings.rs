@@ -61,6 +61,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
             targets: Vec::new(),
+            targets_by_geometry: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

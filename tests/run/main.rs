@@ -30,6 +30,7 @@ mod split;
 mod tabled;
 mod targets;
 mod unattended;
+mod unnamed;
 mod unwritable;
 mod verify;
 mod written;

@@ -79,6 +79,14 @@ impl TrackerSettings {
                 wanted: wanted.to_owned(),
             })
         };
+        if !self.targets_by_geometry.is_empty()
+            && (!self.targets.is_empty() || self.fields.target.is_some())
+        {
+            return wrong(
+                "beside targets_by_geometry".to_owned(),
+                "left out, as fields.target: readings of one topic that do not name their targets, or that do",
+            );
+        }
         for (place, target) in self.targets.iter().enumerate() {
             let before = &self.targets[..place];
             if before.iter().any(|other| other.name == target.name) {

@@ -73,6 +73,7 @@ pub(super) fn rows(
         reader.reject(RowItem::Row, *line, Fault::of(reason.clone()));
     }
     let rows = match columns.target {
+        None if settings.is_long_unnamed() => reader.long_unnamed(own),
         None => reader.wide(own),
         Some(target) => reader.long(own, target),
     };
@@ -155,6 +156,25 @@ impl Reader<'_> {
         }
         for row in &mut long.rows {
             row.readings.sort_by_key(|reading| reading.target);
+        }
+        long.rows
+    }
+
+    /// Rows that are a reading each and name no target; those with one name are a station. The readings of a station are numbered in
+    /// their order.
+    fn long_unnamed(&mut self, own: &[usize]) -> Vec<Row> {
+        let mut long = Long::default();
+        let columns = self.columns;
+        for &row in own {
+            match self.station_of(row, &mut long) {
+                Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
+                Ok(place) => {
+                    let target = TargetId(long.rows[place].readings.len());
+                    if let [measured, ..] = &columns.measured[..] {
+                        self.add_reading(&mut long.rows[place], row, target, 0, measured);
+                    }
+                }
+            }
         }
         long.rows
     }
@@ -258,6 +278,7 @@ impl Reader<'_> {
             temperature_c: temperature.and_then(Result::ok),
             readings: Vec::new(),
             references: Vec::new(),
+            assigned: None,
         })
     }
 

@@ -14,7 +14,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row, Rows, Table, row};
 use crate::join::tabled::ReferenceCourse;
 use crate::join::{
-    ClockEstimate, Found, JoinReject, Joined, Pairing, ReadingCounts, RowReject, Station,
+    Assigned, ClockEstimate, Found, JoinReject, Joined, Pairing, ReadingCounts, RowReject, Station,
 };
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::units::WallTime;
@@ -66,6 +66,7 @@ pub struct AsJoined {
     clock: ClockEstimate,
     rejects: Vec<JoinReject>,
     row_rejects: Vec<RowReject>,
+    assigned: BTreeMap<usize, Assigned>,
     references: Vec<ReferenceCourse>,
     reading_counts: ReadingCounts,
     found: Found,
@@ -177,6 +178,7 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
             clock: own.clock,
             rejects: own.rejects,
             row_rejects: own.row_rejects,
+            assigned: own.assigned,
             references: own.references,
             counts: own.reading_counts,
             found: own.found,
@@ -212,6 +214,7 @@ impl AsJoined {
             clock: joined.clock.clone(),
             rejects: joined.rejects.clone(),
             row_rejects: joined.row_rejects.clone(),
+            assigned: joined.assigned.clone(),
             references: joined.references.clone(),
             reading_counts: joined.counts,
             found: joined.found,

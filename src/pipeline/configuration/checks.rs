@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{ConfigurationError, ConfigurationErrorKind};
+use super::{ConfigurationError, ConfigurationErrorKind, by_geometry};
 use crate::fit::full::FullSettings;
 use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
@@ -177,6 +177,7 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
             wanted: fields.wanted,
         }
     };
+    by_geometry::targets(file)?;
     if let Some(stations) = &file.stations {
         return columns(stations, joints);
     }
@@ -220,6 +221,7 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         format!("{} columns", stations.joints.len()),
         format!("{joints}, one for each reported joint of the robot file, from base to flange"),
     )?;
+    by_geometry::columns(stations)?;
     let names = stations.target_names();
     let is_long = stations.target.is_some();
     wrong_unless(

@@ -15,9 +15,11 @@ use crate::io::station_table;
 use crate::io::tables::joined_sessions::Restored;
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::outcome::{DrivenBy, JoinedSession};
+use crate::join::assigned::rows::middles;
+use crate::join::assigned::{Stated, assigned_rows};
 use crate::join::supposed::Supposed;
-use crate::join::tabled::tabled;
-use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join};
+use crate::join::tabled::{Rows, tabled};
+use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join, join_unnamed};
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
@@ -128,8 +130,12 @@ impl OwnLogs<'_> {
     /// Joins the logs that were read.
     fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
         let (configuration, files) = (self.configuration, self.files);
-        let joined = join(&read.input, &configuration.arm, &configuration.join)
-            .map_err(|source| unjoined(configuration, files, &read, source))?;
+        let (arm, settings) = (&configuration.arm, &configuration.join);
+        let joined = match &configuration.unnamed_targets {
+            None => join(&read.input, arm, settings),
+            Some(stated) => join_unnamed(&read.input, arm, settings, stated),
+        };
+        let joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
         let set_up = set_up(configuration, files, &joined, || {
             explained_anew(configuration, &read)
@@ -191,12 +197,40 @@ fn of_table(
         Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
         Some(Mounted::Fixed) | None => read.rows,
     };
+    let rows = match &configuration.unnamed_targets {
+        None => rows,
+        Some(stated) => with_targets(configuration, files, rows, stated)?,
+    };
     let joined = tabled(rows, &configuration.arm, &configuration.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
     Ok(JoinedSession {
         counts: row_counts(read.read, &joined),
         set_up,
         ..with_commands(configuration, files, joined)?
+    })
+}
+
+/// Rows with the target of each reading found by geometry. Where it cannot be found, the middles of the stations' readings show
+/// whether the set-up is at fault.
+fn with_targets(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    rows: Rows,
+    stated: &Stated,
+) -> Result<Rows, RunError> {
+    let (arm, settings) = (&configuration.arm, &configuration.join);
+    let middles = middles(&rows);
+    assigned_rows(rows, arm, settings, stated).or_else(|source| {
+        set_up(
+            configuration,
+            files,
+            &tabled(middles, arm, settings),
+            || None,
+        )?;
+        Err(RunError::Join {
+            session: files.name.clone(),
+            source: Box::new(source.into()),
+        })
     })
 }
 
@@ -324,7 +358,13 @@ fn unjoined(
 
 /// The mistake under whose correction the logs can be joined; `None` where there is none.
 fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
-    let supposed = Supposed::of(&read.input, &configuration.arm, &configuration.join).ok()?;
+    let supposed = Supposed::of(
+        &read.input,
+        &configuration.arm,
+        &configuration.join,
+        configuration.unnamed_targets.as_ref(),
+    );
+    let supposed = supposed.ok()?;
     let stated = &configuration.set_up;
     setup::explain(
         &stated.set_up,

@@ -187,11 +187,6 @@ fn source(
     }
 }
 
-fn name(source: SourceId, settings: &StageSettings) -> String {
-    let name = settings.fit.source_names.get(source.0).cloned();
-    name.unwrap_or_else(|| "tracker".to_owned())
-}
-
 fn rms(left: &[f64]) -> Option<f64> {
     let squares: f64 = left.iter().map(|own| own * own).sum();
     (!left.is_empty()).then(|| (squares / left.len() as f64).sqrt())

@@ -26,8 +26,8 @@ use crate::io::tables::outcome::{
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReferenceCourse};
 use crate::join::{
-    ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
-    Station,
+    Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem,
+    RowReject, Station,
 };
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest::RunKey;
@@ -152,6 +152,14 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 station: Some(2),
                 reason: "missing: the cell is blank".to_owned(),
             }],
+            assigned: [(
+                0,
+                Assigned {
+                    misfit_mm: 0.8,
+                    runner_up_mm: 61.0,
+                },
+            )]
+            .into(),
             references: vec![references()],
             counts: ReadingCounts {
                 kept: 20,
