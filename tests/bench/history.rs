@@ -184,6 +184,7 @@ fn put(lake: &Lake, number: usize, model: &str) {
         bound_mm: None,
         counted: None,
         stations_covered_share: None,
+        made_of: None,
         replaces: None,
     };
     let row = work.runs_table(&[], &written, &outcome).expect("a row");
