@@ -47,6 +47,7 @@ fn outcome() -> Ending {
         bound_mm: None,
         counted: None,
         stations_covered_share: None,
+        made_of: None,
         replaces: None,
     }
 }

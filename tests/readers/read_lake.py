@@ -188,14 +188,30 @@ def check_table(folder, files):
     return rows
 
 
+# Tables of sessions as joined, which exist by their rows in joined_sessions; all others by their runs' rows in runs.
+JOINED = ("joined_sessions", "readings")
+
+
 def check_runs(lake, folders):
-    runs = f"read_parquet('{lake}/runs/*/*/*.parquet')"
+    def all_of(table):
+        return f"read_parquet('{lake}/{table}/*/*/*.parquet')"
+
+    runs = all_of("runs")
     for folder in folders:
-        table = f"read_parquet('{folder}/*/*/*.parquet')"
-        committed = f"(robot, run) in (select (robot, run) from {runs})"
+        table = all_of(folder.name)
+        rows = all_of("joined_sessions") if folder.name in JOINED else runs
+        committed = f"(robot, run) in (select (robot, run) from {rows})"
         orphans = duckdb.sql(f"select distinct robot, run from {table} where not {committed}").fetchall()
         if orphans:
             print(f"note: {folder.name} holds rows of runs that never committed: {orphans}")
+    made_of = duckdb.sql(f"select robot, unnest(made_of) from {runs}").fetchall()
+    for robot, name in made_of:
+        session, joined = name.rsplit("/", 1)
+        query = f"select sum(dwells) from {all_of('joined_sessions')} where robot = ? and session = ? and run = ?"
+        dwells = duckdb.execute(query, [robot, session, joined]).fetchall()[0][0]
+        readings = f"select count(distinct station) from {all_of('readings')} where robot = ? and session = ? and run = ?"
+        found = duckdb.execute(readings, [robot, session, joined]).fetchall()[0][0]
+        expect(f"{lake}, {name}", "dwells of a session as joined", found, dwells)
     digests = f"select unnest(table_names) as name, unnest(table_rows) as rows, robot, run from {runs}"
     for name, rows, robot, run in duckdb.sql(digests).fetchall():
         table, session = name.split("/", 1)
