@@ -23,7 +23,7 @@ use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join, join_unna
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
-use crate::setup::{self, Evidence, Finding};
+use crate::setup::{self, Evidence, Finding, SetUp};
 
 /// Reads and joins a session. Decoded samples of its logs are written to `run`, where there is one and the pipeline file publishes
 /// them.
@@ -221,12 +221,11 @@ fn with_targets(
     let (arm, settings) = (&configuration.arm, &configuration.join);
     let middles = middles(&rows);
     assigned_rows(rows, arm, settings, stated).or_else(|source| {
-        set_up(
-            configuration,
-            files,
-            &tabled(middles, arm, settings),
-            || None,
-        )?;
+        let (middles, stated) = (
+            tabled(middles, arm, settings),
+            of_middle(&configuration.set_up.set_up),
+        );
+        set_up_of(&stated, configuration, files, &middles, || None)?;
         Err(RunError::Join {
             session: files.name.clone(),
             source: Box::new(source.into()),
@@ -315,10 +314,22 @@ fn set_up(
     joined: &Joined,
     anew: impl FnOnce() -> Option<Finding>,
 ) -> Result<Option<Finding>, RunError> {
-    let stated = &configuration.set_up;
+    let stated = &configuration.set_up.set_up;
+    set_up_of(stated, configuration, files, joined, anew)
+}
+
+/// The disagreement of a joined session with `stated`, as [`set_up`] has it for the whole set-up.
+fn set_up_of(
+    stated: &SetUp,
+    configuration: &Configuration,
+    files: &SessionFiles,
+    joined: &Joined,
+    anew: impl FnOnce() -> Option<Finding>,
+) -> Result<Option<Finding>, RunError> {
+    let alternatives = &configuration.set_up.alternatives;
     let gate_mm = configuration.join.geometry_gate_mm;
     let evidence = Evidence::of_stations(&joined.stations);
-    let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
+    let found = setup::check(stated, &evidence, alternatives, gate_mm);
     match found {
         Some(finding) if finding.is_grave => {
             let anew = if finding.explains_all { None } else { anew() };
@@ -328,6 +339,15 @@ fn set_up(
             })
         }
         found => Ok(found),
+    }
+}
+
+/// The set-up for the middle of several targets, whose place is not that of any of them.
+fn of_middle(stated: &SetUp) -> SetUp {
+    SetUp {
+        target: None,
+        target_is_tool: false,
+        ..stated.clone()
     }
 }
 
@@ -366,8 +386,12 @@ fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<F
     );
     let supposed = supposed.ok()?;
     let stated = &configuration.set_up;
+    let set_up = match configuration.unnamed_targets {
+        None => stated.set_up.clone(),
+        Some(_) => of_middle(&stated.set_up),
+    };
     setup::explain(
-        &stated.set_up,
+        &set_up,
         &supposed,
         &stated.alternatives,
         configuration.join.geometry_gate_mm,
