@@ -152,7 +152,7 @@ mod tests {
             schema::all().len() + keys::FILES.len() + 1
         );
         assert!(
-            text.starts_with("stations          v4  one row per dwell of the arm\n"),
+            text.contains("\nstations          v5  one row per dwell of the arm\n"),
             "{text}"
         );
     }

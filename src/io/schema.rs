@@ -299,7 +299,9 @@ mod tests {
     fn an_unknown_table_is_answered_with_the_known_ones() {
         let error = find("station").unwrap_err().to_string();
         assert!(
-            error.starts_with("there is no table \"station\"; the tables are stations, rejects"),
+            error.starts_with(
+                "there is no table \"station\"; the tables are readings, joined_sessions"
+            ),
             "{error}"
         );
     }

@@ -28,9 +28,10 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// The measured stations of a joined session; of several targets those that have the one that was measured most often.
+    /// The measured stations of a joined session; of several targets those that have the main one, which stated places and commands are
+    /// of, unless another was measured at more than twice as many.
     pub fn of_stations(stations: &[Station]) -> Self {
-        let target = most_often(stations);
+        let target = held_against(stations);
         let dwelt = |station: &Station| {
             let mut own = station.measured().iter().filter(|r| r.target == target);
             let measured = own.find_map(Reading::position)?;
@@ -58,14 +59,18 @@ impl Evidence {
     }
 }
 
-/// The target that was measured at the most stations, of equally many the first.
-fn most_often(stations: &[Station]) -> TargetId {
+/// The main target, unless another was measured at more than twice as many stations; then that, of equally many the first.
+fn held_against(stations: &[Station]) -> TargetId {
     let mut counts: BTreeMap<TargetId, usize> = BTreeMap::new();
     for reading in stations.iter().flat_map(Station::measured) {
         *counts.entry(reading.target).or_default() += 1;
     }
+    let of_main = counts.get(&TargetId::MAIN).copied().unwrap_or_default();
     let most = counts.into_iter().rev().max_by_key(|(_, count)| *count);
-    most.map_or(TargetId::MAIN, |(target, _)| target)
+    match most {
+        Some((target, count)) if count > 2 * of_main => target,
+        _ => TargetId::MAIN,
+    }
 }
 
 /// The point of a vector from the origin.

@@ -153,6 +153,7 @@ pub fn of_first_version(path: &Path) {
             "visits",
             "stations_covered_share",
             "session_started",
+            "made_of",
             "first_session_started",
             "mean_before_mm",
             "mean_after_mm",
