@@ -9,11 +9,12 @@ use std::sync::{Arc, Barrier};
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
-use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake, OpenRun};
+use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake, OpenRun, rows_of};
 use posegrid::io::log::JointSink as _;
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
-use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
+use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Row as _, Table};
 use posegrid::io::tables::PublishError;
+use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
 use posegrid::io::tables::words::{CorrectingTable, TableVerdict, VerdictOf};
@@ -96,11 +97,44 @@ fn fill(columns: Columns, column: &ColumnSchema, rows: usize) -> Columns {
     }
 }
 
+/// The tables that a run writes before its row.
 fn published() -> impl Iterator<Item = &'static TableSchema> {
     schema::all()
         .iter()
         .filter(|schema| schema.role == Role::Published)
         .filter(|schema| !["runs", CORRECTIONS].contains(&schema.table.as_str()))
+        .filter(|schema| rows_of(&schema.table) == "runs")
+}
+
+/// Writes a sample of a session as joined.
+fn write_joined(lake: &Lake, key: &RunKey) {
+    let open = lake.start_joined(key).unwrap();
+    let mut open = open.expect("the lake is new");
+    let readings = schema::find("readings").unwrap();
+    open.publish(&sample(readings, key)).unwrap();
+    let [file] = open.written() else {
+        panic!("one file")
+    };
+    let row = JoinedSessionRow {
+        version: "0.1.0".to_owned(),
+        platform: "x86_64-linux".to_owned(),
+        cpu_features: Vec::new(),
+        session_started: None,
+        dwells: 3,
+        paired: 1,
+        input_names: Vec::new(),
+        input_bytes: Vec::new(),
+        input_digests: Vec::new(),
+        settings: "{}".to_owned(),
+        settings_digest: "00".to_owned(),
+        joined: "{}".to_owned(),
+        table_names: vec![file.name()],
+        table_rows: vec![file.rows],
+        table_digests: vec![file.digest.clone()],
+        row_digest: None,
+    };
+    let row = JoinedSessionRow::table(vec![row], key).unwrap();
+    assert_eq!(open.commit(&row.table).unwrap(), Commit::Done);
 }
 
 /// What was corrected with a table of that run; records are no part of it.
@@ -132,6 +166,7 @@ fn write_sample_lake(root: &Path) -> Lake {
         .unwrap();
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
     assert!(lake.record(&correction()).unwrap());
+    write_joined(&lake, &key);
     lake
 }
 
@@ -175,6 +210,8 @@ fn every_table_is_written_and_read_back_and_left_for_other_readers() {
             schema.table
         );
     }
+    let readings = schema::find("readings").unwrap();
+    assert_eq!(lake.read("readings", &key).unwrap(), sample(readings, &key));
     let runs = lake.read("runs", &key).unwrap();
     assert_eq!(
         runs.list("table_digests").value_length(0),
@@ -190,8 +227,8 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     let one = contents(&folder.path().join("one"));
     assert_eq!(
         one.len(),
-        published().count() + 2,
-        "a file a table, the record of a correction, no temporaries"
+        published().count() + 4,
+        "a file a table, the row, the record of a correction, a session as joined, no temporaries"
     );
     assert!(one == contents(&folder.path().join("two")));
 }
