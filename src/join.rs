@@ -547,24 +547,11 @@ fn stations(
     evidence: &pair::Evidence,
     dispositions: &mut Dispositions,
 ) -> Result<Vec<Station>, JoinError> {
-    let commands = in_force(commands, dwells)?;
-    let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
+    let mut stations = unmeasured(commands, dwells)?;
+    for (station, dwell) in stations.iter_mut().zip(dwells) {
         let (pairing, reading) = evidence.verdict(dwell, dispositions)?;
-        Ok(Station {
-            number,
-            start: dwell.start,
-            end: dwell.end,
-            joints: dwell.joints.clone(),
-            joint_samples: dwell.samples,
-            command,
-            readings: reading.into_iter().collect(),
-            pairing,
-        })
-    };
-    dwells
-        .iter()
-        .zip(commands)
-        .enumerate()
-        .map(station)
-        .collect()
+        station.pairing = pairing;
+        station.readings = reading.into_iter().collect();
+    }
+    Ok(stations)
 }
