@@ -153,6 +153,9 @@ fn correction() -> Correction {
     }
 }
 
+/// Files of the sample lake beside the tables of its run: the run's row, the record of a correction, a session as joined.
+const OTHER_FILES: usize = 4;
+
 /// Writes a sample of every published table as one committed run.
 fn write_sample_lake(root: &Path) -> Lake {
     let lake = Lake::new(root);
@@ -227,7 +230,7 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     let one = contents(&folder.path().join("one"));
     assert_eq!(
         one.len(),
-        published().count() + 4,
+        published().count() + OTHER_FILES,
         "a file a table, the row, the record of a correction, a session as joined, no temporaries"
     );
     assert!(one == contents(&folder.path().join("two")));
@@ -597,7 +600,10 @@ fn cleaning_a_lake_leaves_its_tables() {
     let folder = tempfile::tempdir().unwrap();
     let lake = write_sample_lake(folder.path());
     assert_eq!(lake.clean().unwrap(), Vec::<PathBuf>::new());
-    assert_eq!(contents(folder.path()).len(), published().count() + 2);
+    assert_eq!(
+        contents(folder.path()).len(),
+        published().count() + OTHER_FILES
+    );
     assert_eq!(
         Lake::new(folder.path().join("none")).clean().unwrap(),
         Vec::<PathBuf>::new()
