@@ -5,7 +5,7 @@
 //! apart than that, so one rigid frame of the tracker decides nearly everything:
 //!
 //! 1. the frame is found by the mean of the positions of each station with all targets, which no order changes
-//!    ([`Placement`]);
+//!    ([`Placement`](super::placement::Placement));
 //! 2. carried to the flange, positions gather about as many places as there are targets. The best assignment of each station,
 //!    the places and the frame are found in turn until no assignment changes (`clusters`);
 //! 3. the places get the names of targets under the permutation that agrees with what is stated. Where another one agrees as well, the

@@ -1,8 +1,8 @@
 //! One piece of work: read, joined, run through the stages, published.
 //!
 //! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has the run is left
-//! unchanged. Otherwise the sessions are joined, or read as joined where the lake has them ([`joined`]), the stages run, and all tables are written before the row of `runs`
-//! that makes the run exist.
+//! unchanged. Otherwise the sessions are joined, or read as joined where the lake has them (`joined`), the stages run, and all
+//! tables are written before the row of `runs` that makes the run exist.
 
 mod error;
 mod inputs;
