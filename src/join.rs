@@ -93,6 +93,15 @@ pub struct Joined {
     pub found: Found,
 }
 
+impl Joined {
+    /// Number of dwells with a measurement of their own.
+    pub fn paired(&self) -> usize {
+        let stations = self.stations.iter();
+        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
+        paired.count()
+    }
+}
+
 /// The thresholds used: those of the settings, otherwise those found from the logs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Found {

@@ -739,6 +739,17 @@ fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> 
     (joined, kept)
 }
 
+/// Asserts that every reading of a log is kept or rejected.
+fn assert_balanced(joined: &Joined, read: u64) {
+    let c = joined.counts;
+    assert_eq!(
+        read,
+        c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
+    );
+    let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
+    assert_eq!(read, c.kept + rejected);
+}
+
 /// Largest distance of a reading from that of the table of the same session, mm, and the numbers of readings of both.
 fn beside_table(joined: &Joined, table: &[Station]) -> (f64, [usize; 2]) {
     let of = |station: &Station, target: TargetId| {
@@ -776,13 +787,7 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
     // At once: every sample has all three.
     let at_once = simulated.readings_with(&beside);
     let (joined, kept) = from_log(&arm, &simulated, at_once.clone());
-    let c = joined.counts;
-    assert_eq!(
-        kept,
-        c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
-    );
-    let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
-    assert_eq!(kept, c.kept + rejected);
+    assert_balanced(&joined, kept);
     let (largest, counts) = beside_table(&joined, &table);
     println!("at once: {largest:.4} mm from the table, {counts:?} readings");
     assert!(
@@ -880,13 +885,7 @@ fn reflectors_that_a_log_does_not_name_are_those_of_the_table_of_the_same_sessio
         let in_turn = simulated.readings_in_turn(&beside);
         let table = simulated.stations_with(&beside);
         let (joined, kept) = from_unnamed_log(&arm, &simulated, &in_turn);
-        let c = joined.counts;
-        assert_eq!(
-            kept,
-            c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
-        );
-        let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
-        assert_eq!(kept, c.kept + rejected);
+        assert_balanced(&joined, kept);
         let (largest, counts) = beside_table(&joined, &table);
         println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
         // A reading under another name would be more than 100 mm off.

@@ -36,7 +36,7 @@ pub const MOST: usize = 6;
 /// By how much `−2 log` of the runner-up's likelihood has to be larger: a likelihood a thousand times smaller.
 const DECIDED: f64 = 13.8;
 
-/// What is stated of the targets, in their order.
+/// Stated places and distances of the targets, in their order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Stated {
     /// Their names.

@@ -76,7 +76,7 @@ pub struct Configuration {
     pub command_frames: Option<CommandFrames>,
     /// The set-up as stated, to be held against the logs.
     pub set_up: StatedSetUp,
-    /// What is stated of targets whose readings do not name them; `None` where readings name their targets.
+    /// Stated places and distances of targets whose readings do not name them; `None` where readings name their targets.
     pub unnamed_targets: Option<Stated>,
     /// The stages after the join.
     pub stages: StageSettings,

@@ -27,7 +27,7 @@ use crate::linalg::{Cholesky, gram};
 pub struct InstrumentSection {
     /// Its name.
     pub name: String,
-    /// What it reads.
+    /// Kind of its readings.
     pub reads: LengthRead,
     /// Its anchor, or a point of its plane, in the base's frame, mm.
     pub xyz_mm: [f64; 3],

@@ -10,7 +10,7 @@ use super::{LengthUnit, StandsOn};
 pub struct LengthColumns {
     /// The instrument's name.
     pub name: String,
-    /// What it reads.
+    /// Kind of its readings.
     pub reads: LengthRead,
     /// The column of its readings.
     pub column: String,
@@ -24,7 +24,7 @@ pub struct LengthColumns {
     /// Name of the target that it reads; absent: the main one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// What its anchor or plane stands on; absent: not asked, as no references on the base show it move.
+    /// The base or the floor, on which its anchor or plane stands; absent where no references on the base show motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<StandsOn>,
     /// The anchor's place in the base's frame; absent: found.

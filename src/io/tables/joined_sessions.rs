@@ -13,9 +13,7 @@ use crate::ingest::LogReject;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row, Rows, Table, row};
 use crate::join::tabled::ReferenceCourse;
-use crate::join::{
-    Assigned, ClockEstimate, Found, JoinReject, Joined, Pairing, ReadingCounts, RowReject, Station,
-};
+use crate::join::{Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::units::WallTime;
 
@@ -140,15 +138,13 @@ fn row(
     written: &[Written],
 ) -> Result<JoinedSessionRow, PublishError> {
     let inputs = || work.inputs.iter();
-    let stations = &session.joined.stations;
-    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
     Ok(JoinedSessionRow {
         version: VERSION.to_owned(),
         platform: platform(),
         cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
         session_started: session.started(),
-        dwells: stations.len(),
-        paired: stations.iter().filter(is_paired).count(),
+        dwells: session.joined.stations.len(),
+        paired: session.joined.paired(),
         input_names: inputs().map(|input| input.name.clone()).collect(),
         input_bytes: inputs().map(|input| input.bytes).collect(),
         input_digests: inputs().map(|input| input.digest.clone()).collect(),

@@ -24,7 +24,7 @@ row! {
         source_index: usize,
         /// The instrument's name.
         source: String,
-        /// What it reads.
+        /// Kind of its readings.
         reads: SourceReads,
         /// Name of the target that was read; `None` where the session has one target.
         target: Option<String>,

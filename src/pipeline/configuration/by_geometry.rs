@@ -19,13 +19,13 @@ fn names(file: &PipelineFile) -> (&'static str, &[String]) {
     }
 }
 
-/// What is stated of the targets that are to be found by geometry; `None` where readings name their targets.
+/// Stated places and distances of the targets that are to be found by geometry; `None` where readings name their targets.
 pub(super) fn unnamed(file: &PipelineFile) -> Option<Stated> {
     let (_, names) = names(file);
     (!names.is_empty()).then(|| stated(names, &file.fit.geometric))
 }
 
-/// What is stated of the targets of these names.
+/// Stated places and distances of the targets of these names.
 fn stated(names: &[String], fit: &FitSettings) -> Stated {
     let own = FitSettings {
         target_names: names.to_vec(),

@@ -11,7 +11,6 @@ use crate::io::lake::{JOINED, Lake, OpenRun};
 use crate::io::tables::PublishError;
 use crate::io::tables::joined_sessions::{self, NotRestored};
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::Pairing;
 use crate::manifest::{Input, ROBOT, RunKey, Work};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, WorkPiece};
 use crate::progress::Progress;
@@ -64,13 +63,11 @@ impl Joiner<'_> {
     pub(super) fn made(&self, files: &SessionFiles) -> Result<SessionDone, RunError> {
         let already_there = self.lake.has(JOINED, &self.work_of(files).key())?;
         let (session, key) = self.one(files, None)?;
-        let stations = session.joined.stations.iter();
-        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
         Ok(SessionDone {
             session: key.session,
             run: key.run,
             already_there,
-            paired: paired.count(),
+            paired: session.joined.paired(),
             dwells: session.joined.stations.len(),
         })
     }

@@ -19,7 +19,7 @@ use crate::join::assigned::rows::middles;
 use crate::join::assigned::{Stated, assigned_rows};
 use crate::join::supposed::Supposed;
 use crate::join::tabled::{Rows, tabled};
-use crate::join::{JoinError, Joined, Pairing, RowItem, SourceId, join, join_unnamed};
+use crate::join::{JoinError, Joined, RowItem, SourceId, join, join_unnamed};
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
@@ -123,7 +123,7 @@ impl OwnLogs<'_> {
             session: self.files.name.clone(),
             stated: mounting::key(stated),
             right: mounting::key(mounting::other(stated)),
-            evidence: format!("so {} dwells are joined", paired(&joined.joined)),
+            evidence: format!("so {} dwells are joined", joined.joined.paired()),
         })
     }
 
@@ -231,13 +231,6 @@ fn with_targets(
             source: Box::new(source.into()),
         })
     })
-}
-
-/// Number of dwells with readings of their own.
-fn paired(joined: &Joined) -> usize {
-    let stations = joined.stations.iter();
-    let paired = stations.filter(|station| station.pairing == Pairing::Paired);
-    paired.count()
 }
 
 /// Rows read, kept and rejected, as the messages of a log are counted.

@@ -226,7 +226,7 @@ fn of_source(number: usize, geometric: &Calibration) -> OfSource {
     }
 }
 
-/// What is left of a distance in training, or held out by a fold.
+/// Residual of a distance in training, or held out by a fold.
 fn length_residual(fold: Option<usize>) -> LengthResidual {
     LengthResidual {
         model: Model::Geometric,
