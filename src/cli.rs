@@ -21,6 +21,7 @@ pub mod run;
 pub mod schema;
 pub mod simulate;
 pub mod streams;
+pub mod tasks;
 pub mod verify;
 
 use std::fmt::Display;
@@ -77,6 +78,8 @@ Example:
 #[expect(clippy::large_enum_variant, reason = "one value per process")]
 enum Command {
     Run(run::RunArgs),
+    Tasks(tasks::TasksArgs),
+    Task(tasks::TaskArgs),
     Check(check::CheckArgs),
     Inspect(inspect::InspectArgs),
     Simulate(simulate::SimulateArgs),
@@ -101,6 +104,8 @@ pub fn main() -> ExitCode {
     messages::start(arguments.log_format, bars);
     ExitCode::from(match arguments.command {
         Command::Run(args) => run::run(&args, bars),
+        Command::Tasks(args) => tasks::list(&args, bars),
+        Command::Task(args) => tasks::work(&args, bars),
         Command::Check(args) => shown(check::check(&args), bars),
         Command::Inspect(args) => inspect::run(&args, bars),
         Command::Simulate(args) => shown(simulate::run(&args), bars),

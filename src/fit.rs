@@ -47,6 +47,7 @@ mod several;
 pub mod solve;
 pub mod sources;
 pub mod start;
+pub mod stored;
 mod tool_errors;
 pub mod visits;
 pub mod wrong_lengths;
@@ -289,7 +290,7 @@ pub enum FitError {
 }
 
 /// An identified arm.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Calibration {
     /// The parameters that were free.
     pub freedom: Freedom,

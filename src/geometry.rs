@@ -17,6 +17,7 @@ pub use rotation_order::{NoOrder, RotationOrder};
 pub use symmetric::{symmetric, upper};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The laser tracker's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,8 +49,11 @@ pub enum Command {}
 /// let base_from_target: Transform<Base, Target> = base_from_flange * flange_from_target;
 /// assert_eq!(base_from_target.origin().point().z, 650.0);
 /// ```
+#[derive(Serialize, Deserialize)]
+#[serde(transparent, bound = "")]
 pub struct Transform<To, From> {
     isometry: Isometry3<f64>,
+    #[serde(skip)]
     frames: PhantomData<(To, From)>,
 }
 

@@ -25,10 +25,10 @@ pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, Temperatu
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, KnownOffset,
-    KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedTarget, MISSING, Mapping, NumberStamp,
-    OrientationColumns, OrientationForm, PoseColumns, PoseFields, ReadingColumns, ReferenceColumns,
-    StampField, StandsOn, StationsSettings, TableTime, TargetName, TimeColumn, TimeSource,
-    TimeUnit, TrackerSettings, WrongFields,
+    KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget, MISSING,
+    Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
+    ReadingColumns, ReferenceColumns, Seen, StampField, StandsOn, StationsSettings, TableTime,
+    TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};

@@ -12,7 +12,8 @@
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
 //! 7. `others`: readings of further targets, where a log has several.
-//! 8. [`mod@began`]: the date of the session.
+//! 8. `logged_references`: readings of references on floor or base, whose motion is taken out of the stations' readings.
+//! 9. [`mod@began`]: the date of the session.
 //!
 //! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
 
@@ -27,6 +28,7 @@ pub mod dwell;
 mod error;
 #[cfg(test)]
 mod fault_tests;
+mod logged_references;
 pub mod observe;
 mod others;
 pub mod pair;
@@ -59,7 +61,7 @@ use self::others::Other;
 use self::pattern::Relation;
 use self::readings::Readings;
 use self::stationary::Stationary;
-use crate::ingest::{Poses, TemperatureSamples};
+use crate::ingest::{Poses, StandsOn, TemperatureSamples};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
@@ -248,8 +250,21 @@ pub struct JoinReject {
     pub end: Stamp<Tracker>,
     /// Number of readings.
     pub readings: u64,
+    /// Whether they are readings of a reference, not of a target.
+    pub is_of_reference: bool,
     /// The reason, as text.
     pub reason: String,
+}
+
+/// The readings of a reference in a log.
+#[derive(Debug)]
+pub struct ReferenceReadings {
+    /// Its name.
+    pub name: String,
+    /// What it stands on.
+    pub on: StandsOn,
+    /// The readings, in order of tracker time.
+    pub readings: Box<dyn Poses<Tracker>>,
 }
 
 /// The content of a session's logs, in the logs' own clocks.
@@ -263,6 +278,8 @@ pub struct JoinInput {
     pub readings: Box<dyn Poses<Tracker>>,
     /// Those of each further target, in the order of their [`TargetId`]; empty where there is one.
     pub others: Vec<Box<dyn Poses<Tracker>>>,
+    /// Those of references on floor or base; empty where there are none.
+    pub references: Vec<ReferenceReadings>,
     /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }
@@ -335,7 +352,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         counts += own;
         rejects.extend(left_out);
     }
-    Ok(Joined {
+    let joined = Joined {
         stations,
         clock,
         rejects,
@@ -348,7 +365,8 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
             stationary_mm: seen.stationary_mm,
             settle_s: evidence.settle_s,
         },
-    })
+    };
+    logged_references::followed(joined, &input.references, settings)
 }
 
 /// Target dwells closer together than this many stationary thresholds are at one place.
@@ -400,7 +418,7 @@ pub fn join_unnamed(
         }
     }
     rejects.sort_by_key(|own| own.start);
-    Ok(Joined {
+    let joined = Joined {
         stations,
         clock,
         rejects,
@@ -413,7 +431,8 @@ pub fn join_unnamed(
             stationary_mm: seen.stationary_mm,
             settle_s,
         },
-    })
+    };
+    logged_references::followed(joined, &input.references, settings)
 }
 
 /// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.

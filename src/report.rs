@@ -29,10 +29,11 @@ pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
 use crate::join::TargetId;
 pub use locate::Finders;
+use serde::{Deserialize, Serialize};
 use tip::Turn;
 
 /// The way in which the stations that judge were kept from training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Split {
     /// They were not kept from it: training figures.
     None,
@@ -43,7 +44,7 @@ pub enum Split {
 }
 
 /// The source of the base of a held-out session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum BaseRefit {
     /// From training.
     None,
@@ -63,7 +64,7 @@ impl BaseRefit {
 }
 
 /// The subject of a set of residuals: model, angles, stations and base.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Subject {
     /// The way in which the stations were kept from training.
     pub split: Split,
@@ -78,7 +79,7 @@ pub struct Subject {
 }
 
 /// Measured minus predicted target at one station, base frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
     /// Number of the station in its session.
     pub station: usize,
@@ -116,7 +117,7 @@ impl Residual {
 }
 
 /// Residuals of one model on one set of stations.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResidualSet {
     /// The subject of the residuals.
     pub subject: Subject,

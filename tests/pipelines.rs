@@ -49,7 +49,7 @@ fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
         }
         if text.contains("\n[plan]") {
             // Its sessions are still to be measured.
-            let planning = Planning::load(&path, None).unwrap_or_else(|e| panic!("{e}"));
+            let planning = Planning::load(&path, None, None).unwrap_or_else(|e| panic!("{e}"));
             assert!(planning.settings.grid.steps_mm.len() >= 6);
             continue;
         }

@@ -129,7 +129,8 @@ fn small(lake: &Path) -> Planning {
 
 /// The same of another pipeline file.
 fn small_of(path: &str, lake: &Path) -> Planning {
-    let mut planning = Planning::load(Path::new(path), Some(lake)).expect("a good pipeline file");
+    let mut planning =
+        Planning::load(Path::new(path), None, Some(lake)).expect("a good pipeline file");
     planning.settings = PlanSettings {
         robots: 8,
         whole_model_robots: 10,
@@ -313,7 +314,8 @@ fn proof(path: &str) {
     for tolerance_mm in [0.5, 0.2] {
         let lake = tempfile::tempdir().expect("a folder");
         let path = Path::new(path);
-        let mut planning = Planning::load(path, Some(lake.path())).expect("a good pipeline file");
+        let mut planning =
+            Planning::load(path, None, Some(lake.path())).expect("a good pipeline file");
         planning.settings.tolerance.mm = tolerance_mm;
         // Steps and their influences are not what is promised.
         planning.settings.robots = 1;
@@ -476,7 +478,7 @@ fn steps_that_run_chooses_hold_on_fresh_poses() {
     const SESSIONS: u64 = 30;
     let lake = tempfile::tempdir().expect("a folder");
     let path = Path::new("pipelines/plan-kr210.toml");
-    let planning = Planning::load(path, Some(lake.path())).expect("a good pipeline file");
+    let planning = Planning::load(path, None, Some(lake.path())).expect("a good pipeline file");
     for order in [Order::Serpentine, Order::Random] {
         let contradicted = contradicted(&planning, SESSIONS, order);
         println!("{order:?}: {contradicted} of {SESSIONS} sessions contradict their bound");

@@ -18,7 +18,7 @@ use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::Tolerance;
 use posegrid::ingest::{LoggedTarget, Recording, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
-use posegrid::io::log_writer::{write_controller_log, write_targets_log, write_tracker_log};
+use posegrid::io::log_writer::{TrackerLog, write_controller_log, write_tracker_log};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::residuals;
 use posegrid::join::assigned::Stated;
@@ -721,8 +721,13 @@ fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> 
         .map(|name| (*name).to_owned())
         .zip(readings)
         .collect();
-    let temperatures = &recording.temperatures;
-    write_targets_log(create(&tracker), &named, temperatures, &nothing).expect("room");
+    let log = TrackerLog {
+        readings: &recording.readings,
+        targets: &named,
+        references: &[],
+        temperatures: &recording.temperatures,
+    };
+    log.write(create(&tracker), &nothing).expect("room");
     let mut mapping = common::mapping(arm);
     "/tracker/targets".clone_into(&mut mapping.tracker.topic);
     mapping.tracker.ignore_orientation = true;

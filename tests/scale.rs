@@ -103,6 +103,7 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
         noise_mm2: Some(1e-3),
         valid_for: posegrid::compensation::Conditions::default(),
         made_of: Vec::new(),
+        estimate: String::new(),
         replaces: None,
     };
     let key = RunKey::new("kr210", "monday", "00ff");

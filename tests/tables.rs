@@ -49,6 +49,7 @@ fn outcome() -> Ending {
         counted: None,
         stations_covered_share: None,
         made_of: None,
+        estimate: None,
         replaces: None,
     }
 }
@@ -507,6 +508,7 @@ fn other_samples() -> JoinInput {
             covariances: Some(vec![[1e-4; 6]; 2]),
         }),
         others: Vec::new(),
+        references: Vec::new(),
         temperatures: TemperatureSamples {
             stamps: vec![Stamp::from_ns(6)],
             celsius: vec![20.5],

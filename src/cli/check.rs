@@ -12,6 +12,7 @@ use crate::geometry::rpy;
 use crate::ingest::{Mapping, StationsSettings};
 use crate::kinematics::{Arm, Convention, Joint};
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides, Reads};
+use crate::pipeline::fleet::Fleet;
 use crate::units::to_step;
 
 /// Check a pipeline file and show what it would do, without opening a log.
@@ -22,15 +23,56 @@ Example:
 pub struct CheckArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
+    /// Show this robot alone, where the pipeline file has several
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
 }
 
 /// The plan of a pipeline file, in words.
 pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
-    Configuration::load(&args.pipeline, &Overrides::default())
-        .map(|configuration| described(&configuration))
+    let robots: Vec<String> = args.robot.iter().cloned().collect();
+    let fleet = Fleet::load(&args.pipeline, &robots, &Overrides::default())?;
+    Ok(match &fleet.robots[..] {
+        [only] if !fleet.is_of_several || args.robot.is_some() => described(only, &fleet),
+        _ => all_robots(&fleet),
+    })
 }
 
-fn described(configuration: &Configuration) -> String {
+/// A line for each robot, and the work of all of them.
+fn all_robots(fleet: &Fleet) -> String {
+    let mut text = String::new();
+    for own in &fleet.robots {
+        let robot = own.robot.as_deref().unwrap_or_default();
+        let tolerance = &own.stages.tolerance;
+        writeln!(
+            text,
+            "{}: {}, {} mm for {} % of positions, {} sessions",
+            Printable(robot),
+            Printable(own.arm.model()),
+            tolerance.mm,
+            100.0 * tolerance.share,
+            own.pieces.len()
+        )
+        .expect("a string");
+    }
+    writeln!(text, "tables: {}\n", near(&fleet.lake).display()).expect("a string");
+    text += &work(fleet);
+    text + &remarks(fleet)
+}
+
+/// What is left out, and what a person should know.
+fn remarks(fleet: &Fleet) -> String {
+    let mut text = String::new();
+    for left in &fleet.left_out {
+        writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
+    }
+    for remark in &fleet.remarks {
+        writeln!(text, "note: {}", Printable(remark)).expect("a string");
+    }
+    text
+}
+
+fn described(configuration: &Configuration, fleet: &Fleet) -> String {
     let mut text = arm(&configuration.arm) + &checkable(&configuration.arm);
     let mut line = |name: &str, value: &str| {
         writeln!(text, "{name:<12} {value}").expect("a string");
@@ -91,15 +133,9 @@ fn described(configuration: &Configuration) -> String {
     );
     line("tables", &near(&configuration.lake).display().to_string());
     text += "\n";
-    text += &work(configuration);
+    text += &work(fleet);
     text += &split(configuration);
-    for left in &configuration.left_out {
-        writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
-    }
-    for remark in &configuration.remarks {
-        writeln!(text, "note: {remark}").expect("a string");
-    }
-    text
+    text + &remarks(fleet)
 }
 
 /// Sessions whose logs are split into several files.

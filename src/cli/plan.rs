@@ -46,6 +46,9 @@ the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot b
 pub struct PlanArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
+    /// The robot, where the pipeline file has several
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
     /// The folder of the published tables, instead of the pipeline file's
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
@@ -105,6 +108,11 @@ impl PlanCommandError {
     }
 }
 
+fn load(args: &PlanArgs) -> Result<Planning, PlanCommandError> {
+    let (robot, lake) = (args.robot.as_deref(), args.lake.as_deref());
+    Ok(Planning::load(&args.pipeline, robot, lake).map_err(Box::new)?)
+}
+
 /// Makes a plan; gives the exit code.
 pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     let ended = match (&args.measured, args.locate) {
@@ -127,7 +135,7 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
 
 fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandError> {
     new_csv(args)?;
-    let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
+    let planning = load(args)?;
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
@@ -154,7 +162,7 @@ fn new_csv(args: &PlanArgs) -> Result<(), PlanCommandError> {
 
 /// Whether the session so far is enough, and a text that says so.
 fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
-    let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
+    let planning = load(args)?;
     let progress = bars.of("plan");
     let found = planning
         .so_far(&args.pipeline, session, &progress)

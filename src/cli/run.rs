@@ -1,6 +1,6 @@
 //! `posegrid run`: every session found or named, through all stages, into the lake.
 //!
-//! 1. The pipeline file becomes a list of pieces of work ([`Configuration`]); sessions that wait or cannot be used are set aside.
+//! 1. The pipeline file becomes a list of pieces of work ([`Fleet`]); sessions that wait or cannot be used are set aside.
 //! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
 //! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
 //! 4. A line for each session, ten lines for each new result, and the totals are the summary (`summary`); `--verbose` adds all other
@@ -24,7 +24,9 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
-use crate::pipeline::configuration::{Configuration, Overrides, WorkPiece};
+use crate::pipeline::configuration::Overrides;
+use crate::pipeline::fleet::Fleet;
+use crate::pipeline::run::Known;
 use alone::Turn;
 use stop::Stop;
 use work::Extent;
@@ -39,10 +41,18 @@ Examples:
   posegrid run pipelines/ur10-random.toml ur10-random-a --test ur10-random-b
   posegrid run pipelines/ur10-random.toml --until session
   posegrid run pipelines/ur10-random.toml --from estimate
+  posegrid run fleet.toml --robot kr210-07 --jobs 4
+
+A pipeline file of several robots ([[robots]], or the table that [input] robots names) is worked off robot by robot, each with
+its own robot file, settings and sessions; what is wrong with one stays with it. Its sessions are named ROBOT/SESSION here.
 
 What ingest and join give of a session is published by itself, and taken from the lake by every later run with the same
-files and the same settings of ingest and join, whatever comes after: another tolerance or a larger pool reads no log
-again. --until session stops there; --from estimate starts there, and needs no log.
+files and the same settings of ingest and join, whatever comes after: a larger pool reads no log again. What the fit
+trains is published likewise: another tolerance, other steps or another session that judges train nothing.
+--until session and --until estimate stop behind them; --from estimate and --from table start there, and need no log.
+
+A session whose files have the sizes, and the tags or times, that they had when its run was told last is not even opened: the lake's
+index says so (LAKE/.index, which may be removed). --fresh digests it all the same.
 
 Work that the lake has already is not done again: a run's name follows from its inputs, settings and version, and the same
 work gives the same bytes. No option repeats it: published files are never rewritten. `posegrid verify` recomputes it and
@@ -52,12 +62,19 @@ and changes no exit code. One batch works on a lake at a time: another one says 
 with --wait.
 A first SIGINT or SIGTERM (Ctrl-C) ends what is under way and exits with 130 or 143, a second one ends at once.
 However a run ends, it leaves nothing half done: run it again.")]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command"
+)]
 pub struct RunArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
     /// Sessions to learn from, instead of those that the pipeline file names or finds
     #[arg(value_name = "SESSION")]
     pub sessions: Vec<String>,
+    /// Work on this robot of the pipeline file alone; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub robot: Vec<String>,
     /// A session that is only judged, instead of those that the pipeline file names; may be given several times
     #[arg(long, value_name = "SESSION")]
     pub test: Vec<String>,
@@ -76,6 +93,9 @@ pub struct RunArgs {
     /// Wait while another batch has the lake, instead of giving up
     #[arg(long)]
     pub wait: bool,
+    /// Digest every session again, whatever the index of finished work says of its files' sizes and times
+    #[arg(long)]
+    pub fresh: bool,
     /// List the work, and do none
     #[arg(long)]
     pub dry_run: bool,
@@ -89,6 +109,8 @@ pub struct RunArgs {
 pub enum Until {
     /// Ingest and join: dwells and readings of each session
     Session,
+    /// The fit: models on all stations, and without each fold
+    Estimate,
 }
 
 /// The first stage of a batch.
@@ -96,20 +118,24 @@ pub enum Until {
 pub enum Since {
     /// The fit and all that follows, from sessions as joined
     Estimate,
+    /// Grids, table, figures and page, from estimates
+    Table,
 }
 
 /// Runs the pipeline; gives the exit code.
 pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     let overrides = Overrides {
+        robot: None,
         sessions: args.sessions.clone(),
         test: args.test.clone(),
         lake: args.lake.clone(),
-        from_joined: args.from == Some(Since::Estimate),
+        from_joined: args.from.is_some(),
+        from_estimates: args.from == Some(Since::Table),
     };
-    let configuration = match Configuration::load(&args.pipeline, &overrides) {
-        Ok(configuration) => configuration,
+    let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
+        Ok(fleet) => fleet,
         Err(error) => {
-            tracing::error!("{error}");
+            tracing::error!("{}", Printable(&error.to_string()));
             return if error.is_worth_a_retry() {
                 NO_RESULT
             } else {
@@ -117,33 +143,30 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
             };
         }
     };
-    let configuration = match args.until {
-        Some(Until::Session) => Configuration {
-            pieces: WorkPiece::each_session(&configuration.pieces),
-            ..configuration
-        },
-        None => configuration,
+    let fleet = match args.until {
+        Some(Until::Session) => fleet.each_session(),
+        Some(Until::Estimate) | None => fleet,
     };
-    tell(&configuration);
+    tell(&fleet);
     if args.dry_run {
-        let told = messages::result(work(&configuration), bars);
+        let told = messages::result(work(&fleet), bars);
         return told.map_or_else(Undelivered::exit_code, |()| DONE);
     }
-    batch(&configuration, args, bars)
+    batch(&fleet, args, bars)
 }
 
 /// What is worth knowing before the work.
-fn tell(configuration: &Configuration) {
-    for left in &configuration.left_out {
+fn tell(fleet: &Fleet) {
+    for left in &fleet.left_out {
         tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);
     }
-    for remark in &configuration.remarks {
-        tracing::info!("{remark}");
+    for remark in &fleet.remarks {
+        tracing::info!("{}", Printable(remark));
     }
 }
 
-/// All the work of a configuration, with the lake to ourselves.
-fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
+/// All the work of a fleet, with the lake to ourselves.
+fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     let stop = match Stop::on_signals() {
         Ok(stop) => stop,
         Err(error) => {
@@ -151,7 +174,7 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
             return NO_RESULT;
         }
     };
-    let lake = match Lake::at(&configuration.lake) {
+    let lake = match Lake::at(&fleet.lake) {
         Ok(lake) => lake,
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -166,13 +189,33 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
     clean(&lake);
     let extent = match args.until {
         Some(Until::Session) => Extent::Joined,
+        Some(Until::Estimate) => Extent::Estimated,
         None => Extent::Whole,
     };
-    let (endings, without) = work::all(configuration, extent, args.jobs, bars, &stop);
-    let mut set_aside = [configuration.set_aside.clone(), without].concat();
+    let known = if args.fresh {
+        Ok(Known::nothing(lake))
+    } else {
+        Known::read(lake)
+    };
+    let known = match known {
+        Ok(known) => known,
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            return NO_RESULT;
+        }
+    };
+    let pieces = fleet.pieces();
+    let (endings, without) = work::all(&pieces, (extent, &known), args.jobs, bars, &stop);
+    if let Err(error) = known.write() {
+        tracing::warn!(
+            "the index of finished work cannot be kept, the next batch digests every session: {}",
+            Printable(&error.to_string())
+        );
+    }
+    let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
     let written = messages::result(
-        summary::summary(configuration, &endings, &set_aside, extent, args.verbose),
+        summary::summary(fleet, &endings, &set_aside, extent, args.verbose),
         bars,
     );
     let code = summary::exit_code(&endings, &set_aside, &stop);

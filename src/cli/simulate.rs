@@ -15,9 +15,7 @@ use thiserror::Error;
 
 use super::robot::ArmFlags;
 use crate::ingest::{Recording, TargetReadings};
-use crate::io::log_writer::{
-    LogWriteError, write_controller_log, write_targets_log, write_tracker_log,
-};
+use crate::io::log_writer::{LogWriteError, TrackerLog, write_controller_log};
 use crate::io::robot::{self, Selection};
 use crate::io::station_table::{self, LengthColumn};
 use crate::io::targets::{self, TargetsError};
@@ -90,9 +88,9 @@ pub struct SimulateArgs {
     /// the base's origin and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
     height_above: Vec<Five>,
-    /// A reference reflector on the robot's base in that table, read at each station, at this place in the base's frame, mm: it moves with
-    /// the base, as --base-drift-mm has it; may be given several times
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true, requires = "table")]
+    /// A reference reflector on the robot's base in logs and table, read at each station, at this place in the base's frame, mm: it moves
+    /// with the base, as --base-drift-mm and --bump-mm have it; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     reference: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
@@ -283,22 +281,20 @@ impl SimulateArgs {
             let logged = logged(arm, recording);
             Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
-        written(&tracker, |sink| {
-            if self.beside.is_empty() {
-                return Ok(write_tracker_log(sink, recording, &session)?);
-            }
-            let readings = self.readings(simulated);
-            if self.unnamed {
-                let recording = Recording {
-                    readings: without_names(&readings),
-                    ..recording.clone()
-                };
-                return Ok(write_tracker_log(sink, &recording, &session)?);
-            }
-            let targets: Vec<_> = self.target_names().into_iter().zip(readings).collect();
-            let temperatures = &recording.temperatures;
-            Ok(write_targets_log(sink, &targets, temperatures, &session)?)
-        })?;
+        let readings = if self.beside.is_empty() {
+            Vec::new()
+        } else {
+            self.readings(simulated)
+        };
+        let unnamed = self.unnamed.then(|| without_names(&readings));
+        let targets = if self.unnamed { Vec::new() } else { readings };
+        let log = TrackerLog {
+            readings: unnamed.as_ref().unwrap_or(&recording.readings),
+            targets: &named("T", targets),
+            references: &named("B", simulated.reference_readings(&self.reference_places())),
+            temperatures: &recording.temperatures,
+        };
+        written(&tracker, |sink| Ok(log.write(sink, &session)?))?;
         written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
         written(&stations, |sink| {
             Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?)
@@ -335,11 +331,6 @@ impl SimulateArgs {
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
-        let places: Vec<Point3<f64>> = self
-            .reference
-            .iter()
-            .map(|Triple(at)| Point3::from(*at))
-            .collect();
         let turns = if self.unnamed {
             simulated.turns(self.beside.len() + 1)
         } else {
@@ -348,7 +339,7 @@ impl SimulateArgs {
         let read = station_table::Read {
             targets: &self.target_names(),
             lengths: &lengths,
-            references: &simulated.references(&places),
+            references: &simulated.references(&self.reference_places()),
             turns: &turns,
         };
         station_table::csv(&stations, arm, read)
@@ -358,6 +349,12 @@ impl SimulateArgs {
     fn places_beside(&self) -> Vec<Vector3<f64>> {
         let beside = self.beside.iter();
         beside.map(|Triple(at)| Vector3::from(*at)).collect()
+    }
+
+    /// The places of the references on the base, mm.
+    fn reference_places(&self) -> Vec<Point3<f64>> {
+        let places = self.reference.iter();
+        places.map(|Triple(at)| Point3::from(*at)).collect()
     }
 
     /// Names of all reflectors, the main one first.
@@ -414,6 +411,14 @@ impl SimulateArgs {
         let pairs = pairs.into_iter().chain(plan);
         pairs.map(|(key, value)| (key.to_owned(), value)).collect()
     }
+}
+
+/// Readings with names: a letter and their number from 1.
+fn named(letter: &str, readings: Vec<TargetReadings>) -> Vec<(String, TargetReadings)> {
+    let numbered = (1..).zip(readings);
+    numbered
+        .map(|(number, own): (usize, _)| (format!("{letter}{number}"), own))
+        .collect()
 }
 
 /// The recording with positions of joints that slide in m, the unit of ROS.

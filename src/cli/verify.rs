@@ -20,8 +20,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    JoinedVerified, PastRun, Register, RowList, Selected, Selection, Verdict, Verified,
-    VerifyError, account, clean, joined, row_contradictions, select, verify,
+    EstimateVerified, JoinedVerified, PastRun, Register, RowList, Selected, Selection, Verdict,
+    Verified, VerifyError, account, clean, estimates, joined, row_contradictions, select, verify,
 };
 use crate::progress::Progress;
 
@@ -41,7 +41,7 @@ the pipeline file, and its settings; and where these are the same, the run recom
 bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
 lake is only read. A run that another replaced, and of which only its row in `runs` is left, counts as removed.
 
-Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history), temporary, of a run
+Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history, .index), temporary, of a run
 without a row, or foreign. With RUN or SESSION, those in the folders of these sessions.
 
 --list prints a line for each run, in the order of their names: RUN ROW_DIGEST ROBOT/SESSION, the last two as the lake's
@@ -131,9 +131,12 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     clean();
     let verdicts = all(&selected, &lake, bars)?;
     let joined = sessions_as_joined(&lake, args, bars)?;
+    let estimates = all_estimates(&lake, args, bars)?;
     let account = account(&lake, &selected, &args.names)?;
     let mut lines = files::lines(&account, args.names.is_empty());
-    let mut belongs = !account.is_mismatch() && !joined.iter().any(JoinedVerified::is_mismatch);
+    let mut belongs = !account.is_mismatch()
+        && !joined.iter().any(JoinedVerified::is_mismatch)
+        && !estimates.iter().any(EstimateVerified::is_mismatch);
     if let Some(expected) = expected {
         let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
         lines.extend(files::against_list(&unexpected, newer));
@@ -153,6 +156,19 @@ fn sessions_as_joined(
     let progress = bars.of("joined");
     let found = joined(lake, &args.pipeline, &args.names, &progress).map_err(VerifyError::from)?;
     if let Some(text) = words::joined(&found) {
+        messages::result(text, bars)?;
+    }
+    Ok(found)
+}
+
+/// Verifies the estimates, and prints what was found.
+fn all_estimates(
+    lake: &Lake,
+    args: &VerifyArgs,
+    bars: &Bars,
+) -> Result<Vec<EstimateVerified>, Ended> {
+    let found = estimates(lake, &args.names).map_err(VerifyError::from)?;
+    if let Some(text) = words::estimates(&found) {
         messages::result(text, bars)?;
     }
     Ok(found)

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Point3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
 
 use super::gauge::{Gauge, Sees};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, align};
@@ -22,7 +23,7 @@ pub struct Channel {
 }
 
 /// The frames of one session that a fit finds.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Frames {
     sources: Vec<Transform<Tracker, Base>>,
     /// What each source reads; of one that reads a length, or nothing, the frame is the base's.

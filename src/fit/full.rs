@@ -29,6 +29,7 @@ pub mod saved;
 mod scales;
 pub mod settings;
 pub mod spectrum;
+pub mod stored;
 pub mod student;
 pub mod tabulated;
 pub mod train;
@@ -47,8 +48,8 @@ use approach::{Against, ApproachOffsets};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
-pub use leave_one_out::LeftOut;
-use noise::Repeatability;
+use leave_one_out::{LeftOut, of_observations};
+use noise::{NoisyReading, Repeatability, StationNoise};
 pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
@@ -63,6 +64,8 @@ pub struct FullModel {
     up: Option<Vector3<f64>>,
     layout: Layout,
     offsets: DVector<f64>,
+    /// The offsets at which the training's last round evaluated its rows: those of the bases have moved since.
+    rows_at: DVector<f64>,
     /// Frames of each session at the offsets: the bases are those fitted.
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
@@ -82,10 +85,10 @@ pub struct FullModel {
     ready: Ready,
     /// The noise beyond the model.
     pub repeatability: Repeatability,
-    /// Weight of each observation.
+    /// Weight of each observation: its station's.
     pub weights: Vec<f64>,
-    /// Leave-one-out residuals of the observations it was trained on.
-    pub left_out: Vec<LeftOut>,
+    /// Residual of each observation that it was trained on, as predicted without its station, mm and rad.
+    pub left_out: Vec<DVector<f64>>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
 }
@@ -161,6 +164,7 @@ impl FullModel {
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let approach = ApproachOffsets::of(observations, &settled.state.layout, &mean);
+        let rows_at = settled.state.offsets.clone();
         let train::Settled {
             mut state,
             posterior,
@@ -168,6 +172,7 @@ impl FullModel {
             ..
         } = settled;
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
+        let (left_out, weights) = of_observations(&left_out, &state.weights);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             problem: Problem::with_target_turn(
@@ -190,11 +195,12 @@ impl FullModel {
             tails: state.tails,
             layout: state.layout,
             offsets: state.offsets,
+            rows_at,
             mean,
             posterior,
             span: state.span,
             repeatability: state.repeatability,
-            weights: state.weights,
+            weights,
             left_out,
             parts,
         })
@@ -389,10 +395,25 @@ impl FullModel {
         }
         let end = view.end.translation.vector.into();
         let shown = observation.measured.shown(None, &end);
-        let covariance = self
-            .repeatability
-            .covariance(observation, &shown, &view.joints);
+        let covariance = self.covariance_of_one(observation, &shown, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
+    }
+
+    /// Covariance of one reading's noise at weight 1; it shows `shown` of its target's motion by each joint.
+    fn covariance_of_one(
+        &self,
+        observation: &Observation,
+        shown: &Shown,
+        joints: &[Twist],
+    ) -> DMatrix<f64> {
+        let base = Matrix3::identity();
+        let reading = NoisyReading {
+            observation,
+            shown,
+            joints,
+            base,
+        };
+        self.repeatability.covariance(&StationNoise::of(&[reading]))
     }
 
     /// Variance of measured minus predicted length of a reading that took no part, mm²: of the prediction with the instrument's place, and
@@ -414,10 +435,8 @@ impl FullModel {
         }
         let (_, approach) = self.stands(&query, &view.joints);
         let along = gauge.direction(&end);
-        let noise = self
-            .repeatability
-            .covariance(observation, &shown, &view.joints)[(0, 0)]
-            * self.tails.inflation();
+        let noise = self.covariance_of_one(observation, &shown, &view.joints)[(0, 0)];
+        let noise = noise * self.tails.inflation();
         Some(self.posterior.half(&rows).norm_squared() + along.dot(&(approach * along)) + noise)
     }
 

@@ -6,6 +6,7 @@
 //! has no frame of its own ([`crate::method::identification`]).
 
 use nalgebra::{Point3, Unit, UnitVector3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::kinematics::{Axis, GaugePart};
 
@@ -13,7 +14,7 @@ use crate::kinematics::{Axis, GaugePart};
 const AT_ANCHOR_MM: f64 = 1e-6;
 
 /// What a source reads of the targets in its frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Sees {
     /// Positions or poses, in the source's own frame.
     Places,
@@ -24,7 +25,7 @@ pub enum Sees {
 }
 
 /// An instrument that reads one length.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Gauge {
     /// A distance from an anchor.
     Distance(Anchor),
@@ -33,7 +34,7 @@ pub enum Gauge {
 }
 
 /// The anchor of an instrument that reads distances.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Anchor {
     /// Its place in the base's frame, mm.
     pub place: Point3<f64>,
@@ -42,7 +43,7 @@ pub struct Anchor {
 }
 
 /// A plane that heights are read above.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Its normal in the base's frame, towards positive heights.
     pub normal: UnitVector3<f64>,

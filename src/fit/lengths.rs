@@ -119,10 +119,8 @@ fn seen(
             };
             observations.push(Observation {
                 source,
-                station,
-                pose: station,
                 measured,
-                ..Observation::planned(axes(station), place, nalgebra::Matrix3::identity())
+                ..Observation::planned(station, axes(station), place, nalgebra::Matrix3::identity())
             });
         }
     }

@@ -9,6 +9,7 @@ use std::fmt::Debug;
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::commanded::SettlingError;
 use super::frames::{Channel, Frames};
@@ -168,7 +169,7 @@ pub enum Known<'q> {
 }
 
 /// The joint angles at which a model is compared with stations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Angles {
     /// The angles that the controller reported.
     Reported,

@@ -59,10 +59,7 @@ pub fn train(
     );
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
-        let prior = Prior {
-            geometry: geometric.geometry_prior(),
-            ..settings.fit.prior()
-        };
+        let prior = full_prior(&geometric, settings);
         FullModel::train(
             arm,
             observations,
@@ -93,7 +90,16 @@ pub fn train_all(
     sessions: usize,
     settings: &TrainingSettings<'_>,
 ) -> Result<Models, FitError> {
-    let mut models = train(arm, observations, sessions, settings)?;
+    let models = train(arm, observations, sessions, settings)?;
+    Ok(with_models_on_top(models, arm, observations))
+}
+
+/// The models with those of the registry that are built on them.
+pub(super) fn with_models_on_top(
+    mut models: Models,
+    arm: &Arm,
+    observations: &[Observation],
+) -> Models {
     let training = Training {
         arm,
         observations,
@@ -104,7 +110,15 @@ pub fn train_all(
         Made::Elsewhere | Made::Always(_) => None,
     };
     models.on_top = Model::ALL.iter().filter_map(on_top).collect();
-    Ok(models)
+    models
+}
+
+/// The prior of the full error model that starts from an identified geometry.
+pub(super) fn full_prior(geometric: &Calibration, settings: &TrainingSettings<'_>) -> Prior {
+    Prior {
+        geometry: geometric.geometry_prior(),
+        ..settings.fit.prior()
+    }
 }
 
 impl Models {

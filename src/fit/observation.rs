@@ -129,14 +129,19 @@ pub struct Observation {
 
 impl Observation {
     /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance
-    /// there (mm²).
-    pub fn planned(axes: Vec<f64>, position: Point3<f64>, instrument: Matrix3<f64>) -> Self {
+    /// there (mm²); readings beside each other with one station's number are of one pose that the arm attained.
+    pub fn planned(
+        station: usize,
+        axes: Vec<f64>,
+        position: Point3<f64>,
+        instrument: Matrix3<f64>,
+    ) -> Self {
         Self {
             session: 0,
             source: SourceId::ONLY,
             target: TargetId::ONLY,
-            station: 0,
-            pose: 0,
+            station,
+            pose: station,
             axes,
             measured: Measured::Point(MeasuredPoint {
                 position,

@@ -10,6 +10,7 @@ use super::problem::Problem;
 
 mod triangle;
 
+use serde::{Deserialize, Serialize};
 use triangle::Triangle;
 
 /// A singular value below this share of the largest is a structural zero. Exact geometry leaves 1e-15; a target 0.3 mm
@@ -21,7 +22,7 @@ const TAKES_PART: f64 = 1e-2;
 const BELONGS: f64 = 0.1;
 
 /// The structure of the column-scaled Jacobian.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Structure {
     /// Singular values in falling order, of the columns that are not zero.
     pub singular_values: Vec<f64>,

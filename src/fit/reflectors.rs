@@ -50,9 +50,7 @@ fn seen(arm: &Arm, targets: usize) -> Vec<Observation> {
         let instrument = noise.sources[0].uncertainty.covariance(&position);
         Observation {
             target: TargetId(target),
-            station,
-            pose: station,
-            ..Observation::planned(axes(station), position, instrument)
+            ..Observation::planned(station, axes(station), position, instrument)
         }
     };
     let each = (0..STATIONS).flat_map(|station| (0..targets).map(move |target| (station, target)));

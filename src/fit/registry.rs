@@ -15,12 +15,13 @@ use super::model::{Angles, PoseModel};
 use super::models::{Models, Training};
 use super::saved::{SavedError, SavedHead};
 pub use geometric::IdentifiedGeometry;
+use serde::{Deserialize, Serialize};
 
 /// Makes [`Model`] from one line per model: the variant, and the file with its properties.
 macro_rules! registry {
     ($($(#[$doc:meta])* $model:ident: $file:ident,)+) => {
         /// The models that are compared.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
         pub enum Model {
             $($(#[$doc])* $model,)+
         }

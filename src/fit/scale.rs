@@ -13,6 +13,7 @@
 //! ([`EXPANSION_PPM_PER_K`]); known distances can.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::full::FullModel;
 use super::problem::Problem;
@@ -28,7 +29,7 @@ const PPM: f64 = 1e6;
 
 /// The stations' evidence on an arm's lengths and on each session's scale, without a prior on either; all else is integrated
 /// out.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScaleEvidence {
     /// Number of lengths, which come before the scales.
     lengths: usize,

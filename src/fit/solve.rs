@@ -7,12 +7,13 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::loss::{Loss, Numbers};
 use super::problem::{Normal, Problem};
 
 /// The state in which the solver ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convergence {
     /// The last step was negligible.
     Converged,
@@ -23,7 +24,7 @@ pub enum Convergence {
 }
 
 /// A solved problem.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Solution {
     /// Offsets in the order of the problem's unknowns.
     pub offsets: DVector<f64>,

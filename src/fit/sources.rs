@@ -7,6 +7,7 @@
 //! `s_k / √(2 r_k)`. The share of a source is `tr(C N_k)` over the number of unknowns; what is left is the prior's.
 
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 use super::observation::Observation;
 use super::problem::Problem;
@@ -25,7 +26,7 @@ const LEAST_REDUNDANCY: f64 = 1.0;
 const EXACT: f64 = 1e-9;
 
 /// The part that one source had in a fit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SourceSize {
     /// The source.
     pub source: SourceId,

@@ -9,8 +9,8 @@
 //! the first source of places, the target the first. Everything else (further targets and sources, anchors and planes of instruments
 //! that read one length, the fast part of curves, gear lines, drift within the session, the
 //! settling error) is integrated out under its prior in each session by itself: a test gets
-//! less sharp by it, never too sharp. Readings of several targets and instruments at one station share the arm's own errors there, and
-//! count as one position together. The unit of a column is the largest change expected of it ([`Column::unit`]).
+//! less sharp by it, never too sharp. Readings of several targets and instruments at one station share the arm's own errors there: a fit
+//! that does not know that has them counted as one position together. The unit of a column is the largest change expected of it ([`Column::unit`]).
 
 mod column;
 mod posterior;

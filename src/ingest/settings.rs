@@ -20,7 +20,7 @@ pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
 pub use lengths::{KnownOffset, KnownPlace, LengthColumns, LengthRead};
-pub use logged::{LoggedTarget, TargetName};
+pub use logged::{LoggedReference, LoggedTarget, Seen, TargetName};
 pub use stations::{
     MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
     StandsOn, StationsSettings, TableTime, TimeColumn,
@@ -90,6 +90,9 @@ pub struct TrackerSettings {
     /// where readings name their targets.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub targets_by_geometry: Vec<String>,
+    /// Reference reflectors on floor or base, which should not move.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<LoggedReference>,
     /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
     /// states it.
     #[serde(skip_serializing)]
@@ -225,6 +228,8 @@ pub(crate) struct TrackerFile {
     pub(crate) targets: Vec<LoggedTarget>,
     #[serde(default)]
     pub(crate) targets_by_geometry: Vec<String>,
+    #[serde(default)]
+    pub(crate) references: Vec<LoggedReference>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -310,6 +315,7 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             frame: file.frame,
             targets: file.targets,
             targets_by_geometry: file.targets_by_geometry,
+            references: file.references,
             eye_in_hand: false,
         })
     }

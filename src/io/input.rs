@@ -31,6 +31,11 @@ impl Bound {
         bytes: 1 << 20,
         advice: "a pipeline or robot file has some thousand bytes; is it the right file?",
     };
+    /// For a table of robots, which has some hundred bytes each.
+    pub const ROBOTS: Self = Self {
+        bytes: 64 << 20,
+        advice: "a table of robots has some hundred bytes a robot; is it the right file?",
+    };
     /// For a URDF, which has some hundred thousand bytes where it describes a whole humanoid.
     pub const URDF: Self = Self {
         bytes: 16 << 20,

@@ -9,7 +9,7 @@
 //!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
 //! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
-//! ([`Lake::start_joined`]): runs start from it.
+//! ([`Lake::start_joined`]): runs start from it. An estimate is one row in `estimates` ([`Lake::start_estimate`]).
 //!
 //! The lake also holds records of the files corrected with its tables ([`Correction`]).
 //!
@@ -21,6 +21,7 @@ mod corrections;
 mod current;
 mod error;
 mod files;
+mod index;
 mod lock;
 mod name;
 mod parts;
@@ -62,10 +63,14 @@ const RUNS: &str = "runs";
 /// The table whose rows make sessions as joined exist.
 pub const JOINED: &str = "joined_sessions";
 
+/// The table whose rows make estimates exist.
+pub const ESTIMATES: &str = "estimates";
+
 /// The table whose row makes the files of another table part of the lake.
 pub fn rows_of(table: &str) -> &'static str {
     match table {
         JOINED | "readings" => JOINED,
+        ESTIMATES => ESTIMATES,
         _ => RUNS,
     }
 }
@@ -139,6 +144,11 @@ impl Lake {
     /// Begins the result of ingest and join of a session; `None` when the lake has it.
     pub fn start_joined(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
         self.begin(JOINED, key)
+    }
+
+    /// Begins an estimate; `None` when the lake has it.
+    pub fn start_estimate(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+        self.begin(ESTIMATES, key)
     }
 
     fn begin(&self, rows: &'static str, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
@@ -222,6 +232,7 @@ impl Lake {
             .chain([PAGES])
             .map(|folder| root.join(folder))
             .collect();
+        let index = root.join(index::FOLDER);
         for _robot_then_session in 0..2 {
             folders = folders
                 .iter()
@@ -232,6 +243,8 @@ impl Lake {
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
+        let alone = root.join(index::ALONE);
+        folders.extend([index, alone].into_iter().filter(|own| own.is_dir()));
         Ok(folders
             .iter()
             .map(stale)

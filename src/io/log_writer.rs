@@ -66,9 +66,9 @@ pub fn write_controller_log<W: Write + Seek>(
     let mut log = Log::create(sink, session)?;
     let joints = joint_messages(&recording.joints, joint_names)?;
     let commands = command_messages(&recording.commands)?;
-    log.write_in_time_order(&[
-        (&joint_topic(), joints),
-        (&pose_topic("/commanded_pose"), commands),
+    log.write_in_time_order(vec![
+        (joint_topic(), joints),
+        (pose_topic("/commanded_pose"), commands),
     ])
 }
 
@@ -81,36 +81,78 @@ pub fn write_tracker_log<W: Write + Seek>(
     recording: &Recording,
     session: &BTreeMap<String, String>,
 ) -> Result<(), LogWriteError> {
-    let mut log = Log::create(sink, session)?;
-    let topic = if recording.readings.orientations.is_some() {
-        pose_topic("/tracker/pose")
-    } else {
-        point_topic()
+    let log = TrackerLog {
+        readings: &recording.readings,
+        targets: &[],
+        references: &[],
+        temperatures: &recording.temperatures,
     };
-    let readings = reading_messages(topic.name, &recording.readings)?;
-    let temperatures = temperature_messages(&recording.temperatures)?;
-    log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
+    log.write(sink, session)
 }
 
-/// Writes the tracker's log of several reflectors: a message for each reading, which names its reflector (`child_frame_id`) and has its
-/// position and no rotation; and temperatures.
-///
-/// # Panics
-/// When the columns of readings are not of equal length.
-pub fn write_targets_log<W: Write + Seek>(
-    sink: W,
-    targets: &[(String, TargetReadings)],
-    temperatures: &TemperatureSamples,
-    session: &BTreeMap<String, String>,
-) -> Result<(), LogWriteError> {
-    let mut log = Log::create(sink, session)?;
-    let topic = targets_topic();
-    let mut readings = Vec::new();
-    for (name, own) in targets {
-        readings.extend(transform_messages(topic.name, name, own)?);
+/// The content of a tracker's log.
+#[derive(Debug, Clone, Copy)]
+pub struct TrackerLog<'a> {
+    /// Readings of a single target, or of several that are not named.
+    pub readings: &'a TargetReadings,
+    /// Readings of several targets with their names, in the place of `readings`: each message names its target (`child_frame_id`) and has
+    /// its position and no rotation. Empty of a single target.
+    pub targets: &'a [(String, TargetReadings)],
+    /// Readings of references with their names, likewise; empty without references.
+    pub references: &'a [(String, TargetReadings)],
+    /// Temperatures.
+    pub temperatures: &'a TemperatureSamples,
+}
+
+impl TrackerLog<'_> {
+    /// Writes the log; the session's record stands in its metadata.
+    ///
+    /// # Panics
+    /// When the columns of readings are not of equal length.
+    pub fn write<W: Write + Seek>(
+        &self,
+        sink: W,
+        session: &BTreeMap<String, String>,
+    ) -> Result<(), LogWriteError> {
+        let mut log = Log::create(sink, session)?;
+        let mut topics = vec![self.of_targets()?];
+        if !self.references.is_empty() {
+            let topic = Topic {
+                name: "/tracker/references",
+                ..targets_topic()
+            };
+            topics.push(named_messages(topic, self.references)?);
+        }
+        let temperatures = temperature_messages(self.temperatures)?;
+        topics.push((temperature_topic(), temperatures));
+        log.write_in_time_order(topics)
     }
-    let temperatures = temperature_messages(temperatures)?;
-    log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
+
+    /// The messages of the targets, and their topic.
+    fn of_targets(&self) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
+        if !self.targets.is_empty() {
+            return named_messages(targets_topic(), self.targets);
+        }
+        let topic = if self.readings.orientations.is_some() {
+            pose_topic("/tracker/pose")
+        } else {
+            point_topic()
+        };
+        let readings = reading_messages(topic.name, self.readings)?;
+        Ok((topic, readings))
+    }
+}
+
+/// The messages of readings with names on a topic.
+fn named_messages(
+    topic: Topic,
+    all: &[(String, TargetReadings)],
+) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
+    let mut messages = Vec::new();
+    for (name, own) in all {
+        messages.extend(transform_messages(topic.name, name, own)?);
+    }
+    Ok((topic, messages))
 }
 
 /// An encoded message and its stamp, ns.
@@ -267,7 +309,7 @@ impl<W: Write + Seek> Log<W> {
     /// first.
     fn write_in_time_order(
         &mut self,
-        topics: &[(&Topic, Vec<Encoded>)],
+        topics: Vec<(Topic, Vec<Encoded>)>,
     ) -> Result<(), LogWriteError> {
         let mut messages = Vec::new();
         for (topic, encoded) in topics {
@@ -278,7 +320,7 @@ impl<W: Write + Seek> Log<W> {
             let channel = self
                 .writer
                 .add_channel(schema, topic.name, "cdr", &BTreeMap::new())?;
-            messages.extend(encoded.iter().map(|message| (message, channel)));
+            messages.extend(encoded.into_iter().map(|message| (message, channel)));
         }
         // A stable sort keeps the order of the topics.
         messages.sort_by_key(|(message, _)| message.ns);

@@ -140,9 +140,10 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 27] = [
+const FILES: [&str; 28] = [
     include_str!("../../schemas/readings.toml"),
     include_str!("../../schemas/joined_sessions.toml"),
+    include_str!("../../schemas/estimates.toml"),
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),
@@ -300,7 +301,7 @@ mod tests {
         let error = find("station").unwrap_err().to_string();
         assert!(
             error.starts_with(
-                "there is no table \"station\"; the tables are readings, joined_sessions"
+                "there is no table \"station\"; the tables are readings, joined_sessions, estimates"
             ),
             "{error}"
         );

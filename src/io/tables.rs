@@ -17,6 +17,7 @@ pub mod compensation;
 pub mod counts;
 pub mod drift;
 pub mod error_frame;
+pub mod estimates;
 pub mod grid_steps;
 pub mod history;
 pub mod joined_sessions;
@@ -95,6 +96,8 @@ pub struct PublishContext<'a> {
     pub valid_for: Conditions,
     /// The sessions as joined that the run started from.
     pub made_of: Vec<RunKey>,
+    /// The name of the estimate that it started from.
+    pub estimate: String,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
 }
@@ -290,6 +293,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         counted: figure.map(|figure| figure.counted),
         stations_covered_share: covered.map(Covered::of_stations),
         made_of: Some(context.made_of.clone()),
+        estimate: Some(context.estimate.clone()),
         replaces: context.replaces.clone(),
     }
 }

@@ -146,6 +146,7 @@ impl Dispositions {
                 start: readings.stamp(rows.start)?,
                 end: readings.stamp(rows.end - 1)?,
                 readings: rows.len() as u64,
+                is_of_reference: false,
                 reason: disposition.reason().to_owned(),
             })
         };

@@ -13,7 +13,7 @@ use crate::geometry::{symmetric, upper};
 use crate::units::{Stamp, Tracker};
 
 /// An instrument's index among the sources of its session, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SourceId(pub usize);
 
 impl SourceId {
@@ -22,7 +22,7 @@ impl SourceId {
 }
 
 /// A reflector's index among the targets on the flange of its session, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TargetId(pub usize);
 
 impl TargetId {
@@ -67,7 +67,7 @@ pub enum Value {
 }
 
 /// The kind of value that a source reads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ReadingKind {
     /// A position: three numbers.
     Point,

@@ -131,7 +131,10 @@ impl<'a> Readings<'a> {
 
 impl Seen {
     /// Checks that stamps do not decrease, from `latest` on; returns the last one.
-    fn check_order(&self, mut latest: Stamp<Tracker>) -> Result<Stamp<Tracker>, JoinError> {
+    pub(super) fn check_order(
+        &self,
+        mut latest: Stamp<Tracker>,
+    ) -> Result<Stamp<Tracker>, JoinError> {
         let samples = "readings";
         for (row, &stamp) in self.rows.clone().zip(&self.readings.stamps) {
             if stamp < latest {
@@ -146,6 +149,11 @@ impl Seen {
     pub fn measured(&self) -> impl Iterator<Item = usize> {
         let rows = self.rows.clone();
         rows.filter(|&row| is_measurement(&self.position(row)))
+    }
+
+    /// Whether a row is a measurement.
+    pub(super) fn is_measured(&self, row: usize) -> bool {
+        is_measurement(&self.position(row))
     }
 
     /// The coordinates of the measurements, mm, one column per axis.

@@ -246,6 +246,7 @@ pub(super) fn join_recorded(
         commands: Box::new(recording.commands.clone()),
         readings: Box::new(recording.readings.clone()),
         others: Vec::new(),
+        references: Vec::new(),
         temperatures: recording.temperatures.clone(),
     };
     join(&input, arm, settings)

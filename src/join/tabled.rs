@@ -8,7 +8,7 @@
 //! 4. readings far from every place that the nominal arm can have had are of another reflector, as with logs
 //!    ([`super::placement`]).
 
-mod carried;
+pub(in crate::join) mod carried;
 
 use std::collections::{BTreeMap, HashMap};
 

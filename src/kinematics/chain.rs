@@ -5,6 +5,7 @@
 //! to the chain's end.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::axes::{Axes, AxisJoint};
 use super::motion::Motion;
@@ -12,7 +13,7 @@ use super::parameter::Parameter;
 use super::twist::{Twist, UnitMotion};
 
 /// One element of a chain.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Element {
     /// A constant transform.
     Fixed(Isometry3<f64>),
@@ -48,7 +49,7 @@ pub struct Differential {
 }
 
 /// A chain of elementary transforms from a root frame to an end frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Chain {
     elements: Vec<Element>,
     joints: usize,

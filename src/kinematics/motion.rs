@@ -1,9 +1,10 @@
 //! Elementary motions: along or about an axis.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// An axis of the frame that an element acts in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Axis {
     /// The x axis.
     X,
@@ -28,7 +29,7 @@ impl Axis {
 }
 
 /// An elementary motion: along an axis in mm, or about it in rad.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Motion {
     /// Along the axis, mm.
     Translation(Axis),

@@ -2,10 +2,12 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 use super::motion::{Axis, Motion};
 
 /// One free parameter of the measurement chain `tracker_from_base · arm · flange_from_target`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Parameter {
     /// A small motion of the base, after `tracker_from_base`.
     Base(Motion),
@@ -24,7 +26,7 @@ pub enum Parameter {
 
 /// The quantities of an instrument that reads one length: the place of an anchor that distances are read from, or the plane that
 /// heights are read above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum GaugePart {
     /// A coordinate of the anchor.
     Place(Axis),
@@ -69,7 +71,7 @@ impl GaugePart {
 }
 
 /// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift along it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum LinkQuantity {
     /// Joint offset, about z; a small turn about the joint's axis where the convention places axes.
     Theta,

@@ -11,7 +11,8 @@ mod by_geometry;
 pub(super) mod checks;
 mod error;
 pub mod files;
-mod logs;
+pub(super) mod logs;
+mod robots;
 mod sessions;
 mod stated;
 mod tree;
@@ -21,7 +22,7 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::keys::{KeyReference, join_settings, missing};
+use super::keys::{KeyReference, estimate_settings, join_settings, missing};
 use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
@@ -43,8 +44,11 @@ use sessions::{Listed, Wanted};
 
 pub use error::{ConfigurationError, ConfigurationErrorKind};
 pub use files::Files;
+pub use robots::{Robots, StatedRobot};
+pub(in crate::pipeline) use sessions::look;
 pub use sessions::{
-    JoinedBefore, LeftOut, POOLED, Recorded, SessionFiles, SessionTable, SetAside, Why, WorkPiece,
+    FoundSessions, JoinedBefore, LeftOut, POOLED, Recorded, Session, SessionFiles, SessionTable,
+    SetAside, Why, WorkPiece,
 };
 pub use stated::StatedSetUp;
 pub use tree::Tree;
@@ -84,6 +88,10 @@ pub struct Configuration {
     pub settings: String,
     /// Those of them that ingest and join read, likewise: part of the name of every session as joined.
     pub join_settings: String,
+    /// Those of them that training reads, likewise: part of the name of every estimate.
+    pub estimate_settings: String,
+    /// Whether the work is with estimates that the lake has, so that nothing is trained.
+    pub from_estimates: bool,
     /// The place of the sessions' logs.
     pub tree: Tree,
     /// The pieces of work.
@@ -140,6 +148,8 @@ impl Reads {
 /// Options of the command line that override the pipeline file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Overrides {
+    /// The robot, where the pipeline file has several.
+    pub robot: Option<String>,
     /// Sessions to learn from, instead of `[input] sessions`; empty for none.
     pub sessions: Vec<String>,
     /// Sessions that only judge, instead of `[input] test`; empty for none.
@@ -148,35 +158,42 @@ pub struct Overrides {
     pub lake: Option<PathBuf>,
     /// Whether the work is with sessions that the lake has as joined, instead of the files of `[input]`.
     pub from_joined: bool,
+    /// Whether the work is with estimates that the lake has too.
+    pub from_estimates: bool,
 }
 
 impl Configuration {
-    /// Reads and checks the pipeline file at `path`.
+    /// Reads and checks the pipeline file at `path`, of the robot that the command line names where it has several.
     pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, ConfigurationError> {
+        let files = files::read(path, overrides.robot.as_deref())?;
+        let tree = files.tree()?;
+        Self::of(path, files, tree, None, overrides)
+    }
+
+    /// The configuration of one robot: `found` are its sessions, where they were searched already.
+    pub(super) fn of(
+        path: &Path,
+        files: Files,
+        tree: Tree,
+        found: Option<FoundSessions>,
+        overrides: &Overrides,
+    ) -> Result<Self, ConfigurationError> {
+        let folder = files.sessions().named();
         let Files {
             file,
-            base,
             robot_file,
             arm,
             lake,
-        } = files::read(path)?;
+            ..
+        } = files;
         let placed = Placed::new(path, &file)?;
-        let folder = placed_at(&base, &file.input.folder);
-        let tree = Tree::at(&folder)?;
         let lake = usable(overrides.lake.as_deref(), lake)?;
         let join_settings = settings_of_join(&file)?;
         let listed = if overrides.from_joined {
             joined_sessions(path, &file, (&robot_file, &join_settings), &lake, overrides)?
         } else {
-            sessions::list(
-                path,
-                &tree,
-                &folder.named(),
-                &file.input,
-                file.stations.as_ref(),
-                file.limits,
-                overrides,
-            )?
+            let found = found.map_or_else(|| look(path, &tree, &folder, &file), Ok)?;
+            sessions::list(&found, &folder, &file.input, overrides)?
         };
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
@@ -186,6 +203,8 @@ impl Configuration {
             reads: reads(path, &file, &arm)?,
             settings: manifest::canonical(&file)?,
             join_settings,
+            estimate_settings: settings_of_training(&file)?,
+            from_estimates: overrides.from_estimates,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
             unnamed_targets: by_geometry::unnamed(&file),
@@ -245,20 +264,9 @@ fn settings_of_join(file: &PipelineFile) -> Result<String, ManifestError> {
     manifest::canonical(&join_settings(&serde_json::to_value(file)?))
 }
 
-fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
-    let text = input::text(path, Bound::SETTINGS)
-        .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
-    let wrong = |source| ConfigurationErrorKind::Parse(Box::new(source)).at(path);
-    let values: toml::Table = toml::from_str(&text).map_err(wrong)?;
-    if let Some((key, found)) = checks::not_a_number(&toml::Value::Table(values)) {
-        let wrong = ConfigurationErrorKind::Setting {
-            key,
-            found: found.to_string(),
-            wanted: "a finite number".to_owned(),
-        };
-        return Err(wrong.at(path));
-    }
-    toml::from_str(&text).map_err(|source| incomplete(path, &text).unwrap_or_else(|| wrong(source)))
+/// The settings of a pipeline file that training reads, as canonical JSON.
+fn settings_of_training(file: &PipelineFile) -> Result<String, ManifestError> {
+    manifest::canonical(&estimate_settings(&serde_json::to_value(file)?))
 }
 
 /// The error of a file with several keys that are missing or not known; `None` of another one.

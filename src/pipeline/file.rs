@@ -12,6 +12,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use thiserror::Error;
 
+use super::robot_entry::RobotEntry;
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
 use crate::fit::{
@@ -20,8 +21,9 @@ use crate::fit::{
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthRead, LengthUnit, LoggedTarget,
-    MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile, TrackerSettings,
+    CommandedFile, CommandedSettings, ControllerSettings, LengthRead, LengthUnit, LoggedReference,
+    LoggedTarget, MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile,
+    TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -36,6 +38,9 @@ use crate::similarity::SimilaritySettings;
 pub struct PipelineFile {
     /// `[robot]`: the arm, and the conditions that its results are valid for.
     pub robot: RobotSection,
+    /// `[[robots]]`: each robot of a file with several, which is read as one file a robot.
+    #[serde(default, skip_serializing)]
+    pub robots: Vec<RobotEntry>,
     /// `[input]`: the place of the sessions, and the files of each.
     pub input: InputSection,
     /// `[controller]`: joint angles in a log; absent where sessions are tables.
@@ -211,6 +216,12 @@ pub struct InputSection {
     /// The way in which files belong to sessions.
     #[serde(default, skip_serializing)]
     pub sessions_by: SessionsBy,
+    /// The way in which sessions belong to robots, where the file has several.
+    #[serde(default, skip_serializing)]
+    pub robots_by: RobotsBy,
+    /// The table of the robots, instead of `[[robots]]`.
+    #[serde(default, skip_serializing)]
+    pub robots: Option<PathBuf>,
     /// Sessions to learn from. Absent: every one that has both logs.
     #[serde(skip_serializing)]
     pub sessions: Option<Vec<String>>,
@@ -266,6 +277,8 @@ impl LogNames {
 
 /// The placeholder for a session's name in the names of its files.
 pub const SESSION_PLACE: &str = "{session}";
+/// Where the name of a robot is in names of files.
+pub const ROBOT_PLACE: &str = "{robot}";
 
 impl LogNames {
     /// The names or patterns for a session.
@@ -284,6 +297,19 @@ impl fmt::Display for LogNames {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.patterns().join(", "))
     }
+}
+
+/// The way in which sessions belong to robots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobotsBy {
+    /// Each robot has a folder with its sessions.
+    #[default]
+    Folder,
+    /// Names of files contain the robot's name, in the place of `{robot}`.
+    FileName,
+    /// The logs' metadata record `session` names it under `robot`.
+    Metadata,
 }
 
 /// The way in which files belong to sessions.
@@ -407,6 +433,8 @@ struct TrackerKeys {
     targets: Vec<LoggedTarget>,
     #[serde(default)]
     targets_by_geometry: Vec<String>,
+    #[serde(default)]
+    references: Vec<LoggedReference>,
     uncertainty: Option<TrackerUncertainty>,
     camera: Option<CameraUncertainty>,
     tracker_from_base: Option<TrackerFromBase>,
@@ -660,6 +688,7 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             ignore_orientation: keys.ignore_orientation,
             targets: keys.targets,
             targets_by_geometry: keys.targets_by_geometry,
+            references: keys.references,
         };
         Ok(Self {
             mapping: keys

@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-pub use joins::join_settings;
+pub use joins::{estimate_settings, join_settings};
 
 /// The names under which the command `schema` knows the two files.
 pub const FILES: [&str; 2] = ["pipeline", "robot"];
@@ -52,6 +52,9 @@ pub struct KeySection {
     /// Whether ingest and join read its keys: they are settings of a session as joined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joins: Option<bool>,
+    /// Whether training reads its keys; it reads those of every section that does not say otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimates: Option<bool>,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,
@@ -91,6 +94,9 @@ pub struct Key {
     /// Whether ingest and join read it, where that differs from its section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joins: Option<bool>,
+    /// Whether training reads it, where that differs from its section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimates: Option<bool>,
     /// The section that has to be in the file with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub with: Option<String>,

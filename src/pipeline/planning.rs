@@ -104,19 +104,24 @@ impl PlanningError {
 }
 
 impl Planning {
-    /// Reads and checks the pipeline file at `path`.
-    pub fn load(path: &Path, lake: Option<&Path>) -> Result<Self, PlanningError> {
-        Self::reload(path, lake, None)
+    /// Reads and checks the pipeline file at `path`, of one robot where it has several.
+    pub fn load(
+        path: &Path,
+        robot: Option<&str>,
+        lake: Option<&Path>,
+    ) -> Result<Self, PlanningError> {
+        Self::reload(path, robot, lake, None)
     }
 
     /// Loads a plan that was made before, and that started from the table `known_arm`: its session may have a later run by
     /// now.
     pub(super) fn reload(
         path: &Path,
+        robot: Option<&str>,
         lake: Option<&Path>,
         known_arm: Option<&Path>,
     ) -> Result<Self, PlanningError> {
-        let read = files::read(path)?;
+        let read = files::read(path, robot)?;
         let file = &read.file;
         let missing = ConfigurationErrorKind::Missing {
             key: "[plan]",
@@ -277,6 +282,7 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         stations_covered_share: None,
         reason: (!plan.is_met()).then_some(why),
         made_of: None,
+        estimate: None,
         replaces,
     }
 }

@@ -5,8 +5,10 @@
 //! tables are written before the row of `runs` that makes the run exist.
 
 mod error;
+mod estimated;
 mod inputs;
 mod joined;
+mod known;
 mod mounting;
 mod session;
 
@@ -40,11 +42,14 @@ pub use error::RunError;
 pub(super) use inputs::{input, work};
 use joined::Joiner;
 pub(super) use joined::joined_work;
+pub use known::Known;
 pub(super) use session::session;
 
 /// The result of a finished piece of work.
 #[derive(Debug, Clone)]
 pub struct Done {
+    /// The robot.
+    pub robot: String,
     /// The session of its tables, or `pooled`.
     pub session: String,
     /// The run's name.
@@ -93,6 +98,21 @@ pub struct SessionDone {
     pub paired: usize,
 }
 
+/// An estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EstimateDone {
+    /// The session, or `pooled`.
+    pub session: String,
+    /// The name of its result.
+    pub run: String,
+    /// Whether the lake had it already.
+    pub already_there: bool,
+    /// Number of readings that trained.
+    pub observations: usize,
+    /// Root mean square of measured minus predicted position by the identified geometry, per axis, mm.
+    pub misfit_mm: f64,
+}
+
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
     configuration: &Configuration,
@@ -115,6 +135,25 @@ pub fn join_session(
     })
 }
 
+/// The estimate of a piece of work, for later runs to start from; fetched likewise.
+pub fn estimate_piece(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+) -> Result<EstimateDone, RunError> {
+    with_files(configuration, piece, |piece| {
+        let work = &work(configuration, piece)?;
+        let lake = &Lake::at(&configuration.lake)?;
+        let joiner = Joiner {
+            configuration,
+            work,
+            lake,
+            progress,
+        };
+        joiner.estimator().made(joiner.all(piece, None)?)
+    })
+}
+
 /// Work with the files of a piece on this machine.
 fn with_files<T>(
     configuration: &Configuration,
@@ -126,6 +165,7 @@ fn with_files<T>(
         if fetched.is_copied() {
             RunError::Copied {
                 session: error.session().map(str::to_owned),
+                is_fault: error.is_fault(),
                 words: fetched.told(&error.to_string()),
             }
         } else {
@@ -173,16 +213,13 @@ fn run_local(
         lake: &lake,
         progress,
     };
-    let sessions = joiner.all(piece, &mut run)?;
-    let outcome = stages::run(
-        &configuration.arm,
-        sessions.training,
-        sessions.test,
-        &configuration.stages,
-        progress,
-    )?;
+    let sessions = joiner.all(piece, Some(&mut run))?;
+    let made_of = sessions.made_of.clone();
+    let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
+    let outcome = stages::results(&configuration.arm, estimate, progress)?;
     let context = PublishContext {
-        made_of: sessions.made_of,
+        made_of,
+        estimate: estimated.run,
         ..context(configuration, &outcome, lake.current(&key)?)
     };
     let promised = promise::held(
@@ -215,6 +252,7 @@ fn run_local(
     let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
+        robot: key.robot.clone(),
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
@@ -302,6 +340,7 @@ fn already_there(
         }
     };
     Ok(Done {
+        robot: key.robot.clone(),
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: true,
@@ -340,6 +379,7 @@ fn context<'a>(
         noise_mm2: noise_mm2(configuration, outcome),
         valid_for: configuration.valid_for.clone(),
         made_of: Vec::new(),
+        estimate: String::new(),
         replaces,
     }
 }

@@ -4,6 +4,7 @@
 mod between_sessions;
 mod cameras;
 mod driven;
+mod estimate;
 mod figures;
 mod flanges;
 mod gridded;
@@ -21,27 +22,24 @@ mod wrong_targets;
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
-use crate::fit::camera_size::CameraSize;
 use crate::fit::full::FullSettings;
-use crate::fit::same_arm::{self, NotOneArm};
-use crate::fit::{
-    self, ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
-    TrainingSettings,
-};
+use crate::fit::same_arm::NotOneArm;
+use crate::fit::saved::SavedError;
+use crate::fit::{ErrorBase, FitError, FitSettings, FramePair, Frames, Noise, SurveyedBase};
 use crate::grid::{GridError, GridSettings, Tolerance};
-use crate::io::tables::outcome::{JoinedSession, LengthResidual, Outcome, Source};
-use crate::join::{SeveralSources, one_source};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::locate::{Locate, Locator};
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
+use estimate::training_settings;
+pub use estimate::{Estimate, estimate};
 use figures::FigureMaker;
-use flanges::Flanges;
 use gridded::{grid_stations, grids};
-use judged::{Judged, TestSession, raw_command, train_folds};
-use observed::Observed;
+use judged::{Judged, TestSession, raw_command};
 use unseen::Judges;
 
 /// The settings of the stages.
@@ -148,6 +146,9 @@ pub enum StageError {
     /// The sessions cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
+    /// Trainings of the lake that do not fit the sessions.
+    #[error("fit: what the lake has of it cannot be used: {0}")]
+    Stored(#[from] SavedError),
     /// The grids cannot be made.
     #[error("grid: {0}")]
     Grid(#[from] GridError),
@@ -156,73 +157,25 @@ pub enum StageError {
 /// All results that follow from joined sessions.
 pub fn run<'a>(
     arm: &'a Arm,
-    mut training: Vec<JoinedSession>,
-    mut test: Vec<JoinedSession>,
+    training: Vec<JoinedSession>,
+    test: Vec<JoinedSession>,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    one_source_each(training.iter().chain(&test))?;
-    test.iter().try_for_each(lengths::check_judge)?;
-    wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
-    cameras::leave_out_flips(arm, &mut training, &mut test, settings);
-    lengths::leave_out_wrong(arm, &mut training, settings);
-    let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
-    let mut observed = Observed::new(arm, &training, settings);
-    let train = training_settings(settings);
-    let models = fit::models::train_all(arm, &observed.all, training.len(), &train)?;
-    check_pool(arm, &observed, &models, &training, settings)?;
-    let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
-    let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
-    let length_residuals =
-        lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
-    let sources = lengths::sources(&models, &length_residuals, settings);
-    let trained = Trained {
-        observed,
-        models,
-        folds,
-        camera_size: *camera_size,
-        sources,
-        length_residuals,
-    };
-    results(arm, trained, flanges, settings, progress)
+    let estimate = estimate(arm, (training, test), None, settings, progress)?;
+    results(arm, estimate, progress)
 }
 
-/// Models trained on all readings.
-struct Trained {
-    observed: Observed,
-    models: Models,
-    /// The models of each fold that holds stations out.
-    folds: Vec<Option<Models>>,
-    /// The size of a camera's noise.
-    camera_size: Option<CameraSize>,
-    /// The instruments of each model.
-    sources: Vec<Source>,
-    /// Their lengths by each model.
-    length_residuals: Vec<LengthResidual>,
-}
-
-/// The settings of a training.
-const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
-    TrainingSettings {
-        fit: &settings.fit,
-        full: &settings.full,
-        up: settings.up,
-    }
-}
-
-/// The results of trained models, by stations with one reading each.
-fn results<'a>(
+/// The results of an estimate, by stations with one reading each.
+pub fn results<'a>(
     arm: &'a Arm,
-    trained: Trained,
-    flanges: Flanges,
-    settings: &StageSettings,
+    estimate: Estimate,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    let (observed, models, folds) = (trained.observed, trained.models, trained.folds);
-    let settings = &lengths::settings_behind(&observed, flanges.noise, settings);
+    let (trained, flanges, settings) = (estimate.trained, estimate.flanges, &estimate.settings);
+    let (observed, models, folds) = (estimate.observed, trained.models, trained.folds);
     let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
     let judged = Judged {
-        arm,
         observed: &observed,
         models: &models,
         folds: &folds,
@@ -230,7 +183,7 @@ fn results<'a>(
     };
     let locator = Locator::new(&models, arm, settings.locate, &train);
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
-    let residuals = judged.residuals(&tested, &locator, settings, &train, progress)?;
+    let residuals = judged.residuals(&tested, &locator, trained.sessions_left_out)?;
     let residuals = mountings::of_one_mounting(residuals);
     let mut residuals = lengths::of_positions(residuals, &observed);
     let last = training.len() - 1;
@@ -303,11 +256,11 @@ fn results<'a>(
             (Model::Geometric, models.geometric),
         ],
         full: models.full,
-        camera_size: trained.camera_size,
+        camera_size: estimate.camera_size,
         on_top: models.on_top,
         scales,
-        sources: trained.sources,
-        length_residuals: trained.length_residuals,
+        sources: estimate.sources,
+        length_residuals: estimate.length_residuals,
         error_frame,
         residuals,
         semivariograms,
@@ -317,42 +270,6 @@ fn results<'a>(
         accuracy,
         iso_9283,
         at_tip,
-    })
-}
-
-/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources of positions are refused
-/// here. Instruments that read one length train beside it ([`lengths`]). Of several targets the one reading of each station is derived ([`flanges`]).
-fn one_source_each<'s>(
-    sessions: impl Iterator<Item = &'s JoinedSession>,
-) -> Result<(), StageError> {
-    for session in sessions {
-        one_source(&session.joined.stations).map_err(|source| StageError::SeveralIn {
-            session: session.name.clone(),
-            source,
-        })?;
-    }
-    Ok(())
-}
-
-/// Checks that pooled sessions are of one arm.
-fn check_pool(
-    arm: &Arm,
-    observed: &Observed,
-    models: &Models,
-    training: &[JoinedSession],
-    settings: &StageSettings,
-) -> Result<(), NotOneArm> {
-    let names: Vec<&str> = training.iter().map(|s| s.name.as_str()).collect();
-    let change_rad = settings.full.session_curve_sd_rad;
-    models.full.as_ref().map_or(Ok(()), |full| {
-        same_arm::check(
-            arm,
-            full,
-            &models.base_target,
-            &observed.all,
-            &names,
-            change_rad,
-        )
     })
 }
 

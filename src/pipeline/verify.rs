@@ -10,7 +10,7 @@
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
 //!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]).
+//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]).
 //!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
 //! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
@@ -19,6 +19,7 @@
 mod altered;
 mod cited;
 mod claim;
+mod estimated;
 mod files;
 mod joined;
 mod list;
@@ -42,6 +43,7 @@ use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
+pub use estimated::{EstimateVerified, estimates};
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
 pub use joined::{Anew, JoinedVerified, joined};
 pub use list::{ListError, ListedRow, RowList, Unexpected};

@@ -209,12 +209,12 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
     });
     // Lengths have no residual of a position.
     let weighed = full.weights.iter().zip(&full.left_out);
-    let weighed = weighed.filter(|(_, left_out)| left_out.residual.len() >= 3);
+    let weighed = weighed.filter(|(_, left_out)| left_out.len() >= 3);
     let judged = paired.zip(weighed);
     let mut far: Vec<(f64, String)> = judged
         .filter(|(_, (weight, _))| **weight < FAR)
         .map(|((session, station), (weight, left_out))| {
-            let away = left_out.residual.rows(0, 3).norm();
+            let away = left_out.rows(0, 3).norm();
             (*weight, format!("{session} {station} ({away:.2} mm)"))
         })
         .collect();

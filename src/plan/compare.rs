@@ -273,7 +273,7 @@ pub fn candidate(
 ) -> Candidate {
     let source = settings.noise.source(SourceId::ONLY);
     let instrument = source.uncertainty.covariance(&position);
-    let observation = Observation::planned(arm.axes(joints), position, instrument);
+    let observation = Observation::planned(0, arm.axes(joints), position, instrument);
     Candidate {
         noise: model.noise(&observation),
         axes: observation.axes,

@@ -337,7 +337,7 @@ impl Around<'_> {
         let pair = frames.pair(SourceId(number), target);
         let flange = pair.tracker_from_base.isometry() * self.arm.chain().nominal(&axes);
         let place = flange * Point3::from(pair.flange_from_target.isometry().translation.vector);
-        let own = Observation::planned(axes, place, self.uncertainty.covariance(&place));
+        let own = Observation::planned(station, axes, place, self.uncertainty.covariance(&place));
         let measured = match sees {
             Sees::Length(gauge) => self.length(gauge, &place, *sd_mm),
             Sees::Places | Sees::Nothing => self.point(&place),
@@ -345,8 +345,6 @@ impl Around<'_> {
         Observation {
             source: SourceId(number),
             target,
-            station,
-            pose: station,
             measured,
             ..own
         }

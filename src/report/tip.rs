@@ -10,12 +10,13 @@
 //! measured have an error of the tip.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::{Residual, ResidualSet};
 use crate::figures::median;
 
 /// The attained and the wanted axes of the flange, both in the base frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Turn {
     /// Measured orientation.
     pub attained: UnitQuaternion<f64>,

@@ -65,6 +65,8 @@ pub enum Ingredient {
     References = 26,
     /// Order in which reflectors are measured.
     Turns = 27,
+    /// Noise of single readings of references.
+    ReferenceReadings = 28,
 }
 
 /// One stream of random numbers.

@@ -127,6 +127,9 @@ pub struct Cell {
     pub target_sd_mm: f64,
     /// Typical slow drift of the base over the session, mm.
     pub base_drift_mm: f64,
+    /// Step by which the base jumps half way through the session, mm.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub bump_mm: f64,
     /// Whether orientation is measured (6-DoF) or only position.
     pub six_dof: bool,
 }
@@ -241,6 +244,7 @@ impl SimulateSettings {
             cell: Cell {
                 target_sd_mm: 0.1,
                 base_drift_mm: 0.02,
+                bump_mm: 0.0,
                 ..Cell::default()
             },
             tracker: TrackerErrors {
@@ -283,6 +287,7 @@ impl Default for Cell {
             flange_from_target_rpy: [0.0; 3],
             target_sd_mm: 0.0,
             base_drift_mm: 0.0,
+            bump_mm: 0.0,
             six_dof: false,
         }
     }

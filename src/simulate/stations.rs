@@ -4,7 +4,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion, UnitVector3, Vector3};
 
 use super::Simulated;
 use super::random::{Ingredient, Stream};
-use super::tracker::off;
+use super::tracker::{logged_position, off};
 use super::truth::TrueStation;
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{LengthRead, TargetReadings};
@@ -12,7 +12,7 @@ use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
     Unmeasured, Value,
 };
-use crate::units::{ClockModel, Stamp, Tracker, round_ns};
+use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// Readings before this are still settling, ns.
 const SETTLING_NS: i64 = 100_000_000;
@@ -260,6 +260,32 @@ impl Simulated {
         stations
             .map(|truth| places.iter().map(|at| read(at, truth)).collect())
             .collect()
+    }
+
+    /// Readings of references on the base at these places in its frame, mm, as a tracker logs them: those of [`Self::references`], read at
+    /// its rate while the arm stands still, with noise of each reading beside that of the station.
+    pub fn reference_readings(&self, places: &[Point3<f64>]) -> Vec<TargetReadings> {
+        let settings = &self.truth.settings;
+        let clock = self.truth.clock_model();
+        let mut noise = Stream::new(settings.seed, Ingredient::ReferenceReadings);
+        let mut all = vec![TargetReadings::default(); places.len()];
+        for (truth, seen) in self.truth.stations.iter().zip(self.references(places)) {
+            let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
+            let interval_s = settings.motion.reading_rate_hz.recip();
+            let interval_ns = round_ns(interval_s * NS_PER_S).max(1);
+            let mut at = start;
+            while at <= end {
+                for (own, place) in all.iter_mut().zip(&seen) {
+                    let own_noise = off(&place.coords, &noise.normal3(), &settings.tracker);
+                    let scale = place.coords * settings.tracker.scale;
+                    own.stamps.push(at);
+                    own.positions
+                        .push(logged_position(&(place.coords + own_noise - scale)));
+                }
+                at = at.plus_ns(interval_ns);
+            }
+        }
+        all
     }
 
     fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {

@@ -23,6 +23,9 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker};
 /// Temperature at the start, °C, and its rise over the session.
 const TEMPERATURE: (f64, f64) = (21.5, 1.8);
 
+/// The direction of a bump, a unit vector in the base frame.
+const BUMP: [f64; 3] = [0.6, -0.64, 0.48];
+
 /// Numbers of readings by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrueReadingCounts {
@@ -115,18 +118,26 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Movement of the base in its own frame, mm: zero at the start, a slow sine along each axis.
+    /// Movement of the base in its own frame, mm: zero at the start, a slow sine along each axis, and a jump half way.
     pub(super) fn base_drift(&self, t_s: f64) -> Vector3<f64> {
         let way = t_s / self.timeline.end_s().max(1.0);
         let typical = self.settings.cell.base_drift_mm;
-        self.drift
+        let is_behind = self.timeline.stop_at(t_s) >= Some(self.timeline.stops.len() / 2);
+        let bump = if is_behind {
+            Vector3::from(BUMP) * self.settings.cell.bump_mm
+        } else {
+            Vector3::zeros()
+        };
+        let drift: Vector3<f64> = self
+            .drift
             .iter()
             .enumerate()
             .map(|(k, direction)| {
                 let order = (k + 1) as f64;
                 Vector3::from(*direction) * (typical / order * (TAU * way * order / 2.5).sin())
             })
-            .sum()
+            .sum();
+        drift + bump
     }
 
     /// True pose of the target in the tracker frame at a moment of the controller's time, mm.

@@ -185,6 +185,7 @@ fn put(lake: &Lake, number: usize, model: &str) {
         counted: None,
         stations_covered_share: None,
         made_of: None,
+        estimate: None,
         replaces: None,
     };
     let row = work.runs_table(&[], &written, &outcome).expect("a row");

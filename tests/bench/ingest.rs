@@ -176,6 +176,7 @@ fn mapping() -> Mapping {
             ignore_orientation: false,
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
+            references: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

@@ -17,7 +17,7 @@ const FULL_MODEL_ROBOTS: usize = 50;
 
 fn main() {
     let path = Path::new("pipelines/plan-kr210.toml");
-    let planning = Planning::load(path, None).expect("a good pipeline file");
+    let planning = Planning::load(path, None, None).expect("a good pipeline file");
     let arm = &planning.arm;
     let settings = PlanSettings {
         robots: ROBOTS,

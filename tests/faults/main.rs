@@ -13,6 +13,7 @@
 mod cell;
 mod full_disk;
 mod kills;
+mod known;
 mod lake;
 mod signals;
 mod strace;

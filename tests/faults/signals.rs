@@ -48,15 +48,16 @@ fn a_run_that_is_asked_to_end_does_so_and_leaves_nothing_half_done() {
     if !strace::is_there() {
         return;
     }
-    // As the lake is locked, as samples are written while logs are read, as the session as joined is written and committed, as the first
-    // table of the result is written, and as the run is committed.
+    // As the lake is locked, as samples are written while logs are read, as the session as joined is written and committed, as the
+    // estimate is committed, as the first table of the result is written, and as the run is committed.
     assert_eq!(ended_by("INT", 130, &call("flock", 1)), 130);
     assert_eq!(ended_by("TERM", 143, &call("flock", 1)), 143);
     assert_eq!(ended_by("TERM", 143, &call("fsync", 1)), 143);
     assert_eq!(ended_by("TERM", 143, &call("fsync", 2)), 143);
     assert_eq!(ended_by("INT", 130, &call("linkat", 1)), 130);
-    assert_eq!(ended_by("TERM", 143, &call("fsync", 6)), UNDISTURBED);
-    assert_eq!(ended_by("INT", 130, &call("linkat", 2)), UNDISTURBED);
+    assert_eq!(ended_by("INT", 130, &call("linkat", 2)), 130);
+    assert_eq!(ended_by("TERM", 143, &call("fsync", 8)), UNDISTURBED);
+    assert_eq!(ended_by("INT", 130, &call("linkat", 3)), UNDISTURBED);
     // As files are opened, logs among them, and as the stages take memory.
     let (_, on_the_way) = strace::calls_of_one_thread();
     let opened = on_the_way

@@ -33,6 +33,7 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> Jo
         commands: Box::new(poses(&logs.controller, &commanded.topic)),
         readings: Box::new(poses(&logs.tracker, &mapping.tracker.topic)),
         others: Vec::new(),
+        references: Vec::new(),
         temperatures: TemperatureSamples { stamps, celsius },
     }
 }

@@ -264,6 +264,7 @@ pub fn mapping() -> Mapping {
             ignore_orientation: false,
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
+            references: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
@@ -347,6 +348,7 @@ pub fn read_whole(
         readings,
         temperatures,
         others,
+        references: _,
     } = input;
     let mut angles = JointAngles::of(mapping.joints.len());
     angles.append(&collected.angles);

@@ -62,6 +62,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
             ignore_orientation: false,
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
+            references: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

@@ -240,6 +240,7 @@ fn what_breaks_the_contract_is_reported_at_the_end_and_leaves_no_file() {
         commands: Box::new(CommandSamples::default()),
         readings: Box::new(TargetReadings::default()),
         others: Vec::new(),
+        references: Vec::new(),
         temperatures: TemperatureSamples::default(),
     };
     let error = table.finish(&nothing);

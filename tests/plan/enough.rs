@@ -136,8 +136,8 @@ fn sessions_that_stop_by_themselves_keep_what_they_promised() {
     for file in ["pipelines/plan-kr210.toml", "pipelines/plan-ur10.toml"] {
         for tolerance_mm in [0.5, 0.3] {
             let lake = tempfile::tempdir().expect("a folder");
-            let mut planning =
-                Planning::load(std::path::Path::new(file), Some(lake.path())).expect("a good file");
+            let mut planning = Planning::load(std::path::Path::new(file), None, Some(lake.path()))
+                .expect("a good file");
             planning.settings.tolerance.mm = tolerance_mm;
             println!("{file}");
             let (stopped, kept, _) = check(&planning, &sizes, 100);
@@ -190,7 +190,7 @@ fn on_a_real_arm_what_a_session_so_far_promises_holds_in_another_session() {
         return;
     };
     let path = std::path::Path::new("pipelines/plan-ur10.toml");
-    let planning = Planning::load(path, None).expect("a good pipeline file");
+    let planning = Planning::load(path, None, None).expect("a good pipeline file");
     let order = chosen(&arm, &a, 200);
     let region: Vec<Vec<f64>> = a.iter().step_by(4).map(|o| o.axes.clone()).collect();
     for count in [25, 50, 100, 200] {

@@ -273,8 +273,10 @@ def main():
 
     schemas = [tomllib.loads(file.read_text()) for file in sorted(given.schemas.glob("*.toml"))]
     published = {schema["table"]: schema for schema in schemas if schema["role"] == "published"}
-    # Pages stand beside the tables; they are for people.
-    folders = sorted(folder for folder in given.lake.iterdir() if folder.is_dir() and folder.name != "report")
+    # Pages stand beside the tables; they are for people. What begins with a dot is the lake's own.
+    folders = sorted(
+        folder for folder in given.lake.iterdir() if folder.is_dir() and folder.name != "report" and not folder.name.startswith(".")
+    )
     expect(given.lake, "tables without a schema", [f.name for f in folders if f.name not in published], [])
     there = {folder.name for folder in folders}
     if not there:

@@ -272,10 +272,11 @@ impl From<Output> for Ended {
     }
 }
 
-/// Every file of a lake, by path in it, but for the lock, which says who ran last.
+/// Every file of a lake, by path in it, but for the lock, which says who ran last, and the index, which has times of files.
 pub fn published(lake: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(lake);
     files.remove(".lock");
+    files.remove(".index/runs.jsonl");
     files
 }
 

@@ -154,6 +154,7 @@ pub fn of_first_version(path: &Path) {
             "stations_covered_share",
             "session_started",
             "made_of",
+            "estimate",
             "first_session_started",
             "mean_before_mm",
             "mean_after_mm",

@@ -57,9 +57,11 @@ fn a_session_without_a_result_leaves_no_samples() {
     assert!(cell.lake().is_empty());
 }
 
-/// Whether a file is of a session as joined.
+/// Whether a file is of a session as joined, or of an estimate.
 fn is_as_joined(path: &str) -> bool {
-    path.starts_with("joined_sessions/") || path.starts_with("readings/")
+    ["joined_sessions/", "readings/", "estimates/"]
+        .iter()
+        .any(|folder| path.starts_with(folder))
 }
 
 /// Starts the run and kills it as soon as `now` says so of its age and the number of files in the lake.

@@ -5,7 +5,7 @@ use std::fs;
 use super::cell::{Cell, ended, posegrid, published, undisturbed};
 use super::same_work::assert_same;
 
-/// Asserts that ingest and join first, and the rest without any of the sessions' files, give the same bytes as all at once; `code` is the
+/// Asserts that ingest and join first, then the estimate, and the rest from both without any of the sessions' files, give the same bytes as all at once; `code` is the
 /// exit code of both.
 pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
     let at_once = cell.path("at-once").to_string_lossy().into_owned();
@@ -14,7 +14,11 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
     let first = cell.run(&["--lake", &stepwise, "--until", "session"]);
     first.expect(0, &[" sessions joined: "]);
     fs::rename(cell.path("sessions"), cell.path("archived")).expect("writable");
-    let then = cell.run(&["--lake", &stepwise, "--from", "estimate"]);
+    let estimated = cell.run(&[
+        "--lake", &stepwise, "--from", "estimate", "--until", "estimate",
+    ]);
+    estimated.expect(0, &[" estimates: "]);
+    let then = cell.run(&["--lake", &stepwise, "--from", "table"]);
     fs::rename(cell.path("archived"), cell.path("sessions")).expect("writable");
     then.expect(code, &[]);
     let (once, steps) = (published(at_once.as_ref()), published(stepwise.as_ref()));

@@ -6,6 +6,7 @@ use posegrid::io::{schema, table};
 
 use crate::cell::{Ended, files};
 use crate::server::{Remote, in_folders};
+use crate::way::{Fault, Way};
 
 #[test]
 fn sessions_and_lake_on_object_storage_give_the_bytes_of_folders_once() {
@@ -19,6 +20,21 @@ fn sessions_and_lake_on_object_storage_give_the_bytes_of_folders_once() {
     let written = remote.server.keys(&remote.key("lake"));
     remote.run(&[]).expect(0, &["done before"]);
     assert_eq!(remote.server.keys(&remote.key("lake")), written);
+    // It is known by listings and the index: no log is fetched, no row of `runs` read.
+    let way = Way::to(&remote.server.url, Fault::Lost, 0, 0);
+    let mut command = remote.run_command();
+    command.env("AWS_ENDPOINT_URL", &way.url);
+    Ended::from(command.output().expect("started")).expect(0, &["done before"]);
+    let asked = way.asked();
+    let listings = asked.iter().filter(|line| line.contains("list-type=2"));
+    assert_eq!(
+        listings.count(),
+        4,
+        "of sessions, lake, single tasks and runs: {asked:#?}"
+    );
+    assert!(asked.len() <= 7, "{asked:#?}");
+    let reads = |line: &String| line.contains(".mcap") || line.contains(".parquet");
+    assert!(!asked.iter().any(reads), "{asked:#?}");
 }
 
 #[test]

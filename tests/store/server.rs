@@ -278,9 +278,11 @@ impl Remote {
         assert!(left.is_empty(), "{left:?}");
     }
 
-    /// Every object of the lake.
+    /// Every object of the lake but the index, which has the tags of logs.
     pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
-        self.server.objects(&self.key("lake"))
+        let mut objects = self.server.objects(&self.key("lake"));
+        objects.remove(".index/runs.jsonl");
+        objects
     }
 }
 

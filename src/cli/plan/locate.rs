@@ -12,7 +12,8 @@ use crate::plan::compare::Expected;
 /// Chooses the poses; whether errors are expected within the tolerance, and a text that says so.
 pub(super) fn located(args: &PlanArgs, count: usize) -> Result<(bool, String), PlanCommandError> {
     new_csv(args)?;
-    let located = Located::make(&args.pipeline, args.lake.as_deref(), count).map_err(Box::new)?;
+    let (robot, lake) = (args.robot.as_deref(), args.lake.as_deref());
+    let located = Located::make(&args.pipeline, robot, lake, count).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let write = |sink: &mut std::io::BufWriter<&std::fs::File>| csv(&located, sink);
         write_whole(path, write).map_err(|source| PlanCommandError::Write {

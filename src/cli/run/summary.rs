@@ -12,12 +12,13 @@ use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
 use crate::io::store::Place;
-use crate::pipeline::configuration::{Configuration, SessionFiles, SetAside, Why};
+use crate::pipeline::configuration::{SessionFiles, SetAside, Why};
+use crate::pipeline::fleet::{Fleet, FleetPiece};
 use crate::pipeline::run::Done;
 use crate::pipeline::summary::Next;
 
 /// The pieces of work in words.
-pub fn work(configuration: &Configuration) -> String {
+pub fn work(fleet: &Fleet) -> String {
     let names = |sessions: &[SessionFiles]| {
         let names: Vec<_> = sessions
             .iter()
@@ -26,15 +27,16 @@ pub fn work(configuration: &Configuration) -> String {
         names.join(", ")
     };
     let mut text = String::new();
-    for piece in &configuration.pieces {
-        let session = Printable(&piece.session);
+    for own in fleet.pieces() {
+        let (piece, label) = (own.piece, own.label());
+        let session = Printable(&label);
         write!(text, "{session}: learns from {}", names(&piece.training)).expect("a string");
         if !piece.test.is_empty() {
             write!(text, "; judged on {}", names(&piece.test)).expect("a string");
         }
         text.push('\n');
     }
-    for aside in &configuration.set_aside {
+    for aside in &fleet.set_aside {
         text += &aside_line(aside);
     }
     text
@@ -42,22 +44,20 @@ pub fn work(configuration: &Configuration) -> String {
 
 /// Lines, summaries and totals, with all words where it is `verbose`; set aside are the configuration's own, and those that pools had to do without.
 pub fn summary(
-    configuration: &Configuration,
+    fleet: &Fleet,
     endings: &[Ending],
     set_aside: &[SetAside],
     extent: Extent,
     verbose: bool,
 ) -> String {
-    let sessions = configuration
-        .pieces
-        .iter()
-        .map(|piece| piece.session.as_str());
-    let mut text = lines(sessions.zip(endings), set_aside);
+    let labels: Vec<String> = fleet.pieces().iter().map(FleetPiece::label).collect();
+    let labels = labels.iter().map(String::as_str);
+    let mut text = lines(labels.clone().zip(endings), set_aside);
     text.push('\n');
-    for ending in endings {
-        text += &paragraph(ending, verbose);
+    for (label, ending) in labels.zip(endings) {
+        text += &paragraph(label, ending, verbose);
     }
-    text += &Totals::of(endings, set_aside).words(extent, configuration.stages.tolerance.mm);
+    text += &Totals::of(endings, set_aside).words(extent, fleet.tolerance_mm());
     text
 }
 
@@ -97,6 +97,18 @@ fn line(session: &str, ending: &Ending) -> String {
             let words = format!(
                 "{} dwells, {} measured, result {}",
                 joined.dwells, joined.paired, joined.run
+            );
+            state_line(state, session, &words)
+        }
+        Ending::Estimated(done) => {
+            let state = if done.already_there {
+                "done-before"
+            } else {
+                "estimated"
+            };
+            let words = format!(
+                "{} readings, misfit of the geometry {:.4} mm rms per axis, result {}",
+                done.observations, done.misfit_mm, done.run
             );
             state_line(state, session, &words)
         }
@@ -140,7 +152,7 @@ fn outcome(done: &Done) -> String {
 
 /// The summary of a new result, with everything else that it found where that is asked for; for one that was there before, its line
 /// is enough.
-fn paragraph(ending: &Ending, verbose: bool) -> String {
+fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
     };
@@ -168,10 +180,10 @@ fn paragraph(ending: &Ending, verbose: bool) -> String {
         lines.extend(done.words.iter().cloned());
         lines.push(format!("tables: {}", near(&done.tables)));
     }
-    let pool = if summary.read.starts_with(&done.session) {
+    let pool = if summary.read.starts_with(label) {
         String::new()
     } else {
-        format!("{}: ", Printable(&done.session))
+        format!("{}: ", Printable(label))
     };
     let mut text = format!("{pool}{}\n", Printable(&summary.read));
     for line in &lines {
@@ -235,6 +247,10 @@ impl Totals {
                     totals.before += usize::from(joined.already_there);
                     totals.new += usize::from(!joined.already_there);
                 }
+                Ending::Estimated(done) => {
+                    totals.before += usize::from(done.already_there);
+                    totals.new += usize::from(!done.already_there);
+                }
                 Ending::Failed(_) => totals.failed += 1,
                 Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
             }
@@ -248,7 +264,8 @@ impl Totals {
         totals
     }
 
-    fn words(&self, extent: Extent, tolerance_mm: f64) -> String {
+    /// The numbers in words, with the tolerance where all robots have one.
+    fn words(&self, extent: Extent, tolerance_mm: Option<f64>) -> String {
         let Self {
             new,
             before,
@@ -260,10 +277,17 @@ impl Totals {
         let results = new + before;
         let not_met = results - met;
         let all = results + failed + stopped;
+        let tolerance = tolerance_mm.map_or_else(
+            || "their robot's tolerance".to_owned(),
+            |mm| format!("{mm} mm"),
+        );
         let mut text = match extent {
             Extent::Whole => format!(
-                "{met} of {all} within {tolerance_mm} mm, {failed} without a result: {new} done, {before} done before, \
+                "{met} of {all} within {tolerance}, {failed} without a result: {new} done, {before} done before, \
                  {not_met} not met, {failed} failed, {waiting} waiting"
+            ),
+            Extent::Estimated => format!(
+                "{results} of {all} estimates: {new} now, {before} before, {failed} failed, {waiting} waiting"
             ),
             Extent::Joined => format!(
                 "{results} of {all} sessions joined: {new} now, {before} before, {failed} failed, {waiting} waiting"

@@ -10,7 +10,10 @@ use super::stop::{Stop, Stoppable};
 use crate::cli::messages::Printable;
 use crate::cli::progress::Bars;
 use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
-use crate::pipeline::run::{Done, RunError, SessionDone, join_session, run_piece};
+use crate::pipeline::fleet::FleetPiece;
+use crate::pipeline::run::{
+    Done, EstimateDone, Known, RunError, SessionDone, estimate_piece, join_session, run_piece,
+};
 use crate::progress::Progress;
 
 /// The ending of one piece of work.
@@ -20,6 +23,8 @@ pub enum Ending {
     Done(Box<Done>),
     /// With a session as joined, which was all that was asked for.
     Joined(SessionDone),
+    /// With an estimate, which was all that was asked for.
+    Estimated(EstimateDone),
     /// Without one.
     Failed(Failure),
     /// A signal ended it under way.
@@ -39,20 +44,34 @@ pub struct Failure {
 
 /// What all pieces of a batch have in common.
 struct Batch<'a> {
-    configuration: &'a Configuration,
     extent: Extent,
+    known: &'a Known,
     bars: &'a Bars,
     stop: &'a Stop,
 }
 
 impl Batch<'_> {
-    fn attempt(&self, piece: &WorkPiece, progress: &dyn Progress) -> Result<Ending, RunError> {
+    fn attempt(
+        &self,
+        configuration: &Configuration,
+        piece: &WorkPiece,
+        progress: &dyn Progress,
+    ) -> Result<Ending, RunError> {
         match self.extent {
             Extent::Whole => {
-                let done = run_piece(self.configuration, piece, progress)?;
+                let state = self.known.state(configuration, piece);
+                if let Some(done) = state.as_deref().and_then(|state| self.known.told(state)) {
+                    return Ok(Ending::Done(Box::new(done)));
+                }
+                let done = run_piece(configuration, piece, progress)?;
+                self.known
+                    .keep(state.as_deref(), (configuration, piece), &done);
                 Ok(Ending::Done(Box::new(done)))
             }
-            Extent::Joined => join_session(self.configuration, piece, progress).map(Ending::Joined),
+            Extent::Estimated => {
+                estimate_piece(configuration, piece, progress).map(Ending::Estimated)
+            }
+            Extent::Joined => join_session(configuration, piece, progress).map(Ending::Joined),
         }
     }
 }
@@ -67,21 +86,23 @@ pub enum Extent {
     Whole,
     /// To sessions as joined.
     Joined,
+    /// To estimates.
+    Estimated,
 }
 
 /// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
 /// pools left out.
 pub fn all(
-    configuration: &Configuration,
-    extent: Extent,
+    pieces: &[FleetPiece<'_>],
+    (extent, known): (Extent, &Known),
     jobs: NonZeroUsize,
     bars: &Bars,
     stop: &Stop,
 ) -> (Vec<Ending>, Vec<SetAside>) {
     let next = AtomicUsize::new(0);
     let batch = Batch {
-        configuration,
         extent,
+        known,
         bars,
         stop,
     };
@@ -89,14 +110,14 @@ pub fn all(
         let mut own = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(piece) = configuration.pieces.get(place) else {
+            let Some(piece) = pieces.get(place) else {
                 return own;
             };
-            own.push((place, pooled(&batch, place, piece)));
+            own.push((place, pooled(&batch, place, *piece)));
         }
     };
     let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
-        let workers = jobs.get().min(configuration.pieces.len());
+        let workers = jobs.get().min(pieces.len());
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
         let joined = workers.into_iter().map(joined);
@@ -110,24 +131,28 @@ pub fn all(
 }
 
 /// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
-fn pooled(batch: &Batch<'_>, place: usize, piece: &WorkPiece) -> Ended {
-    let mut piece = piece.clone();
+fn pooled(batch: &Batch<'_>, place: usize, whole: FleetPiece<'_>) -> Ended {
+    let mut piece = whole.piece.clone();
     let mut without: Vec<SetAside> = Vec::new();
     loop {
-        match one(batch, &piece) {
+        let left = FleetPiece {
+            piece: &piece,
+            ..whole
+        };
+        match one(batch, left) {
             Ending::Failed(Failure {
                 reason,
                 session: Some(bad),
             }) if can_spare(&piece, &bad) => {
                 tracing::warn!(
-                    session = piece.session,
+                    session = whole.label(),
                     "going on without {}",
                     Printable(&bad)
                 );
                 piece.training.retain(|files| files.name != bad);
                 let why = Why::Bad(format!("{reason}; the pool learns without it"));
                 without.push(SetAside {
-                    session: bad,
+                    session: whole.label_of(&bad),
                     why,
                     before: place,
                 });
@@ -148,15 +173,15 @@ fn can_spare(piece: &WorkPiece, session: &str) -> bool {
 }
 
 /// Does one piece, unless an end was asked for.
-fn one(batch: &Batch<'_>, piece: &WorkPiece) -> Ending {
+fn one(batch: &Batch<'_>, own: FleetPiece<'_>) -> Ending {
     let stop = batch.stop;
     if stop.asked() {
         return Ending::NotStarted;
     }
-    let session = Printable(&piece.session).to_string();
+    let session = Printable(&own.label()).to_string();
     let progress = &batch.bars.of(&session);
     let progress = Stoppable { progress, stop };
-    let attempt = AssertUnwindSafe(|| batch.attempt(piece, &progress));
+    let attempt = AssertUnwindSafe(|| batch.attempt(own.configuration, own.piece, &progress));
     let failure = match panic::catch_unwind(attempt) {
         Ok(Ok(ending)) => return ending,
         Ok(Err(error)) => Failure {

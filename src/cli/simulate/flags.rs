@@ -181,6 +181,9 @@ pub(super) struct ErrorFlags {
     /// Slow drift of the base, mm.
     #[arg(long, value_name = "MM", value_parser = finite)]
     base_drift_mm: Option<f64>,
+    /// Step by which the base jumps half way through the session, as bumped, mm.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    bump_mm: Option<f64>,
     /// A 6-DoF target, which gives its orientation, instead of a reflector.
     #[arg(long)]
     six_dof: bool,
@@ -256,6 +259,7 @@ impl ErrorFlags {
         let cell = &mut settings.cell;
         set(&mut cell.target_sd_mm, self.target_sd_mm, 1.0);
         set(&mut cell.base_drift_mm, self.base_drift_mm, 1.0);
+        set(&mut cell.bump_mm, self.bump_mm, 1.0);
         cell.six_dof |= self.six_dof;
         let tracker = &mut settings.tracker;
         if self.no_tracker_noise {

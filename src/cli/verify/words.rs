@@ -6,8 +6,8 @@ use crate::cli::messages::Printable;
 use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
-    Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, JoinedVerified,
-    Left, Output, Recomputed, Role, Selected, Verdict, Verified,
+    Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, EstimateVerified, FileOutcome,
+    Found, JoinedVerified, Left, Output, Recomputed, Role, Selected, Verdict, Verified,
 };
 
 /// A run by robot, session and name.
@@ -82,6 +82,30 @@ fn joined_problems(verified: &JoinedVerified) -> Vec<String> {
     let told = verified.problems.iter().cloned().chain(anew);
     told.map(|words| Printable(&format!("{subject}: {words}")).to_string())
         .collect()
+}
+
+/// The estimates: a line for each that was changed, then how many there are; `None` without any.
+pub(super) fn estimates(verified: &[EstimateVerified]) -> Option<String> {
+    if verified.is_empty() {
+        return None;
+    }
+    let problems = |own: &EstimateVerified| {
+        let subject = match &own.key {
+            Some(key) => format!("{}/{} estimate {}", key.robot, key.session, key.run),
+            None => own.place.display().to_string(),
+        };
+        let words = own.problems.iter();
+        let words = words.map(|words| Printable(&format!("{subject}: {words}")).to_string());
+        words.collect::<Vec<_>>()
+    };
+    let mut lines: Vec<String> = verified.iter().flat_map(problems).collect();
+    let changed = verified.iter().filter(|own| own.is_mismatch()).count();
+    lines.push(format!(
+        "estimates: {} in the lake, {} as written, {changed} changed",
+        verified.len(),
+        verified.len() - changed
+    ));
+    Some(lines.join("\n"))
 }
 
 /// The number of runs with each verdict, and of runs that were not looked at.

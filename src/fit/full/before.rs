@@ -29,10 +29,10 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Self {
-        let unmeasured = |axes: &Vec<f64>| {
-            Observation::planned(axes.clone(), Point3::origin(), Matrix3::identity())
+        let unmeasured = |(station, axes): (usize, &Vec<f64>)| {
+            Observation::planned(station, axes.clone(), Point3::origin(), Matrix3::identity())
         };
-        let observations: Vec<Observation> = poses.iter().map(unmeasured).collect();
+        let observations: Vec<Observation> = poses.iter().enumerate().map(unmeasured).collect();
         let frames = [frames.clone()];
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
@@ -55,6 +55,7 @@ impl FullModel {
             approach: None,
             tails: Tails::Normal,
             layout: state.layout,
+            rows_at: state.offsets.clone(),
             offsets: state.offsets,
             mean,
             posterior: Posterior::before(variances.map(f64::sqrt)),

@@ -11,7 +11,7 @@
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use super::parts::PartEvidence;
-use super::rows::{Row, covariances, rows};
+use super::rows::{Row, covariances, rows, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
 use crate::fit::holdout::{Blocks, FOLDS};
@@ -60,7 +60,7 @@ impl Settled {
         up: Option<Vector3<f64>>,
     ) -> Option<f64> {
         let rows = rows(problem, &self.state, up);
-        let covariances = covariances(problem, &self.state, &rows);
+        let covariances = covariances(&self.state, &rows);
         let mean = self.posterior.mean() + &self.prior_mean;
         let mut total = 0.0;
         for fold in 0..FOLDS {
@@ -71,10 +71,10 @@ impl Settled {
                 total += self.left_out(&rows, &covariances, &mean, &own)?;
             }
         }
-        Some(total / rows.len().max(1) as f64)
+        Some(total / problem.observations().len().max(1) as f64)
     }
 
-    /// Sum of the distances of one block's observations, each predicted without the block, mm.
+    /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
     fn left_out(
         &self,
         rows: &[Row],
@@ -97,8 +97,9 @@ impl Settled {
             noise
                 .view_mut((first, first), (size, size))
                 .copy_from(&covariances[place]);
-            // A distance in mm of a position, whatever else was read.
-            firsts.push((first, size.min(3)));
+            // A distance in mm of each position, whatever else was read.
+            let readings = row.noise.firsts();
+            firsts.extend(readings.map(|(own, reading)| (first + own, reading.rows().min(3))));
             first += size;
         }
         let half = self.posterior.half(&stacked);
@@ -113,7 +114,8 @@ impl Settled {
     }
 }
 
-/// The block of each observation, by its measured position in the base frame; by the predicted one where none was measured.
+/// The block of each station, by the measured position of its first reading in the base frame; by the predicted one where none was
+/// measured.
 fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
     let frames = problem.frames(offsets);
     let chains = problem.held(offsets);
@@ -127,7 +129,9 @@ fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
         let measured = point.map_or_else(predicted, |point| point.position);
         base.isometry().inverse_transform_point(&measured)
     };
-    let positions: Vec<Point3<f64>> = problem.observations().iter().map(position).collect();
+    let stations = stations(problem.observations()).into_iter();
+    let positions = stations.map(|own| position(&problem.observations()[own.start]));
+    let positions: Vec<Point3<f64>> = positions.collect();
     Blocks::default().folds(&positions)
 }
 

@@ -3,8 +3,10 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 /// One part of the model that owns a run of columns.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Block {
     /// Geometry, bases and targets: the unknowns of the identification problem.
     Unknowns,
@@ -63,7 +65,7 @@ impl Block {
 }
 
 /// Blocks in column order.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Layout {
     blocks: Vec<(Block, Range<usize>)>,
     size: usize,

@@ -1,30 +1,32 @@
 //! Leave-one-out residuals in closed form, and the weights and gear lines derived from them.
+//!
+//! A station is left out with all its readings: what the arm did there is common to them, so the other readings of a station would
+//! predict its errors.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
-use super::noise::{NoiseEvidence, column, of_length};
+use super::noise::NoiseEvidence;
 use super::regression::Posterior;
-use super::rows::Row;
+use super::rows::{Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS, State};
-use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// Gear lines taken per joint in one round.
 const LINES_PER_ROUND: usize = 3;
 
-/// The leave-one-out result of one observation.
+/// The leave-one-out result of one station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
-    /// Measured minus predicted by all others, mm and rad.
+    /// Measured minus predicted by all other stations, mm and rad; its readings one below the other.
     pub residual: DVector<f64>,
     /// Inverse of its covariance.
     pub information: DMatrix<f64>,
-    /// Squared Mahalanobis distance at weight 1, of position and orientation together.
+    /// Squared Mahalanobis distance at weight 1, of all rows together.
     pub distance_squared: f64,
     /// Its evidence on the sizes of the noise.
     pub noise: NoiseEvidence,
@@ -35,12 +37,34 @@ impl LeftOut {
     pub(super) fn weight(&self, tails: Tails) -> f64 {
         tails.weight(self.distance_squared, self.residual.len() as f64)
     }
+
+    /// The residual of each of its readings, mm and rad.
+    pub(super) fn of_readings(&self) -> impl Iterator<Item = DVector<f64>> {
+        let readings = self.noise.station.firsts();
+        readings.map(|(first, own)| {
+            let rows = self.residual.rows(first, own.rows());
+            rows.into_owned()
+        })
+    }
+}
+
+/// The residual of each observation as predicted without its station, and its station's weight.
+pub(super) fn of_observations(
+    left_out: &[LeftOut],
+    weights: &[f64],
+) -> (Vec<DVector<f64>>, Vec<f64>) {
+    let stations = left_out.iter().zip(weights);
+    let each = stations.flat_map(|(station, weight)| {
+        let readings = station.of_readings();
+        readings.map(|residual| (residual, *weight))
+    });
+    each.unzip()
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
 pub(super) fn leave_one_out(
     state: &State,
-    (observations, rows): (&[Observation], &[Row]),
+    rows: &[Row],
     prior_mean: &DVector<f64>,
     covariances: &[DMatrix<f64>],
     posterior: &Posterior,
@@ -53,7 +77,7 @@ pub(super) fn leave_one_out(
         let mut first = 0;
         let mut left_out = Vec::with_capacity(CHUNK);
         for place in range {
-            let (row, of_length) = (&rows[place], of_length(&observations[place]));
+            let row = &rows[place];
             let own = half.columns(first, row.value.len());
             first += row.value.len();
             let noise = &covariances[place];
@@ -62,13 +86,7 @@ pub(super) fn leave_one_out(
                 state.weights[place],
                 state.tails.information(row.value.len() as f64),
             );
-            left_out.push(left_out_of(
-                (row, of_length),
-                &mean,
-                noise,
-                &explained,
-                counts,
-            ));
+            left_out.push(left_out_of(row, &mean, noise, &explained, counts));
         }
         left_out
     };
@@ -79,7 +97,7 @@ pub(super) fn leave_one_out(
 }
 
 fn left_out_of(
-    (row, of_length): (&Row, Option<usize>),
+    row: &Row,
     mean: &DVector<f64>,
     noise: &DMatrix<f64>,
     explained: &DMatrix<f64>,
@@ -104,15 +122,9 @@ fn left_out_of(
         noise: NoiseEvidence {
             residual: residual.clone(),
             open,
-            instrument: row.instrument.clone(),
-            columns: row
-                .joints
-                .iter()
-                .map(|twist| column(twist, &row.shown))
-                .collect(),
+            station: row.noise.clone(),
             weight,
             information: share,
-            of_length,
         },
         residual,
         information,
@@ -140,19 +152,20 @@ pub(super) fn find_lines(
     left_out: &[LeftOut],
     settings: &FullSettings,
 ) -> Vec<FoundLine> {
-    let joints = rows.first().map_or(0, |row| row.joints.len());
+    let joints = rows.first().map_or(0, |row| row.noise.joints.len());
+    let angles = stations(problem.observations()).into_iter();
+    let angles = angles.map(|own| &problem.observations()[own.start].axes);
+    let angles: Vec<&Vec<f64>> = angles.collect();
     let of_joint = |joint: usize| {
-        let stations = problem.observations().iter().zip(rows).zip(left_out).map(
-            |((observation, row), left_out)| {
-                let column = column(&row.joints[joint], &row.shown);
-                lines::evidence(
-                    &column,
-                    &left_out.residual,
-                    &left_out.information,
-                    observation.axes[joint],
-                )
-            },
-        );
+        let stations = angles.iter().zip(rows).zip(left_out);
+        let stations = stations.map(|((angles, row), left_out)| {
+            lines::evidence(
+                &row.noise.joints[joint],
+                &left_out.residual,
+                &left_out.information,
+                angles[joint],
+            )
+        });
         let stations: Vec<_> = stations.collect();
         // A joint that hardly moves the target has no evidence on its gears.
         let moves = layout

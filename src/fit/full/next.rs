@@ -15,9 +15,9 @@ use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 use super::approach::ApproachOffsets;
 use super::components::Components;
 use super::layout::{Block, Layout};
-use super::leave_one_out::leave_one_out;
+use super::leave_one_out::{leave_one_out, of_observations};
 use super::regression::Posterior;
-use super::rows::{rows, sums};
+use super::rows::{rows, stations, sums};
 use super::train::State;
 use super::{FullModel, FullSettings, Ready, at_fitted_bases};
 use crate::fit::frames::Frames;
@@ -154,6 +154,7 @@ impl FullModel {
             problem,
             up: up.map(UnitVector3::into_inner),
             layout,
+            rows_at: offsets.clone(),
             offsets,
             drift_variance: self.drift_variance + unknown_warm_up,
             warm_up_variance: self.warm_up_variance - unknown_warm_up,
@@ -392,7 +393,7 @@ impl FullModel {
             &Prior::default(),
             turned,
         );
-        let mut state = self.state(observations.len());
+        let mut state = self.state(stations(&observations).len());
         for _ in 1..ROUNDS {
             let (posterior, expected, left_out) = self.round(&problem, &state)?;
             state.weights = left_out.iter().map(|l| l.weight(self.tails)).collect();
@@ -403,6 +404,7 @@ impl FullModel {
         let mean = posterior.mean() + expected;
         let approach = ApproachOffsets::of(&observations, &state.layout, &mean);
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
+        let (left_out, weights) = of_observations(&left_out, &state.weights);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             frames: problem.frames(&state.offsets),
@@ -416,24 +418,25 @@ impl FullModel {
             approach: approach.or_else(|| self.approach.clone()),
             tails: self.tails,
             layout: state.layout,
+            rows_at: state.offsets.clone(),
             offsets: state.offsets,
             mean,
             posterior,
             span: self.span,
             repeatability: self.repeatability.clone(),
-            weights: state.weights,
+            weights,
             left_out,
             parts: self.parts.clone(),
         })
     }
 
-    fn state(&self, observations: usize) -> State {
+    fn state(&self, stations: usize) -> State {
         State {
             layout: self.layout.clone(),
             components: Components::none(),
             repeatability: self.repeatability.clone(),
             tails: self.tails,
-            weights: vec![1.0; observations],
+            weights: vec![1.0; stations],
             offsets: self.offsets.clone(),
             span: self.span,
             middles: self.middles.clone(),
@@ -452,13 +455,7 @@ impl FullModel {
         unknowns -= &state.offsets - &self.offsets;
         let (sums, covariances) = sums(problem, state, &rows, &expected);
         let posterior = sums.posterior_after(&self.posterior)?;
-        let left_out = leave_one_out(
-            state,
-            (problem.observations(), &rows),
-            &expected,
-            &covariances,
-            &posterior,
-        );
+        let left_out = leave_one_out(state, &rows, &expected, &covariances, &posterior);
         Some((posterior, expected, left_out))
     }
 

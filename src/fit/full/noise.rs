@@ -1,12 +1,17 @@
 //! The noise between model and measurement: the instrument's covariance, the arm's repeatability as a whole, and the
 //! repeatability of each joint seen through the arm.
 //!
-//! `N = instrument + s₀² I + Σ_j s_j² J_j J_jᵀ`, over the station's weight. The sizes follow from leave-one-out
+//! Readings of one station are of one pose that the arm attained: its repeatability is common to them, the instrument's noise is
+//! each reading's own. With the rows of all readings of a station one below the other,
+//! `N = blockdiag(instrument + o² I) + s₀² E Eᵀ + Σ_j s_j² J_j J_jᵀ`, over the station's weight: E is what the readings show of a
+//! translation of the flange, `J_j` of a turn of joint j, and o what readings of several targets have of their own beyond the
+//! instrument's statement. The sizes follow from leave-one-out
 //! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated until it converges, with a weak
 //! inverse-gamma prior (ν₀ observations of the expected size `a_k`), like that of the model's parts ([`super::components`]). The stated
 //! variance of a source that reads a length has a factor of its own, found by the same rule.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
+use serde::{Deserialize, Serialize};
 
 use super::settings::FullSettings;
 use crate::fit::observation::Observation;
@@ -15,7 +20,7 @@ use crate::kinematics::Twist;
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// Variances of the repeatability.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Repeatability {
     /// Variance of the arm as a whole, per axis, mm².
     pub position: f64,
@@ -23,6 +28,9 @@ pub struct Repeatability {
     pub orientation: f64,
     /// Variance of each joint, rad²; mm² where it slides.
     pub joints: Vec<f64>,
+    /// Variance of each reading of a place beyond the instrument's, per axis, mm²; `None` where no station has readings of several
+    /// targets, which alone distinguish it from the arm's.
+    pub own: Option<f64>,
     /// Factor of the stated variance of each source that reads a length, by its index; sources after the last have 1.
     pub lengths: Vec<f64>,
 }
@@ -44,20 +52,21 @@ impl Repeatability {
             position: settings.noise_mm.powi(2),
             orientation: (2.0 * settings.joint_noise_rad).powi(2),
             joints: slides.iter().map(|own| size(own).powi(2)).collect(),
+            own: None,
             lengths: Vec::new(),
         }
     }
 
-    /// The covariance of one observation's residual at weight 1; it shows `shown` of the target's motion by each joint.
-    pub fn covariance(
-        &self,
-        observation: &Observation,
-        shown: &Shown,
-        joints: &[Twist],
-    ) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, shown)).collect();
-        let instrument = observation.measured.instrument();
-        self.beside(instrument * self.factor(of_length(observation)), &columns)
+    /// The covariance of a station's residual at weight 1.
+    pub fn covariance(&self, station: &StationNoise) -> DMatrix<f64> {
+        let mut covariance = self.of_readings(station);
+        for axis in station.common.column_iter() {
+            covariance.ger(self.position, &axis, &axis, 1.0);
+        }
+        for (column, variance) in station.joints.iter().zip(&self.joints) {
+            covariance.ger(*variance, column, column, 1.0);
+        }
+        covariance
     }
 
     /// Factor of an instrument's stated variance; 1 of one that reads places.
@@ -66,17 +75,20 @@ impl Repeatability {
         own.copied().unwrap_or(1.0)
     }
 
-    /// Adds the repeatability to the instrument's `covariance`.
-    fn beside(&self, mut covariance: DMatrix<f64>, columns: &[DVector<f64>]) -> DMatrix<f64> {
-        for axis in 0..covariance.nrows() {
-            covariance[(axis, axis)] += if axis < 3 {
-                self.position
-            } else {
-                self.orientation
-            };
-        }
-        for (column, variance) in columns.iter().zip(&self.joints) {
-            covariance.ger(*variance, column, column, 1.0);
+    /// The part of a station's covariance that is each reading's own.
+    fn of_readings(&self, station: &StationNoise) -> DMatrix<f64> {
+        let size = station.common.nrows();
+        let mut covariance = DMatrix::zeros(size, size);
+        for (first, reading) in station.firsts() {
+            let own = &reading.instrument * self.factor(reading.of_length);
+            let rows = own.nrows();
+            covariance
+                .view_mut((first, first), (rows, rows))
+                .copy_from(&own);
+            if let (Some(own), true) = (self.own, reading.is_place()) {
+                (first..first + 3).for_each(|row| covariance[(row, row)] += own);
+            }
+            (first + 3..first + rows).for_each(|row| covariance[(row, row)] += self.orientation);
         }
         covariance
     }
@@ -85,7 +97,7 @@ impl Repeatability {
     /// expected before any residual.
     pub fn update(&mut self, evidence: &[NoiseEvidence], before: &Self) {
         for _ in 0..PASSES {
-            let lengths = 2 + self.joints.len();
+            let lengths = Term::lengths(self);
             let size = lengths + self.lengths.len();
             let (mut found, mut expected) = (DVector::zeros(size), DVector::zeros(size));
             for own in evidence {
@@ -96,10 +108,13 @@ impl Repeatability {
                 let expected = *variance * (expected[term] + PRIOR / before);
                 *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
             };
-            step(&mut self.position, 0, before.position);
-            step(&mut self.orientation, 1, before.orientation);
+            step(&mut self.position, Term::POSITION, before.position);
+            step(&mut self.orientation, Term::ORIENTATION, before.orientation);
+            if let (Some(own), Some(before)) = (&mut self.own, before.own) {
+                step(own, Term::OWN, before);
+            }
             for (joint, variance) in self.joints.iter_mut().enumerate() {
-                step(variance, 2 + joint, before.joints[joint]);
+                step(variance, Term::JOINTS + joint, before.joints[joint]);
             }
             for (source, factor) in self.lengths.iter_mut().enumerate() {
                 step(factor, lengths + source, 1.0);
@@ -108,23 +123,139 @@ impl Repeatability {
     }
 }
 
-/// The evidence of one observation on the sizes of the noise.
+/// Places of the sizes in their sums.
+struct Term;
+
+impl Term {
+    const POSITION: usize = 0;
+    const ORIENTATION: usize = 1;
+    const OWN: usize = 2;
+    const JOINTS: usize = 3;
+
+    /// The place of the first source's factor.
+    fn lengths(sizes: &Repeatability) -> usize {
+        Self::JOINTS + sizes.joints.len()
+    }
+}
+
+/// The noise of the readings of one station at the sizes of one: their rows are one below the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StationNoise {
+    /// The readings, in the order of their rows.
+    pub readings: Vec<ReadingNoise>,
+    /// The change of the rows by a translation of the flange along each axis of the first reading's frame.
+    pub common: DMatrix<f64>,
+    /// The change of the rows by a unit of each joint.
+    pub joints: Vec<DVector<f64>>,
+}
+
+/// The noise of one reading alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadingNoise {
+    /// Covariance of the instrument, mm² and rad².
+    pub instrument: DMatrix<f64>,
+    /// The source, where it reads a length.
+    pub of_length: Option<usize>,
+}
+
+/// A reading as its station's noise is made from it.
+pub struct NoisyReading<'r> {
+    /// The reading.
+    pub observation: &'r Observation,
+    /// The part of the target's motion that it shows.
+    pub shown: &'r Shown,
+    /// Motion of its target per unit of each joint, in its source's frame.
+    pub joints: &'r [Twist],
+    /// Rotation from the base's axes to its source's.
+    pub base: Matrix3<f64>,
+}
+
+impl ReadingNoise {
+    /// Number of its rows.
+    pub fn rows(&self) -> usize {
+        self.instrument.nrows()
+    }
+
+    const fn is_place(&self) -> bool {
+        self.of_length.is_none()
+    }
+}
+
+impl StationNoise {
+    /// The noise of a station with these readings.
+    pub fn of(readings: &[NoisyReading<'_>]) -> Self {
+        let own = readings.iter().map(|reading| ReadingNoise {
+            instrument: reading.observation.measured.instrument(),
+            of_length: of_length(reading.observation),
+        });
+        let joints = readings.first().map_or(0, |reading| reading.joints.len());
+        let mut common = DMatrix::zeros(size(readings), 3);
+        let mut columns = vec![DVector::zeros(common.nrows()); joints];
+        let mut first = 0;
+        for reading in readings {
+            let rows = reading.shown.rows();
+            let mut part = common.rows_mut(first, rows);
+            part.copy_from(&of_translation(reading, &readings[0]));
+            for (own, twist) in columns.iter_mut().zip(reading.joints) {
+                let own = &mut own.as_mut_slice()[first..first + rows];
+                moved(reading.shown, twist, 1.0, own);
+            }
+            first += rows;
+        }
+        Self {
+            readings: own.collect(),
+            common,
+            joints: columns,
+        }
+    }
+
+    /// The first row of each reading, and the reading.
+    pub fn firsts(&self) -> impl Iterator<Item = (usize, &ReadingNoise)> {
+        self.readings.iter().scan(0, |next, reading| {
+            let first = *next;
+            *next += reading.rows();
+            Some((first, reading))
+        })
+    }
+}
+
+/// Number of rows of these readings.
+fn size(readings: &[NoisyReading<'_>]) -> usize {
+    readings.iter().map(|reading| reading.shown.rows()).sum()
+}
+
+/// The change of a reading's rows by a translation along each axis of the frame of `first`.
+fn of_translation(reading: &NoisyReading<'_>, first: &NoisyReading<'_>) -> DMatrix<f64> {
+    let turn = if reading.observation.source == first.observation.source {
+        Matrix3::identity()
+    } else {
+        reading.base * first.base.transpose()
+    };
+    let mut rows = DMatrix::zeros(reading.shown.rows(), 3);
+    for (axis, along) in turn.column_iter().enumerate() {
+        let twist = Twist {
+            linear: along.into_owned(),
+            angular: nalgebra::Vector3::zeros(),
+        };
+        let mut column = rows.column_mut(axis);
+        moved(reading.shown, &twist, 1.0, column.as_mut_slice());
+    }
+    rows
+}
+
+/// The evidence of one station on the sizes of the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseEvidence {
     /// Its leave-one-out residual.
     pub residual: DVector<f64>,
-    /// Covariance of its prediction from all other observations.
+    /// Covariance of its prediction from all other stations.
     pub open: DMatrix<f64>,
-    /// Covariance of the instrument.
-    pub instrument: DMatrix<f64>,
-    /// Its motion per unit of each joint.
-    pub columns: Vec<DVector<f64>>,
+    /// The noise of its readings.
+    pub station: StationNoise,
     /// Its robust weight.
     pub weight: f64,
     /// Its Fisher information as a share of its weight.
     pub information: f64,
-    /// The source, where it reads a length.
-    pub of_length: Option<usize>,
 }
 
 /// The source of an observation that is a length.
@@ -139,8 +270,7 @@ impl NoiseEvidence {
     /// does not.
     fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
         let counted = self.weight * self.information;
-        let instrument = &self.instrument * sizes.factor(self.of_length);
-        let noise = sizes.beside(instrument, &self.columns) / counted;
+        let noise = sizes.covariance(&self.station) / counted;
         let k = (&self.open + noise)
             .try_inverse()
             .expect("a positive definite covariance");
@@ -149,24 +279,31 @@ impl NoiseEvidence {
             found[term] += square / (counted * self.information);
             expected[term] += trace / counted;
         };
-        for axis in 0..alpha.len() {
-            add(axis / 3, alpha[axis] * alpha[axis], k[(axis, axis)]);
+        for axis in self.station.common.column_iter() {
+            let square = axis.dot(&alpha).powi(2);
+            add(Term::POSITION, square, axis.dot(&(&k * axis)));
         }
-        for (joint, column) in self.columns.iter().enumerate() {
+        for (joint, column) in self.station.joints.iter().enumerate() {
             let square = alpha.dot(column).powi(2);
-            add(2 + joint, square, column.dot(&(&k * column)));
+            add(Term::JOINTS + joint, square, column.dot(&(&k * column)));
         }
-        let lengths = 2 + self.columns.len();
-        if let Some(source) = self.of_length.filter(|own| *own < sizes.lengths.len()) {
-            let square = alpha.dot(&(&self.instrument * &alpha));
-            add(lengths + source, square, (&k * &self.instrument).trace());
+        for (first, reading) in self.station.firsts() {
+            let last = first + reading.rows();
+            for row in first..last {
+                let term = match row - first {
+                    3.. => Term::ORIENTATION,
+                    _ if reading.is_place() => Term::OWN,
+                    _ => continue,
+                };
+                add(term, alpha[row] * alpha[row], k[(row, row)]);
+            }
+            let known = reading.of_length.filter(|own| *own < sizes.lengths.len());
+            if let Some(source) = known {
+                let variance = reading.instrument[(0, 0)];
+                let square = variance * alpha[first] * alpha[first];
+                let trace = k[(first, first)] * variance;
+                add(Term::lengths(sizes) + source, square, trace);
+            }
         }
     }
-}
-
-/// The change of a reading's rows by a twist of the target.
-pub fn column(twist: &Twist, shown: &Shown) -> DVector<f64> {
-    let mut rows = DVector::zeros(shown.rows());
-    moved(shown, twist, 1.0, rows.as_mut_slice());
-    rows
 }

@@ -69,7 +69,11 @@ impl Sums {
 
     /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
     pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
-        let scale = variances.map(f64::sqrt);
+        self.posterior_at(variances.map(f64::sqrt))
+    }
+
+    /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
+    pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
         let mut matrix = self.scaled(&scale);
         (0..scale.len()).for_each(|column| matrix[(column, column)] += 1.0);
         self.at(scale, matrix, 0.0)

@@ -1,29 +1,58 @@
-//! Rows of all observations at the current geometry, whitened and summed.
+//! Rows of all stations at the current geometry, whitened and summed.
+//!
+//! The readings of one station (several targets, several instruments) are of one pose that the arm attained, so their noise is
+//! correlated ([`super::noise`]): their rows stand one below the other, and are whitened, weighted and left out together.
 
-use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::design::PoseView;
 use super::layout::Block;
+use super::noise::{NoisyReading, StationNoise};
 use super::regression::Sums;
 use super::train::{CHUNK, State};
+use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
 use crate::fit::observation::measured::Shown;
 use crate::fit::problem::Problem;
-use crate::kinematics::Twist;
+use crate::kinematics::{HeldChain, Twist};
 
-/// One observation's rows and residual at the current offsets.
+/// One station's rows and residual at the current offsets.
 pub struct Row {
-    /// The part of the target's motion that the reading shows.
-    pub shown: Shown,
     /// Unwhitened rows.
     pub rows: DMatrix<f64>,
     /// Measured minus predicted, mm and rad.
     pub value: DVector<f64>,
+    /// The noise of its readings.
+    pub noise: StationNoise,
+}
+
+/// One reading's rows and residual.
+struct ReadingRow {
+    /// The part of the target's motion that the reading shows.
+    shown: Shown,
+    /// Unwhitened rows.
+    rows: DMatrix<f64>,
+    /// Measured minus predicted, mm and rad.
+    value: DVector<f64>,
     /// Motion of the target per unit of each joint.
-    pub joints: Vec<Twist>,
-    /// Covariance of the instrument.
-    pub instrument: DMatrix<f64>,
+    joints: Vec<Twist>,
+    /// Rotation from the base's axes to the source's.
+    base: Matrix3<f64>,
+}
+
+/// The readings of each station, as ranges of observations: those beside each other of one session and station.
+pub(super) fn stations(observations: &[Observation]) -> Vec<Range<usize>> {
+    let one = |a: &Observation, b: &Observation| (a.session, a.station) == (b.session, b.station);
+    let groups = observations.chunk_by(one);
+    let ranges = groups.scan(0, |next, group| {
+        let first = *next;
+        *next += group.len();
+        Some(first..*next)
+    });
+    ranges.collect()
 }
 
 /// The prior mean of the columns, relative to the offsets where the rows are evaluated.
@@ -37,20 +66,66 @@ pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
     mean
 }
 
+/// The rows of each station, in the order of [`stations`].
 pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
-    let frames = problem.frames(&state.offsets);
-    let chains = problem.held(&state.offsets);
-    let row = |observation: &Observation| {
-        let view = chains.of(observation.channel()).view(&observation.axes);
-        let base = frames[observation.session].tracker_from_base(observation.source);
+    let around = Around {
+        frames: problem.frames(&state.offsets),
+        chains: problem.held(&state.offsets),
+        problem,
+        state,
+        up,
+    };
+    let observations = problem.observations();
+    stations(observations)
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(|own| around.station(&observations[own]))
+        .collect()
+}
+
+/// The values that the rows of all readings have in common.
+struct Around<'p> {
+    problem: &'p Problem<'p>,
+    state: &'p State,
+    up: Option<Vector3<f64>>,
+    frames: Vec<Frames>,
+    chains: PerChannel<HeldChain>,
+}
+
+impl Around<'_> {
+    fn station(&self, readings: &[Observation]) -> Row {
+        let mut rows: Vec<ReadingRow> = readings.iter().map(|own| self.reading(own)).collect();
+        let noisy = readings.iter().zip(&rows);
+        let noisy = noisy.map(|(observation, row)| NoisyReading {
+            observation,
+            shown: &row.shown,
+            joints: &row.joints,
+            base: row.base,
+        });
+        let noise = StationNoise::of(&noisy.collect::<Vec<_>>());
+        let (rows, value) = match (rows.pop(), &rows[..]) {
+            (Some(only), []) => (only.rows, only.value),
+            (last, others) => below(others.iter().chain(&last), self.state.layout.size()),
+        };
+        Row { rows, value, noise }
+    }
+
+    fn reading(&self, observation: &Observation) -> ReadingRow {
+        let (problem, state) = (self.problem, self.state);
+        let view = self
+            .chains
+            .of(observation.channel())
+            .view(&observation.axes);
+        let base = self.frames[observation.session].tracker_from_base(observation.source);
         let root = base.isometry().rotation;
+        let base_axes = *root.to_rotation_matrix().matrix();
         let pose = PoseView {
             unknowns: &view.unknowns,
             joints: &view.joints,
             axes: &view.axes,
             end: view.end.translation.vector.into(),
-            up: up.map(|up| root * up),
-            base: *root.to_rotation_matrix().matrix(),
+            up: self.up.map(|up| root * up),
+            base: base_axes,
             angles: &observation.axes,
             settling_error: observation.settling_error.as_ref(),
             session: Some(observation.session),
@@ -71,53 +146,60 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             rows.column_mut(scale.start).fill(0.0);
         }
         let residual = observation.measured.residual(&view.end, gauge.as_ref());
-        Row {
+        ReadingRow {
             shown,
             rows,
             value: DVector::from_vec(residual),
             joints: view.joints,
-            instrument: observation.measured.instrument(),
+            base: base_axes,
         }
-    };
-    problem
-        .observations()
-        .par_iter()
-        .with_min_len(CHUNK)
-        .map(row)
-        .collect()
+    }
 }
 
-/// Covariance of an observation's noise at its weight.
-fn covariance(state: &State, observation: &Observation, row: &Row, weight: f64) -> DMatrix<f64> {
+/// The rows and residuals of several readings, one below the other.
+fn below<'r>(
+    readings: impl Iterator<Item = &'r ReadingRow> + Clone,
+    columns: usize,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let count = readings.clone().map(|own| own.value.len()).sum();
+    let (mut rows, mut value) = (DMatrix::zeros(count, columns), DVector::zeros(count));
+    let mut first = 0;
+    for own in readings {
+        let size = own.value.len();
+        rows.rows_mut(first, size).copy_from(&own.rows);
+        value.rows_mut(first, size).copy_from(&own.value);
+        first += size;
+    }
+    (rows, value)
+}
+
+/// Covariance of a station's noise at its weight.
+fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
-    let covariance = state
-        .repeatability
-        .covariance(observation, &row.shown, &row.joints);
-    covariance / counted
+    state.repeatability.covariance(&row.noise) / counted
 }
 
-/// Covariance of each observation's noise at its weight, as [`sums`] returns them.
-pub(super) fn covariances(problem: &Problem<'_>, state: &State, rows: &[Row]) -> Vec<DMatrix<f64>> {
-    let observations = problem.observations().iter();
-    let weighted = observations.zip(rows).zip(&state.weights);
+/// Covariance of each station's noise at its weight, as [`sums`] returns them.
+pub(super) fn covariances(state: &State, rows: &[Row]) -> Vec<DMatrix<f64>> {
+    let weighted = rows.iter().zip(&state.weights);
     weighted
-        .map(|((observation, row), weight)| covariance(state, observation, row, *weight))
+        .map(|(row, weight)| covariance(state, row, *weight))
         .collect()
 }
 
-/// Observations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
+/// Stations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
 /// for its sum alone. Fixed, so that results do not depend on the number of threads.
 const SUMMED_AT_ONCE: usize = 512;
 
-/// Whitens all rows and sums them; also returns the covariance of each observation at its weight.
+/// Whitens all rows and sums them; also returns the covariance of each station at its weight.
 pub(super) fn sums(
     problem: &Problem<'_>,
     state: &State,
     rows: &[Row],
     prior_mean: &DVector<f64>,
 ) -> (Sums, Vec<DMatrix<f64>>) {
-    let whiten = |((observation, row), weight): ((&Observation, &Row), &f64)| {
-        let covariance = covariance(state, observation, row, *weight);
+    let whiten = |(row, weight): (&Row, &f64)| {
+        let covariance = covariance(state, row, *weight);
         let factor = covariance
             .clone()
             .cholesky()
@@ -137,13 +219,10 @@ pub(super) fn sums(
     };
     let mut sums = Sums::zero(state.layout.size());
     let mut covariances = Vec::with_capacity(rows.len());
-    let batches = problem.observations().chunks(SUMMED_AT_ONCE);
-    let others = rows
-        .chunks(SUMMED_AT_ONCE)
-        .zip(state.weights.chunks(SUMMED_AT_ONCE));
-    for (observations, (rows, weights)) in batches.zip(others) {
-        let observations = observations.par_iter().zip(rows).zip(weights);
-        let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
+    let batches = rows.chunks(SUMMED_AT_ONCE);
+    for (rows, weights) in batches.zip(state.weights.chunks(SUMMED_AT_ONCE)) {
+        let stations = rows.par_iter().zip(weights);
+        let parts: Vec<_> = stations.with_min_len(CHUNK).map(whiten).collect();
         sums.add(&stacked(parts, state.layout.size(), &mut covariances));
     }
     add_distances(&mut sums, problem, state, prior_mean);

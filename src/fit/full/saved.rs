@@ -152,6 +152,9 @@ pub struct SavedRepeatability {
     pub orientation_rad2: f64,
     /// Variance of each joint, rad².
     pub joints_rad2: Vec<f64>,
+    /// Variance of each reading beyond the instrument's, per axis, mm²; absent where no station has readings of several targets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub own_mm2: Option<f64>,
 }
 
 /// The evidence of one optional part.
@@ -180,11 +183,6 @@ const PARTS: [&str; 7] = [
 impl FullModel {
     /// The model in the form that is saved; `names` are the sessions' names in the fit's order.
     pub fn saved(&self, arm: &Arm, names: &[&str]) -> SavedFull {
-        let part = |part: &PartEvidence| SavedPart {
-            name: part.name.to_owned(),
-            gain_nats: part.gain,
-            kept: part.kept,
-        };
         SavedFull {
             version: VERSION,
             arm: SavedArm::of(arm),
@@ -212,7 +210,7 @@ impl FullModel {
             approach: self.approach.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
-            parts: self.parts.iter().map(part).collect(),
+            parts: self.parts.iter().map(SavedPart::of).collect(),
         }
     }
 
@@ -240,6 +238,7 @@ impl FullModel {
             problem,
             up: saved.up.map(Vector3::from),
             layout,
+            rows_at: offsets.clone(),
             offsets,
             mean,
             tails: Tails::from_setting(saved.student_t),
@@ -459,6 +458,7 @@ impl SavedRepeatability {
             position_mm2: repeatability.position,
             orientation_rad2: repeatability.orientation,
             joints_rad2: repeatability.joints.clone(),
+            own_mm2: repeatability.own,
         }
     }
 
@@ -467,6 +467,7 @@ impl SavedRepeatability {
             position: self.position_mm2,
             orientation: self.orientation_rad2,
             joints: self.joints_rad2.clone(),
+            own: self.own_mm2,
             // A saved model predicts places.
             lengths: Vec::new(),
         }
@@ -474,7 +475,15 @@ impl SavedRepeatability {
 }
 
 impl SavedPart {
-    fn evidence(&self) -> Result<PartEvidence, SavedError> {
+    pub(super) fn of(part: &PartEvidence) -> Self {
+        Self {
+            name: part.name.to_owned(),
+            gain_nats: part.gain,
+            kept: part.kept,
+        }
+    }
+
+    pub(super) fn evidence(&self) -> Result<PartEvidence, SavedError> {
         let name = PARTS.into_iter().find(|name| *name == self.name);
         let name = name.ok_or_else(|| SavedError::Unknown {
             what: "a part",

@@ -5,6 +5,7 @@
 //! a fixed list the scale s that fits best is found by its fixed point; the ν with the largest likelihood is taken. Clean
 //! stations give a normal distribution: no weights, no inflation.
 
+use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
 use super::leave_one_out::LeftOut;
@@ -16,7 +17,7 @@ const TRIED: [f64; 9] = [3.0, 4.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0, 64.0];
 const PASSES: usize = 30;
 
 /// The distribution of residuals.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Tails {
     /// Normal: every station has the same weight.
     Normal,

@@ -3,6 +3,8 @@
 //! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix; a few steps of
 //! the variance components on it; leave-one-out residuals; from them the noise, the weights and new gear lines.
 
+use std::ops::Range;
+
 use nalgebra::{DVector, Point3, Vector3};
 
 use super::columns::{layout, middles, unknown_variances};
@@ -12,9 +14,10 @@ use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::{Repeatability, of_length};
 use super::regression::{Posterior, Sums};
-use super::rows::{prior_mean, rows, sums};
+use super::rows::{prior_mean, rows, stations, sums};
 use super::settings::FullSettings;
 use super::student::Tails;
+use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// Steps of the variance components in each round; the last round only converges.
@@ -23,7 +26,7 @@ const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
 const LINE_ROUNDS: usize = 3;
 /// Harmonics of a joint that hardly moves the target.
 pub(super) const FEW_HARMONICS: usize = 12;
-/// Observations that a worker takes at once; fixed, so that results do not depend on the number of threads.
+/// Stations that a worker takes at once; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 16;
 
 /// The state of the training between rounds.
@@ -37,7 +40,7 @@ pub struct State {
     pub repeatability: Repeatability,
     /// The distribution of the residuals.
     pub tails: Tails,
-    /// Weight of each observation.
+    /// Weight of each station.
     pub weights: Vec<f64>,
     /// Offsets of the problem's unknowns at which rows are evaluated.
     pub offsets: DVector<f64>,
@@ -58,7 +61,7 @@ pub struct Settled {
     pub posterior: Posterior,
     /// Prior mean of the columns at the last round's offsets.
     pub prior_mean: DVector<f64>,
-    /// Leave-one-out residuals of the last round.
+    /// Leave-one-out residuals of the last round, station by station.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -77,13 +80,7 @@ pub fn train(
         let prior_mean = prior_mean(problem, &state);
         let (sums, covariances) = sums(problem, &state, &rows, &prior_mean);
         let posterior = settle(&mut state.components, &sums, steps)?;
-        let left_out = leave_one_out(
-            &state,
-            (problem.observations(), &rows),
-            &prior_mean,
-            &covariances,
-            &posterior,
-        );
+        let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
         if round + 1 == STEPS.len() {
             return Some(Settled {
                 state,
@@ -128,10 +125,11 @@ impl State {
             components,
             repeatability: Repeatability {
                 lengths: vec![1.0; sources.map_or(0, |last| last + 1)],
+                own: has_several(observations).then_some(repeatability.position),
                 ..repeatability
             },
             tails: Tails::Normal,
-            weights: vec![1.0; observations.len()],
+            weights: vec![1.0; stations(observations).len()],
             middles: middles(problem),
             offsets,
             span,
@@ -153,6 +151,15 @@ impl State {
         components.inherit(&self.components);
         self.components = components;
     }
+}
+
+/// Whether some station has readings of several places, which distinguish each reading's noise from the arm's.
+fn has_several(observations: &[Observation]) -> bool {
+    let places = |own: &Range<usize>| {
+        let readings = observations[own.clone()].iter();
+        readings.filter(|own| own.point().is_some()).count()
+    };
+    stations(observations).iter().any(|own| places(own) > 1)
 }
 
 /// Makes `steps` steps of the sizes on one Gram matrix; returns the posterior at their end.

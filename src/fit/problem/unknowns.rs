@@ -9,7 +9,7 @@ use crate::join::{SourceId, TargetId};
 use crate::kinematics::{GaugePart, Motion, Parameter};
 
 /// One unknown of the fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unknown {
     /// The owner of the parameter: the arm, a source or a target.
     pub owner: Owner,
@@ -18,7 +18,7 @@ pub struct Unknown {
 }
 
 /// The owner of an unknown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Owner {
     /// The arm, in all sessions.
     Arm,
@@ -64,7 +64,7 @@ impl Unknown {
 }
 
 /// The parameters that a fit may change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Freedom {
     /// Base and target frames alone.
     BaseAndTarget,

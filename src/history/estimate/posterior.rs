@@ -38,8 +38,7 @@ struct Compared {
     base: Option<Isometry3<f64>>,
     /// The place of the main target on the flange, mm.
     target: Isometry3<f64>,
-    /// The share of the information that counts: readings of one station share the arm's own errors at it (its repeatability, and what is
-    /// too fine for the model), so those of several targets and instruments count as one position together.
+    /// The share of the information that counts.
     share: f64,
 }
 
@@ -51,7 +50,15 @@ impl Compared {
             base: source.map(|source| *frames.tracker_from_base(source).isometry()),
             source,
             target: *frames.flange_from_target(TargetId::MAIN).isometry(),
+            share: 1.0,
+        }
+    }
+
+    /// The frames of a fit that counts the readings of a station as independent.
+    fn of_independent(frames: &Frames) -> Self {
+        Self {
             share: share(frames),
+            ..Self::of(frames)
         }
     }
 
@@ -76,7 +83,9 @@ impl Compared {
     }
 }
 
-/// One position over the positions that a station's readings amount to: three numbers of each target, one of each length.
+/// One position over the positions that a station's readings amount to: three numbers of each target, one of each length. Readings of one
+/// station share the arm's own errors at it (its repeatability, and what geometry does not model), so in a geometric fit those of
+/// several targets and instruments count as one position together.
 fn share(frames: &Frames) -> f64 {
     let count = |is: fn(&Sees) -> bool| frames.sees().iter().filter(|own| is(own)).count();
     let lengths = count(|own| matches!(own, Sees::Length(_)));
@@ -101,7 +110,12 @@ impl Estimate {
     /// compared within them, and not at all where they are empty.
     pub fn of_full(model: &FullModel, ranges: &[[f64; 2]]) -> Option<Self> {
         let frames = model.fitted_frames();
-        let compared = Compared::of(frames.first()?);
+        let frames = frames.first()?;
+        // A size of readings' own noise is found where the fit knows what they share.
+        let compared = match model.repeatability.own {
+            Some(_) => Compared::of(frames),
+            None => Compared::of_independent(frames),
+        };
         Posterior::of_full(model, ranges, compared).estimate()
     }
 
@@ -110,7 +124,7 @@ impl Estimate {
         let Some(session) = saved.sessions.first() else {
             return Ok(None);
         };
-        let frames = Compared::of(&session.frames()?);
+        let frames = Compared::of_independent(&session.frames()?);
         let parameters = parameters(saved)?;
         let is_kept = |place: &usize| frames.has(parameters[*place].0, saved.unknowns[*place].of);
         let kept: Vec<usize> = (0..parameters.len()).filter(is_kept).collect();

@@ -1,4 +1,5 @@
-//! `[[tracker.targets]]`: several targets in one tracker's or camera's log, and how each is told from the others.
+//! `[[tracker.targets]]` and `[[tracker.references]]`: several targets in one tracker's or camera's log, references beside them, and how
+//! each is told from the others.
 //!
 //! A target is told by the topic of its readings, by a name or number in each message (`fields.target`), or by that of an element of an
 //! array of poses, as cameras state the markers that they see.
@@ -7,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{TrackerSettings, WrongFields};
+use super::{StandsOn, TrackerSettings, WrongFields};
 
 /// A target in a log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +22,33 @@ pub struct LoggedTarget {
     /// Its name or number in messages, at the path `fields.target`. Absent: every message of its topic is of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub is: Option<TargetName>,
+}
+
+/// A reference reflector in a log: it stands on floor or base and should not move.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoggedReference {
+    /// Its name in tables and pages.
+    pub name: String,
+    /// What it stands on.
+    pub on: StandsOn,
+    /// Topic of its readings. Absent: that of `[tracker]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
+    /// Its name or number in messages, at the path `fields.target`. Absent: every message of its topic is of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub is: Option<TargetName>,
+}
+
+/// Something that readings are of, a target or a reference: its name, its topic and what messages call it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Seen<'s> {
+    /// Its name; empty of a single target that has none.
+    pub name: &'s str,
+    /// Topic of its readings.
+    pub topic: &'s str,
+    /// Its name or number in messages; `None` where every message of its topic is of it.
+    pub is: Option<&'s TargetName>,
 }
 
 /// The name or number of a target in messages.
@@ -51,23 +79,45 @@ impl TrackerSettings {
         self.targets.len().max(1)
     }
 
-    /// The topic of a target.
-    pub fn topic_of<'s>(&'s self, target: &'s LoggedTarget) -> &'s str {
-        target.topic.as_ref().unwrap_or(&self.topic)
+    /// Everything that readings are of: the targets, the main one first, then the references.
+    pub fn seen(&self) -> Vec<Seen<'_>> {
+        let unnamed = self.targets.is_empty().then_some(Seen {
+            name: "",
+            topic: &self.topic,
+            is: None,
+        });
+        let targets = self.targets.iter().map(|own| Seen {
+            name: &own.name,
+            topic: own.topic.as_ref().unwrap_or(&self.topic),
+            is: own.is.as_ref(),
+        });
+        let references = self.references.iter().map(|own| Seen {
+            name: &own.name,
+            topic: own.topic.as_ref().unwrap_or(&self.topic),
+            is: own.is.as_ref(),
+        });
+        unnamed
+            .into_iter()
+            .chain(targets)
+            .chain(references)
+            .collect()
     }
 
     /// The topics of the readings, each once, the main target's first.
     pub fn topics(&self) -> Vec<&str> {
         let mut topics: Vec<&str> = Vec::new();
-        for target in &self.targets {
-            if !topics.contains(&self.topic_of(target)) {
-                topics.push(self.topic_of(target));
+        for own in self.seen() {
+            if !topics.contains(&own.topic) {
+                topics.push(own.topic);
             }
         }
-        if topics.is_empty() {
-            topics.push(&self.topic);
-        }
         topics
+    }
+
+    /// Whether messages of a topic name what they are of, at `fields.target`.
+    pub fn names_on(&self, topic: &str) -> bool {
+        let mut seen = self.seen().into_iter();
+        seen.any(|own| own.topic == topic && own.is.is_some())
     }
 
     /// Checks that each target can be told from the others.
@@ -87,35 +137,36 @@ impl TrackerSettings {
                 "left out, as fields.target: readings of one topic that do not name their targets, or that do",
             );
         }
-        for (place, target) in self.targets.iter().enumerate() {
-            let before = &self.targets[..place];
-            if before.iter().any(|other| other.name == target.name) {
+        let seen = self.seen();
+        for (place, own) in seen.iter().enumerate() {
+            let before = &seen[..place];
+            if before.iter().any(|other| other.name == own.name) {
                 return wrong(
-                    format!("{:?} twice", target.name),
-                    "a name of its own for each",
+                    format!("{:?} twice", own.name),
+                    "a name of its own for each, references included",
                 );
             }
-            let same_topic = |other: &&LoggedTarget| self.topic_of(other) == self.topic_of(target);
-            let clashes = |other: &LoggedTarget| {
-                other.is.is_none() || target.is.is_none() || other.is == target.is
-            };
+            let same_topic = |other: &&Seen<'_>| other.topic == own.topic;
+            let clashes =
+                |other: &Seen<'_>| other.is.is_none() || own.is.is_none() || other.is == own.is;
             if before.iter().filter(same_topic).any(clashes) {
                 return wrong(
-                    format!("{:?} on the topic of another", target.name),
+                    format!("{:?} on the topic of another", own.name),
                     "a topic of its own, or `is`: its own name or number in messages",
                 );
             }
         }
-        if self.fields.target.is_some() && self.targets.iter().any(|own| own.is.is_none()) {
+        let is_named = seen.iter().any(|own| own.is.is_some());
+        if self.fields.target.is_some() && !self.targets.is_empty() && !is_named {
             return wrong(
                 "fields.target, and a target without `is`".to_owned(),
-                "`is` of each target: its name or number at fields.target",
+                "`is` of each: its name or number at fields.target",
             );
         }
-        if self.fields.target.is_some() && self.targets.is_empty() {
+        if self.fields.target.is_some() && !is_named {
             return wrong(
                 "fields.target without targets".to_owned(),
-                "[[tracker.targets]] with name and `is`",
+                "[[tracker.targets]] or [[tracker.references]] with name and `is`",
             );
         }
         Ok(())
@@ -142,12 +193,17 @@ mod tests {
         assert_eq!(by_name.topics(), ["/t"]);
         assert!(by_name.check_targets().is_ok());
         assert_eq!(read("").topics(), ["/t"]);
+        let beside = read("references = [{ name = \"F1\", on = \"floor\", topic = \"/f1\" }]");
+        assert_eq!(beside.topics(), ["/t", "/f1"]);
+        assert!(beside.check_targets().is_ok());
         for clash in [
             "targets = [{ name = \"a\" }, { name = \"b\" }]",
             "targets = [{ name = \"a\", is = 1 }, { name = \"b\", is = 1 }]\nfields = { target = \"name\" }",
             "targets = [{ name = \"a\", is = 1 }, { name = \"a\", is = 2 }]\nfields = { target = \"name\" }",
             "targets = [{ name = \"a\" }]\nfields = { target = \"name\" }",
             "fields = { target = \"name\" }",
+            "references = [{ name = \"F1\", on = \"floor\" }]",
+            "targets = [{ name = \"a\", topic = \"/a\" }]\nreferences = [{ name = \"a\", on = \"base\" }]",
         ] {
             assert!(read(clash).check_targets().is_err(), "{clash}");
         }

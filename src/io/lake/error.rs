@@ -102,6 +102,13 @@ pub enum LakeError {
     Schema(#[from] SchemaError),
 }
 
+impl LakeError {
+    /// Whether the machine or the storage failed, so that the same may work later.
+    pub const fn is_fault(&self) -> bool {
+        matches!(self, Self::Store(_) | Self::Changed { .. })
+    }
+}
+
 /// Makes the error of an operation at a path from the system's error.
 pub(super) fn folder_error<'a>(
     doing: &'static str,

@@ -1,13 +1,13 @@
 //! All files under a lake, and the role of each by its place.
 //!
 //! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history/ROBOT.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or
+//! `.history/ROBOT.jsonl`, `.index/runs.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or
 //! were stopped. Every other file there is foreign.
 
 use std::fs::File;
 
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, is_correction};
+use super::{Lake, LakeError, PAGES, file_key, index, is_correction};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
@@ -86,6 +86,10 @@ impl Stands {
         match parts[..] {
             [".lock"] => Self::Own,
             [HISTORY, name] => Self::in_history(name),
+            [index::FOLDER, name] => Self::in_index(name, name == "runs.jsonl"),
+            [index::FOLDER, "alone", name] => {
+                Self::in_index(name, name.strip_suffix(".json").is_some())
+            }
             _ if is_correction(key) => Self::Own,
             [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
                 Self::in_session(table, robot, session, name)
@@ -99,6 +103,16 @@ impl Stands {
         if is_hidden && name.contains(".jsonl.tmp-") {
             Self::Temporary
         } else if !is_hidden && name.strip_suffix(".jsonl").is_some() {
+            Self::Own
+        } else {
+            Self::Foreign
+        }
+    }
+
+    fn in_index(name: &str, is_own: bool) -> Self {
+        if Owner::of_temporary(name).is_some() {
+            Self::Temporary
+        } else if is_own && !name.starts_with('.') {
             Self::Own
         } else {
             Self::Foreign
@@ -150,6 +164,11 @@ mod tests {
                 Stands::Temporary,
             ),
             (".history/.r.jsonl.tmp-12", Stands::Temporary),
+            (".index/runs.jsonl", Stands::Own),
+            (".index/.runs.jsonl.tmp-host-12-345-0", Stands::Temporary),
+            (".index/more.jsonl", Stands::Foreign),
+            (".index/alone/5e.json", Stands::Own),
+            (".index/alone/5e.txt", Stands::Foreign),
             (temporary, Stands::Temporary),
             ("README.txt", Stands::Foreign),
             ("accuracy/r/mon/0a.csv", Stands::Foreign),

@@ -1,6 +1,6 @@
-//! Rows of `runs` and of `joined_sessions` in a lake.
+//! Rows of `runs`, `joined_sessions` and `estimates` in a lake.
 
-use super::{JOINED, Lake, LakeError, RUNS};
+use super::{ESTIMATES, JOINED, Lake, LakeError, RUNS};
 use crate::io::schema;
 use crate::io::store::{Listed, Place};
 use crate::io::table::{self, Opened};
@@ -20,6 +20,11 @@ impl Lake {
     /// The rows of all sessions as joined, likewise.
     pub fn joined_sessions(&self) -> Result<Vec<RunRow>, LakeError> {
         self.rows(JOINED, JOINED, 2)
+    }
+
+    /// The rows of all estimates, likewise.
+    pub fn estimates(&self) -> Result<Vec<RunRow>, LakeError> {
+        self.rows(ESTIMATES, ESTIMATES, 2)
     }
 
     /// The rows of a table `levels` folders below a folder.

@@ -90,7 +90,7 @@ where
 pub struct SessionStreams<'s> {
     joints: OrderedStream<JointBuffer, &'s mut dyn JointSink>,
     commands: Option<OrderedStream<PoseBuffer, SpillingPoses<Controller>>>,
-    /// Those of each target.
+    /// Those of each target and reference.
     readings: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
     temperatures: Option<OrderedStream<TemperatureBuffer, TemperatureSamples>>,
 }
@@ -100,7 +100,7 @@ pub struct Ordered {
     /// Read, kept and rejected messages of each stream, in the order of [`Stream::ALL`].
     pub summaries: Vec<(Stream, StreamSummary)>,
     pub commands: SpilledPoses<Controller>,
-    /// Those of each target, the main one's first.
+    /// Those of each target, the main one's first, then those of each reference.
     pub readings: Vec<SpilledPoses<Tracker>>,
     pub temperatures: TemperatureSamples,
 }
@@ -116,12 +116,8 @@ impl<'s> SessionStreams<'s> {
             let in_order = of_poses(PoseBuffer::commands(commanded), &commanded.topic);
             OrderedStream::new(in_order, SpillingPoses::default())
         });
-        let topics = (0..tracker.target_count()).map(|place| {
-            let target = tracker.targets.get(place);
-            target.map_or(&*tracker.topic, |target| tracker.topic_of(target))
-        });
-        let readings = topics.map(|topic| {
-            let in_order = of_poses(PoseBuffer::readings(tracker), topic);
+        let readings = tracker.seen().into_iter().map(|own| {
+            let in_order = of_poses(PoseBuffer::readings(tracker), own.topic);
             OrderedStream::new(in_order, SpillingPoses::default())
         });
         let temperatures = tracker.temperature.as_ref().map(|topic| {

@@ -20,10 +20,11 @@ use std::sync::{Mutex, PoisonError};
 
 use super::ordered::{Ordered, SessionStreams};
 use super::session::{ReadFiles, SessionLogs};
+use super::streams::Stream;
 use super::{Limits, LogError};
 use crate::ingest::{BUFFERED, LogReject, Mapping, Poses};
-use crate::join::JoinInput;
 use crate::join::stationary::{Finder, StationaryRule, stationary_of};
+use crate::join::{JoinInput, ReferenceReadings};
 use crate::progress::Progress;
 use crate::units::Tracker;
 
@@ -107,13 +108,22 @@ pub fn read_session(
         .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
     let mut readings = ordered.readings.into_iter();
     let main = readings.next().unwrap_or_default();
-    let others = readings.map(|own| Box::new(own) as Box<dyn Poses<Tracker>>);
+    let boxed = |own| Box::new(own) as Box<dyn Poses<Tracker>>;
+    let others = mapping.tracker.target_count() - 1;
+    let others = readings.by_ref().take(others).map(boxed).collect();
+    let references = mapping.tracker.references.iter().zip(readings);
+    let references = references.map(|(own, readings)| ReferenceReadings {
+        name: own.name.clone(),
+        on: own.on,
+        readings: boxed(readings),
+    });
     Ok(SessionRead {
         input: JoinInput {
             joints,
             commands: Box::new(ordered.commands),
             readings: Box::new(main),
-            others: others.collect(),
+            others,
+            references: references.collect(),
             temperatures: ordered.temperatures,
         },
         rejects,
@@ -165,9 +175,15 @@ impl LogSource<'_> {
             .read(self.mapping, self.limits, &streams, self.progress)?;
         let streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
         let ordered = streams.finish()?;
+        let mut targets = self.mapping.tracker.target_count();
         for (stream, summary) in &ordered.summaries {
-            if stream.is_needed() {
+            // References, whose readings come after those of the targets, are measured now and then, or not at all.
+            let is_reference = *stream == Stream::Readings && targets == 0;
+            if stream.is_needed() && !is_reference {
                 summary.check(&files.rejects)?;
+            }
+            if *stream == Stream::Readings {
+                targets = targets.saturating_sub(1);
             }
         }
         Ok(Replayed { ordered, files })

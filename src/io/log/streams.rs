@@ -160,7 +160,7 @@ impl<'m, 's> Streams<'m, 's> {
         let schema = MessageSchema::read(&channel.encoding, name, language, definition)
             .ok_or_else(|| unsuitable(Vec::new()))?
             .map_err(at)?;
-        let recipe = Recipe::resolve(wanted.stream, wanted.time, self.mapping, name, &schema)
+        let recipe = Recipe::resolve(wanted, self.mapping, name, &schema)
             .map_err(at)?
             .ok_or_else(|| unsuitable(schema.leaves()))?;
         Ok(Reader {
@@ -174,17 +174,13 @@ impl<'m, 's> Streams<'m, 's> {
         })
     }
 
-    /// The targets whose readings are on a topic.
+    /// The targets and references whose readings are on a topic.
     fn targets_of(&self, topic: &str) -> Vec<Wished> {
-        let tracker = &self.mapping.tracker;
-        if tracker.targets.is_empty() {
-            return vec![Wished { place: 0, is: None }];
-        }
-        let targets = tracker.targets.iter().enumerate();
-        let own = targets.filter(|(_, target)| tracker.topic_of(target) == topic);
-        own.map(|(place, target)| Wished {
+        let seen = self.mapping.tracker.seen().into_iter().enumerate();
+        let own = seen.filter(|(_, own)| own.topic == topic);
+        own.map(|(place, own)| Wished {
             place,
-            is: target.is.clone(),
+            is: own.is.cloned(),
         })
         .collect()
     }
@@ -212,8 +208,8 @@ impl<'m, 's> Streams<'m, 's> {
                 format!("the message has no array of values at {:?}", path(place))
             }
             RowFault::TargetTwice(place) => {
-                let targets = &self.mapping.tracker.targets;
-                let name = targets.get(place).map_or("", |target| &target.name);
+                let seen = self.mapping.tracker.seen();
+                let name = seen.get(place).map_or("", |own| own.name);
                 format!("the target {name:?} is twice in the message")
             }
             RowFault::OtherFrame => format!(
@@ -272,10 +268,7 @@ impl Visitor for Streams<'_, '_> {
     }
 
     fn clear(&self, part: &mut Part) {
-        part.clear(
-            self.mapping.joints.len(),
-            self.mapping.tracker.target_count(),
-        );
+        part.clear(self.mapping.joints.len(), self.mapping.tracker.seen().len());
     }
 
     fn meanwhile(&self) {

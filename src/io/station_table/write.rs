@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::Point3;
 
 use crate::ingest::LengthRead;
-use crate::join::{Reading, SourceId, Station, TargetId};
+use crate::join::{MeanOrientation, Reading, SourceId, Station, TargetId};
 use crate::kinematics::{Arm, Joint};
 
 /// Decimals of angles in degrees, and of lengths in mm.
@@ -56,10 +56,16 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     if !turns.is_empty() {
         return unnamed(stations, arm, &read);
     }
-    let mut text = section(arm, &read);
+    let turned = turned(stations, targets.len());
+    let mut text = section(arm, &read, &turned);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
-    let readings = targets.iter().flat_map(|target| of_target(target));
+    let readings = targets.iter().zip(&turned).flat_map(|(target, turned)| {
+        let orientation = turned.then(|| of_orientation(target));
+        of_target(target)
+            .into_iter()
+            .chain(orientation.into_iter().flatten())
+    });
     let header: Vec<String> = ["station".to_owned()]
         .into_iter()
         .chain(joints)
@@ -72,7 +78,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
     for (place, station) in stations.iter().enumerate() {
-        let mut cells = row(station, arm, targets.len(), lengths.len());
+        let mut cells = row(station, arm, &turned, lengths.len());
         let own = references.get(place).map_or(&[][..], |own| own);
         cells.extend(
             own.iter()
@@ -85,7 +91,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
 
 /// The table with a row for each reading, in the order of measurement, without the name of its target.
 fn unnamed(stations: &[Station], arm: &Arm, read: &Read<'_>) -> String {
-    let mut text = section(arm, read);
+    let mut text = section(arm, read, &[]);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
     let header: Vec<String> = ["station".to_owned()]
@@ -103,7 +109,7 @@ fn unnamed(stations: &[Station], arm: &Arm, read: &Read<'_>) -> String {
             own.find(|reading| reading.target == TargetId(target))
         });
         for reading in readings {
-            let mut cells = row(station, arm, 0, 0);
+            let mut cells = row(station, arm, &[], 0);
             cells.extend(measured(reading));
             writeln!(text, "{}", cells.join(",")).expect("a string");
         }
@@ -119,13 +125,27 @@ fn of_target(target: &str) -> [String; 7] {
     ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"].map(|own| format!("{target}_{own}"))
 }
 
+/// Columns of a target's orientation: quaternion, standard deviation of a sample about each axis.
+fn of_orientation(target: &str) -> [String; 5] {
+    ["qx", "qy", "qz", "qw", "sd_turn"].map(|own| format!("{target}_{own}"))
+}
+
+/// Whether each target was read with an orientation.
+fn turned(stations: &[Station], targets: usize) -> Vec<bool> {
+    let readings = || stations.iter().flat_map(Station::measured);
+    let of = |target: usize| {
+        readings().any(|own| own.target == TargetId(target) && own.value.turn().is_some())
+    };
+    (0..targets).map(of).collect()
+}
+
 /// Columns of a reference's position.
 fn of_reference(name: &str) -> [String; 3] {
     ["x", "y", "z"].map(|own| format!("{name}_{own}"))
 }
 
-/// The section that reads the table, as comments.
-fn section(arm: &Arm, read: &Read<'_>) -> String {
+/// The section that reads the table, as comments; `turned` says which targets have orientations.
+fn section(arm: &Arm, read: &Read<'_>, turned: &[bool]) -> String {
     let (targets, lengths) = (read.targets, read.lengths);
     let list = |names: &[String]| {
         format!(
@@ -162,7 +182,7 @@ fn section(arm: &Arm, read: &Read<'_>) -> String {
         lines.push(format!("targets_by_geometry = {}", list(targets)));
     }
     let targets = if is_unnamed { &of_any[..] } else { targets };
-    for target in targets {
+    for (place, target) in targets.iter().enumerate() {
         let columns = of_target(target);
         let several = targets.len() > 1;
         lines.push(
@@ -178,6 +198,14 @@ fn section(arm: &Arm, read: &Read<'_>) -> String {
         lines.push("unit = \"mm\"".to_owned());
         lines.push(format!("sd = {}", list(&columns[3..6])));
         lines.push(format!("samples = {:?}", columns[6]));
+        let orientation = turned.get(place).filter(|turned| **turned);
+        lines.extend(orientation.map(|_| {
+            let [quaternion @ .., sd] = of_orientation(target);
+            format!(
+                "orientation = {{ quaternion_xyzw = {}, sd = [{sd:?}] }}",
+                list(&quaternion)
+            )
+        }));
     }
     for own in lengths {
         lines.extend([
@@ -205,7 +233,7 @@ fn section(arm: &Arm, read: &Read<'_>) -> String {
 }
 
 /// The cells of a station but for its references.
-fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> Vec<String> {
+fn row(station: &Station, arm: &Arm, turned: &[bool], lengths: usize) -> Vec<String> {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
     let temperature = station
@@ -216,12 +244,17 @@ fn row(station: &Station, arm: &Arm, targets: usize, lengths: usize) -> Vec<Stri
     cells.extend(joints);
     cells.push(temperature.map_or_else(String::new, |celsius| celsius.to_string()));
     cells.extend(command(station));
-    for target in (0..targets).map(TargetId) {
+    for (target, turned) in turned.iter().enumerate() {
+        let target = TargetId(target);
         let reading = station
             .measured()
             .iter()
             .find(|reading| reading.target == target && reading.value.point().is_some());
         cells.extend(reading.map_or_else(|| std::array::from_fn(|_| String::new()), measured));
+        if *turned {
+            let turn = reading.and_then(|reading| reading.value.turn());
+            cells.extend(turn.map_or_else(|| std::array::from_fn(|_| String::new()), orientation));
+        }
     }
     for source in (1..=lengths).map(SourceId) {
         let mut own = station.measured().iter();
@@ -262,6 +295,11 @@ fn measured(reading: &Reading) -> [String; 7] {
         sd_z,
         reading.kept.to_string(),
     ]
+}
+
+fn orientation(turn: &MeanOrientation) -> [String; 5] {
+    let [x, y, z, w]: [f64; 4] = turn.orientation.coords.into();
+    [x, y, z, w, turn.scatter_rad].map(|own| format!("{own:.9}"))
 }
 
 fn number(value: f64) -> String {

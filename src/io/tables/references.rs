@@ -18,7 +18,7 @@ row! {
         of_session: String,
         /// The reference's name.
         reference: String,
-        /// Line of the look from which it is in this place.
+        /// Line of the look from which it is in this place; of logs its number, from 1.
         from_line: u64,
         /// What it stands on.
         stands_on: StandsOn,
@@ -44,7 +44,7 @@ row! {
     pub struct MotionRow of "reference_motion" {
         /// What they stand on.
         stands_on: StandsOn,
-        /// Line of the look in the table of stations.
+        /// Line of the look in the table of stations; of logs its number, from 1.
         line: u64,
         /// The station; `None` of a look between stations.
         station: Option<usize>,

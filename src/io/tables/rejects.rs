@@ -149,16 +149,16 @@ fn of_row(reject: &RowReject) -> RejectRow {
 }
 
 fn of_readings(reject: &JoinReject) -> RejectRow {
+    let kind = if reject.is_of_reference {
+        RejectKind::References
+    } else {
+        RejectKind::Readings
+    };
     RejectRow {
         clock: Some(SpanClock::Tracker),
         start_ns: Some(reject.start.ns()),
         end_ns: Some(reject.end.ns()),
-        ..of(
-            Stage::Join,
-            RejectKind::Readings,
-            reject.readings,
-            &reject.reason,
-        )
+        ..of(Stage::Join, kind, reject.readings, &reject.reason)
     }
 }
 

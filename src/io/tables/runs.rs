@@ -68,6 +68,8 @@ row! {
         stations_covered_share: Option<f64>,
         /// The sessions as joined that it started from, as SESSION/RUN; `None` of a plan, and in rows before version 5.
         made_of: Option<Vec<String>>,
+        /// The estimate that it started from; `None` of a plan, and in rows before version 6.
+        estimate: Option<String>,
         /// The run that this one takes the place of.
         replaces: Option<String>,
         /// The digest of that run's row.
@@ -100,6 +102,8 @@ pub struct Ending {
     pub stations_covered_share: Option<f64>,
     /// The sessions as joined that it started from; `None` of a plan.
     pub made_of: Option<Vec<RunKey>>,
+    /// The name of the estimate that it started from; `None` of a plan.
+    pub estimate: Option<String>,
     /// The run that this one takes the place of.
     pub replaces: Option<Replaced>,
 }
@@ -168,6 +172,7 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
                 .map(|own| format!("{}/{}", own.session, own.run))
                 .collect()
         }),
+        estimate: ending.estimate.clone(),
         replaces: replaced.map(|replaced| replaced.run.clone()),
         replaced_row_digest: replaced.map(|replaced| replaced.row_digest.clone()),
         row_digest: None,
@@ -201,6 +206,7 @@ mod tests {
             counted: Some(Counted::once(100)),
             stations_covered_share: Some(1.0),
             made_of: None,
+            estimate: None,
             replaces: None,
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();

@@ -342,6 +342,7 @@ pub(in crate::join) fn rejects(
             start: readings.stamp(rows.start)?,
             end: readings.stamp(rows.end - 1)?,
             readings: rows.len() as u64,
+            is_of_reference: false,
             reason: reason.clone(),
         })
     };

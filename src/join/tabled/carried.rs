@@ -1,4 +1,5 @@
-//! The references of a table are followed, and their motion is taken out of the readings of its targets.
+//! The references of a session are followed, and their motion is taken out of the readings of its targets. Rows of a table are taken
+//! here; readings of logs become the same looks (`join::logged_references`).
 //!
 //! References on the base show the base itself and are taken where they tell all six motions; otherwise those on the floor, which
 //! show the instrument, where they do. A reading stays out where the motion at its station is not known: between the two looks
@@ -14,7 +15,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ApartRow, Row, RowItem, RowReading, RowReject};
+use super::{ApartRow, Row, RowItem, RowReject};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::join::Value;
@@ -34,16 +35,18 @@ pub struct ReferenceCourse {
     pub looks: Vec<LookAt>,
     /// Whether this motion was taken out of the readings.
     pub is_taken_out: bool,
-    /// Whether the table states times; otherwise looks count as a second apart.
+    /// Whether the looks have times; otherwise they count as a second apart.
     pub is_timed: bool,
+    /// Whether they were read in logs, whose looks have numbers in the place of lines.
+    pub is_logged: bool,
 }
 
 /// The moment of a look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LookAt {
-    /// Line in the table, from 1.
+    /// Line in the table, from 1; the number of the look in logs, from 1.
     pub line: u64,
-    /// The moment, ns.
+    /// The moment by the controller's clock, ns.
     pub at_ns: i64,
     /// Number of the station; `None` of a row between stations.
     pub station: Option<usize>,
@@ -62,13 +65,40 @@ pub(super) struct Carried {
     pub left_out: BTreeMap<usize, String>,
 }
 
-/// One row that references may have been read in.
-struct Stop<'a> {
-    /// Place of the station among the rows.
-    row: Option<usize>,
-    line: u64,
-    at_ns: i64,
-    references: &'a [super::RowReference],
+/// One row that references may have been read in, or one look of logs.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::join) struct Stop<'a> {
+    /// Place of the station among the rows; `None` between stations.
+    pub row: Option<usize>,
+    /// Line of the row, or number of the look, from 1.
+    pub line: u64,
+    /// The moment, ns.
+    pub at_ns: i64,
+    /// The references that were read.
+    pub references: &'a [super::RowReference],
+}
+
+/// The origin of the looks of a session.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::join) struct Origin<'a> {
+    /// Name of the table's file; empty of logs.
+    pub file: &'a str,
+    /// Whether its rows have times.
+    pub is_timed: bool,
+    /// Whether they were read in logs.
+    pub is_logged: bool,
+}
+
+impl ReferenceCourse {
+    /// A look in words: its line in a table, its station or number in logs.
+    pub fn place_of(&self, look: usize) -> String {
+        let at = &self.looks[look];
+        match (self.is_logged, at.station) {
+            (false, _) => format!("line {}", at.line),
+            (true, Some(station)) => format!("station {station}"),
+            (true, None) => format!("look {}, between stations", at.line),
+        }
+    }
 }
 
 /// Follows the references of `rows` and `apart`, and takes their motion out of the readings of `rows`.
@@ -82,17 +112,47 @@ pub(super) fn carry(
     if references.is_empty() {
         return Carried::default();
     }
-    let names: Arc<[String]> = references.iter().map(|(name, _)| name.clone()).collect();
     let stops = stops(rows, apart, timed);
-    let mut carried = Carried {
-        rejects: twice(&stops, &names, file),
-        ..Carried::default()
+    let origin = Origin {
+        file,
+        is_timed: timed,
+        is_logged: false,
     };
+    let (mut courses, rejects) = courses(&stops, references, &origin);
+    let mut left_out = BTreeMap::new();
+    for (place, motion) in taken_out(&mut courses) {
+        match motion {
+            Ok(motion) => {
+                let readings = rows[place].readings.iter_mut();
+                readings.for_each(|own| undo(&mut own.value, &motion));
+            }
+            Err(reason) => {
+                left_out.insert(place, reason);
+            }
+        }
+    }
+    Carried {
+        courses,
+        rejects,
+        left_out,
+    }
+}
+
+/// The courses of the references on the base and of those on the floor, and the readings that were left out. None of them is taken out
+/// of readings yet.
+pub(in crate::join) fn courses(
+    stops: &[Stop<'_>],
+    references: &[(String, StandsOn)],
+    origin: &Origin<'_>,
+) -> (Vec<ReferenceCourse>, Vec<RowReject>) {
+    let names: Arc<[String]> = references.iter().map(|(name, _)| name.clone()).collect();
+    let mut rejects = twice(stops, &names, origin.file);
+    let mut courses = Vec::new();
     for on in [StandsOn::Base, StandsOn::Floor] {
         let stands = |id: ReferenceId| references.get(id.0).is_some_and(|(_, own)| *own == on);
-        let looks = looks(&stops, stands);
+        let looks = looks(stops, stands);
         let Some(followed) = follow(&looks) else {
-            carried.rejects.extend(alone(&stops, stands, on, file));
+            rejects.extend(alone(stops, stands, on, origin.file));
             continue;
         };
         let seen = looks.iter().map(|look| look.seen.len());
@@ -108,21 +168,34 @@ pub(super) fn carry(
             looks: at.collect(),
             followed,
             is_taken_out: false,
-            is_timed: timed,
+            is_timed: origin.is_timed,
+            is_logged: origin.is_logged,
         };
-        carried.rejects.extend(strays(&course, &stops, file));
-        carried.courses.push(course);
+        rejects.extend(strays(&course, stops, origin.file));
+        courses.push(course);
     }
-    let taken = carried
-        .courses
-        .iter()
-        .position(|own| own.followed.tells_turns);
-    let taken = taken.or((!carried.courses.is_empty()).then_some(0));
-    if let Some(course) = taken.and_then(|taken| carried.courses.get_mut(taken)) {
-        course.is_taken_out = true;
-        carried.left_out = take_out(course, rows);
-    }
-    carried
+    (courses, rejects)
+}
+
+/// The motion of each station by the course that is taken out of the readings, which is marked; the reason where it is not known.
+/// Empty without courses.
+pub(in crate::join) fn taken_out(
+    courses: &mut [ReferenceCourse],
+) -> Vec<(usize, Result<Motion, String>)> {
+    let taken = courses.iter().position(|own| own.followed.tells_turns);
+    let taken = taken.unwrap_or(0);
+    let Some(course) = courses.get_mut(taken) else {
+        return Vec::new();
+    };
+    course.is_taken_out = true;
+    let main = main_part(course);
+    let at = course.looks.iter().enumerate();
+    at.filter_map(|(look, at)| {
+        let motion = unknown(course, look, main)
+            .map_or_else(|| Ok(course.followed.motions[look].clone()), Err);
+        Some((at.station?, motion))
+    })
+    .collect()
 }
 
 /// Everything in order of time, or of lines where there are no times; looks then count as a second apart.
@@ -246,25 +319,6 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowRe
     course.followed.events.iter().filter_map(stray).collect()
 }
 
-/// Takes the motion of a course out of the rows' readings; the reasons of those rows that stay out.
-fn take_out(course: &ReferenceCourse, rows: &mut [Row]) -> BTreeMap<usize, String> {
-    let main = main_part(course);
-    let mut left_out = BTreeMap::new();
-    for (look, at) in course.looks.iter().enumerate() {
-        let Some(place) = at.station else {
-            continue;
-        };
-        let motion = &course.followed.motions[look];
-        if let Some(reason) = unknown(course, look, main) {
-            left_out.insert(place, reason);
-        } else {
-            let readings = rows[place].readings.iter_mut();
-            readings.for_each(|own| undo(own, motion));
-        }
-    }
-    left_out
-}
-
 /// The part with the most stations, where the parts are not tied together.
 fn main_part(course: &ReferenceCourse) -> Option<usize> {
     if course.followed.is_bridged() {
@@ -289,9 +343,10 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
         match *event {
             Event::Bump { after, before, .. } if after < look && look < before => {
                 return Some(format!(
-                    "{what} was bumped between lines {} and {}, at which references were read: which side of it this station is \
+                    "{what} was bumped between {} and {}, at which references were read: which side of it this station is \
                      on is not known",
-                    course.looks[after].line, course.looks[before].line
+                    course.place_of(after),
+                    course.place_of(before)
                 ));
             }
             Event::Shock {
@@ -316,17 +371,16 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
     })
 }
 
-/// Takes a motion out of a reading.
-fn undo(reading: &mut RowReading, motion: &Motion) {
-    let covariance = reading
-        .value
+/// Takes a motion out of what was read.
+pub(in crate::join) fn undo(value: &mut Value, motion: &Motion) {
+    let covariance = value
         .point()
         .map(|point| motion.covariance_at(&point.position));
-    if let Some(point) = reading.value.point_mut() {
+    if let Some(point) = value.point_mut() {
         point.position = motion.undone(&point.position);
         point.motion_covariance = covariance.map(|own| upper(&own));
     }
-    if let Value::Pose(_, turn) = &mut reading.value {
+    if let Value::Pose(_, turn) = value {
         turn.orientation = motion.undone_turn(&turn.orientation);
     }
 }

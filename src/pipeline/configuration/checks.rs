@@ -191,6 +191,12 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
     }
     if let Some(tracker) = &file.tracker.mapping {
         tracker.check_targets().map_err(of_section("tracker"))?;
+        wrong_unless(
+            tracker.references.is_empty() || !file.tracker.is_eye_in_hand(),
+            "[[tracker.references]]",
+            "beside a camera on the flange",
+            "left out: such a camera moves with the arm, and what it sees shows no motion of an instrument",
+        )?;
     }
     let commanded = file.commanded.as_ref();
     let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else {
@@ -595,8 +601,21 @@ fn limits(limits: &Limits) -> Check {
     Ok(())
 }
 
+/// Checks that every number of a file is finite.
+pub(super) fn finite(path: &Path, values: &toml::Table) -> Result<(), ConfigurationError> {
+    let Some((key, found)) = not_a_number(&toml::Value::Table(values.clone())) else {
+        return Ok(());
+    };
+    let wrong = ConfigurationErrorKind::Setting {
+        key,
+        found: found.to_string(),
+        wanted: "a finite number".to_owned(),
+    };
+    Err(wrong.at(path))
+}
+
 /// The key of the first number in a file that is not finite: TOML allows `nan` and `inf`, settings do not.
-pub(super) fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
+fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
     let inside = |key: String, value: &toml::Value| {
         let (inner, found) = not_a_number(value)?;
         let dot = if inner.is_empty() { "" } else { "." };

@@ -25,6 +25,16 @@ pub enum ConfigurationError {
         /// The fault.
         kind: ConfigurationErrorKind,
     },
+    /// A fault in the settings of one of several robots.
+    #[error("robot {robot:?} ({place}): {source}")]
+    OfRobot {
+        /// The robot.
+        robot: String,
+        /// Where it is stated.
+        place: String,
+        /// The fault.
+        source: Box<Self>,
+    },
     /// The robot file is no robot file, or its arm is invalid.
     #[error("{}{}: {source}", robot.display(), source.on_line())]
     RobotParse {
@@ -55,6 +65,9 @@ pub enum ConfigurationError {
         /// The two places.
         how: &'static str,
     },
+    /// A robot has no folder with sessions.
+    #[error("there is no folder {} yet", .0.display())]
+    NoFolder(PathBuf),
     /// There is no session to learn from.
     #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
     NoSessions {
@@ -93,6 +106,25 @@ pub enum ConfigurationErrorKind {
         found: String,
         /// The values that are allowed.
         wanted: String,
+    },
+    /// The robots that the file states, or a table beside it, are not sound.
+    Robots {
+        /// The table beside it; `None` where the file states them.
+        table: Option<PathBuf>,
+        /// The fault, with its place.
+        reason: String,
+    },
+    /// The file has no robot of that name.
+    NoRobot {
+        /// The name.
+        name: String,
+        /// The robots that it has.
+        known: Vec<String>,
+    },
+    /// The file has several robots where one is needed.
+    SeveralRobots {
+        /// The robots that it has.
+        known: Vec<String>,
     },
     /// A key is missing that another one needs.
     Missing {
@@ -147,6 +179,29 @@ impl ConfigurationErrorKind {
             Self::Setting { key, found, wanted } => {
                 format!("{path}: {key} = {found}, but it has to be {wanted}")
             }
+            Self::Robots {
+                table: Some(table),
+                reason,
+            } => format!(
+                "{}, the table of robots that {path} names under [input] robots: {reason}",
+                table.display()
+            ),
+            Self::Robots {
+                table: None,
+                reason,
+            } => format!("{path}: {reason}"),
+            Self::NoRobot { name, known } if known.is_empty() => format!(
+                "{path} has no robot {name:?} to choose: it is of one robot, so leave --robot out; several stand in [[robots]], or in the table that [input] \
+                 robots names"
+            ),
+            Self::NoRobot { name, known } => format!(
+                "{path} has no robot {name:?}; its robots: {}",
+                some_of(known)
+            ),
+            Self::SeveralRobots { known } => format!(
+                "{path} is of several robots: name one of them with --robot: {}",
+                some_of(known)
+            ),
             Self::Missing { key, reason } => format!("{path}: {key} is missing: {reason}"),
             Self::Placement { key, source } => format!("{path}: {key}: {source}"),
             Self::Join(source) => format!("{path}: {source}"),
@@ -160,6 +215,16 @@ impl ConfigurationErrorKind {
                 folder.display()
             ),
         }
+    }
+}
+
+/// Names, of many the first ones.
+fn some_of(names: &[String]) -> String {
+    const FEW: usize = 12;
+    let first = listed(&names[..names.len().min(FEW)]);
+    match names.len().saturating_sub(FEW) {
+        0 => first,
+        others => format!("{first} and {others} others"),
     }
 }
 
@@ -182,7 +247,11 @@ fn besides(left_out: &[String]) -> String {
 impl ConfigurationError {
     /// Whether the same file may work later: it has no fault.
     pub const fn is_worth_a_retry(&self) -> bool {
-        matches!(self, Self::Store(error) if error.is_worth_a_retry())
+        match self {
+            Self::Store(error) => error.is_worth_a_retry(),
+            Self::OfRobot { source, .. } => source.is_worth_a_retry(),
+            _ => false,
+        }
     }
 }
 

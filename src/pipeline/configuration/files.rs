@@ -2,7 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{ConfigurationError, checks, folder_of, placed_at, read_arm, resolved};
+use toml::Table;
+
+use super::robots::{Robots, StatedRobot};
+use super::tree::Tree;
+use super::{
+    ConfigurationError, ConfigurationErrorKind, checks, folder_of, incomplete, placed_at, read_arm,
+    resolved,
+};
+use crate::io::input::{self, Bound};
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
@@ -22,19 +30,131 @@ pub struct Files {
     pub lake: Place,
 }
 
-/// Reads the pipeline file at `path`.
-pub fn read(path: &Path) -> Result<Files, ConfigurationError> {
-    let file = super::read(path)?;
-    let base = folder_of(path)?;
-    let robot_file = resolved(&base, &file.robot.file);
-    let arm = read_arm(path, &robot_file, &file.robot.selection())?;
-    checks::check(path, &file, arm.joints().len())?;
-    checks::length_unit(path, &file, &arm)?;
-    Ok(Files {
-        lake: placed_at(&base, &file.output.lake),
-        file,
-        base,
-        robot_file,
-        arm,
-    })
+/// A pipeline file as written: of one robot, or of several.
+#[derive(Debug)]
+pub struct Source {
+    /// Its path.
+    pub path: PathBuf,
+    /// The folder that paths in it are relative to.
+    base: PathBuf,
+    text: String,
+    /// Its robots; `None` where it is of one.
+    pub robots: Option<Robots>,
+}
+
+/// Reads the pipeline file at `path`, of the robot of that name where it has several.
+pub fn read(path: &Path, robot: Option<&str>) -> Result<Files, ConfigurationError> {
+    let source = Source::read(path)?;
+    match (&source.robots, robot) {
+        (None, _) => source.alone(),
+        (Some(robots), Some(name)) => source.of(robots, robots.named(path, name)?),
+        (Some(robots), None) => {
+            let known = robots.names().map(str::to_owned).collect();
+            Err(ConfigurationErrorKind::SeveralRobots { known }.at(path))
+        }
+    }
+}
+
+impl Source {
+    /// Reads the pipeline file at `path`.
+    pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
+        let text = input::text(path, Bound::SETTINGS)
+            .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
+        let values: Table = toml::from_str(&text).map_err(|source| unread(path, source))?;
+        checks::finite(path, &values)?;
+        let base = folder_of(path)?;
+        Ok(Self {
+            robots: Robots::of(path, &base, &values)?,
+            path: path.to_owned(),
+            base,
+            text,
+        })
+    }
+
+    /// The files of the only robot.
+    pub fn alone(&self) -> Result<Files, ConfigurationError> {
+        let file = toml::from_str(&self.text).map_err(|source| {
+            incomplete(&self.path, &self.text).unwrap_or_else(|| unread(&self.path, source))
+        })?;
+        self.checked(file)
+    }
+
+    /// The files of one of several robots.
+    pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
+        let values = robots.file_of(&robot.entry);
+        self.of_values(&values)
+            .map_err(|source| robot.fault(source))
+    }
+
+    /// The pipeline file of a robot that stands for all of them: its sessions are those of every robot.
+    pub fn of_any(
+        &self,
+        robots: &Robots,
+        robot: &StatedRobot,
+    ) -> Result<PipelineFile, ConfigurationError> {
+        let values = robots.file_of_any(&robot.entry);
+        let file = values.try_into();
+        file.map_err(|source| robot.fault(unread(&self.path, source)))
+    }
+
+    /// Checks that no other robot than that of `files` is asked for, as the file is of one.
+    pub fn is_of(&self, files: &Files, robots: &[String]) -> Result<(), ConfigurationError> {
+        let own = &files.file.robot.name;
+        let Some(other) = robots.iter().find(|name| own.as_ref() != Some(name)) else {
+            return Ok(());
+        };
+        let (name, known) = (other.clone(), Vec::new());
+        Err(ConfigurationErrorKind::NoRobot { name, known }.at(&self.path))
+    }
+
+    /// Checks that the file is sound for a robot at least.
+    pub fn sound(&self) -> Result<(), ConfigurationError> {
+        let Some(robots) = &self.robots else {
+            return self.alone().map(drop);
+        };
+        let mut each = robots.stated.iter().map(|own| self.of(robots, own));
+        let first = each.next().map_or(Ok(()), |own| own.map(drop));
+        first.or_else(|error| each.find_map(Result::ok).map(drop).ok_or(error))
+    }
+
+    fn of_values(&self, values: &Table) -> Result<Files, ConfigurationError> {
+        checks::finite(&self.path, values)?;
+        let file = values.clone().try_into();
+        self.checked(file.map_err(|source| unread(&self.path, source))?)
+    }
+
+    fn checked(&self, file: PipelineFile) -> Result<Files, ConfigurationError> {
+        let robot_file = resolved(&self.base, &file.robot.file);
+        let arm = read_arm(&self.path, &robot_file, &file.robot.selection())?;
+        checks::check(&self.path, &file, arm.joints().len())?;
+        checks::length_unit(&self.path, &file, &arm)?;
+        Ok(Files {
+            lake: placed_at(&self.base, &file.output.lake),
+            file,
+            base: self.base.clone(),
+            robot_file,
+            arm,
+        })
+    }
+
+    /// The place of the sessions that a pipeline file names.
+    pub fn sessions(&self, file: &PipelineFile) -> Place {
+        placed_at(&self.base, &file.input.folder)
+    }
+}
+
+impl Files {
+    /// The place of the sessions.
+    pub fn sessions(&self) -> Place {
+        placed_at(&self.base, &self.file.input.folder)
+    }
+
+    /// The tree in which the sessions are searched.
+    pub fn tree(&self) -> Result<Tree, ConfigurationError> {
+        Ok(Tree::at(&self.sessions())?)
+    }
+}
+
+fn unread(path: &Path, source: toml::de::Error) -> ConfigurationError {
+    ConfigurationErrorKind::Parse(Box::new(source)).at(path)
 }

@@ -61,7 +61,7 @@ pub(super) fn find_named(
     let mut patterns: BTreeMap<String, usize> = BTreeMap::new();
     for pattern in names.patterns() {
         let mut by_session: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-        for (session, path) in named(tree, folder, pattern)? {
+        for (session, path) in named(tree, folder, pattern, SESSION_PLACE)? {
             by_session.entry(session).or_default().push(path);
         }
         for (session, files) in by_session {
@@ -129,20 +129,32 @@ fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf
         .collect())
 }
 
-/// Files that match a pattern with `{session}`, and the name in its place in each.
-fn named(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
+/// Files that match a pattern with `place` in it, like `{session}`, and the name in that place in each.
+pub(in crate::pipeline) fn named(
+    tree: &Tree,
+    folder: &Path,
+    pattern: &str,
+    place: &str,
+) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
         return Ok(Vec::new());
     };
     let last = last.to_string_lossy();
-    let (before, after) = last.split_once(SESSION_PLACE).unwrap_or((&last, ""));
+    let (before, after) = last.split_once(place).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));
     let found = files(tree, parent)?.into_iter();
     Ok(found
         .filter(|(name, _)| shown(name, &before))
         .filter_map(|(name, path)| Some((between(&before, &after, &name)?, path)))
         .collect())
+}
+
+/// Whether a file is one that a pattern names in a folder.
+pub(in crate::pipeline) fn is_matched(folder: &Path, pattern: &str, path: &Path) -> bool {
+    let whole = folder.join(pattern);
+    let last = |path: &Path| letters(&path.file_name().unwrap_or_default().to_string_lossy());
+    whole.parent() == path.parent() && fits(&last(&whole), &last(path))
 }
 
 /// The files of a folder with the letters of their names, by name; empty where there is no folder.

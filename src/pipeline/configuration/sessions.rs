@@ -17,10 +17,13 @@ use super::tree::Tree;
 use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
 use crate::ingest::StationsSettings;
 use crate::io::lake::Lake;
-use crate::io::log::{Limits, SessionLogs};
+use crate::io::log::SessionLogs;
 use crate::manifest::{Input, RunKey};
-use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
-use found::{Found, Session};
+use crate::pipeline::file::{
+    InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, SessionsBy,
+};
+use found::Found;
+pub use found::Session;
 pub use joined::Wanted;
 
 /// The session of a pooled fit.
@@ -153,16 +156,24 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Lists the work with the files of `[input]`: `folder` is `[input] folder`, resolved, in `tree`.
-pub(super) fn list(
+/// The sessions in the folder of `[input]`, and what is no session there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FoundSessions {
+    /// By name.
+    pub sessions: Vec<Session>,
+    /// By name.
+    pub left_out: Vec<LeftOut>,
+    by: SessionsBy,
+}
+
+/// Searches the sessions of a pipeline file: `folder` is its `[input] folder`, resolved, in `tree`.
+pub(in crate::pipeline) fn look(
     path: &Path,
     tree: &Tree,
     folder: &Path,
-    input: &InputSection,
-    stations: Option<&StationsSettings>,
-    limits: Limits,
-    overrides: &Overrides,
-) -> Result<Listed, ConfigurationError> {
+    file: &PipelineFile,
+) -> Result<FoundSessions, ConfigurationError> {
+    let (input, stations) = (&file.input, file.stations.as_ref());
     let logs = [
         ("controller", &input.controller),
         ("tracker", &input.tracker),
@@ -173,10 +184,58 @@ pub(super) fn list(
         name_sessions(path, key, names, input.sessions_by)?;
     }
     by_what_there_is(path, input, stations)?;
-    let found = Found::look(tree, folder, input, stations, limits).map_err(|source| {
+    let found = Found::look(tree, folder, input, stations, file.limits).map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
+    Ok(FoundSessions {
+        sessions: found.sessions,
+        left_out: found.left_out,
+        by: input.sessions_by,
+    })
+}
+
+impl FoundSessions {
+    /// These sessions alone.
+    #[must_use]
+    pub fn only(&self, sessions: Vec<Session>) -> Self {
+        Self {
+            sessions,
+            left_out: Vec::new(),
+            by: self.by,
+        }
+    }
+
+    /// The session of a name.
+    fn named(&self, name: &str) -> Session {
+        let found = self.sessions.iter().find(|session| session.name == name);
+        found.cloned().unwrap_or_else(|| Session {
+            name: name.to_owned(),
+            recorded: Err(Why::Bad(self.not_there(name))),
+            corrected: None,
+        })
+    }
+
+    fn not_there(&self, name: &str) -> String {
+        let left = self.left_out.iter().find(|left| left.name == name);
+        match (left, self.by) {
+            (Some(left), _) => left.reason.clone(),
+            (None, SessionsBy::Folder) if name.contains('/') => {
+                "a session is named by its folder's name, not by a path".to_owned()
+            }
+            (None, SessionsBy::Folder) => "there is no such folder".to_owned(),
+            (None, _) => "no file names it".to_owned(),
+        }
+    }
+}
+
+/// Lists the work with the sessions found in `folder`.
+pub(super) fn list(
+    found: &FoundSessions,
+    folder: &Path,
+    input: &InputSection,
+    overrides: &Overrides,
+) -> Result<Listed, ConfigurationError> {
     let candidates = Candidates {
         place: folder.to_owned(),
         wanted: input.sessions_by.of(input),

@@ -25,7 +25,7 @@ pub enum Tree {
         /// The storage.
         store: Arc<dyn Store>,
         /// Every file below the prefix, by its address in the form of a path.
-        files: BTreeMap<PathBuf, Listed>,
+        files: Arc<BTreeMap<PathBuf, Listed>>,
     },
 }
 
@@ -39,7 +39,7 @@ impl Tree {
         let listed = store.list("", LEVELS)?.into_iter();
         let files = listed.map(|listed| (store.place(&listed.key).named(), listed));
         Ok(Self::Listed {
-            files: files.collect(),
+            files: Arc::new(files.collect()),
             store,
         })
     }
@@ -57,6 +57,14 @@ impl Tree {
         match self {
             Self::Folder => path.is_file(),
             Self::Listed { files, .. } => files.contains_key(path),
+        }
+    }
+
+    /// Size of a file, bytes; `None` where there is none.
+    pub fn size(&self, path: &Path) -> Option<u64> {
+        match self {
+            Self::Folder => path.metadata().ok().map(|own| own.len()),
+            Self::Listed { files, .. } => files.get(path).map(|own| own.bytes),
         }
     }
 
@@ -106,10 +114,11 @@ mod tests {
         };
         let tree = Tree::Listed {
             store: Arc::new(Folder::new("nowhere")),
-            files: keys
-                .iter()
-                .map(|key| (PathBuf::from(format!("{root}/{key}")), listed(key)))
-                .collect(),
+            files: Arc::new(
+                keys.iter()
+                    .map(|key| (PathBuf::from(format!("{root}/{key}")), listed(key)))
+                    .collect(),
+            ),
         };
         let at = |key: &str| Path::new(root).join(key);
         assert_eq!(

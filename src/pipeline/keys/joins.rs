@@ -1,20 +1,49 @@
-//! The settings that ingest and join read, among all settings of a pipeline file: those that a session as joined follows from.
+//! The settings that a stage reads, among all settings of a pipeline file: those of ingest and join, which a session as joined follows from,
+//! and those of training, which an estimate follows from.
 
 use serde_json::{Map, Value};
 
-use super::{KeyReference, KeySection};
+use super::{Key, KeyReference, KeySection};
+
+/// Whether a stage reads the keys of a section, and whether it reads a key; `None` of a key that is as its section says.
+struct Reads {
+    section: fn(&KeySection) -> bool,
+    key: fn(&Key) -> Option<bool>,
+}
+
+/// What ingest and join read: sections and keys that say so.
+const JOIN: Reads = Reads {
+    section: |own| own.joins == Some(true),
+    key: |own| own.joins,
+};
+
+/// What training reads: all sections and keys but those that come after it, so that a key that says nothing never gives one name to two
+/// estimates.
+const ESTIMATE: Reads = Reads {
+    section: |own| own.estimates != Some(false),
+    key: |own| own.estimates,
+};
 
 /// The settings of ingest and join among all settings of a pipeline file, as JSON of the same shape; sections without any are left out.
 pub fn join_settings(all: &Value) -> Value {
-    let joined = |own: &Map<String, Value>| {
+    read_by(&JOIN, all)
+}
+
+/// The settings of training, likewise.
+pub fn estimate_settings(all: &Value) -> Value {
+    read_by(&ESTIMATE, all)
+}
+
+fn read_by(stage: &Reads, all: &Value) -> Value {
+    let read = |own: &Map<String, Value>| {
         let sections = own.iter().filter_map(|(name, value)| {
             let section = section(name)?;
-            Some((name.clone(), in_section(section, value)?))
+            Some((name.clone(), in_section(stage, section, value)?))
         });
         Value::Object(sections.collect())
     };
     all.as_object()
-        .map_or_else(|| Value::Object(Map::new()), joined)
+        .map_or_else(|| Value::Object(Map::new()), read)
 }
 
 /// The section of this name.
@@ -23,33 +52,36 @@ fn section(name: &str) -> Option<&'static KeySection> {
     sections.find(|own| own.at.is_empty() && own.name == name)
 }
 
-/// The part of a section's value that ingest and join read; `None` where there is none.
-fn in_section(section: &KeySection, value: &Value) -> Option<Value> {
+/// The part of a section's value that a stage reads; `None` where there is none.
+fn in_section(stage: &Reads, section: &KeySection, value: &Value) -> Option<Value> {
     match value {
         Value::Object(keys) => {
             let read = keys.iter().filter_map(|(key, value)| {
-                let read = of_key(section, key, value)?;
+                let read = of_key(stage, section, key, value)?;
                 Some((key.clone(), read))
             });
             let read: Map<String, Value> = read.collect();
             (!read.is_empty()).then_some(Value::Object(read))
         }
         Value::Array(items) => {
-            let read = items.iter().filter_map(|item| in_section(section, item));
+            let read = items
+                .iter()
+                .filter_map(|item| in_section(stage, section, item));
             let read: Vec<Value> = read.collect();
             (!read.is_empty()).then_some(Value::Array(read))
         }
-        other => section.joins?.then(|| other.clone()),
+        other => (stage.section)(section).then(|| other.clone()),
     }
 }
 
-fn of_key(own: &KeySection, key: &str, value: &Value) -> Option<Value> {
+fn of_key(stage: &Reads, own: &KeySection, key: &str, value: &Value) -> Option<Value> {
     if let (Some(inner), true) = (section(&format!("{}.{key}", own.name)), is_table(value)) {
-        return in_section(inner, value);
+        return in_section(stage, inner, value);
     }
     let of_key = own.keys.iter().find(|known| known.key == key);
-    let joins = of_key.and_then(|known| known.joins).or(own.joins);
-    joins?.then(|| value.clone())
+    let read = of_key.and_then(stage.key);
+    read.unwrap_or_else(|| (stage.section)(own))
+        .then(|| value.clone())
 }
 
 /// Whether a value is a table, or a list of tables.
@@ -114,5 +146,38 @@ mod tests {
         });
         assert_eq!(join_settings(&all), expected);
         assert_eq!(join_settings(&json!({"tolerance": {"mm": 1}})), json!({}));
+    }
+
+    #[test]
+    fn training_reads_all_but_what_comes_after_it() {
+        let all = json!({
+            "robot": {"file": "a.toml", "name": "cell-1", "up": [0, 0, 1], "valid_for": {"tool": "drill"}},
+            "input": {"folder": "logs", "max_rejected_share": 0.05},
+            "commanded": {"target_is_tool": true},
+            "tracker": {"uncertainty": {"range_um": 10}},
+            "fit": {"loss": {"kind": "squares"}, "full": {"enabled": true}},
+            "similarity": {"bins": 15},
+            "grid": {"steps_mm": [50], "box": {"low_mm": [0, 0, 0]}},
+            "tolerance": {"mm": 0.5},
+            "report": {
+                "locate": {"by": "first", "stations": 50, "target": "known"},
+                "leave_sessions_out": true,
+                "tool_tip": {"frame": "tool", "xyz_mm": [0, 0, 1]},
+            },
+            "plan": {"robots": 200, "known": {"lake": "lake"}},
+            "output": {"lake": "lake"},
+        });
+        let expected = json!({
+            "robot": {"up": [0, 0, 1]},
+            "commanded": {"target_is_tool": true},
+            "tracker": {"uncertainty": {"range_um": 10}},
+            "fit": {"loss": {"kind": "squares"}, "full": {"enabled": true}},
+            // By which sessions that are left out of a pool are judged.
+            "report": {
+                "locate": {"by": "first", "stations": 50, "target": "known"},
+                "leave_sessions_out": true,
+            },
+        });
+        assert_eq!(estimate_settings(&all), expected);
     }
 }

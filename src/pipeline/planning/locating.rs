@@ -44,8 +44,13 @@ const OTHER_TARGET_MM: f64 = 300.0;
 impl Located {
     /// Chooses `count` poses by the pipeline file at `path`. The arm is that of `[plan.known]`, or without it that of the current run of
     /// the robot's newest session in the lake.
-    pub fn make(path: &Path, lake: Option<&Path>, count: usize) -> Result<Self, PlanningError> {
-        let read = files::read(path)?;
+    pub fn make(
+        path: &Path,
+        robot: Option<&str>,
+        lake: Option<&Path>,
+        count: usize,
+    ) -> Result<Self, PlanningError> {
+        let read = files::read(path, robot)?;
         let file = &read.file;
         let missing = ConfigurationErrorKind::Missing {
             key: "[plan]",

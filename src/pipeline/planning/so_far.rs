@@ -157,10 +157,12 @@ impl Planning {
         progress: &dyn Progress,
     ) -> Result<(JoinedSession, StageSettings), PlanningError> {
         let overrides = Overrides {
+            robot: Some(self.work.robot.clone()),
             sessions: vec![session.to_owned()],
             test: Vec::new(),
             lake: Some(self.lake.named()),
             from_joined: false,
+            from_estimates: false,
         };
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration

@@ -8,6 +8,7 @@ use crate::io::lake::LakeError;
 use crate::io::log::LogError;
 use crate::io::station_table::StationTableError;
 use crate::io::tables::PublishError;
+use crate::io::tables::estimates::NoEstimate;
 use crate::io::tables::joined_sessions::NotRestored;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
@@ -57,6 +58,26 @@ pub enum RunError {
         session: String,
         /// Why.
         source: Box<RunError>,
+    },
+    /// An estimate that the lake should have.
+    #[error(
+        "session {session}: the lake has no estimate of it by these settings: run it without --from table, or with --until estimate first"
+    )]
+    NoEstimate {
+        /// The session, or `pooled`.
+        session: String,
+    },
+    /// An estimate that cannot be read back.
+    #[error(
+        "session {session}: the estimate {run} cannot be used: {source}; run it without --from table"
+    )]
+    EstimateUnread {
+        /// The session, or `pooled`.
+        session: String,
+        /// The estimate.
+        run: String,
+        /// Why.
+        source: Box<NoEstimate>,
     },
     /// The robot is named neither in the pipeline file nor in the logs.
     #[error(
@@ -155,6 +176,8 @@ pub enum RunError {
         session: Option<String>,
         /// The error as text.
         words: String,
+        /// Whether it is a fault of machine or storage.
+        is_fault: bool,
     },
 }
 
@@ -165,6 +188,22 @@ impl RunError {
             self,
             Self::SetUp { .. } | Self::Join { .. } | Self::Unexplained { .. }
         )
+    }
+
+    /// Whether the machine or the storage failed, so that the same work may have a result later.
+    pub fn is_fault(&self) -> bool {
+        use std::io::ErrorKind::{InvalidInput, IsADirectory, NotFound, PermissionDenied};
+        match self {
+            Self::Input { source, .. } => !matches!(
+                source.kind(),
+                NotFound | PermissionDenied | IsADirectory | InvalidInput
+            ),
+            Self::Lake(error) | Self::Publish(PublishError::Lake(error)) => error.is_fault(),
+            Self::Fetch(_) => true,
+            Self::OfSession { source, .. } => source.is_fault(),
+            Self::Copied { is_fault, .. } => *is_fault,
+            _ => false,
+        }
     }
 
     /// The session that caused it; `None` where no single one did.

@@ -11,6 +11,9 @@ use crate::pipeline::configuration::{
     Configuration, Reads, Recorded, SessionFiles, SessionTable, WorkPiece,
 };
 
+/// What a session's files are named after it as inputs.
+const SIDES: [&str; 4] = ["controller", "tracker", "stations", "corrected"];
+
 /// The work's identity. A log is opened here only where neither the pipeline file nor the command line names the robot.
 pub(in crate::pipeline) fn work(
     configuration: &Configuration,
@@ -109,6 +112,17 @@ fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
     Ok(inputs)
 }
 
+/// Whether an input is of this session: `SESSION/SIDE`, or `SESSION/SIDE/NUMBER` of a split recording. Another session's name may begin
+/// with this one's and a slash.
+pub(super) fn is_of_session(input: &str, session: &str) -> bool {
+    let side = input.strip_prefix(session);
+    let Some(side) = side.and_then(|side| side.strip_prefix('/')) else {
+        return false;
+    };
+    let (side, part) = side.split_once('/').unwrap_or((side, "1"));
+    SIDES.contains(&side) && part.parse::<usize>().is_ok()
+}
+
 /// A file as an input of a run.
 pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
     let wrong = |source| RunError::Input {
@@ -138,4 +152,26 @@ fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String
     let logs = files.recorded.logs().ok_or_else(none)?;
     let mut metadata = read_metadata(logs, configuration.limits)?;
     metadata.remove("session.robot").ok_or_else(none)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_input_is_of_one_session_whatever_the_others_are_called() {
+        for own in ["a/controller", "a/tracker/2", "a/stations", "a/corrected"] {
+            assert!(is_of_session(own, "a"), "{own}");
+        }
+        for other in [
+            "a/b/controller",
+            "ab/controller",
+            "a/controller/tracker",
+            "a",
+            "robot",
+        ] {
+            assert!(!is_of_session(other, "a"), "{other}");
+        }
+        assert!(is_of_session("a/b/controller/1", "a/b"));
+    }
 }

@@ -5,6 +5,8 @@
 //! and the version. Runs that differ in what comes after the join start from the same result, whatever pipeline file they are of. Commands
 //! and the check of the set-up follow from its stations, and are found anew.
 
+use super::estimated::Estimator;
+use super::inputs::is_of_session;
 use super::session::{of_joined, session};
 use super::{RunError, SessionDone};
 use crate::io::lake::{JOINED, Lake, OpenRun};
@@ -34,16 +36,26 @@ pub(super) struct Joiner<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-impl Joiner<'_> {
-    /// Every session of a piece of work; decoded samples of logs are written to `run`.
+impl<'a> Joiner<'a> {
+    /// Where the estimates of these sessions are made.
+    pub(super) const fn estimator(&self) -> Estimator<'a> {
+        Estimator {
+            configuration: self.configuration,
+            work: self.work,
+            lake: self.lake,
+            progress: self.progress,
+        }
+    }
+
+    /// Every session of a piece of work; decoded samples of logs are written to `run`, where there is one.
     pub(super) fn all(
         &self,
         piece: &WorkPiece,
-        run: &mut OpenRun<'_>,
+        mut run: Option<&mut OpenRun<'_>>,
     ) -> Result<Sessions, RunError> {
         let mut made_of = Vec::new();
         let mut joined = |files: &SessionFiles| {
-            let one = self.one(files, Some(&mut *run));
+            let one = self.one(files, run.as_deref_mut());
             let (session, key) = one.map_err(|error| error.of(files))?;
             made_of.push(key);
             Ok(session)
@@ -90,10 +102,8 @@ impl Joiner<'_> {
 
     /// Ingest and join of one session as work of its own.
     fn work_of(&self, files: &SessionFiles) -> Work {
-        let is_own = |input: &&Input| {
-            let side = input.name.strip_prefix(&files.name);
-            input.name == ROBOT || side.is_some_and(|side| side.starts_with('/'))
-        };
+        let is_own =
+            |input: &&Input| input.name == ROBOT || is_of_session(&input.name, &files.name);
         joined_work(
             &self.work.robot,
             &files.name,

@@ -19,7 +19,7 @@ use crate::join::assigned::rows::middles;
 use crate::join::assigned::{Stated, assigned_rows};
 use crate::join::supposed::Supposed;
 use crate::join::tabled::{Rows, tabled};
-use crate::join::{JoinError, Joined, RowItem, SourceId, join, join_unnamed};
+use crate::join::{JoinError, JoinInput, Joined, RowItem, SourceId, join, join_unnamed};
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
@@ -140,14 +140,39 @@ impl OwnLogs<'_> {
         let set_up = set_up(configuration, files, &joined, || {
             explained_anew(configuration, &read)
         })?;
+        let counts = with_references(read.counts, &read.input, &joined);
         Ok(JoinedSession {
             sampling_plan: read.metadata.get("session.plan").cloned(),
             log_rejects: read.rejects,
-            counts: read.counts,
+            counts,
             set_up,
             ..with_commands(configuration, files, joined)?
         })
     }
+}
+
+/// The counts of a session's logs with those of the readings of references: read, used in looks, and left out.
+fn with_references(
+    mut counts: BTreeMap<String, u64>,
+    input: &JoinInput,
+    joined: &Joined,
+) -> BTreeMap<String, u64> {
+    if input.references.is_empty() {
+        return counts;
+    }
+    let read = input.references.iter();
+    let read: u64 = read.map(|own| own.readings.count() as u64).sum();
+    let rejects = joined.rejects.iter().filter(|own| own.is_of_reference);
+    let rejected: u64 = rejects.map(|own| own.readings).sum();
+    let numbers = [
+        ("messages", read),
+        ("kept", read.saturating_sub(rejected)),
+        ("rejected", rejected),
+    ];
+    for (name, number) in numbers {
+        counts.insert(format!("references.{name}"), number);
+    }
+    counts
 }
 
 /// The session of a result of ingest and join: commands and the check of the set-up follow from its stations.

@@ -20,10 +20,27 @@ pub(super) fn leave_out_flips(
     if !is_of_camera(settings) || !settings.noise.takes_orientations() {
         return;
     }
+    leave_out_beside(arm, training, &mut [], settings);
+    if !test.is_empty() {
+        leave_out_beside(arm, training, test, settings);
+    }
+}
+
+/// Takes flipped views out of the sessions that judge, or, without any, out of those that train: what trains does not depend on judges.
+fn leave_out_beside(
+    arm: &Arm,
+    training: &mut [JoinedSession],
+    test: &mut [JoinedSession],
+    settings: &StageSettings,
+) {
+    let first = if test.is_empty() { 0 } else { training.len() };
     let mut sessions: Vec<&mut JoinedSession> = training.iter_mut().chain(test).collect();
     let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
     let flipped = flips::check(arm, &seen, sessions.len(), &settings.fit, &settings.noise);
-    for own in &flipped {
+    for own in flipped
+        .iter()
+        .filter(|own| seen[own.place].session >= first)
+    {
         let Observation {
             session,
             station,

@@ -16,6 +16,7 @@ use crate::join::Station;
 use crate::kinematics::Arm;
 
 /// Sessions whose stations have at most one reading each.
+#[derive(Debug)]
 pub(super) struct Flanges {
     pub(super) training: Vec<JoinedSession>,
     pub(super) test: Vec<JoinedSession>,

@@ -50,9 +50,53 @@ pub(super) fn train_folds(
     folds
 }
 
+/// Whether each session of a pool is judged by a training on the others. A session left out has a mounting of its own, of which one target
+/// alone can be found.
+pub(super) fn leaves_sessions_out(models: &Models, settings: &StageSettings) -> bool {
+    let frames = &models.base_target.frames;
+    frames.len() > 1
+        && settings.leave_sessions_out
+        && !frames.iter().any(Frames::has_several_targets)
+}
+
+/// Every session of a pool judged by the models of all the others, its base and target refitted.
+pub(super) fn sessions_left_out(
+    arm: &Arm,
+    (observed, training): (&Observed, &[JoinedSession]),
+    settings: &TrainingSettings<'_>,
+    locate: Locate,
+    progress: &dyn Progress,
+) -> Result<Vec<ResidualSet>, FitError> {
+    let locate = Locate {
+        // Each session of a pool has a mounting of its own.
+        target: LocateTarget::Own,
+        ..locate
+    };
+    let others = training.len() - 1;
+    progress.begin("sessions left out", training.len() as u64);
+    let judge = |(place, session): (usize, &JoinedSession)| {
+        let train = observed.without_session(place);
+        let models = fit::models::train_all(arm, &train, others, settings)?;
+        let own = observed.own(place);
+        let stations = Stations {
+            session: &session.name,
+            observations: &own,
+        };
+        let locator = Locator::new(&models, arm, locate, settings);
+        let finders = locator.finders(&models, &own);
+        progress.advance(1);
+        Ok(unseen::unseen_session(
+            &models, stations, &locator, &finders,
+        )?)
+    };
+    let sessions = training.par_iter().enumerate();
+    let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
+    progress.end();
+    Ok(judged?.into_iter().flatten().collect())
+}
+
 /// Models and the stations that judge them.
 pub(super) struct Judged<'j> {
-    pub(super) arm: &'j Arm,
     pub(super) observed: &'j Observed,
     pub(super) models: &'j Models,
     pub(super) folds: &'j [Option<Models>],
@@ -65,18 +109,11 @@ impl Judged<'_> {
         &self,
         test: &[TestSession<'_>],
         locator: &Locator,
-        settings: &StageSettings,
-        train: &TrainingSettings<'_>,
-        progress: &dyn Progress,
+        sessions_left_out: Vec<ResidualSet>,
     ) -> Result<Vec<ResidualSet>, FitError> {
         let mut residuals = self.own_sessions();
         residuals.extend(self.blocks());
-        // A session left out has a mounting of its own, of which one target alone can be found.
-        let frames = &self.models.base_target.frames;
-        let several = frames.iter().any(Frames::has_several_targets);
-        if self.training.len() > 1 && settings.leave_sessions_out && !several {
-            residuals.extend(self.sessions_left_out(train, settings.locate, progress)?);
-        }
+        residuals.extend(sessions_left_out);
         residuals.extend(self.unseen_sessions(test, locator)?);
         Ok(residuals)
     }
@@ -128,41 +165,6 @@ impl Judged<'_> {
             }
         }
         sets
-    }
-
-    /// Every session of a pool judged by the models of all the others, its base and target refitted.
-    fn sessions_left_out(
-        &self,
-        settings: &TrainingSettings<'_>,
-        locate: Locate,
-        progress: &dyn Progress,
-    ) -> Result<Vec<ResidualSet>, FitError> {
-        let locate = Locate {
-            // Each session of a pool has a mounting of its own.
-            target: LocateTarget::Own,
-            ..locate
-        };
-        let others = self.training.len() - 1;
-        progress.begin("sessions left out", self.training.len() as u64);
-        let judge = |(place, session): (usize, &JoinedSession)| {
-            let train = self.observed.without_session(place);
-            let models = fit::models::train_all(self.arm, &train, others, settings)?;
-            let own = self.observed.own(place);
-            let stations = Stations {
-                session: &session.name,
-                observations: &own,
-            };
-            let locator = Locator::new(&models, self.arm, locate, settings);
-            let finders = locator.finders(&models, &own);
-            progress.advance(1);
-            Ok(unseen::unseen_session(
-                &models, stations, &locator, &finders,
-            )?)
-        };
-        let sessions = self.training.par_iter().enumerate();
-        let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
-        progress.end();
-        Ok(judged?.into_iter().flatten().collect())
     }
 
     /// Sessions that only judge.

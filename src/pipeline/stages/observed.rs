@@ -11,6 +11,7 @@ use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
 
 /// Observations of all training sessions, with the fold that holds each out.
+#[derive(Debug)]
 pub(super) struct Observed {
     pub(super) all: Vec<Observation>,
     pub(super) folds: Vec<usize>,

@@ -16,6 +16,21 @@ pub(super) fn leave_out(
     test: &mut [JoinedSession],
     settings: &StageSettings,
 ) -> Result<(), StageError> {
+    leave_out_beside(arm, training, &mut [], settings)?;
+    if test.is_empty() {
+        return Ok(());
+    }
+    leave_out_beside(arm, training, test, settings)
+}
+
+/// Takes them out of the sessions that judge, or, without any, out of those that train: what trains does not depend on judges.
+fn leave_out_beside(
+    arm: &Arm,
+    training: &mut [JoinedSession],
+    test: &mut [JoinedSession],
+    settings: &StageSettings,
+) -> Result<(), StageError> {
+    let first = if test.is_empty() { 0 } else { training.len() };
     let mut sessions: Vec<&mut JoinedSession> = training.iter_mut().chain(test).collect();
     if !sessions.iter().any(|session| has_several_targets(session)) {
         return Ok(());
@@ -38,7 +53,7 @@ pub(super) fn leave_out(
             against: against.to_string(),
         });
     }
-    for own in &stations {
+    for own in stations.iter().filter(|own| own.session >= first) {
         let left = Left {
             station: own.station,
             reason: reason(own, name),
@@ -91,6 +106,7 @@ pub(super) fn take_out(
             start: reading.first,
             end: reading.last,
             readings: samples,
+            is_of_reference: false,
             reason: own.reason.clone(),
         });
     }

@@ -184,6 +184,7 @@ fn anew(
 ) -> Option<Anew> {
     let (configuration, piece) = pipelines.iter().find_map(|path| {
         let overrides = Overrides {
+            robot: Some(key.robot.clone()),
             sessions: vec![key.session.clone()],
             ..Overrides::default()
         };

@@ -9,17 +9,19 @@ use super::cited::DRIVING;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
 use super::{Recomputed, Verified};
-use crate::io::lake::{Lake, LakeError, PAGES, temporary};
-use crate::io::table::Table;
+use crate::io::lake::{ESTIMATES, Lake, LakeError, PAGES, temporary};
 use crate::io::table::compare::{Comparison, compare};
+use crate::io::table::{Row as _, Table};
+use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
 use crate::progress::Progress;
 
 /// Columns of `runs` that are not compared as values: the machine and the replaced run may differ, what it is made of is named by version, inputs and settings were
 /// compared before, and the digests of files and of the row are compared by themselves.
-const ROW_ONLY: [&str; 13] = [
+const ROW_ONLY: [&str; 14] = [
     "made_of",
+    "estimate",
     "version",
     "platform",
     "cpu_features",
@@ -31,6 +33,16 @@ const ROW_ONLY: [&str; 13] = [
     "settings_digest",
     "table_digests",
     "replaced_row_digest",
+    "row_digest",
+];
+
+/// Columns of `estimates` that depend on version and machine, or on digests of what does.
+const OF_THE_MACHINE: [&str; 6] = [
+    "version",
+    "platform",
+    "cpu_features",
+    "session_runs",
+    "settings_digest",
     "row_digest",
 ];
 
@@ -154,6 +166,7 @@ impl Sides<'_> {
                 }),
             }
         }
+        others.extend(self.estimate(&row)?);
         others.extend(self.row(&row)?);
         Ok(Recomputed::Yes { same, others })
     }
@@ -226,6 +239,35 @@ impl Sides<'_> {
         } else {
             FileOutcome::Page
         }
+    }
+
+    /// The difference of the estimates that both started from; `None` where there is none, or the lake does not have it any more.
+    fn estimate(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
+        let key = &self.verified.claim.key;
+        let name = |row: &Table| {
+            RunRow::read(row)
+                .first()
+                .and_then(|row| row.estimate.clone())
+        };
+        let published = name(&self.lake.read_as_it_is("runs", key)?.table);
+        let (Some(published), Some(computed)) = (published, name(computed)) else {
+            return Ok(None);
+        };
+        let published = RunKey::new(&key.robot, &key.session, &published);
+        let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
+        if !self.lake.has(ESTIMATES, &published)? {
+            return Ok(None);
+        }
+        let own = self.lake.read_as_it_is(ESTIMATES, &published)?.table;
+        let other = self.computed.read(ESTIMATES, &computed)?;
+        let comparison = self.values(&own, &other, &OF_THE_MACHINE);
+        Ok(
+            (comparison.same_values() != Some(0.0)).then(|| ComparedFile {
+                name: format!("{ESTIMATES}/{}", key.session),
+                computed: None,
+                outcome: FileOutcome::Values(comparison),
+            }),
+        )
     }
 
     /// The difference of the rows of `runs`, in the columns that have to agree.

@@ -132,7 +132,7 @@ fn unread(past: &[PastRun], lake: &Lake) -> Vec<String> {
 fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError> {
     let mut named: BTreeMap<String, PathBuf> = BTreeMap::new();
     for path in paths {
-        files::read(path)?;
+        files::Source::read(path)?.sound()?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         if let Some(first) = named.insert(name.into_owned(), path.clone())
             && first != *path

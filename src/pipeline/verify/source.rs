@@ -47,7 +47,8 @@ impl Source {
         lake: &Path,
     ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.sessions.is_empty() {
-            let planning = Planning::reload(pipeline, Some(lake), known_arm);
+            let planning =
+                Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
             let planning = planning.map_err(|error| match error {
                 PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
                 error => other(error),
@@ -55,10 +56,12 @@ impl Source {
             return Ok(Self::Planning(Box::new(planning)));
         }
         let overrides = Overrides {
+            robot: Some(claim.key.robot.clone()),
             sessions: claim.sessions.clone(),
             test: claim.test_sessions.clone(),
             lake: Some(lake.to_owned()),
             from_joined: false,
+            from_estimates: false,
         };
         let configuration =
             Configuration::load(pipeline, &overrides).map_err(|error| match error {

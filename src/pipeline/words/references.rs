@@ -127,13 +127,13 @@ fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
     }
 }
 
-/// A look by its station or line, with its time where the table has times.
+/// A look by its station, line or number, with its time where there are times.
 fn moment(course: &ReferenceCourse, look: usize) -> String {
     let at = &course.looks[look];
-    let place = at.station.map_or_else(
-        || format!("line {}", at.line),
-        |station| format!("station {station} (line {})", at.line),
-    );
+    let place = match at.station.filter(|_| !course.is_logged) {
+        Some(station) => format!("station {station} (line {})", at.line),
+        None => course.place_of(look),
+    };
     if !course.is_timed {
         return place;
     }

@@ -281,3 +281,24 @@ fn inspect_takes_positions_that_stand_still_for_references() {
         ],
     );
 }
+
+/// A table of a 6-DoF target that `posegrid simulate` wrote has its orientations, as the log has.
+#[test]
+fn a_simulated_table_has_the_orientations_of_its_target() {
+    let made = cell().with_simulated("mon", &["--random-joints", "30", "--table", "--six-dof"]);
+    let text = std::fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
+    let head = text
+        .lines()
+        .skip(1)
+        .map_while(|line| line.strip_prefix("# "));
+    let section: Vec<&str> = head.collect();
+    let cell = made
+        .with(STATIONS, &format!("{}\n", section.join("\n")))
+        .with("stations = \"measured.csv\"", "stations = \"stations.csv\"");
+    let ended = cell.run(&[]);
+    assert!([0, 3].contains(&ended.code), "{}", ended.messages);
+    let stations = cell.table("stations", "mon");
+    let (component, scatter) = (stations.f64("qw"), stations.f64("scatter_orientation_rad"));
+    assert_eq!((stations.rows(), component.null_count()), (30, 0));
+    assert!((0..30).all(|row| (1e-6..1e-3).contains(&scatter.value(row))));
+}

@@ -6,6 +6,7 @@ use crate::report::verdict::Applied;
 
 fn done(verdict: Verdict) -> Box<Done> {
     Box::new(Done {
+        robot: "r".to_owned(),
         session: "a".to_owned(),
         run: "00ff".to_owned(),
         already_there: false,
@@ -118,7 +119,7 @@ fn totals_count_every_session_once() {
     let totals = Totals::of(&endings, &[waits(0), bad()]);
     // Of seven: two new and one done before, of which two do not meet; two failed, one waits, one was stopped.
     assert_eq!(
-        totals.words(Extent::Whole, 0.5),
+        totals.words(Extent::Whole, Some(0.5)),
         "1 of 6 within 0.5 mm, 2 without a result: 2 done, 1 done before, 2 not met, 2 failed, 1 waiting, 1 stopped\n"
     );
 }
@@ -128,12 +129,12 @@ fn a_paragraph_is_short_and_has_nothing_that_a_terminal_acts_on() {
     let short = "a: 100 stations, 99 measured, 1 not\n  warning: the log is damaged\n  tolerance 0.5 mm: bad\\u{1b}name\n  \
                  now: measure more; to correct targets all the same: posegrid compensate 'lake/compensation/r/a b/00ff.parquet' targets.csv \
                  --out corrected.csv --allow not-shown\n  page: lake/report/r/a/00ff.html\n";
-    assert_eq!(paragraph(&not_shown(), false), format!("{short}\n"));
+    assert_eq!(paragraph("a", &not_shown(), false), format!("{short}\n"));
     assert_eq!(
-        paragraph(&not_shown(), true),
+        paragraph("a", &not_shown(), true),
         format!("{short}  run: 00ff\n  step 100 mm\n  tables: lake\n\n")
     );
-    assert_eq!(paragraph(&before(), true), "");
+    assert_eq!(paragraph("a", &before(), true), "");
 }
 
 #[test]

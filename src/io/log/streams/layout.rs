@@ -1,6 +1,6 @@
 //! The fields of a message that a stream is made from: those of the common types, or those that the pipeline file names.
 
-use super::Stream;
+use super::{Stream, Wanted};
 use crate::ingest::{
     AngleFields, JointFields, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
 };
@@ -363,13 +363,15 @@ impl Recipe {
     /// The recipe for a stream from messages of the type `name`; `None` where neither the type nor the pipeline file gives
     /// one.
     pub(super) fn resolve(
-        stream: Stream,
-        time: TimeSource,
+        wanted: &Wanted,
         mapping: &Mapping,
         name: &str,
         schema: &MessageSchema,
     ) -> Result<Option<Self>, SchemaError> {
-        let said = Statements::of(stream, mapping);
+        let (stream, time) = (wanted.stream, wanted.time);
+        let is_named = mapping.tracker.names_on(&wanted.topic);
+        let mut said = Statements::of(stream, mapping);
+        said.target = said.target.filter(|_| is_named);
         let common = common(name).filter(|common| common.layout.suits(stream));
         let (meaning, fields, target) = match (&said.named, common) {
             (Some((meaning, fields)), _) => (*meaning, fields.clone(), said.target),
@@ -383,8 +385,7 @@ impl Recipe {
             }
             (None, None) => return Ok(None),
         };
-        let mut targets = mapping.tracker.targets.iter();
-        if matches!(meaning, Meaning::Poses { .. }) && targets.all(|own| own.is.is_none()) {
+        if matches!(meaning, Meaning::Poses { .. }) && !is_named {
             // Nothing says which of the poses is the target's.
             return Ok(None);
         }

@@ -93,6 +93,7 @@ pub(super) fn context() -> PublishContext<'static> {
             ..Conditions::default()
         },
         made_of: vec![RunKey::new("kr210", SESSION, "0123456789abcdef")],
+        estimate: "fedcba9876543210".to_owned(),
         replaces: None,
     }
 }
@@ -142,6 +143,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 start: Stamp::from_ns(5),
                 end: Stamp::from_ns(9),
                 readings: 4,
+                is_of_reference: false,
                 reason: "moving: the target was not stationary".to_owned(),
             }],
             row_rejects: vec![RowReject {
@@ -206,6 +208,7 @@ fn references() -> ReferenceCourse {
         looks: (0..4).map(at).collect(),
         is_taken_out: true,
         is_timed: false,
+        is_logged: false,
     }
 }
 

@@ -72,28 +72,6 @@ impl<'a> Found<'a> {
         Ok(found)
     }
 
-    /// The session of a name.
-    pub fn named(&self, name: &str) -> Session {
-        let found = self.sessions.iter().find(|session| session.name == name);
-        found.cloned().unwrap_or_else(|| Session {
-            name: name.to_owned(),
-            recorded: Err(Why::Bad(self.not_there(name))),
-            corrected: None,
-        })
-    }
-
-    fn not_there(&self, name: &str) -> String {
-        let left = self.left_out.iter().find(|left| left.name == name);
-        match (left, self.input.sessions_by) {
-            (Some(left), _) => left.reason.clone(),
-            (None, SessionsBy::Folder) if name.contains('/') => {
-                "a session is named by its folder's name, not by a path".to_owned()
-            }
-            (None, SessionsBy::Folder) => "there is no such folder".to_owned(),
-            (None, _) => "no file names it".to_owned(),
-        }
-    }
-
     fn by_folder(&mut self) -> io::Result<()> {
         let (tree, input) = (self.tree, self.input);
         for path in tree.entries(self.folder)? {

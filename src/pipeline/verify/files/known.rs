@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::super::selection::Selected;
-use crate::io::lake::{JOINED, Lake, LakeError, LakeFile, Stands};
+use crate::io::lake::{ESTIMATES, JOINED, Lake, LakeError, LakeFile, Stands};
 use crate::io::table::Row as _;
 use crate::io::tables::readings::ReadingRow;
 
@@ -59,6 +59,13 @@ impl Known {
                 known.keys.insert(lake.file_key(table, &key)?);
             }
         }
+        for (place, row) in lake.estimates()? {
+            if let Some(key) = row.ok().and_then(|row| row.table.key().cloned())
+                && lake.place(ESTIMATES, &key)? == place
+            {
+                known.keys.insert(lake.file_key(ESTIMATES, &key)?);
+            }
+        }
         for key in &selected.unread {
             known.unread.extend(of_row(key));
             known.unread_rows.insert(key.clone());
@@ -74,7 +81,9 @@ impl Known {
             Stands::Temporary => Judged::Temporary,
             Stands::Foreign => Judged::Foreign,
             Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
-            Stands::OfRun { table, .. } if ["runs", JOINED].contains(&table.as_str()) => {
+            Stands::OfRun { table, .. }
+                if ["runs", JOINED, ESTIMATES].contains(&table.as_str()) =>
+            {
                 Judged::Foreign
             }
             Stands::OfRun { robot, run, .. } => {
@@ -103,7 +112,12 @@ fn of_row(key: &str) -> Option<(String, String)> {
 
 /// Robots and runs, or sessions as joined, that have rows now.
 pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
-    let files = [lake.files("runs")?, lake.files(JOINED)?].concat();
+    let files = [
+        lake.files("runs")?,
+        lake.files(JOINED)?,
+        lake.files(ESTIMATES)?,
+    ]
+    .concat();
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 

@@ -1,0 +1,193 @@
+//! `posegrid tasks` and `posegrid task`: the work of a pipeline file as independent jobs, for engines that share them out.
+//!
+//! `tasks` lists what is not known as done, a line of JSON each; no log is opened. `task` does one, on any machine that reaches the
+//! sessions and the lake, and tells how it ended as a line of JSON. Neither takes the lake's lock.
+
+use std::io::{BufRead as _, stdin};
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::messages::{self, Printable};
+use super::progress::Bars;
+use super::streams::Undelivered;
+use super::{BAD_USAGE, DONE, NO_RESULT};
+use crate::io::lake::Lake;
+use crate::pipeline::configuration::{ConfigurationError, Overrides, Why};
+use crate::pipeline::fleet::Fleet;
+use crate::pipeline::run::Known;
+use crate::pipeline::tasks::{self, Ended, How, Task};
+
+/// The machine or the storage failed, and the same may work later: the code that mailers give such a failure.
+pub const FAULT: u8 = 75;
+
+/// List the work that is to be done, as independent tasks.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Examples:
+  posegrid tasks fleet.toml
+  posegrid tasks fleet.toml --robot kr210-07 | head -1 | posegrid task fleet.toml
+
+A line of JSON for each task: its id, robot and session, the sessions that it learns from and is judged on, the size of their files,
+and the time and memory that it may take. The id follows from names, sizes and tags or times of the files, from the settings and from
+this version: no log is opened. Work that is known as done is not listed; sessions that wait or cannot be used are told on stderr.
+
+Exit codes: 0 listed; 1 the sessions or the lake cannot be read; 2 bad usage or bad pipeline file.")]
+pub struct TasksArgs {
+    /// The pipeline file
+    pub pipeline: PathBuf,
+    /// List the tasks of this robot alone; may be given several times
+    #[arg(long, value_name = "NAME")]
+    pub robot: Vec<String>,
+    /// The place of the published tables, instead of the pipeline file's
+    #[arg(long, value_name = "DIR")]
+    pub lake: Option<PathBuf>,
+}
+
+/// Do one task.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Examples:
+  posegrid task fleet.toml --id 5e2c… --robot kr210-07
+  posegrid tasks fleet.toml | xargs -d '\\n' -P 4 -I{} sh -c 'echo \"$1\" | posegrid task fleet.toml' _ {}
+
+The task is named by --id, or comes as a line of `posegrid tasks` on standard input. How it ended is a line of JSON on stdout: done,
+done-before, failed or fault, with run, verdict and reason. A task may be done twice, at once, or again after it was killed: the run is
+there once, with the same bytes.
+
+Exit codes: 0 there is a result, whatever its verdict; 1 there is none, and doing it again gives none; 2 bad usage or bad pipeline file;
+75 the machine or the storage failed: do it again.")]
+pub struct TaskArgs {
+    /// The pipeline file
+    pub pipeline: PathBuf,
+    /// The task's id; without it a line of `posegrid tasks` is read from standard input
+    #[arg(long, value_name = "ID")]
+    pub id: Option<String>,
+    /// Its robot: the sessions of others are not looked for
+    #[arg(long, value_name = "NAME", requires = "id")]
+    pub robot: Option<String>,
+    /// The place of the published tables, instead of the pipeline file's
+    #[arg(long, value_name = "DIR")]
+    pub lake: Option<PathBuf>,
+}
+
+/// Lists the tasks; gives the exit code.
+pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
+    let overrides = Overrides {
+        lake: args.lake.clone(),
+        ..Overrides::default()
+    };
+    let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
+        Ok(fleet) => fleet,
+        Err(error) => return unusable(&error, NO_RESULT),
+    };
+    let known = match known(&fleet) {
+        Ok(known) => known,
+        Err(code) => return code,
+    };
+    for aside in &fleet.set_aside {
+        let how = match aside.why {
+            Why::Waits(_) => "waits",
+            Why::Bad(_) => "failed",
+        };
+        let reason = aside.why.reason();
+        tracing::warn!("{how} {}: {}", Printable(&aside.session), Printable(reason));
+    }
+    let (open, unsettled) = tasks::open(&fleet, &known);
+    for label in unsettled {
+        tracing::warn!("waits {}: its files changed just now", Printable(&label));
+    }
+    let line = |task: &Task| serde_json::to_string(task).map(|line| line + "\n");
+    match open.iter().map(line).collect::<Result<String, _>>() {
+        Ok(lines) => {
+            let written = messages::deliver(lines.as_bytes(), bars);
+            written.map_or_else(Undelivered::exit_code, |()| DONE)
+        }
+        Err(error) => {
+            tracing::error!("{error}");
+            NO_RESULT
+        }
+    }
+}
+
+/// Does a task; gives the exit code.
+pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
+    let (id, robot) = match named(args) {
+        Ok(named) => named,
+        Err(reason) => {
+            tracing::error!("{}", Printable(&reason));
+            return BAD_USAGE;
+        }
+    };
+    let overrides = Overrides {
+        lake: args.lake.clone(),
+        ..Overrides::default()
+    };
+    let robots: Vec<String> = robot.into_iter().collect();
+    let fleet = match Fleet::load(&args.pipeline, &robots, &overrides) {
+        Ok(fleet) => fleet,
+        Err(error) => return unusable(&error, FAULT),
+    };
+    let Ok(known) = known(&fleet) else {
+        return FAULT;
+    };
+    let ended = tasks::work(&fleet, &known, &id, &bars.of("task"));
+    if let (How::Failed | How::Fault, Some(reason)) = (ended.ended, &ended.reason) {
+        tracing::error!("{}", Printable(reason));
+    }
+    told(&ended, bars)
+}
+
+/// Writes how a task ended; gives the exit code.
+fn told(ended: &Ended, bars: &Bars) -> u8 {
+    let code = match ended.ended {
+        How::Done | How::DoneBefore => DONE,
+        How::Failed => NO_RESULT,
+        How::Fault => FAULT,
+    };
+    let line = match serde_json::to_string(ended) {
+        Ok(line) => line + "\n",
+        Err(error) => {
+            tracing::error!("{error}");
+            return FAULT;
+        }
+    };
+    messages::result(line, bars).map_or(FAULT, |()| code)
+}
+
+/// Id and robot of the task that is asked for.
+fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
+    if let Some(id) = &args.id {
+        return Ok((id.clone(), args.robot.clone()));
+    }
+    let mut line = String::new();
+    stdin()
+        .lock()
+        .read_line(&mut line)
+        .map_err(|error| format!("standard input: {error}"))?;
+    let task: Result<Task, _> = serde_json::from_str(&line);
+    let task = task.map_err(|error| {
+        format!(
+            "standard input has no task, a line of `posegrid tasks`: {error}; or name one by --id"
+        )
+    })?;
+    Ok((task.id, task.robot))
+}
+
+fn known(fleet: &Fleet) -> Result<Known, u8> {
+    let lake = Lake::at(&fleet.lake);
+    lake.and_then(Known::read).map_err(|error| {
+        tracing::error!("{}", Printable(&error.to_string()));
+        NO_RESULT
+    })
+}
+
+/// The exit code of a pipeline file that makes no fleet, `later` where the same may work later.
+fn unusable(error: &ConfigurationError, later: u8) -> u8 {
+    tracing::error!("{}", Printable(&error.to_string()));
+    if error.is_worth_a_retry() {
+        later
+    } else {
+        BAD_USAGE
+    }
+}

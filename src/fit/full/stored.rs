@@ -1,0 +1,206 @@
+//! The full error model as its training leaves it, and back, equal to the last bit on the same processor features.
+//!
+//! [`super::saved`] is for whoever predicts with a model years later and has nothing else. Here is what follows from the training alone:
+//! columns, sizes, weights and coefficients, some hundred kilobytes. The factor of the covariance, some megabytes a model, follows from them
+//! and the observations by one more sum of rows, a small part of a training's work, so it is not stored; the coefficients prove that it is
+//! that of the training. Leave-one-out residuals are not stored either: nothing after the training reads them.
+
+use nalgebra::{DVector, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::approach::ApproachOffsets;
+use super::layout::Layout;
+use super::noise::Repeatability;
+use super::regression::Posterior;
+use super::rows::{prior_mean, rows, stations, sums};
+use super::saved::SavedPart;
+use super::settings::FullSettings;
+use super::student::Tails;
+use super::train::State;
+use super::{FullModel, Ready};
+use crate::fit::frames::Frames;
+use crate::fit::observation::Observation;
+use crate::fit::problem::{Freedom, Prior, Problem};
+use crate::fit::saved::{SavedError, same_length};
+use crate::fit::scale::ScaleEvidence;
+use crate::kinematics::{Arm, Motion, Parameter};
+
+/// A trained full error model, without what follows from its arm and prior.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredFull {
+    up: Option<Vector3<f64>>,
+    /// The frames that the unknowns of each session are relative to.
+    starts: Vec<Frames>,
+    /// Whether the target's orientation is among the unknowns.
+    turned: bool,
+    layout: Layout,
+    offsets: DVector<f64>,
+    rows_at: DVector<f64>,
+    drift_variance: f64,
+    warm_up_variance: f64,
+    middles: Vec<Point3<f64>>,
+    scale_sd: f64,
+    scale_evidence: Option<ScaleEvidence>,
+    approach: Option<ApproachOffsets>,
+    tails: Tails,
+    mean: DVector<f64>,
+    scale: DVector<f64>,
+    whitened: DVector<f64>,
+    span: f64,
+    repeatability: Repeatability,
+    weights: Vec<f64>,
+    parts: Vec<SavedPart>,
+}
+
+impl FullModel {
+    /// The model in the form that is stored for later stages.
+    pub fn stored(&self) -> StoredFull {
+        let turns = |unknown: &crate::fit::Unknown| {
+            matches!(unknown.parameter, Parameter::Target(Motion::Rotation(_)))
+        };
+        StoredFull {
+            up: self.up,
+            starts: self.problem.starts().to_vec(),
+            turned: self.problem.unknowns().iter().any(turns),
+            layout: self.layout.clone(),
+            offsets: self.offsets.clone(),
+            rows_at: self.rows_at.clone(),
+            drift_variance: self.drift_variance,
+            warm_up_variance: self.warm_up_variance,
+            middles: self.middles.clone(),
+            scale_sd: self.scale_sd,
+            scale_evidence: self.scale_evidence.clone(),
+            approach: self.approach.clone(),
+            tails: self.tails,
+            mean: self.mean.clone(),
+            scale: self.posterior.scale.clone(),
+            whitened: self.posterior.whitened.clone(),
+            span: self.span,
+            repeatability: self.repeatability.clone(),
+            weights: self.weights.clone(),
+            parts: self.parts.iter().map(SavedPart::of).collect(),
+        }
+    }
+}
+
+/// Largest difference of a whitened coefficient that other processor features explain.
+const SAME: f64 = 1e-6;
+
+impl StoredFull {
+    /// The model of `arm` that was trained on `observations` with this prior and these settings; an error where the parts do not fit each
+    /// other, or are not of these observations.
+    pub fn model(
+        self,
+        arm: &Arm,
+        observations: &[Observation],
+        prior: &Prior,
+        settings: &FullSettings,
+    ) -> Result<FullModel, SavedError> {
+        let (trained, problem) = (
+            self.problem(arm, observations, prior),
+            self.problem(arm, &[], prior),
+        );
+        self.check_lengths(&trained)?;
+        let posterior = self.posterior(&trained, settings)?;
+        let parts = self.parts.iter().map(SavedPart::evidence);
+        Ok(FullModel {
+            ready: Ready::of(&problem, &self.offsets, &self.layout, &self.mean),
+            frames: problem.frames(&self.offsets),
+            parts: parts.collect::<Result<_, _>>()?,
+            problem,
+            up: self.up,
+            layout: self.layout,
+            offsets: self.offsets,
+            rows_at: self.rows_at,
+            drift_variance: self.drift_variance,
+            warm_up_variance: self.warm_up_variance,
+            middles: self.middles,
+            scale_sd: self.scale_sd,
+            scale_evidence: self.scale_evidence,
+            approach: self.approach,
+            tails: self.tails,
+            mean: self.mean,
+            posterior,
+            span: self.span,
+            repeatability: self.repeatability,
+            weights: self.weights,
+            left_out: Vec::new(),
+        })
+    }
+
+    fn problem<'o>(
+        &self,
+        arm: &Arm,
+        observations: &'o [Observation],
+        prior: &Prior,
+    ) -> Problem<'o> {
+        let (chain, geometry) = (arm.chain(), Freedom::Geometry);
+        Problem::with_target_turn(
+            observations,
+            chain,
+            &self.starts,
+            geometry,
+            prior,
+            self.turned,
+        )
+    }
+
+    /// An error where a list has not the length that the others need.
+    fn check_lengths(&self, problem: &Problem<'_>) -> Result<(), SavedError> {
+        let (unknowns, columns) = (problem.unknowns().len(), self.layout.size());
+        let (observations, sessions) = (problem.observations().len(), self.starts.len());
+        for (what, expected, found) in [
+            ("offsets", unknowns, self.offsets.len()),
+            ("offsets of the rows", unknowns, self.rows_at.len()),
+            ("means", columns, self.mean.len()),
+            ("prior deviations", columns, self.scale.len()),
+            ("whitened means", columns, self.whitened.len()),
+            ("weights", observations, self.weights.len()),
+            ("middles", sessions, self.middles.len()),
+        ] {
+            same_length(what, expected, found)?;
+        }
+        Ok(())
+    }
+
+    /// The posterior of the training's last round, summed again.
+    fn posterior(
+        &self,
+        problem: &Problem<'_>,
+        settings: &FullSettings,
+    ) -> Result<Posterior, SavedError> {
+        let at = self.rows_at.clone();
+        let state = State {
+            layout: self.layout.clone(),
+            repeatability: self.repeatability.clone(),
+            tails: self.tails,
+            weights: of_stations(problem.observations(), &self.weights),
+            span: self.span,
+            middles: self.middles.clone(),
+            ..State::new(problem, at, settings, self.up.is_some())
+        };
+        let rows = rows(problem, &state, self.up);
+        let (sums, _) = sums(problem, &state, &rows, &prior_mean(problem, &state));
+        let posterior = sums
+            .posterior_at(self.scale.clone())
+            .ok_or(SavedError::Factor {
+                problem: "is not positive",
+            })?;
+        let away = (&posterior.whitened - &self.whitened).amax();
+        // Written so that a number that is none is refused too.
+        if away <= SAME {
+            Ok(posterior)
+        } else {
+            Err(SavedError::Factor {
+                problem: "does not give the stored coefficients: the stations are not those that trained",
+            })
+        }
+    }
+}
+
+/// The weight of each station, which its readings share.
+fn of_stations(observations: &[Observation], weights: &[f64]) -> Vec<f64> {
+    let stations = stations(observations).into_iter();
+    stations.map(|readings| weights[readings.start]).collect()
+}

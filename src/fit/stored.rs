@@ -1,0 +1,49 @@
+//! The models of one training as the stage that trained them leaves them, and back, equal to the last bit on the same processor features.
+
+use serde::{Deserialize, Serialize};
+
+use super::full::stored::StoredFull;
+use super::models::{Models, TrainingSettings, full_prior, with_models_on_top};
+use super::saved::SavedError;
+use super::{Calibration, Observation};
+use crate::kinematics::Arm;
+
+/// The models of one training, for later stages to start from.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoredModels {
+    base_target: Calibration,
+    geometric: Calibration,
+    full: Option<StoredFull>,
+}
+
+impl StoredModels {
+    /// The form of `models` that is stored; those built on top are made anew from the others.
+    pub fn of(models: &Models) -> Self {
+        Self {
+            base_target: models.base_target.clone(),
+            geometric: models.geometric.clone(),
+            full: models.full.as_ref().map(super::full::FullModel::stored),
+        }
+    }
+
+    /// The models; arm, observations and settings are those of their training.
+    pub fn models(
+        self,
+        arm: &Arm,
+        observations: &[Observation],
+        settings: &TrainingSettings<'_>,
+    ) -> Result<Models, SavedError> {
+        let prior = full_prior(&self.geometric, settings);
+        let full = self
+            .full
+            .map(|full| full.model(arm, observations, &prior, settings.full));
+        let models = Models {
+            base_target: self.base_target,
+            geometric: self.geometric,
+            full: full.transpose()?,
+            on_top: Vec::new(),
+        };
+        Ok(with_models_on_top(models, arm, observations))
+    }
+}

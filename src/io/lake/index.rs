@@ -1,0 +1,83 @@
+//! The lake's index of finished work: what a batch told of each run, by the state of the files that it was made from.
+//!
+//! `.index/runs.jsonl`, and beside it a file for each task that was done alone, is no part of the tables: nothing published follows from it, and a lake without it is whole. It may be removed,
+//! and is then made again as sessions are digested once more.
+
+use std::collections::BTreeSet;
+use std::io::{Read as _, Write as _};
+
+use super::error::folder_error;
+use super::{Lake, LakeError, RUNS};
+
+/// The folder of the index, and its file.
+pub(super) const FOLDER: &str = ".index";
+const KEY: &str = ".index/runs.jsonl";
+/// The folder in it with a file for each task that was done alone.
+pub(super) const ALONE: &str = ".index/alone";
+
+impl Lake {
+    /// The text of the index; empty where there is none that can be read.
+    pub fn index(&self) -> String {
+        let mut text = String::new();
+        let read = |text: &mut String| {
+            self.store.exists(KEY).ok().filter(|is_there| *is_there)?;
+            self.store.open(KEY).ok()?.read_to_string(text).ok()
+        };
+        match read(&mut text) {
+            Some(_) => text,
+            None => String::new(),
+        }
+    }
+
+    /// Replaces the index, completely or not at all.
+    pub fn put_index(&self, text: &str) -> Result<(), LakeError> {
+        self.put_whole(KEY, text)
+    }
+
+    /// The states that the files of single tasks are named after.
+    pub fn index_alone(&self) -> Result<BTreeSet<String>, LakeError> {
+        let listed = self.store.list(ALONE, 0..=0)?.into_iter();
+        let state = |key: &str| {
+            let name = key.rsplit('/').next()?;
+            Some(name.strip_suffix(".json")?.to_owned())
+        };
+        Ok(listed.filter_map(|own| state(&own.key)).collect())
+    }
+
+    /// The file of a single task; `None` where it cannot be read.
+    pub fn told_alone(&self, state: &str) -> Option<String> {
+        let mut text = String::new();
+        let mut file = self.store.open(&alone(state)?).ok()?;
+        file.read_to_string(&mut text).ok()?;
+        Some(text)
+    }
+
+    /// Writes the file of a single task, completely or not at all.
+    pub fn put_alone(&self, state: &str, text: &str) -> Result<(), LakeError> {
+        let Some(key) = alone(state) else {
+            return Ok(());
+        };
+        self.put_whole(&key, text)
+    }
+
+    fn put_whole(&self, key: &str, text: &str) -> Result<(), LakeError> {
+        let mut temporary = self.store.temporary(key)?;
+        let written = temporary.write_all(text.as_bytes());
+        let written = written.and_then(|()| temporary.sync());
+        written.map_err(folder_error("write", &self.written_at(key)))?;
+        self.store.put(key, temporary)?;
+        Ok(())
+    }
+
+    /// The keys of the rows of all runs, as [`Lake::file_key`] has them.
+    pub fn run_keys(&self) -> Result<BTreeSet<String>, LakeError> {
+        let listed = self.store.list(RUNS, 2..=2)?.into_iter();
+        Ok(listed.map(|listed| listed.key).collect())
+    }
+}
+
+/// The key of the file of a single task; `None` of a text that is no state, which has hexadecimal digits only.
+fn alone(state: &str) -> Option<String> {
+    let is_state = !state.is_empty() && state.bytes().all(|byte| byte.is_ascii_hexdigit());
+    is_state.then(|| format!("{ALONE}/{state}.json"))
+}

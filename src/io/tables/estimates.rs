@@ -1,0 +1,145 @@
+//! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist.
+
+use thiserror::Error;
+
+use super::PublishError;
+use super::runs::row_digest;
+use crate::fit::stored::StoredModels;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::{Row as _, Table, row};
+use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, cpu_features, platform};
+use crate::report::ResidualSet;
+
+row! {
+    /// An estimate.
+    pub struct EstimateRow of "estimates" {
+        /// Version that computed it.
+        version: String,
+        /// Processor architecture and operating system.
+        platform: String,
+        /// Processor features that determine the arithmetic.
+        cpu_features: Vec<String>,
+        /// The sessions that train.
+        session_names: Vec<String>,
+        /// Their results as joined, in that order.
+        session_runs: Vec<String>,
+        /// BLAKE3 digest of the robot file, hexadecimal.
+        robot_digest: String,
+        /// The settings that training reads, as JSON.
+        settings: String,
+        /// The digest of `settings`.
+        settings_digest: String,
+        /// The models on all stations, as JSON.
+        models: String,
+        /// The models of each fold, as JSON.
+        fold_models: Vec<String>,
+        /// Residuals of the sessions left out, as JSON.
+        left_out: String,
+        /// The digest of this row; `None` only while it is made.
+        row_digest: Option<String>,
+    }
+}
+
+/// What was trained, for later runs to start from.
+#[derive(Debug, Clone)]
+pub struct StoredTrainings {
+    /// The models trained on all readings.
+    pub models: StoredModels,
+    /// The models of each fold; `None` of a fold that holds no station out.
+    pub folds: Vec<Option<StoredModels>>,
+    /// Each session of a pool, judged by the models of all others.
+    pub sessions_left_out: Vec<ResidualSet>,
+}
+
+/// The reason why an estimate cannot be read back.
+#[derive(Debug, Error)]
+pub enum NoEstimate {
+    /// Its table cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// Its row is of a build with other fields.
+    #[error("its models cannot be read: {0}; were they written by another build of this version?")]
+    Json(#[from] serde_json::Error),
+    /// It does not have one row.
+    #[error("its table estimates has {0} rows; an estimate has one")]
+    Rows(usize),
+}
+
+/// The work of an estimate, of which its name follows: the robot file and the sessions as joined that train are its inputs.
+pub fn work(robot: &str, session: &str, inputs: Vec<Input>, settings: String) -> Work {
+    let sessions = inputs.iter().filter(|input| input.name != ROBOT);
+    Work {
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+        pipeline: String::new(),
+        sessions: sessions.map(|input| input.name.clone()).collect(),
+        test_sessions: Vec::new(),
+        inputs,
+        settings,
+    }
+}
+
+/// The inputs of an estimate: a robot file by its digest, sessions by the names of their results.
+pub fn inputs<'s>(
+    robot_digest: &str,
+    sessions: impl IntoIterator<Item = (&'s String, &'s String)>,
+) -> Vec<Input> {
+    let input = |name: &str, digest: &str| Input {
+        name: name.to_owned(),
+        bytes: 0,
+        digest: digest.to_owned(),
+    };
+    let sessions = sessions.into_iter();
+    let sessions = sessions.map(|(name, run)| input(name, run));
+    std::iter::once(input(ROBOT, robot_digest))
+        .chain(sessions)
+        .collect()
+}
+
+/// The table `estimates` of what this work trained.
+pub fn table(trained: &StoredTrainings, work: &Work) -> Result<Table, PublishError> {
+    let row = row(trained, work)?;
+    let table = |row: EstimateRow| Ok(EstimateRow::table(vec![row], &work.key())?.table);
+    let unsigned: Result<Table, PublishError> = table(row.clone());
+    table(EstimateRow {
+        row_digest: Some(row_digest(&unsigned?)),
+        ..row
+    })
+}
+
+/// The row without its digest.
+fn row(trained: &StoredTrainings, work: &Work) -> Result<EstimateRow, PublishError> {
+    let (robots, sessions): (Vec<&Input>, Vec<&Input>) =
+        work.inputs.iter().partition(|input| input.name == ROBOT);
+    let folds = trained.folds.iter().map(serde_json::to_string);
+    Ok(EstimateRow {
+        version: VERSION.to_owned(),
+        platform: platform(),
+        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        session_names: sessions.iter().map(|input| input.name.clone()).collect(),
+        session_runs: sessions.iter().map(|input| input.digest.clone()).collect(),
+        robot_digest: robots
+            .first()
+            .map_or_else(String::new, |robot| robot.digest.clone()),
+        settings: work.settings.clone(),
+        settings_digest: work.settings_digest(),
+        models: serde_json::to_string(&trained.models)?,
+        fold_models: folds.collect::<Result<_, _>>()?,
+        left_out: serde_json::to_string(&trained.sessions_left_out)?,
+        row_digest: None,
+    })
+}
+
+/// Reads what an estimate trained back from a lake.
+pub fn restored(lake: &Lake, key: &RunKey) -> Result<StoredTrainings, NoEstimate> {
+    let rows = EstimateRow::read(&lake.read(EstimateRow::TABLE, key)?);
+    let [row] = &rows[..] else {
+        return Err(NoEstimate::Rows(rows.len()));
+    };
+    let folds = row.fold_models.iter().map(|own| serde_json::from_str(own));
+    Ok(StoredTrainings {
+        models: serde_json::from_str(&row.models)?,
+        folds: folds.collect::<Result<_, _>>()?,
+        sessions_left_out: serde_json::from_str(&row.left_out)?,
+    })
+}

@@ -1,0 +1,121 @@
+//! The estimate of a piece of work as work of its own: what is trained is taken from the lake, or trained and published for later runs.
+//!
+//! Its name follows from the sessions as joined that train, the robot file, the settings that training reads
+//! ([`estimate_settings`](crate::pipeline::keys::estimate_settings)) and the version. Runs that differ in steps, tolerance, figures or in
+//! the sessions that only judge start from the same estimate.
+
+use super::joined::Sessions;
+use super::{EstimateDone, RunError};
+use crate::io::lake::{ESTIMATES, Lake};
+use crate::io::tables::PublishError;
+use crate::io::tables::estimates::{self, NoEstimate};
+use crate::manifest::{ROBOT, RunKey, Work};
+use crate::pipeline::configuration::Configuration;
+use crate::pipeline::stages::{self, Estimate, StageError};
+use crate::progress::Progress;
+
+/// Where estimates are made.
+pub(super) struct Estimator<'a> {
+    pub(super) configuration: &'a Configuration,
+    /// The work of the piece.
+    pub(super) work: &'a Work,
+    pub(super) lake: &'a Lake,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Estimator<'_> {
+    /// The estimate of these sessions, and its name in the lake.
+    pub(super) fn estimate(&self, sessions: Sessions) -> Result<(Estimate, RunKey), RunError> {
+        let own = self.work_of(&sessions);
+        let key = own.key();
+        if let Some(estimate) = self.before(&sessions, &key)? {
+            return Ok((estimate, key));
+        }
+        let both = (sessions.training, sessions.test);
+        let settings = &self.configuration.stages;
+        let arm = &self.configuration.arm;
+        let estimate = stages::estimate(arm, both, None, settings, self.progress)?;
+        self.publish(&own, &estimate)?;
+        Ok((estimate, key))
+    }
+
+    /// The estimate for later runs, in words.
+    pub(super) fn made(&self, sessions: Sessions) -> Result<EstimateDone, RunError> {
+        let already_there = self.lake.has(ESTIMATES, &self.work_of(&sessions).key())?;
+        let (estimate, key) = self.estimate(sessions)?;
+        Ok(EstimateDone {
+            session: key.session,
+            run: key.run,
+            already_there,
+            observations: estimate.observations(),
+            misfit_mm: estimate.misfit_mm(),
+        })
+    }
+
+    /// The estimate as work of its own.
+    fn work_of(&self, sessions: &Sessions) -> Work {
+        let robot = self.work.inputs.iter().find(|input| input.name == ROBOT);
+        let digest = robot.map_or("", |robot| robot.digest.as_str());
+        let training = sessions.made_of.iter().take(sessions.training.len());
+        estimates::work(
+            &self.work.robot,
+            &self.work.session,
+            estimates::inputs(digest, training.map(|own| (&own.session, &own.run))),
+            self.configuration.estimate_settings.clone(),
+        )
+    }
+
+    /// An estimate that the lake has; `None` where it has to be trained.
+    fn before(&self, sessions: &Sessions, key: &RunKey) -> Result<Option<Estimate>, RunError> {
+        let is_all_there_is = self.configuration.from_estimates;
+        if !self.lake.has(ESTIMATES, key)? {
+            let session = key.session.clone();
+            return if is_all_there_is {
+                Err(RunError::NoEstimate { session })
+            } else {
+                Ok(None)
+            };
+        }
+        match self.restored(sessions, key) {
+            Ok(estimate) => Ok(Some(estimate)),
+            Err(RunError::EstimateUnread { .. } | RunError::Stage(StageError::Stored(_)))
+                if !is_all_there_is =>
+            {
+                tracing::warn!(
+                    "session {}: the estimate {} cannot be used; it is trained again",
+                    key.session,
+                    key.run
+                );
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn restored(&self, sessions: &Sessions, key: &RunKey) -> Result<Estimate, RunError> {
+        let unread = |source: NoEstimate| RunError::EstimateUnread {
+            session: key.session.clone(),
+            run: key.run.clone(),
+            source: Box::new(source),
+        };
+        let stored = estimates::restored(self.lake, key).map_err(unread)?;
+        let both = (sessions.training.clone(), sessions.test.clone());
+        let settings = &self.configuration.stages;
+        let arm = &self.configuration.arm;
+        Ok(stages::estimate(
+            arm,
+            both,
+            Some(stored),
+            settings,
+            self.progress,
+        )?)
+    }
+
+    /// Publishes what was trained, unless the lake has it.
+    fn publish(&self, work: &Work, estimate: &Estimate) -> Result<(), PublishError> {
+        if let Some(open) = self.lake.start_estimate(&work.key())? {
+            open.commit(&estimates::table(&estimate.stored(), work)?)?;
+        }
+        Ok(())
+    }
+}

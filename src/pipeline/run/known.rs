@@ -1,0 +1,407 @@
+//! Work that was done before, known by the sizes, tags and times of its files: none of them is opened.
+//!
+//! The state of a piece of work is a digest of what its run follows from, with the size and the tag of each file, or its times where
+//! the storage has no tags, in the place of its contents. A batch keeps in the lake's index what it told of the run that a state led to
+//! ([`crate::io::lake::Lake::index`]); a later one with the same state tells it again. A file that changed within the last moments has
+//! no state yet, so that a second change in the same instant is not overlooked: it is digested. Runs that are gone from `runs` are
+//! not told.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use serde::{Deserialize, Serialize};
+
+use super::Done;
+use crate::grid::Verdict;
+use crate::io::input::{self, Bound};
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Word as _;
+use crate::io::tables::words::VerdictOf;
+use crate::manifest::{self, RunKey, VERSION};
+use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};
+
+/// Version of the lines and of their meaning; raised by any change.
+const FORMAT: u32 = 1;
+/// A file that changed later than this may change again at a time that is stated alike.
+const SETTLED: Duration = Duration::from_secs(2);
+
+/// Work that was done before, and what is added to it.
+#[derive(Debug)]
+pub struct Known {
+    lake: Lake,
+    /// What was told, by the state that led to it.
+    before: BTreeMap<String, Told>,
+    /// States of tasks that were done alone.
+    alone: BTreeSet<String>,
+    /// Keys of the rows of all runs.
+    runs: BTreeSet<String>,
+    /// Digest of each robot file, read once.
+    robots: Mutex<BTreeMap<PathBuf, Option<String>>>,
+    now: Mutex<BTreeMap<String, Told>>,
+}
+
+/// What a batch told of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Told {
+    robot: String,
+    session: String,
+    run: String,
+    /// Whether it is met; `None` where it could not be shown.
+    met: Option<bool>,
+    of: Option<String>,
+    reason: Option<String>,
+    rejected: Vec<String>,
+    has_page: bool,
+}
+
+/// A line of the index, the first of which states its format.
+#[derive(Serialize, Deserialize)]
+enum Line {
+    Head { format: u32, version: String },
+    Told(String, Told),
+}
+
+impl Known {
+    /// Reads the index of a lake, and lists its runs where it has one.
+    pub fn read(lake: Lake) -> Result<Self, LakeError> {
+        let before = parsed(&lake.index()).unwrap_or_default();
+        let alone = lake.index_alone()?;
+        let runs = if before.is_empty() && alone.is_empty() {
+            BTreeSet::new()
+        } else {
+            lake.run_keys()?
+        };
+        Ok(Self {
+            before,
+            alone,
+            runs,
+            ..Self::nothing(lake)
+        })
+    }
+
+    /// Nothing is known of what a lake has.
+    pub fn nothing(lake: Lake) -> Self {
+        Self {
+            lake,
+            before: BTreeMap::new(),
+            alone: BTreeSet::new(),
+            runs: BTreeSet::new(),
+            robots: Mutex::default(),
+            now: Mutex::default(),
+        }
+    }
+
+    /// The state of a piece of work; `None` where a file of it has none.
+    pub fn state(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
+        let mut hasher = blake3::Hasher::new();
+        let mut add = |text: &str| {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        };
+        add(VERSION);
+        add(&configuration.pipeline);
+        add(configuration.robot.as_deref().unwrap_or_default());
+        add(&configuration.settings);
+        add(&self.robot(&configuration.robot_file)?);
+        add(&piece.session);
+        for (role, files) in [("learns", &piece.training), ("judges", &piece.test)] {
+            for session in files {
+                add(role);
+                for text in of_session(&configuration.tree, session)? {
+                    add(&text);
+                }
+            }
+        }
+        Some(hasher.finalize().to_hex().to_string())
+    }
+
+    /// What was told of the run that a state led to; `None` where nothing was, or the run is gone.
+    pub fn told(&self, state: &str) -> Option<Done> {
+        let told = match self.before.get(state) {
+            Some(told) => told.clone(),
+            None => self.told_alone(state)?,
+        };
+        let key = RunKey::new(&told.robot, &told.session, &told.run);
+        let row = self.lake.file_key("runs", &key).ok()?;
+        if !self.runs.contains(&row) {
+            return None;
+        }
+        let done = told.done(&self.lake, &key)?;
+        self.add(state, told);
+        Some(done)
+    }
+
+    fn told_alone(&self, state: &str) -> Option<Told> {
+        let is_there = self.alone.contains(state);
+        let text = is_there.then(|| self.lake.told_alone(state))??;
+        serde_json::from_str(&text).ok()
+    }
+
+    /// Keeps what is told of a task that was done alone, likewise: in a file of its own, as there may be others at once.
+    pub fn keep_alone(
+        &self,
+        state: &str,
+        (configuration, piece): (&Configuration, &WorkPiece),
+        done: &Done,
+    ) -> Result<(), LakeError> {
+        if self.state(configuration, piece).as_deref() != Some(state) {
+            return Ok(());
+        }
+        match serde_json::to_string(&Told::of(done)) {
+            Ok(text) => self.lake.put_alone(state, &text),
+            Err(_) => Ok(()),
+        }
+    }
+
+    /// Keeps what is told of a run, if its files have the state after it that they had before it.
+    pub fn keep(
+        &self,
+        state: Option<&str>,
+        (configuration, piece): (&Configuration, &WorkPiece),
+        done: &Done,
+    ) {
+        let Some(state) = state else {
+            return;
+        };
+        if self.state(configuration, piece).as_deref() == Some(state) {
+            self.add(state, Told::of(done));
+        }
+    }
+
+    fn add(&self, state: &str, told: Told) {
+        let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
+        now.insert(state.to_owned(), told);
+    }
+
+    /// Writes the index where it changed: what was told now, and before of runs that nothing was told of now.
+    pub fn write(&self) -> Result<(), LakeError> {
+        let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
+        let run = |told: &Told| (told.robot.clone(), told.session.clone(), told.run.clone());
+        let told: BTreeSet<_> = now.values().map(run).collect();
+        let mut all = now.clone();
+        let is_there = |told: &Told| {
+            let key = RunKey::new(&told.robot, &told.session, &told.run);
+            let row = self.lake.file_key("runs", &key);
+            row.is_ok_and(|row| self.runs.contains(&row))
+        };
+        let before = self.before.iter();
+        let others = before.filter(|(_, own)| !told.contains(&run(own)) && is_there(own));
+        all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
+        if all == self.before {
+            return Ok(());
+        }
+        self.lake.put_index(&text(all))
+    }
+
+    /// The digest of a robot file, which is read once.
+    fn robot(&self, path: &Path) -> Option<String> {
+        let mut robots = self.robots.lock().unwrap_or_else(PoisonError::into_inner);
+        let digest = robots.entry(path.to_owned()).or_insert_with(|| {
+            let digested = manifest::digest(input::open(path, Bound::ANY).ok()?);
+            Some(digested.ok()?.0)
+        });
+        digest.clone()
+    }
+}
+
+impl Told {
+    fn of(done: &Done) -> Self {
+        Self {
+            robot: done.robot.clone(),
+            session: done.session.clone(),
+            run: done.run.clone(),
+            met: match done.verdict {
+                Verdict::Meets => Some(true),
+                Verdict::DoesNotMeet => Some(false),
+                Verdict::NotShown(_) => None,
+            },
+            of: done.verdict_of.map(|of| of.word().to_owned()),
+            reason: done.reason.clone(),
+            rejected: done.rejected.clone(),
+            has_page: done.page.is_some(),
+        }
+    }
+
+    fn done(&self, lake: &Lake, key: &RunKey) -> Option<Done> {
+        let reason = self.reason.clone();
+        Some(Done {
+            robot: self.robot.clone(),
+            session: self.session.clone(),
+            run: self.run.clone(),
+            already_there: true,
+            verdict: match self.met {
+                Some(true) => Verdict::Meets,
+                Some(false) => Verdict::DoesNotMeet,
+                None => Verdict::NotShown(reason.clone().unwrap_or_default()),
+            },
+            reason,
+            verdict_of: match &self.of {
+                Some(word) => Some(VerdictOf::of_word(word)?),
+                None => None,
+            },
+            rejected: self.rejected.clone(),
+            summary: None,
+            words: Vec::new(),
+            corrects: None,
+            tables: lake.root(),
+            page: if self.has_page {
+                Some(lake.page(key).ok()?)
+            } else {
+                None
+            },
+        })
+    }
+}
+
+/// Texts that a session's state follows from.
+fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
+    let mut texts = vec![session.name.clone()];
+    let sides: [(&str, &[PathBuf]); 2] = match &session.recorded {
+        Recorded::Logs(logs) => [("controller", &logs.controller), ("tracker", &logs.tracker)],
+        Recorded::Table(table) => {
+            texts.push(format!("{:?}", table.session));
+            [("stations", std::slice::from_ref(&table.path)), ("", &[])]
+        }
+        Recorded::Joined(_) => return None,
+    };
+    let corrected: &[PathBuf] = session.corrected.as_slice();
+    for (side, paths) in sides.into_iter().chain([("corrected", corrected)]) {
+        for path in paths {
+            texts.push(format!("{side} {}", path.display()));
+            texts.push(of_file(tree, path)?);
+        }
+    }
+    Some(texts)
+}
+
+/// What changes with a file: its size, and its tag or times.
+fn of_file(tree: &Tree, path: &Path) -> Option<String> {
+    match tree {
+        Tree::Listed { files, .. } => {
+            let listed = files.get(path)?;
+            Some(format!("{} {}", listed.bytes, listed.tag.as_ref()?))
+        }
+        Tree::Folder => {
+            let metadata = path.metadata().ok()?;
+            let is_settled = |changed: SystemTime| {
+                let age = SystemTime::now().duration_since(changed);
+                age.is_ok_and(|age| age >= SETTLED)
+            };
+            let modified = metadata.modified().ok()?;
+            let (inode, changed) = inode_and_change(&metadata);
+            let settled = is_settled(modified) && changed.is_none_or(is_settled);
+            let since = |time: SystemTime| time.duration_since(SystemTime::UNIX_EPOCH).ok();
+            settled.then(|| {
+                format!(
+                    "{} {:?} {:?} {inode}",
+                    metadata.len(),
+                    since(modified),
+                    changed.and_then(since)
+                )
+            })
+        }
+    }
+}
+
+/// Number of a file in its file system, and the time when anything about it changed last, which no program sets.
+#[cfg(unix)]
+fn inode_and_change(metadata: &Metadata) -> (u64, Option<SystemTime>) {
+    use std::os::unix::fs::MetadataExt as _;
+    let seconds = u64::try_from(metadata.ctime()).ok();
+    let nanoseconds = u32::try_from(metadata.ctime_nsec()).ok();
+    let since = seconds
+        .zip(nanoseconds)
+        .map(|(seconds, nanoseconds)| Duration::new(seconds, nanoseconds));
+    let changed = since.and_then(|since| SystemTime::UNIX_EPOCH.checked_add(since));
+    (metadata.ino(), changed)
+}
+
+/// There is neither on this system.
+#[cfg(not(unix))]
+fn inode_and_change(_: &Metadata) -> (u64, Option<SystemTime>) {
+    (0, None)
+}
+
+/// What an index says; `None` of one of another format or version, and of a damaged one.
+fn parsed(text: &str) -> Option<BTreeMap<String, Told>> {
+    let mut lines = text.lines().map(serde_json::from_str::<Line>);
+    let head = lines.next()?.ok()?;
+    let Line::Head { format, version } = head else {
+        return None;
+    };
+    if (format, version.as_str()) != (FORMAT, VERSION) {
+        return None;
+    }
+    lines
+        .map(|line| match line {
+            Ok(Line::Told(state, told)) => Some((state, told)),
+            _ => None,
+        })
+        .collect()
+}
+
+fn text(all: BTreeMap<String, Told>) -> String {
+    let head = Line::Head {
+        format: FORMAT,
+        version: VERSION.to_owned(),
+    };
+    let told = all.into_iter().map(|(state, told)| Line::Told(state, told));
+    let lines = std::iter::once(head).chain(told);
+    let lines = lines.filter_map(|line| serde_json::to_string(&line).ok());
+    lines.map(|line| line + "\n").collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told() -> Told {
+        Told {
+            robot: "r".to_owned(),
+            session: "mon".to_owned(),
+            run: "0a".to_owned(),
+            met: None,
+            of: Some("compensation".to_owned()),
+            reason: Some("too few".to_owned()),
+            rejected: vec!["a".to_owned()],
+            has_page: true,
+        }
+    }
+
+    #[test]
+    fn an_index_is_read_as_it_was_written_and_not_at_all_where_it_is_damaged() {
+        let all = BTreeMap::from([("5e".to_owned(), told())]);
+        let whole = text(all.clone());
+        assert_eq!(parsed(&whole), Some(all));
+        assert_eq!(parsed(&whole[..whole.len() - 5]), None);
+        assert_eq!(parsed(&whole.replace("\"format\":1", "\"format\":0")), None);
+        assert_eq!(parsed(""), None);
+    }
+
+    #[test]
+    fn a_file_has_a_state_once_it_has_settled_and_another_one_after_a_change() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.mcap");
+        std::fs::write(&path, "one").expect("writable");
+        assert_eq!(of_file(&Tree::Folder, &path), None, "it changed just now");
+        std::thread::sleep(SETTLED + Duration::from_millis(50));
+        let first = of_file(&Tree::Folder, &path);
+        assert!(first.is_some());
+        assert_eq!(of_file(&Tree::Folder, &path), first);
+        let modified = path.metadata().and_then(|own| own.modified());
+        std::fs::write(&path, "two").expect("writable");
+        let file = std::fs::File::options().write(true).open(&path);
+        let file = file.expect("there");
+        file.set_modified(modified.expect("known"))
+            .expect("writable");
+        std::thread::sleep(SETTLED + Duration::from_millis(50));
+        assert_ne!(
+            of_file(&Tree::Folder, &path),
+            first,
+            "of another content, with the size and time of the first"
+        );
+    }
+}

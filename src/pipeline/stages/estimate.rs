@@ -1,0 +1,195 @@
+//! Everything that is trained: models on all readings, on all but each fold, on all but each session.
+//!
+//! It follows from the sessions that train, how readings are weighed and what is fitted. Steps, tolerances, figures and sessions that only
+//! judge come behind it, so another of them trains nothing: [`Estimate::stored`] is what the lake keeps of it.
+
+use super::cameras;
+use super::flanges::Flanges;
+use super::judged::{leaves_sessions_out, sessions_left_out, train_folds};
+use super::observed::Observed;
+use super::{StageError, StageSettings, lengths, wrong_targets};
+use crate::fit::camera_size::CameraSize;
+use crate::fit::same_arm::{self, NotOneArm};
+use crate::fit::saved::SavedError;
+use crate::fit::stored::StoredModels;
+use crate::fit::{self, Models, TrainingSettings};
+use crate::io::tables::estimates::StoredTrainings;
+use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
+use crate::join::one_source;
+use crate::kinematics::Arm;
+use crate::progress::Progress;
+use crate::report::ResidualSet;
+
+/// The sessions of a piece of work, without readings that are wrong, and the models trained on them.
+#[derive(Debug)]
+pub struct Estimate {
+    pub(super) observed: Observed,
+    pub(super) trained: Trained,
+    /// The sessions with one reading a station.
+    pub(super) flanges: Flanges,
+    /// The settings of all later stages: those given, with sizes that the sessions show.
+    pub(super) settings: StageSettings,
+    /// The size of a camera's noise.
+    pub(super) camera_size: Option<CameraSize>,
+    /// The instruments of each model.
+    pub(super) sources: Vec<Source>,
+    /// Their lengths by each model.
+    pub(super) length_residuals: Vec<LengthResidual>,
+}
+
+/// Models, and residuals of models that nothing else asks for.
+#[derive(Debug)]
+pub(super) struct Trained {
+    /// The models trained on all readings.
+    pub(super) models: Models,
+    /// The models of each fold that holds stations out.
+    pub(super) folds: Vec<Option<Models>>,
+    /// Each session of a pool, judged by the models of all others.
+    pub(super) sessions_left_out: Vec<ResidualSet>,
+}
+
+/// The estimate from joined sessions, those that train and those that judge; what `stored` has is not trained again.
+pub fn estimate(
+    arm: &Arm,
+    (mut training, mut test): (Vec<JoinedSession>, Vec<JoinedSession>),
+    stored: Option<StoredTrainings>,
+    settings: &StageSettings,
+    progress: &dyn Progress,
+) -> Result<Estimate, StageError> {
+    one_source_each(training.iter().chain(&test))?;
+    test.iter().try_for_each(lengths::check_judge)?;
+    wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
+    cameras::leave_out_flips(arm, &mut training, &mut test, settings);
+    lengths::leave_out_wrong(arm, &mut training, settings);
+    let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
+    let mut observed = Observed::new(arm, &training, settings);
+    let (sessions, train) = (training.len(), training_settings(settings));
+    let (models, folds, left_out) = if let Some(stored) = stored {
+        restored(arm, stored, &observed, &train)?
+    } else {
+        let models = fit::models::train_all(arm, &observed.all, sessions, &train)?;
+        check_pool(arm, &observed, &models, &training, settings)?;
+        let folds = train_folds(arm, &observed, sessions, &train, progress)?;
+        (models, folds, None)
+    };
+    let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
+    let length_residuals =
+        lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
+    let sources = lengths::sources(&models, &length_residuals, settings);
+    let settings = lengths::settings_behind(&observed, flanges.noise.clone(), settings);
+    let sessions_left_out = match left_out {
+        Some(sets) => sets,
+        None if leaves_sessions_out(&models, &settings) => {
+            let (train, sessions) = (training_settings(&settings), &flanges.training);
+            sessions_left_out(
+                arm,
+                (&observed, sessions),
+                &train,
+                settings.locate,
+                progress,
+            )?
+        }
+        None => Vec::new(),
+    };
+    Ok(Estimate {
+        observed,
+        trained: Trained {
+            models,
+            folds,
+            sessions_left_out,
+        },
+        flanges,
+        settings,
+        camera_size: *camera_size,
+        sources,
+        length_residuals,
+    })
+}
+
+impl Estimate {
+    /// Number of readings that trained.
+    pub fn observations(&self) -> usize {
+        self.observed.all.len()
+    }
+
+    /// Root mean square of measured minus predicted position by the identified geometry, per axis, mm.
+    pub const fn misfit_mm(&self) -> f64 {
+        self.trained.models.geometric.misfit_mm
+    }
+
+    /// What was trained, for a later run to start from.
+    pub fn stored(&self) -> StoredTrainings {
+        let trained = &self.trained;
+        let of_fold = |models: &Option<Models>| models.as_ref().map(StoredModels::of);
+        StoredTrainings {
+            models: StoredModels::of(&trained.models),
+            folds: trained.folds.iter().map(of_fold).collect(),
+            sessions_left_out: trained.sessions_left_out.clone(),
+        }
+    }
+}
+
+/// Models on all readings, models of each fold, and residuals of the sessions left out where they are known.
+type Known = (Models, Vec<Option<Models>>, Option<Vec<ResidualSet>>);
+
+/// The models that were stored; an error where they are not of these observations.
+fn restored(
+    arm: &Arm,
+    stored: StoredTrainings,
+    observed: &Observed,
+    settings: &TrainingSettings<'_>,
+) -> Result<Known, SavedError> {
+    let models = stored.models.models(arm, &observed.all, settings)?;
+    let folds = stored.folds.into_iter().enumerate();
+    let folds = folds.map(|(fold, stored)| {
+        let own = |stored: StoredModels| stored.models(arm, &observed.without(fold), settings);
+        stored.map(own).transpose()
+    });
+    let folds = folds.collect::<Result<Vec<_>, _>>()?;
+    Ok((models, folds, Some(stored.sessions_left_out)))
+}
+
+/// The settings of a training.
+pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
+    TrainingSettings {
+        fit: &settings.fit,
+        full: &settings.full,
+        up: settings.up,
+    }
+}
+
+/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources of positions are refused
+/// here. Instruments that read one length train beside it ([`lengths`]). Of several targets the one reading of each station is derived ([`flanges`]).
+fn one_source_each<'s>(
+    sessions: impl Iterator<Item = &'s JoinedSession>,
+) -> Result<(), StageError> {
+    for session in sessions {
+        one_source(&session.joined.stations).map_err(|source| StageError::SeveralIn {
+            session: session.name.clone(),
+            source,
+        })?;
+    }
+    Ok(())
+}
+
+/// Checks that pooled sessions are of one arm.
+fn check_pool(
+    arm: &Arm,
+    observed: &Observed,
+    models: &Models,
+    training: &[JoinedSession],
+    settings: &StageSettings,
+) -> Result<(), NotOneArm> {
+    let names: Vec<&str> = training.iter().map(|s| s.name.as_str()).collect();
+    let change_rad = settings.full.session_curve_sd_rad;
+    models.full.as_ref().map_or(Ok(()), |full| {
+        same_arm::check(
+            arm,
+            full,
+            &models.base_target,
+            &observed.all,
+            &names,
+            change_rad,
+        )
+    })
+}

@@ -1,0 +1,200 @@
+//! Tasks: the pieces of work of a fleet as jobs that an engine hands out to machines.
+//!
+//! A task is named by the state of its inputs ([`Known::state`]), so that listing opens no log, and doing it twice is doing it once: the
+//! run's row is created or was there, and the bytes are the same. What was done is kept in the lake's index, a file for each task, since
+//! tasks at once have no lock.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::configuration::{Recorded, SessionFiles, Tree, WorkPiece};
+use super::fleet::{Fleet, FleetPiece};
+use super::run::{Done, Known, run_piece};
+use crate::grid::Verdict;
+use crate::manifest::VERSION;
+use crate::progress::Progress;
+
+/// Seconds of one core that a session to learn from takes beside the reading of its files, about.
+const SECONDS_A_SESSION: f64 = 30.0;
+/// Megabytes of logs that are read in a second, about.
+const MEGABYTES_A_SECOND: f64 = 30.0;
+/// Megabytes of memory that work takes whatever its sessions are, and for each session to learn from, about.
+const MEGABYTES: [f64; 2] = [400.0, 200.0];
+
+/// A piece of work, as it is listed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// The state of its inputs: another content, setting or version is another task.
+    pub id: String,
+    /// The version that listed it.
+    pub version: String,
+    /// The robot; `None` where the logs' metadata name it.
+    pub robot: Option<String>,
+    /// The session of its tables, or `pooled`.
+    pub session: String,
+    /// Sessions that it learns from.
+    pub learns_from: Vec<String>,
+    /// Sessions that judge.
+    pub judged_on: Vec<String>,
+    /// Size of its files, bytes.
+    pub bytes: u64,
+    /// Time that it may take on one core, s: to share work out by, not to rely on.
+    pub expected_s: f64,
+    /// Memory that it may take, MB, likewise.
+    pub expected_mb: f64,
+}
+
+/// How a task ended, as a row.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ended {
+    /// The task.
+    pub id: String,
+    /// The robot; `None` where it is not known.
+    pub robot: Option<String>,
+    /// The session of its tables; `None` where there is no such task.
+    pub session: Option<String>,
+    /// `done`, `done-before`, `failed` or `fault`.
+    pub ended: How,
+    /// The run; `None` where there is none.
+    pub run: Option<String>,
+    /// Whether the tolerance is met; `None` where that is not shown, or there is no run.
+    pub met: Option<bool>,
+    /// Why there is no result, or why the tolerance is not met.
+    pub reason: Option<String>,
+}
+
+/// How a task ended, in a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum How {
+    /// With a result.
+    Done,
+    /// The lake had its result.
+    DoneBefore,
+    /// Its inputs have no result: doing it again gives the same.
+    Failed,
+    /// The machine or the storage failed: doing it again may help.
+    Fault,
+}
+
+/// The tasks of a fleet that are not known as done, in the order of its pieces; and the sessions that have no state yet, as they changed
+/// in the last moments.
+pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
+    let (mut tasks, mut unsettled) = (Vec::new(), Vec::new());
+    for own in fleet.pieces() {
+        match known.state(own.configuration, own.piece) {
+            None => unsettled.push(own.label()),
+            Some(state) if known.told(&state).is_none() => tasks.push(task(own, state)),
+            Some(_) => {}
+        }
+    }
+    (tasks, unsettled)
+}
+
+fn task(own: FleetPiece<'_>, id: String) -> Task {
+    let names = |files: &[SessionFiles]| files.iter().map(|own| own.name.clone()).collect();
+    let WorkPiece {
+        session,
+        training,
+        test,
+    } = own.piece;
+    let tree = &own.configuration.tree;
+    let bytes = training.iter().chain(test).map(|own| size(tree, own)).sum();
+    let megabytes = bytes as f64 * 1e-6;
+    let sessions = training.len() as f64;
+    Task {
+        id,
+        version: VERSION.to_owned(),
+        robot: own.configuration.robot.clone(),
+        session: session.clone(),
+        learns_from: names(training),
+        judged_on: names(test),
+        bytes,
+        expected_s: (SECONDS_A_SESSION * sessions + megabytes / MEGABYTES_A_SECOND).round(),
+        expected_mb: (MEGABYTES[0] + MEGABYTES[1] * sessions).round(),
+    }
+}
+
+/// Size of a session's files, bytes; those whose size is not known count nothing.
+fn size(tree: &Tree, session: &SessionFiles) -> u64 {
+    let recorded = match &session.recorded {
+        Recorded::Logs(logs) => logs.controller.iter().chain(&logs.tracker).collect(),
+        Recorded::Table(table) => vec![&table.path],
+        Recorded::Joined(_) => Vec::new(),
+    };
+    let of_file = |path: &PathBuf| tree.size(path).unwrap_or(0);
+    recorded
+        .into_iter()
+        .chain(&session.corrected)
+        .map(of_file)
+        .sum()
+}
+
+/// Does the task of that id among the pieces of a fleet, unless it is known as done.
+pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> Ended {
+    let is_it = |own: &FleetPiece<'_>| {
+        let state = known.state(own.configuration, own.piece);
+        state.as_deref() == Some(id)
+    };
+    let Some(own) = fleet.pieces().into_iter().find(is_it) else {
+        let reason = "there is no such work: files or settings changed since it was listed, or another version listed it; list the tasks again";
+        return Ended {
+            robot: None,
+            session: None,
+            ..failed(id, None, How::Failed, reason.to_owned())
+        };
+    };
+    if let Some(done) = known.told(id) {
+        return ended(id, &done);
+    }
+    match run_piece(own.configuration, own.piece, progress) {
+        Ok(done) => {
+            let piece = (own.configuration, own.piece);
+            match known.keep_alone(id, piece, &done) {
+                Ok(()) => ended(id, &done),
+                Err(error) => failed(id, Some(own), How::Fault, error.to_string()),
+            }
+        }
+        Err(error) => {
+            let how = if error.is_fault() {
+                How::Fault
+            } else {
+                How::Failed
+            };
+            failed(id, Some(own), how, error.to_string())
+        }
+    }
+}
+
+fn ended(id: &str, done: &Done) -> Ended {
+    Ended {
+        id: id.to_owned(),
+        robot: Some(done.robot.clone()),
+        session: Some(done.session.clone()),
+        ended: if done.already_there {
+            How::DoneBefore
+        } else {
+            How::Done
+        },
+        run: Some(done.run.clone()),
+        met: match done.verdict {
+            Verdict::Meets => Some(true),
+            Verdict::DoesNotMeet => Some(false),
+            Verdict::NotShown(_) => None,
+        },
+        reason: done.reason.clone(),
+    }
+}
+
+fn failed(id: &str, own: Option<FleetPiece<'_>>, how: How, reason: String) -> Ended {
+    Ended {
+        id: id.to_owned(),
+        robot: own.and_then(|own| own.configuration.robot.clone()),
+        session: own.map(|own| own.piece.session.clone()),
+        ended: how,
+        run: None,
+        met: None,
+        reason: Some(reason),
+    }
+}

@@ -1,0 +1,148 @@
+//! Reference reflectors in a tracker's log: their motion is that of a table of the same session, and a bump is found.
+
+use std::fs;
+
+use arrow::array::Array as _;
+
+use crate::cell::Cell;
+use crate::joined::assert_two_steps_as_one;
+use crate::tabled::cell_with;
+
+/// The references on the base, as `posegrid simulate` logs them.
+const REFERENCES: &str = r#"[tracker.fields]
+target = "child_frame_id"
+
+[[tracker.references]]
+name = "B1"
+on = "base"
+topic = "/tracker/references"
+is = "B1"
+
+[[tracker.references]]
+name = "B2"
+on = "base"
+topic = "/tracker/references"
+is = "B2"
+
+[[tracker.references]]
+name = "B3"
+on = "base"
+topic = "/tracker/references"
+is = "B3"
+
+[fit]
+"#;
+
+/// A session with a drift and a bump of the base.
+const BUMPED: [&str; 15] = [
+    "--grid-step",
+    "240",
+    "--size",
+    "720,960,480",
+    "--table",
+    "--base-drift-mm",
+    "0.3",
+    "--bump-mm",
+    "2",
+    "--reference",
+    "300,300,100",
+    "--reference",
+    "-300,250,90",
+    "--reference",
+    "100,-380,400",
+];
+
+fn logged(flags: &[&str]) -> Cell {
+    let cell = Cell::new().with_simulated("mon", flags);
+    cell.with("[fit]\n", REFERENCES)
+}
+
+/// The same session as a table, with the section in its head.
+fn tabled() -> Cell {
+    let made = Cell::new().with_simulated("mon", &BUMPED);
+    let text = fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
+    let head = text.lines().skip(1);
+    let section: Vec<&str> = head.map_while(|line| line.strip_prefix("# ")).collect();
+    cell_with(made, &format!("{}\n", section.join("\n")))
+        .with("stations = \"measured.csv\"", "stations = \"stations.csv\"")
+}
+
+/// Shift and rotation of each station's look, mm and rad, and whether something happened there.
+fn motions(cell: &Cell) -> Vec<(Vec<f64>, bool)> {
+    let motion = cell.table("reference_motion", "mon");
+    let names = [
+        "shift_x_mm",
+        "shift_y_mm",
+        "shift_z_mm",
+        "turn_x_rad",
+        "turn_y_rad",
+        "turn_z_rad",
+    ];
+    let columns = names.map(|name| motion.f64(name).clone());
+    let event = motion.text("event");
+    let station = motion.i64("station");
+    let row = |row: usize| {
+        let values = columns.iter().map(|own| own.value(row));
+        (values.collect(), event.is_valid(row))
+    };
+    let rows = (0..motion.rows()).filter(|row| station.is_valid(*row));
+    rows.map(row).collect()
+}
+
+#[test]
+fn log_and_table_of_a_session_give_the_same_course_and_the_bump() {
+    let logs = logged(&BUMPED);
+    logs.run(&["--verbose"]).expect(
+        0,
+        &[
+            "the base or the instrument was bumped between station",
+            "3 references on the base, which tell rotations",
+        ],
+    );
+    let table = tabled();
+    table.run(&[]).expect(0, &["was bumped between station"]);
+    let (of_logs, of_table) = (motions(&logs), motions(&table));
+    assert_eq!(of_logs.len(), of_table.len());
+    let bumps = of_logs.iter().filter(|(_, happened)| *happened).count();
+    assert_eq!(bumps, 1);
+    for (look, (own, other)) in of_logs.iter().zip(&of_table).enumerate() {
+        assert_eq!(own.1, other.1, "look {look}");
+        let off = own.0.iter().zip(&other.0).map(|(a, b)| (a - b).abs());
+        let [x, y, z, turns @ ..] = &off.collect::<Vec<f64>>()[..] else {
+            panic!("six numbers");
+        };
+        // References are read to some 0.02 mm in the table, at half a metre from their middle.
+        let shift_mm = x.max(*y).max(*z);
+        assert!(shift_mm < 0.06, "look {look}: {shift_mm} mm");
+        assert!(
+            turns.iter().all(|turn| *turn < 2e-4),
+            "look {look}: {turns:?}"
+        );
+    }
+    crate::verify::verify(&logs, &[]).expect(0, &[]);
+}
+
+#[test]
+fn a_run_from_the_session_as_joined_has_the_same_bytes() {
+    assert_two_steps_as_one(&logged(&BUMPED), 0);
+}
+
+#[test]
+fn a_wrong_section_of_references_is_explained() {
+    let cell = || logged(&BUMPED);
+    cell()
+        .with("name = \"B2\"", "name = \"B1\"")
+        .run(&[])
+        .expect(2, &["[tracker] targets", "\"B1\" twice"]);
+    cell()
+        .with(
+            "topic = \"/tracker/references\"\nis = \"B3\"",
+            "is = \"B3\"",
+        )
+        .run(&[])
+        .expect(2, &["\"B3\" on the topic of another"]);
+    cell()
+        .with("topic = \"/tracker/references\"", "topic = \"/nothing\"")
+        .run(&[])
+        .expect(1, &["no topic \"/nothing\""]);
+}

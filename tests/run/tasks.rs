@@ -1,0 +1,90 @@
+//! Tasks: listed without a log, done in any order and more than once, with the bytes of a batch.
+
+use std::fs;
+use std::thread::{self, sleep};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use super::cell::{Cell, Ended, ended, posegrid, undisturbed};
+use super::same_work::assert_same;
+
+/// Longer than a file that changed is taken to change again at a time that is stated alike.
+const SETTLED: Duration = Duration::from_millis(2200);
+
+/// The tasks that are listed.
+fn listed(cell: &Cell) -> Vec<String> {
+    let listed = ended(posegrid().arg("tasks").arg(cell.pipeline()));
+    listed.expect(0, &[]);
+    listed.results.lines().map(str::to_owned).collect()
+}
+
+/// Does a task that comes on standard input.
+fn done(cell: &Cell, task: &str) -> Ended {
+    ended(
+        posegrid()
+            .arg("task")
+            .arg(cell.pipeline())
+            .write_stdin(task.to_owned() + "\n"),
+    )
+}
+
+fn value(line: &str) -> Value {
+    serde_json::from_str(line).expect("a line of JSON")
+}
+
+#[test]
+fn tasks_in_any_order_and_twice_at_once_give_the_lake_of_a_batch() {
+    let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
+    sleep(SETTLED);
+    let tasks = listed(&cell);
+    let [mon, tue] = &tasks[..] else {
+        panic!("{tasks:?}");
+    };
+    assert_eq!(value(mon)["session"], "mon");
+    assert_eq!(value(tue)["learns_from"][0], "tue");
+    assert!(value(mon)["bytes"].as_u64() > Some(100_000), "{mon}");
+    let twice = thread::scope(|scope| {
+        let both = [tue, tue].map(|task| scope.spawn(|| done(&cell, task)));
+        both.map(|own| own.join().expect("it ends"))
+    });
+    for ended in &twice {
+        ended.expect(0, &["\"met\":true", "\"session\":\"tue\""]);
+    }
+    assert_eq!(listed(&cell), std::slice::from_ref(mon), "one is left");
+    done(&cell, mon).expect(0, &["\"ended\":\"done\""]);
+    done(&cell, mon).expect(0, &["\"ended\":\"done-before\""]);
+    assert!(listed(&cell).is_empty());
+    let mut found = cell.lake();
+    found.retain(|path, _| !path.starts_with(".index/"));
+    assert_same(&found, &undisturbed().lake());
+    // A batch takes it from there.
+    cell.run(&[]).expect(0, &["0 done, 2 done before"]);
+}
+
+#[test]
+fn a_task_that_cannot_be_done_says_whether_to_do_it_again() {
+    let cell = Cell::new().with_quickstart("mon");
+    let log = cell.session("mon").join("tracker.mcap");
+    fs::copy(cell.session("mon").join("controller.mcap"), &log).expect("writable");
+    sleep(SETTLED);
+    let task = listed(&cell).remove(0);
+    done(&cell, &task).expect(1, &["\"ended\":\"failed\"", "\"session\":\"mon\""]);
+    // Inputs that changed are another task.
+    fs::copy("tests/recordings/quickstart/tracker.mcap", &log).expect("writable");
+    sleep(SETTLED);
+    done(&cell, &task).expect(1, &["there is no such work: files or settings changed"]);
+    let task = listed(&cell).remove(0);
+    // The lake's place is a file: nothing is wrong with the data.
+    fs::write(cell.path("no-lake"), "").expect("writable");
+    let id = value(&task)["id"].as_str().expect("a text").to_owned();
+    let lake = cell.path("no-lake").to_string_lossy().into_owned();
+    let to = ["--id", &id, "--lake", &lake];
+    ended(posegrid().arg("task").arg(cell.pipeline()).args(to)).expect(75, &[]);
+    for wrong in ["", "{}", "mon"] {
+        done(&cell, wrong).expect(2, &["standard input has no task"]);
+    }
+    let robot = ["--id", &id, "--robot", "kr210-demo"];
+    ended(posegrid().arg("task").arg(cell.pipeline()).args(robot))
+        .expect(0, &["\"ended\":\"done\""]);
+}
