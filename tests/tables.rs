@@ -154,8 +154,9 @@ fn correction() -> Correction {
     }
 }
 
-/// Files of the sample lake beside the tables of its run: the run's row, the record of a correction, a session as joined.
-const OTHER_FILES: usize = 4;
+/// Files of the sample lake beside the tables of its run: the run's row, the record of a correction, a session as joined
+/// (two files), an estimate.
+const OTHER_FILES: usize = 5;
 
 /// Writes a sample of every published table as one committed run.
 fn write_sample_lake(root: &Path) -> Lake {
@@ -171,6 +172,11 @@ fn write_sample_lake(root: &Path) -> Lake {
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
     assert!(lake.record(&correction()).unwrap());
     write_joined(&lake, &key);
+    let estimate = lake.start_estimate(&key).unwrap();
+    let estimate = estimate.expect("the lake is new");
+    let estimates = schema::find("estimates").unwrap();
+    let committed = estimate.commit(&sample(estimates, &key)).unwrap();
+    assert_eq!(committed, Commit::Done);
     lake
 }
 
@@ -232,7 +238,7 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     assert_eq!(
         one.len(),
         published().count() + OTHER_FILES,
-        "a file a table, the row, the record of a correction, a session as joined, no temporaries"
+        "a file a table, the row, the record of a correction, a session as joined, an estimate, no temporaries"
     );
     assert!(one == contents(&folder.path().join("two")));
 }
