@@ -1,13 +1,16 @@
 """The tasks of a fleet on a real engine, with attempts that are killed: every session once, with the bytes of a batch.
 
-    python tests/readers/engines.py target/release/posegrid --folder target/engines [--sessions 12]
+    python tests/readers/engines.py target/release/posegrid --folder target/engines [--sessions 12] [--engine dask --engine ray --engine slurm]
 
-Sessions of three robots are simulated; one is damaged so that it has no result. A batch of `posegrid run` works off one lake, the engine
-another one: three in ten first attempts are killed under way. Then both lakes have the same files, byte for
-byte, and the engine told each session once.
+Sessions of three robots are simulated; one is damaged so that it has no result. A batch of `posegrid run` works off one lake, each engine
+another one: three in ten first attempts are killed under way. A batch takes it from there, with nothing left to do but the damaged session,
+and removes what the killed ones left. Then both lakes have the same files, byte for byte, and the engine told each session once.
+
+`slurm` is the script of an array's jobs, run by a stand-in for Slurm that starts two at once and those again that ask for it.
 """
 
 import argparse
+import concurrent.futures
 import json
 import os
 import pathlib
@@ -19,14 +22,15 @@ import time
 HERE = pathlib.Path(__file__).resolve().parents[2]
 ROBOTS = ("kr-1", "kr-2", "kr-3")
 
-# Kills three in ten first attempts while they work; which ones follows from the task alone.
+# Kills three in ten first attempts while they work; which ones follows from robot and session alone.
 KILLER = """#!/usr/bin/env python3
 import hashlib, json, os, pathlib, subprocess, sys, time
 posegrid, seen = sys.argv[0] + ".real", pathlib.Path(sys.argv[0] + ".seen")
 if sys.argv[1] != "task":
     os.execv(posegrid, [posegrid, *sys.argv[1:]])
 line = sys.stdin.read()
-name = json.loads(line)["id"]
+task = json.loads(line)
+name = task["robot"] + "_" + task["session"]
 seen.mkdir(exist_ok=True)
 first = not (seen / name).exists()
 (seen / name).touch()
@@ -83,20 +87,81 @@ def files(lake):
     return {name: path.read_bytes() for name, path in named if not name.startswith(".")}
 
 
-def engine(posegrid, folder):
-    """Works off the fleet on Dask, with a program that is killed now and then; returns its rows and how long it took."""
-    killer = folder / "posegrid"
-    shutil.copy(posegrid, folder / "posegrid.real")
+def script(engine, folder, killer, lake):
+    """Works off the fleet by an engine's script; returns its exit code and what it printed."""
+    command = [sys.executable, HERE / f"pipelines/fleet/on_{engine}.py", folder / "fleet.toml", "--posegrid", killer, "--lake", lake]
+    ended = subprocess.run(command, stdout=subprocess.PIPE, encoding="utf-8", check=False)
+    return ended.returncode, ended.stdout
+
+
+def array(folder, killer, lake):
+    """Works off the fleet by the script of Slurm's jobs, with a stand-in for Slurm; returns as `script` does."""
+    # The script has the pipeline file alone: this one names the engine's lake.
+    own = folder / "slurm.toml"
+    own.write_text((folder / "fleet.toml").read_text().replace('"lake"', f'"{lake}"', 1))
+    found = subprocess.run([killer, "tasks", own], stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    (folder / "tasks.jsonl").write_text(found.stdout)
+    requeue = folder / "bin" / "scontrol"
+    requeue.parent.mkdir(exist_ok=True)
+    requeue.write_text(f'#!/bin/sh\n[ "$1" = requeue ] && touch "{folder}/requeued-$2"\n')
+    requeue.chmod(0o755)
+
+    def job(number):
+        told = ""
+        for restart in range(7):
+            about = {"SLURM_ARRAY_TASK_ID": str(number), "SLURM_JOB_ID": str(number), "SLURM_RESTART_COUNT": str(restart)}
+            path = f"{requeue.parent}:{os.environ['PATH']}"
+            environment = os.environ | about | {"POSEGRID": str(killer), "PATH": path}
+            command = [HERE / "pipelines/fleet/slurm.sh", own, folder / "tasks.jsonl"]
+            ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, encoding="utf-8", check=False)
+            told += ended.stdout
+            asked = folder / f"requeued-{number}"
+            # A job that was killed is lost with its node; Slurm puts those back by itself.
+            if not asked.exists() and ended.returncode < 128:
+                return ended.returncode, told
+            asked.unlink(missing_ok=True)
+        return ended.returncode, told
+
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        ended = list(pool.map(job, range(1, 1 + found.stdout.count("\n"))))
+    return max(code for code, _ in ended), "".join(told for _, told in ended)
+
+
+def proved(engine, posegrid, folder, sessions, alone):
+    """Works off the fleet on an engine, with a program that is killed now and then, and holds its lake against the batch's."""
+    killer, lake = folder / f"{engine}-posegrid", folder / f"on-{engine}"
+    shutil.copy(posegrid, f"{killer}.real")
     killer.write_text(KILLER)
     killer.chmod(0o755)
     begun = time.monotonic()
-    script = [sys.executable, HERE / "pipelines/fleet/on_dask.py", folder / "fleet.toml"]
-    ended = subprocess.run(
-        [*script, "--posegrid", killer, "--lake", folder / "on-engine"], stdout=subprocess.PIPE, text=True, check=False
+    code, told = array(folder, killer, lake) if engine == "slurm" else script(engine, folder, killer, lake)
+    shared = time.monotonic() - begun
+    assert code == 1, f"{engine}: one session is damaged: {code}"
+    rows = [json.loads(line) for line in told.split("\n") if line]
+    named = sorted((row["robot"], row["session"]) for row in rows)
+    assert len(set(named)) == len(named) == sessions, named
+    ways = [row["ended"] for row in rows]
+    assert ways.count("failed") == 1 and ways.count("fault") == 0, ways
+    killed = pathlib.Path(f"{killer}.killed").read_text().split()
+    assert killed, "no attempt was killed"
+    left = subprocess.run([posegrid, "tasks", folder / "fleet.toml", "--lake", lake], stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    assert left.stdout.count("\n") == 1, f"the damaged session alone is left: {left.stdout}"
+    after = subprocess.run([posegrid, "run", folder / "fleet.toml", "--lake", lake], capture_output=True, encoding="utf-8", check=False)
+    assert after.returncode == 1, after.stderr
+    batch_files, engine_files = files(folder / "lake"), files(lake)
+    assert batch_files.keys() == engine_files.keys(), batch_files.keys() ^ engine_files.keys()
+    other = [name for name in batch_files if batch_files[name] != engine_files[name]]
+    assert not other, other
+    verify = [posegrid, "verify", lake, "--pipeline", folder / "fleet.toml"]
+    verified = subprocess.run(verify, capture_output=True, encoding="utf-8", check=False)
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+    os.remove(f"{killer}.real")
+    print(
+        f"{engine}, {sessions} sessions: {ways.count('done')} done and {ways.count('done-before')} found done, 1 without a result; "
+        f"{len(killed)} first attempts killed; {len(engine_files)} files byte for byte those of a batch; "
+        f"batch {alone:.0f} s, engine {shared:.0f} s",
+        flush=True,
     )
-    rows = [json.loads(line) for line in ended.stdout.splitlines()]
-    assert ended.returncode == 1, f"one session is damaged: {ended.returncode}"
-    return rows, time.monotonic() - begun
 
 
 def main():
@@ -104,39 +169,18 @@ def main():
     arguments.add_argument("posegrid", type=pathlib.Path)
     arguments.add_argument("--folder", type=pathlib.Path, required=True)
     arguments.add_argument("--sessions", type=int, default=12)
+    arguments.add_argument("--engine", action="append", choices=["dask", "ray", "slurm"], help="dask and slurm where none is named")
     given = arguments.parse_args()
     posegrid, folder = given.posegrid.resolve(), given.folder.resolve()
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     made(posegrid, folder, given.sessions)
     begun = time.monotonic()
-    batch = subprocess.run([posegrid, "run", folder / "fleet.toml", "--jobs", "2"], capture_output=True, text=True, check=False)
+    batch = subprocess.run([posegrid, "run", folder / "fleet.toml", "--jobs", "2"], capture_output=True, encoding="utf-8", check=False)
     alone = time.monotonic() - begun
     assert batch.returncode == 1, batch.stderr
-    rows, shared = engine(posegrid, folder)
-    told = sorted((row["robot"], row["session"]) for row in rows)
-    assert len(set(told)) == len(told) == given.sessions, told
-    ways = [row["ended"] for row in rows]
-    assert ways.count("failed") == 1 and ways.count("fault") == 0, ways
-    killed = (folder / "posegrid.killed").read_text().split()
-    assert killed, "no attempt was killed"
-    batch_files, engine_files = files(folder / "lake"), files(folder / "on-engine")
-    assert batch_files.keys() == engine_files.keys(), batch_files.keys() ^ engine_files.keys()
-    other = [name for name in batch_files if batch_files[name] != engine_files[name]]
-    assert not other, other
-    again = subprocess.run(
-        [posegrid, "tasks", folder / "fleet.toml", "--lake", folder / "on-engine"], stdout=subprocess.PIPE, text=True, check=True
-    )
-    left = again.stdout.splitlines()
-    assert len(left) == 1, "the damaged session alone is left"
-    verify = [posegrid, "verify", folder / "on-engine", "--pipeline", folder / "fleet.toml"]
-    verified = subprocess.run(verify, capture_output=True, text=True, check=False)
-    print(
-        f"{given.sessions} sessions: {ways.count('done')} done and {ways.count('done-before')} found done by the engine, 1 without a result; "
-        f"{len(killed)} first attempts killed; {len(engine_files)} files byte for byte those of a batch; batch {alone:.0f} s, engine {shared:.0f} s"
-    )
-    assert verified.returncode == 0, verified.stdout + verified.stderr
-    os.remove(folder / "posegrid.real")
+    for engine in given.engine or ["dask", "slurm"]:
+        proved(engine, posegrid, folder, given.sessions, alone)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,44 @@
+"""Work off the tasks of a pipeline file on a Ray cluster, and print how each ended: a line of JSON.
+
+    python pipelines/fleet/on_ray.py fleet.toml                              # two worker processes on this machine
+    python pipelines/fleet/on_ray.py fleet.toml --scheduler ray://head:10001
+
+Needs `ray[default]` from PyPI, and `posegrid` on every worker; pipeline file, sessions and lake are reached by the same paths or
+addresses there. A task that a fault or a lost worker ended is done again; sessions without a result are rows, and make exit code 1.
+"""
+
+import sys
+
+import tasks
+
+
+def main():
+    given = tasks.arguments(__doc__.splitlines()[0], "address of the cluster; without it two worker processes are started here")
+
+    import ray
+
+    # Workers have the program, not this folder.
+    ray.cloudpickle.register_pickle_by_value(tasks)
+    lines = tasks.listed(given)
+    own = {} if given.scheduler else {"num_cpus": 2, "include_dashboard": False}
+    ray.init(address=given.scheduler or "local", log_to_driver=False, **own)
+    work = ray.remote(max_retries=tasks.ATTEMPTS, retry_exceptions=[tasks.Fault])(tasks.work)
+    command = tasks.command(given, "task")
+    under_way = {work.remote(command, line): line for line in lines}
+
+    def rows():
+        while under_way:
+            for future in ray.wait(list(under_way))[0]:
+                line = under_way.pop(future)
+                try:
+                    yield ray.get(future)
+                except ray.exceptions.RayError as error:
+                    yield tasks.unfinished(line, "fault", str(error).strip().split("\n")[-1])
+
+    code = tasks.tell(rows())
+    ray.shutdown()
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()
