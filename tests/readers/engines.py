@@ -40,7 +40,7 @@ if first and hashlib.sha256(name.encode()).digest()[0] < 77:
         killed.write(name + "\\n")
     child.stdin.write(line)
     child.stdin.close()
-    time.sleep(0.2 + hashlib.sha256(name.encode()).digest()[1] / 128)
+    time.sleep(hashlib.sha256(name.encode()).digest()[1] / 512)
     child.kill()
     child.wait()
     os.kill(os.getpid(), 9)
@@ -96,10 +96,12 @@ def script(engine, folder, killer, lake):
 
 def array(folder, killer, lake):
     """Works off the fleet by the script of Slurm's jobs, with a stand-in for Slurm; returns as `script` does."""
-    # The script has the pipeline file alone: this one names the engine's lake.
-    own = folder / "slurm.toml"
-    own.write_text((folder / "fleet.toml").read_text().replace('"lake"', f'"{lake}"', 1))
-    found = subprocess.run([killer, "tasks", own], stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    # The script names no lake: this one's program does.
+    program = folder / "slurm-program"
+    program.write_text(f'#!/bin/sh\nexec "{killer}" "$@" --lake "{lake}"\n')
+    program.chmod(0o755)
+    own = folder / "fleet.toml"
+    found = subprocess.run([program, "tasks", own], stdout=subprocess.PIPE, encoding="utf-8", check=True)
     (folder / "tasks.jsonl").write_text(found.stdout)
     requeue = folder / "bin" / "scontrol"
     requeue.parent.mkdir(exist_ok=True)
@@ -107,20 +109,19 @@ def array(folder, killer, lake):
     requeue.chmod(0o755)
 
     def job(number):
-        told = ""
         for restart in range(7):
             about = {"SLURM_ARRAY_TASK_ID": str(number), "SLURM_JOB_ID": str(number), "SLURM_RESTART_COUNT": str(restart)}
             path = f"{requeue.parent}:{os.environ['PATH']}"
-            environment = os.environ | about | {"POSEGRID": str(killer), "PATH": path}
+            environment = os.environ | about | {"POSEGRID": str(program), "PATH": path}
             command = [HERE / "pipelines/fleet/slurm.sh", own, folder / "tasks.jsonl"]
             ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, encoding="utf-8", check=False)
-            told += ended.stdout
             asked = folder / f"requeued-{number}"
             # A job that was killed is lost with its node; Slurm puts those back by itself.
             if not asked.exists() and ended.returncode < 128:
-                return ended.returncode, told
+                break
             asked.unlink(missing_ok=True)
-        return ended.returncode, told
+        # A job that begins again writes its output anew.
+        return ended.returncode, ended.stdout
 
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         ended = list(pool.map(job, range(1, 1 + found.stdout.count("\n"))))
