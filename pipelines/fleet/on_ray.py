@@ -17,6 +17,8 @@ def main():
 
     import ray
 
+    # Ray prints its own messages to what is standard output then: they are told on stderr, and rows alone on stdout.
+    out, sys.stdout = sys.stdout, sys.stderr
     # Workers have the program, not this folder.
     ray.cloudpickle.register_pickle_by_value(tasks)
     lines = tasks.listed(given)
@@ -35,7 +37,7 @@ def main():
                 except ray.exceptions.RayError as error:
                     yield tasks.unfinished(line, "fault", str(error).strip().split("\n")[-1])
 
-    code = tasks.tell(rows())
+    code = tasks.tell(rows(), out)
     ray.shutdown()
     sys.exit(code)
 

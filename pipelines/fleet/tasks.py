@@ -58,10 +58,10 @@ def unfinished(line, ended, reason):
     return own | {"ended": ended, "run": None, "met": None, "reason": reason}
 
 
-def tell(rows):
-    """Prints rows as they come; returns the exit code: 1 where a task has no result."""
+def tell(rows, out=sys.stdout):
+    """Prints rows to `out` as they come; returns the exit code: 1 where a task has no result."""
     failed = False
     for row in rows:
         failed |= row["ended"] in ("failed", "fault")
-        print(json.dumps(row, sort_keys=True), flush=True)
+        print(json.dumps(row, sort_keys=True), file=out, flush=True)
     return 1 if failed else 0
