@@ -27,10 +27,8 @@ pub mod verify;
 use std::fmt::Display;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
-use signal_hook::consts::SIGXFSZ;
 
 use crate::io::memory::keep_what_is_freed;
 use messages::LogFormat;
@@ -122,7 +120,8 @@ pub fn main() -> ExitCode {
 /// Turns a write beyond the process's file size limit into an error, like a full disk's, instead of the end of the process:
 /// the file may be the one that takes the messages. Where SIGXFSZ cannot be caught, the process ends as before.
 fn outlive_limits_of_files() {
-    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
 }
 
 /// Prints the argument parser's answer: help and version are results, anything else is a message.

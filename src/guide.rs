@@ -6,6 +6,7 @@
 //!
 //! | chapter | question it answers | command |
 //! |---|---|---|
+//! | [`install`] | How does it reach a machine: source, wheel, package, image, Windows? | |
 //! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | `schema robot` |
 //! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`fleet`] | How are many robots stated in one pipeline file, and how is their work shared out? | `run`, `tasks`, `task` |
@@ -29,6 +30,9 @@
     clippy::doc_markdown,
     reason = "the chapters are prose: names of products are not names of items"
 )]
+
+#[doc = include_str!("guide/install.md")]
+pub mod install {}
 
 #[doc = include_str!("guide/robot_file.md")]
 pub mod robot_file {}

@@ -16,6 +16,7 @@ pub mod robot;
 pub mod schema;
 pub mod station_table;
 pub mod store;
+pub(crate) mod system;
 pub mod table;
 pub mod tables;
 pub mod targets;

@@ -4,11 +4,10 @@
 //! a defect. `println!` and `eprintln!` end the thread where a stream refuses, so they are not used (`lib.rs` forbids
 //! them), and libraries that print to stderr are not used for messages.
 
-use std::fs::File;
 use std::io::{self, Write as _};
-use std::os::fd::AsFd as _;
 
 use super::{DONE, NO_RESULT};
+use crate::io::system;
 
 /// A stream of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,11 +31,7 @@ impl Stream {
     /// Writes all bytes at once, without a buffer.
     pub(super) fn write(self, bytes: &[u8]) -> io::Result<()> {
         match self {
-            // The standard library treats a stream that is not open for writing as one that takes everything, and buffers
-            // what it could not write; a file of our own does neither.
-            Self::Results => {
-                File::from(io::stdout().as_fd().try_clone_to_owned()?).write_all(bytes)
-            }
+            Self::Results => system::write_stdout(bytes),
             Self::Messages => io::stderr().write_all(bytes),
         }
     }

@@ -10,6 +10,7 @@ use std::path::Path;
 use thiserror::Error;
 
 use super::log::Limits;
+use super::system;
 
 /// The largest size of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,24 +163,7 @@ fn other_than_file(kind: FileType) -> Option<&'static str> {
     if kind.is_dir() {
         return Some("a folder");
     }
-    Some(special(kind))
-}
-
-#[cfg(unix)]
-fn special(kind: FileType) -> &'static str {
-    use std::os::unix::fs::FileTypeExt as _;
-    if kind.is_fifo() {
-        "a pipe (FIFO)"
-    } else if kind.is_socket() {
-        "a socket"
-    } else {
-        "a device"
-    }
-}
-
-#[cfg(not(unix))]
-fn special(_kind: FileType) -> &'static str {
-    "a device or a pipe"
+    Some(system::special(kind))
 }
 
 #[cfg(test)]

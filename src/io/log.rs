@@ -27,7 +27,6 @@ mod source;
 mod spilled;
 mod streams;
 mod summary;
-mod unnamed;
 
 use std::io;
 

@@ -491,7 +491,7 @@ fn a_pipe_or_a_device_is_reported_at_once() {
     let made = Command::new("mkfifo").arg(&pipe).status();
     assert!(made.is_ok_and(|status| status.success()), "mkfifo");
     for (path, what) in [
-        (pipe.as_path(), "a pipe, not a file"),
+        (pipe.as_path(), "a pipe (FIFO), not a file"),
         ("/dev/zero".as_ref(), "a device, not a file"),
     ] {
         let mut child = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"))

@@ -14,10 +14,12 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 
+use crate::io::system;
+
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
-/// A temporary of another host, or of a container that no longer exists, is a leftover when it was not written to for a
-/// day: whether its process lives is not known, and the largest table takes minutes.
+/// A temporary of another host, of a container that no longer exists, or on a system that does not state which processes run,
+/// is a leftover when it was not written to for a day: the largest table takes minutes.
 const OLD: Duration = Duration::from_hours(24);
 
 /// Bytes written and hashed at once: BLAKE3 takes sixteen blocks of 1 KiB in parallel, and large writes are few.
@@ -162,11 +164,10 @@ impl Drop for Temporary {
 
 /// A new name is permanent only once its folder is synced too.
 fn sync_folder(target: &Path) -> io::Result<()> {
-    let folder = target.parent().expect("a lake's files are in folders");
-    File::open(folder)?.sync_all()
+    system::sync_folder(target.parent().expect("a lake's files are in folders"))
 }
 
-/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of other hosts; returns their
+/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of processes of which that is unknown; returns their
 /// paths.
 pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
@@ -174,7 +175,7 @@ pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let gone = Owner::of_temporary(&name).is_some_and(|owner| {
-            owner.is_gone() || (owner.host != host() && is_old(&path).unwrap_or(false))
+            owner.is_gone() || (!owner.is_known() && is_old(&path).unwrap_or(false))
         });
         if gone && removed_now(&path)? {
             removed.push(path);
@@ -255,11 +256,14 @@ impl Owner {
         })
     }
 
-    /// Whether the process certainly no longer runs: nothing is certain for other hosts, or where the system does not state
-    /// it.
+    /// Whether this system states if the process runs: not of other hosts, and only Linux has `/proc`.
+    fn is_known(&self) -> bool {
+        self.host == host() && start_of(std::process::id()).is_some()
+    }
+
+    /// Whether the process certainly no longer runs.
     fn is_gone(&self) -> bool {
-        let is_known = self.host == host() && start_of(std::process::id()).is_some();
-        is_known && start_of(self.pid) != Some(self.start)
+        self.is_known() && start_of(self.pid) != Some(self.start)
     }
 }
 

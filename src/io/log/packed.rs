@@ -9,7 +9,6 @@ use std::io::{self, BufReader, Read, Seek, Write};
 use mcap::MAGIC;
 use zstd::stream::read::Decoder;
 
-use super::unnamed::unnamed;
 use super::{FileError, Limits};
 use crate::progress::Progress;
 
@@ -64,7 +63,7 @@ pub(super) fn unpack(
     };
     let bytes = file.metadata().map_err(at_fault)?.len();
     let mut from = decoder(file).map_err(at_fault)?;
-    let mut to = unnamed().map_err(no_room)?;
+    let mut to = tempfile::tempfile().map_err(no_room)?;
     let mut piece = vec![0; PIECE];
     let (mut length, mut reported) = (0, 0);
     progress.begin(name, bytes);

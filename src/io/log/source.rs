@@ -3,11 +3,11 @@
 
 use std::fs::{self, File, FileType};
 use std::io::{self, Seek, SeekFrom};
-use std::os::unix::fs::{FileExt as _, FileTypeExt as _};
 use std::path::Path;
 
 use super::packed::{self, Packed};
 use super::{FileError, Limits};
+use crate::io::system;
 use crate::progress::Progress;
 
 /// Bytes read at once where records are small.
@@ -129,7 +129,7 @@ impl Source {
         to.resize(count, 0);
         let mut filled = 0;
         while filled < count {
-            match self.file.read_at(&mut to[filled..], start + filled as u64) {
+            match system::read_at(&self.file, &mut to[filled..], start + filled as u64) {
                 // The file was cut while it was read.
                 Ok(0) => break,
                 Ok(more) => filled += more,
@@ -144,16 +144,7 @@ impl Source {
 
 /// The kind of a thing that cannot be read by position; `None` for a file.
 fn other_than_a_file(kind: FileType) -> Option<&'static str> {
-    if kind.is_file() {
-        return None;
-    }
-    Some(if kind.is_fifo() {
-        "a pipe"
-    } else if kind.is_socket() {
-        "a socket"
-    } else {
-        "a device"
-    })
+    (!kind.is_file()).then(|| system::special(kind))
 }
 
 impl Window {

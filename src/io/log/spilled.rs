@@ -5,14 +5,13 @@
 
 use std::fmt::Debug;
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::os::unix::fs::FileExt as _;
 
 use super::LogError;
-use super::unnamed::unnamed;
 use crate::ingest::{PoseSamples, Poses, PosesError};
+use crate::io::system;
 use crate::units::Stamp;
 
 /// Bytes that are kept in memory before they are written.
@@ -96,8 +95,9 @@ impl<C> SpilledPoses<C> {
     fn spill(&mut self) -> io::Result<()> {
         let file = match &mut self.file {
             Some(file) => file,
-            none => none.insert(unnamed()?),
+            none => none.insert(tempfile::tempfile()?),
         };
+        file.seek(SeekFrom::End(0))?;
         file.write_all(&self.latest)?;
         self.in_file += self.latest.len() / self.form.row_bytes();
         self.latest.clear();
@@ -114,7 +114,7 @@ impl<C> SpilledPoses<C> {
         let from_file = rows.start.min(self.in_file)..rows.end.min(self.in_file);
         let mut bytes = vec![0; from_file.len() * row_bytes];
         if let Some(file) = &self.file {
-            file.read_exact_at(&mut bytes, (from_file.start * row_bytes) as u64)?;
+            system::read_exact_at(file, &mut bytes, (from_file.start * row_bytes) as u64)?;
         }
         let place = |row: usize| row.saturating_sub(self.in_file) * row_bytes;
         let latest = self.latest.get(place(rows.start)..place(rows.end));
