@@ -1,11 +1,15 @@
 //! What operating systems do each in their own way: reading by position, files of other kinds, stdout without a buffer, names
 //! that last.
 //!
-//! Linux is the system of every proof; Windows, which trackers' computers run, is checked to compile.
+//! Linux is the system of every proof; Windows, which trackers' computers run, does the main job under Wine.
 
 use std::fs::{File, FileType};
 use std::io;
 use std::path::Path;
+
+/// What Windows calls a pipe without the other end.
+#[cfg(not(unix))]
+const ERROR_PIPE_NOT_CONNECTED: i32 = 233;
 
 /// Reads bytes at a place of a file, as many as one call gives; on Windows the file's own position moves too.
 pub(crate) fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
@@ -63,8 +67,12 @@ pub(crate) fn write_stdout(bytes: &[u8]) -> io::Result<()> {
     #[cfg(not(unix))]
     {
         let mut stdout = io::stdout().lock();
-        stdout.write_all(bytes)?;
-        stdout.flush()
+        let written = stdout.write_all(bytes).and_then(|()| stdout.flush());
+        written.map_err(|error| match error.raw_os_error() {
+            // A pipe whose reader has gone, which the standard library names for two numbers of three.
+            Some(ERROR_PIPE_NOT_CONNECTED) => io::Error::from(io::ErrorKind::BrokenPipe),
+            _ => error,
+        })
     }
 }
 

@@ -1,10 +1,10 @@
-"""posegrid as each way of installing it gives it, in a clean environment: the main job, and the same bytes from all.
+"""posegrid as each way of installing it gives it, in a clean environment: the main job, and the same bytes from all on one system.
 
     python tests/readers/installed.py --folder target/installed [--only cargo --only wheel --only deb --only container --only windows]
 
 Each way builds what it distributes, installs it where nothing of the checkout is, and does the main job there: cargo's in a folder of its
 own, the wheel in a new Python environment, the Debian package in a new system (debootstrap), the image in a container, the program for
-Windows under Wine. What this machine cannot do is told as a skip, with the reason; `--no-skips` makes one a failure.
+Windows under Wine, whose sines round otherwise: what `run` tells must be the same there, and `verify` must find the bytes again. What this machine cannot do is told as a skip, with the reason; `--no-skips` makes one a failure.
 """
 
 import argparse
@@ -19,6 +19,14 @@ HERE = pathlib.Path(__file__).resolve().parents[2]
 WINDOWS = "x86_64-pc-windows-gnu"
 # Megabytes: what is distributed stays small enough to be copied to every worker.
 LARGEST_IMAGE_MB = 60
+# The name, among the published files, of what `run` told.
+TOLD = "what run told"
+# Wine before 8.13 has no bcryptprimitives.dll, which Rust's standard library asks for random numbers; Windows has had it since 7.
+RANDOM_NUMBERS = """
+#include <windows.h>
+BOOLEAN NTAPI SystemFunction036(PVOID, ULONG);
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T size) { return SystemFunction036(data, (ULONG)size); }
+"""
 
 
 class Skip(Exception):
@@ -26,10 +34,10 @@ class Skip(Exception):
 
 
 def done(*command, **options):
-    """Runs a command; its output is told where it fails."""
-    ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace", check=False, **options)
+    """What a command writes to stdout; all its output is told where it fails."""
+    ended = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", check=False, **options)
     if ended.returncode:
-        sys.exit(f"{' '.join(map(str, command))} ended with {ended.returncode}:\n{ended.stdout[-4000:]}")
+        sys.exit(f"{' '.join(map(str, command))} ended with {ended.returncode}:\n{ended.stdout[-4000:]}\n{ended.stderr[-4000:]}")
     return ended.stdout
 
 
@@ -58,15 +66,15 @@ def cell(folder):
 def job(command, folder, **options):
     """Does the main job in a clean folder and verifies its lake; returns the published files."""
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(folder), "LANG": "C.UTF-8"} | options.pop("environment", {})
-    done(*command, "run", "pipelines/quickstart.toml", cwd=folder, env=environment)
+    told = done(*command, "run", "pipelines/quickstart.toml", cwd=folder, env=environment)
     done(*command, "verify", "lake", "--pipeline", "pipelines/quickstart.toml", cwd=folder, env=environment)
-    return files(folder / "lake")
+    return files(folder / "lake", told)
 
 
-def files(lake):
-    """Every published file of a lake, by its path there."""
+def files(lake, told):
+    """Every published file of a lake, by its path there, and what `run` told."""
     paths = ((path.relative_to(lake).as_posix(), path) for path in lake.rglob("*") if path.is_file())
-    return {name: path.read_bytes() for name, path in paths if not name.startswith(".")}
+    return {TOLD: told.replace("\\", "/")} | {name: path.read_bytes() for name, path in paths if not name.startswith(".")}
 
 
 def megabytes(path):
@@ -114,11 +122,12 @@ def by_deb(folder):
     done("chroot", root, "sh", "-c", "posegrid --version && test -f /usr/share/doc/posegrid/examples/quickstart.toml")
     cell(root / "cell")
     # Another root, so the working folder is named inside it.
-    for words in (["run", "pipelines/quickstart.toml"], ["verify", "lake", "--pipeline", "pipelines/quickstart.toml"]):
-        done("chroot", root, "sh", "-c", 'cd /cell && exec posegrid "$@"', "sh", *words)
+    inside = ("chroot", root, "sh", "-c", 'cd /cell && exec posegrid "$@"', "sh")
+    told = done(*inside, "run", "pipelines/quickstart.toml")
+    done(*inside, "verify", "lake", "--pipeline", "pipelines/quickstart.toml")
     done("chroot", root, "dpkg", "--purge", "posegrid")
     assert not (root / "usr/bin/posegrid").exists(), "the package leaves its program behind"
-    return files(root / "cell/lake"), f"package {megabytes(package):.1f} MB"
+    return files(root / "cell/lake", told), f"package {megabytes(package):.1f} MB"
 
 
 def by_container(folder):
@@ -151,12 +160,22 @@ def by_windows(folder):
     wine = shutil.which("wine64") or shutil.which("wine") or "/usr/lib/wine/wine64"
     if not pathlib.Path(wine).exists():
         raise Skip("it is built, but there is no Wine to run it; apt-get install wine64")
+    shutil.copy(program, folder / "posegrid.exe")
+    (folder / "random.c").write_text(RANDOM_NUMBERS)
+    done("x86_64-w64-mingw32-gcc", "-shared", "-o", folder / "bcryptprimitives.dll", folder / "random.c", "-ladvapi32")
+    program = folder / "posegrid.exe"
     environment = {"WINEDEBUG": "-all", "WINEPREFIX": str(folder / "wine")}
     found = job([wine, program], cell(folder / "cell"), environment=environment)
     return found, f"program {megabytes(program):.1f} MB"
 
 
 WAYS = {"cargo": by_cargo, "wheel": by_wheel, "deb": by_deb, "container": by_container, "windows": by_windows}
+
+
+def different(found, first, bytes_too):
+    """What differs between the files of two ways, or between what the two told alone."""
+    names = found.keys() | first.keys() if bytes_too else {TOLD}
+    return sorted(name for name in names if found.get(name) != first.get(name))
 
 
 def main():
@@ -178,11 +197,14 @@ def main():
             continue
         assert len(found) > 10, f"{way}: {sorted(found)}"
         first = first or (way, found)
-        other = sorted(name for name in first[1].keys() | found.keys() if first[1].get(name) != found.get(name))
+        other = different(found, first[1], bytes_too=way != "windows")
         if other:
             differs.append(way)
-        same = f"{len(other)} of them differ from those of {first[0]}: {', '.join(other[:5])}" if other else f"byte for byte those of {first[0]}"
-        print(f"{way}: the main job and verify are done; {told}; {len(found)} files, {same}", flush=True)
+        if other:
+            same = f"{len(other)} differ from those of {first[0]}: {', '.join(other[:5])}"
+        else:
+            same = f"{'told the same as' if way == 'windows' else 'byte for byte those of'} {first[0]}"
+        print(f"{way}: the main job and verify are done; {told}; {len(found) - 1} files, {same}", flush=True)
     sys.exit(1 if differs or (given.no_skips and skipped) else 0)
 
 
