@@ -33,6 +33,7 @@ pub mod stored;
 pub mod student;
 pub mod tabulated;
 pub mod train;
+mod whitening;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 

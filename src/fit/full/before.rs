@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
 
 use super::layout::Block;
-use super::regression::Posterior;
+use super::regression::{Posterior, Root};
 use super::student::Tails;
 use super::train::State;
 use super::{FullModel, FullSettings, Ready};
@@ -91,8 +91,10 @@ impl Posterior {
     /// Nothing learned: the posterior is the prior.
     fn before(scale: DVector<f64>) -> Self {
         let size = scale.len();
+        let identity = DMatrix::identity(size, size);
+        let identity = Cholesky::new(identity).expect("the identity is positive");
         Self {
-            factor: Cholesky::new(DMatrix::identity(size, size)).expect("the identity is positive"),
+            root: Root::Columns(identity),
             whitened: DVector::zeros(size),
             log_evidence: 0.0,
             scale,

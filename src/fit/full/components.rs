@@ -11,7 +11,7 @@ use nalgebra::DVector;
 
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
-use super::spectrum::{Kernel, smooth_variances};
+use super::spectrum::{Kernel, Spectra, smooth_variances};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// The part that a component belongs to.
@@ -76,10 +76,23 @@ impl Components {
             all: Vec::new(),
             fixed: vec![0.0; layout.size()],
         };
+        let mut spectra = Spectra::default();
         for (block, columns) in layout.blocks() {
-            components.add(layout, (block, columns), unknowns, settings, span);
+            let known = (unknowns, &mut spectra);
+            components.add(layout, (block, columns), known, settings, span);
         }
         components
+    }
+
+    /// Adds the gear lines of `layout` that are not among the components yet, at their expected sizes.
+    pub(super) fn add_lines(&mut self, layout: &Layout, settings: &FullSettings) {
+        let known = self.fixed.len();
+        self.fixed.resize(layout.size(), 0.0);
+        for (block, columns) in layout.blocks().filter(|(_, own)| own.start >= known) {
+            if let Block::Line { joint, cycles } = block {
+                self.add_line((joint, cycles), columns, settings);
+            }
+        }
     }
 
     /// No components: for models with fixed sizes.
@@ -130,15 +143,6 @@ impl Components {
         }
     }
 
-    /// Takes the sizes of parts that `others` has too.
-    pub(super) fn inherit(&mut self, others: &Self) {
-        for component in &mut self.all {
-            if let Some(other) = others.all.iter().find(|other| other.part == component.part) {
-                component.size = other.size;
-            }
-        }
-    }
-
     /// The size of a part; `None` where the model has none.
     pub fn size(&self, part: Part) -> Option<f64> {
         self.all
@@ -162,7 +166,7 @@ impl Components {
         &mut self,
         layout: &Layout,
         (block, columns): (Block, Range<usize>),
-        unknowns: &[f64],
+        (unknowns, spectra): (&[f64], &mut Spectra),
         settings: &FullSettings,
         span: f64,
     ) {
@@ -210,14 +214,14 @@ impl Components {
                     (Part::ShortCurve(joint), short),
                     (Part::LongCurve(joint), long),
                 ] {
-                    let profile = pairs(&kernel.variances(columns.len() / 2)[1..]);
+                    let profile = pairs(&spectra.variances(kernel, columns.len() / 2)[1..]);
                     self.join(part, sd, columns.clone(), profile);
                 }
             }
             Block::SessionCurve { joint, .. } => {
                 let (length, share) = session_curve_sizes(layout, s, joint);
                 let kernel = Kernel::SquaredExponential(length);
-                let variances = kernel.variances((columns.len() - 1) / 2);
+                let variances = spectra.variances(kernel, (columns.len() - 1) / 2);
                 let mut profile = vec![variances[0]];
                 profile.extend(pairs(&variances[1..]));
                 for variance in &mut profile {
@@ -225,10 +229,19 @@ impl Components {
                 }
                 self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
             }
-            Block::Line { joint, cycles } => {
-                self.join(Part::Line { joint, cycles }, s.line_sd_rad, columns, even);
-            }
+            Block::Line { joint, cycles } => self.add_line((joint, cycles), columns, s),
         }
+    }
+
+    fn add_line(
+        &mut self,
+        (joint, cycles): (usize, f64),
+        columns: Range<usize>,
+        settings: &FullSettings,
+    ) {
+        let even = vec![1.0; columns.len()];
+        let part = Part::Line { joint, cycles };
+        self.join(part, settings.line_sd_rad, columns, even);
     }
 
     fn join(&mut self, part: Part, sd: f64, columns: Range<usize>, profile: Vec<f64>) {

@@ -10,12 +10,15 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
+use super::leave_one_out::{firsts, stack};
 use super::parts::PartEvidence;
 use super::rows::{Row, covariances, rows, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
+use super::whitening::noise_factor;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::problem::Problem;
+use crate::linalg::gram;
 
 impl Settled {
     /// This model, or the one without curves and gear lines where that predicts left-out blocks better on the mean; with the
@@ -61,6 +64,7 @@ impl Settled {
     ) -> Option<f64> {
         let rows = rows(problem, &self.state, up);
         let covariances = covariances(&self.state, &rows);
+        let left_open = self.left_open_of_few(&covariances);
         let mean = self.posterior.mean() + &self.prior_mean;
         let mut total = 0.0;
         for fold in 0..FOLDS {
@@ -68,30 +72,41 @@ impl Settled {
                 .filter(|&place| folds[place] == fold)
                 .collect();
             if !own.is_empty() {
-                total += self.left_out(&rows, &covariances, &mean, &own)?;
+                let left_open = left_open.as_ref();
+                total += self.left_out((&rows, &covariances), left_open, &mean, &own)?;
             }
         }
         Some(total / problem.observations().len().max(1) as f64)
     }
 
+    /// Covariance of all rows that the model leaves open, mm² and rad²; `None` where the rows were summed.
+    fn left_open_of_few(&self, covariances: &[DMatrix<f64>]) -> Option<DMatrix<f64>> {
+        let mut half = self.posterior.open_of_rows()?;
+        let mut first = 0;
+        for noise in covariances {
+            let mut own = half.columns_mut(first, noise.nrows());
+            let coloured = &own * noise_factor(noise).transpose();
+            own.copy_from(&coloured);
+            first += noise.nrows();
+        }
+        Some(gram(&half.columns(0, first).into()))
+    }
+
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
     fn left_out(
         &self,
-        rows: &[Row],
-        covariances: &[DMatrix<f64>],
+        (rows, covariances): (&[Row], &[DMatrix<f64>]),
+        left_open: Option<&DMatrix<f64>>,
         mean: &DVector<f64>,
         own: &[usize],
     ) -> Option<f64> {
         let count = own.iter().map(|&place| rows[place].value.len()).sum();
-        let columns = rows[own[0]].rows.ncols();
-        let mut stacked = DMatrix::zeros(count, columns);
         let mut left = DVector::zeros(count);
         let mut noise = DMatrix::zeros(count, count);
         let mut firsts = Vec::with_capacity(own.len());
         let mut first = 0;
         for &place in own {
             let (row, size) = (&rows[place], rows[place].value.len());
-            stacked.rows_mut(first, size).copy_from(&row.rows);
             left.rows_mut(first, size)
                 .copy_from(&(&row.value - &row.rows * mean));
             noise
@@ -102,8 +117,17 @@ impl Settled {
             firsts.extend(readings.map(|(own, reading)| (first + own, reading.rows().min(3))));
             first += size;
         }
-        let half = self.posterior.half(&stacked);
-        let open = &noise - half.tr_mul(&half);
+        let open = if let Some(all) = left_open {
+            let places = rows_of(rows, own);
+            DMatrix::from_fn(count, count, |row, column| {
+                all[(places[row], places[column])]
+            })
+        } else {
+            let half = self
+                .posterior
+                .half(&stack(own.iter().map(|&place| &rows[place])));
+            &noise - half.tr_mul(&half)
+        };
         let residual = noise * open.cholesky()?.solve(&left);
         Some(
             firsts
@@ -112,6 +136,15 @@ impl Settled {
                 .sum(),
         )
     }
+}
+
+/// The places of the rows of some stations, all stations' rows one below the other.
+fn rows_of(rows: &[Row], own: &[usize]) -> Vec<usize> {
+    let firsts = firsts(rows);
+    let places = own.iter();
+    places
+        .flat_map(|&place| firsts[place]..firsts[place] + rows[place].value.len())
+        .collect()
 }
 
 /// The block of each station, by the measured position of its first reading in the base frame; by the predicted one where none was

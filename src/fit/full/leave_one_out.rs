@@ -14,6 +14,7 @@ use super::rows::{Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS, State};
+use super::whitening::noise_factor;
 use crate::fit::problem::Problem;
 
 /// Gear lines taken per joint in one round.
@@ -70,30 +71,66 @@ pub(super) fn leave_one_out(
     posterior: &Posterior,
 ) -> Vec<LeftOut> {
     let mean = posterior.mean() + prior_mean;
+    let open = posterior.open_of_rows();
+    let firsts = firsts(rows);
     let chunk = |chunk: usize| {
         let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(rows.len());
-        let stacked = stack(&rows[range.clone()]);
-        let half = posterior.half(&stacked);
-        let mut first = 0;
-        let mut left_out = Vec::with_capacity(CHUNK);
-        for place in range {
+        let own = (&rows[range.clone()], &covariances[range.clone()]);
+        let explained = open.as_ref().map_or_else(
+            || explained(own.0, posterior),
+            |open| explained_of_few(own, open, firsts[range.start]),
+        );
+        let stations = range.zip(explained);
+        let left_out = stations.map(|(place, explained)| {
             let row = &rows[place];
-            let own = half.columns(first, row.value.len());
-            first += row.value.len();
-            let noise = &covariances[place];
-            let explained = own.tr_mul(&own);
             let counts = (
                 state.weights[place],
                 state.tails.information(row.value.len() as f64),
             );
-            left_out.push(left_out_of(row, &mean, noise, &explained, counts));
-        }
-        left_out
+            left_out_of(row, &mean, &covariances[place], &explained, counts)
+        });
+        left_out.collect::<Vec<_>>()
     };
     (0..rows.len().div_ceil(CHUNK))
         .into_par_iter()
         .flat_map_iter(chunk)
         .collect()
+}
+
+/// Covariance of each station's rows that the model explains, mm² and rad².
+fn explained(rows: &[Row], posterior: &Posterior) -> Vec<DMatrix<f64>> {
+    let half = posterior.half(&stack(rows.iter()));
+    let stations = rows.iter().zip(firsts(rows));
+    let explained = stations.map(|(row, first)| {
+        let own = half.columns(first, row.value.len());
+        own.tr_mul(&own)
+    });
+    explained.collect()
+}
+
+/// The same where rows are few: the noise of each without what the model leaves open. The stations' rows are those of `open` from
+/// `first` on.
+fn explained_of_few(
+    (rows, covariances): (&[Row], &[DMatrix<f64>]),
+    open: &DMatrix<f64>,
+    first: usize,
+) -> Vec<DMatrix<f64>> {
+    let stations = covariances.iter().zip(firsts(rows));
+    let explained = stations.map(|(noise, own)| {
+        let half = open.columns(first + own, noise.nrows()) * noise_factor(noise).transpose();
+        noise - half.tr_mul(&half)
+    });
+    explained.collect()
+}
+
+/// The place of each station's first row, all rows one below the other.
+pub(super) fn firsts<'r>(rows: impl IntoIterator<Item = &'r Row>) -> Vec<usize> {
+    let places = rows.into_iter().scan(0, |next, row| {
+        let first = *next;
+        *next += row.value.len();
+        Some(first)
+    });
+    places.collect()
 }
 
 fn left_out_of(
@@ -132,15 +169,15 @@ fn left_out_of(
     }
 }
 
-fn stack(rows: &[Row]) -> DMatrix<f64> {
-    let count = rows.iter().map(|row| row.value.len()).sum();
-    let mut stacked = DMatrix::zeros(count, rows[0].rows.ncols());
-    let mut first = 0;
-    for row in rows {
+/// The rows of stations, one below the other.
+pub(super) fn stack<'r>(rows: impl Iterator<Item = &'r Row> + Clone) -> DMatrix<f64> {
+    let count = rows.clone().map(|row| row.value.len()).sum();
+    let columns = rows.clone().next().map_or(0, |row| row.rows.ncols());
+    let mut stacked = DMatrix::zeros(count, columns);
+    for (row, first) in rows.clone().zip(firsts(rows)) {
         stacked
             .rows_mut(first, row.value.len())
             .copy_from(&row.rows);
-        first += row.value.len();
     }
     stacked
 }

@@ -16,9 +16,10 @@ use super::approach::ApproachOffsets;
 use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::{leave_one_out, of_observations};
-use super::regression::Posterior;
-use super::rows::{rows, stations, sums};
+use super::regression::{Posterior, Root};
+use super::rows::{rows, stations};
 use super::train::State;
+use super::whitening::sums;
 use super::{FullModel, FullSettings, Ready, at_fitted_bases};
 use crate::fit::frames::Frames;
 use crate::fit::gauge::{Gauge, Sees};
@@ -323,7 +324,7 @@ impl FullModel {
         }
         let half = Cholesky::new(whitened)?.inverse_lower();
         let posterior = Posterior {
-            factor: Cholesky::new(gram(&half.as_view()))?,
+            root: Root::Columns(Cholesky::new(gram(&half.as_view()))?),
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
             log_evidence: 0.0,
             scale,
@@ -462,7 +463,7 @@ impl FullModel {
     /// A draw of all coefficients from the posterior: `mean + S L⁻ᵀ z`, whose covariance is the posterior's when `z`
     /// are independent normal numbers.
     pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
-        let away = self.posterior.factor.backward(z);
+        let away = self.posterior.factor().backward(z);
         &self.mean + away.component_mul(&self.posterior.scale)
     }
 
@@ -560,7 +561,7 @@ fn empty(arm: &Arm, frames: &[Frames], prior: &Prior, turned: bool) -> Problem<'
 
 /// The posterior covariance of all columns: `√v L⁻ᵀ L⁻¹ √v`.
 fn covariance(model: &FullModel) -> DMatrix<f64> {
-    let mut half = model.posterior.factor.inverse_lower();
+    let mut half = model.posterior.factor().inverse_lower();
     for (mut column, scale) in half.column_iter_mut().zip(&model.posterior.scale) {
         column *= *scale;
     }

@@ -58,7 +58,7 @@ impl Settled {
             if columns == 0 {
                 continue;
             }
-            let Some(without) = self.sums.posterior(&variances) else {
+            let Some(without) = self.evidence.posterior(&variances) else {
                 continue;
             };
             let gain = self.posterior.log_evidence - without.log_evidence;

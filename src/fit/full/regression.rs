@@ -1,11 +1,26 @@
 //! Bayesian linear regression on a fixed Gram matrix: `y = Φ δ + noise`, `δ ~ N(0, diag v)`.
 //!
 //! With `u = δ/√v` the posterior information is `M = I + √v A √v`, `A = Φᵀ N⁻¹ Φ`: well scaled for any `v`, and a
-//! column of variance zero drops out.
+//! column of variance zero drops out. Where rows are few beside columns, the same follows from the rows alone
+//! ([`few_rows`]).
+
+pub mod few_rows;
+
+use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::{Cholesky, gram};
+use few_rows::{FewRoot, FewRows};
+
+/// What whitened rows say of the columns.
+#[derive(Debug, Clone)]
+pub enum Evidence {
+    /// Few rows, kept as they are.
+    Rows(FewRows),
+    /// The sums of many.
+    Sums(Sums),
+}
 
 /// Sums over whitened rows.
 #[derive(Debug, Clone)]
@@ -27,12 +42,36 @@ pub struct Sums {
 pub struct Posterior {
     /// Prior standard deviation of each column, `√v`.
     pub scale: DVector<f64>,
-    /// Cholesky factor of M.
-    pub factor: Cholesky,
+    /// A square root of M.
+    pub(super) root: Root,
     /// `u`, the mean over `√v`.
     pub whitened: DVector<f64>,
     /// Log marginal likelihood, nats, up to the constant of the rows.
     pub log_evidence: f64,
+}
+
+/// A square root of the information M.
+#[derive(Debug, Clone)]
+pub(super) enum Root {
+    /// Its Cholesky factor.
+    Columns(Cholesky),
+    /// What it follows from where rows are few.
+    Rows(FewRoot),
+}
+
+impl Evidence {
+    /// The posterior at prior variances `v`; `None` if rounding made a matrix indefinite.
+    pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
+        self.posterior_at(variances.map(f64::sqrt))
+    }
+
+    /// The posterior at prior standard deviations `√v`; `None` if rounding made a matrix indefinite.
+    pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
+        match self {
+            Self::Rows(rows) => rows.posterior_at(scale),
+            Self::Sums(sums) => sums.posterior_at(scale),
+        }
+    }
 }
 
 impl Sums {
@@ -82,8 +121,9 @@ impl Sums {
     /// The posterior with `before`, the posterior of other rows, as prior; the values are relative to its means. `None` if
     /// rounding made M indefinite.
     pub(super) fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
-        let matrix = self.scaled(&before.scale) + before.factor.product();
-        let ln_before = before.factor.ln_determinant();
+        let factor = before.factor();
+        let matrix = self.scaled(&before.scale) + factor.product();
+        let ln_before = factor.ln_determinant();
         self.at(before.scale.clone(), matrix, ln_before)
     }
 
@@ -109,7 +149,7 @@ impl Sums {
         let log_evidence = -0.5 * (quadratic + ln_gained + self.ln_noise);
         Some(Posterior {
             scale,
-            factor,
+            root: Root::Columns(factor),
             whitened,
             log_evidence,
         })
@@ -124,13 +164,34 @@ impl Posterior {
 
     /// `1 − Σ_kk/v_k`: the share of each column that the rows determined.
     pub fn determined(&self) -> DVector<f64> {
-        let inverse = self.factor.inverse_lower();
+        let factor = match &self.root {
+            Root::Columns(factor) => factor,
+            Root::Rows(rows) => return rows.determined(),
+        };
+        let inverse = factor.inverse_lower();
         DVector::from_iterator(
             inverse.ncols(),
             inverse
                 .column_iter()
                 .map(|column| 1.0 - column.norm_squared()),
         )
+    }
+
+    /// Cholesky factor of M, of the size of the columns.
+    pub fn factor(&self) -> Cow<'_, Cholesky> {
+        match &self.root {
+            Root::Columns(factor) => Cow::Borrowed(factor),
+            Root::Rows(rows) => Cow::Owned(rows.of_columns()),
+        }
+    }
+
+    /// A square root `OᵀO` of the covariance that the model leaves open of its own whitened rows, a column for each row; `None` where
+    /// the rows were summed.
+    pub(super) fn open_of_rows(&self) -> Option<DMatrix<f64>> {
+        match &self.root {
+            Root::Columns(_) => None,
+            Root::Rows(rows) => Some(rows.open()),
+        }
     }
 
     /// Posterior covariance of the columns at `places`.
@@ -143,13 +204,16 @@ impl Posterior {
         half.tr_mul(&half)
     }
 
-    /// Posterior covariance of `rows · δ`, and its square root factor's transpose: `L⁻¹ √v rowsᵀ`.
+    /// A square root `HᵀH` of the posterior covariance of `rows · δ`, a column for each row.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         let mut right = rows.transpose();
         for (mut row, scale) in right.row_iter_mut().zip(&self.scale) {
             row *= *scale;
         }
-        self.factor.forward(&right, 0)
+        match &self.root {
+            Root::Columns(factor) => factor.forward(&right, 0),
+            Root::Rows(rows) => rows.half(right),
+        }
     }
 }
 

@@ -1,7 +1,8 @@
-//! Rows of all stations at the current geometry, whitened and summed.
+//! Rows of all stations at the current geometry.
 //!
 //! The readings of one station (several targets, several instruments) are of one pose that the arm attained, so their noise is
-//! correlated ([`super::noise`]): their rows stand one below the other, and are whitened, weighted and left out together.
+//! correlated ([`super::noise`]): their rows stand one below the other, and are whitened
+//! ([`super::whitening`]), weighted and left out together.
 
 use std::ops::Range;
 
@@ -11,7 +12,6 @@ use rayon::prelude::*;
 use super::design::PoseView;
 use super::layout::Block;
 use super::noise::{NoisyReading, StationNoise};
-use super::regression::Sums;
 use super::train::{CHUNK, State};
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
@@ -174,88 +174,15 @@ fn below<'r>(
 }
 
 /// Covariance of a station's noise at its weight.
-fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
+pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
     state.repeatability.covariance(&row.noise) / counted
 }
 
-/// Covariance of each station's noise at its weight, as [`sums`] returns them.
+/// Covariance of each station's noise at its weight, as [`super::whitening`] returns them.
 pub(super) fn covariances(state: &State, rows: &[Row]) -> Vec<DMatrix<f64>> {
     let weighted = rows.iter().zip(&state.weights);
     weighted
         .map(|(row, weight)| covariance(state, row, *weight))
         .collect()
-}
-
-/// Stations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
-/// for its sum alone. Fixed, so that results do not depend on the number of threads.
-const SUMMED_AT_ONCE: usize = 512;
-
-/// Whitens all rows and sums them; also returns the covariance of each station at its weight.
-pub(super) fn sums(
-    problem: &Problem<'_>,
-    state: &State,
-    rows: &[Row],
-    prior_mean: &DVector<f64>,
-) -> (Sums, Vec<DMatrix<f64>>) {
-    let whiten = |(row, weight): (&Row, &f64)| {
-        let covariance = covariance(state, row, *weight);
-        let factor = covariance
-            .clone()
-            .cholesky()
-            .expect("an instrument's covariance plus repeatability is positive")
-            .l();
-        let value = &row.value - &row.rows * prior_mean;
-        let white = |matrix: &DMatrix<f64>| {
-            factor
-                .solve_lower_triangular(matrix)
-                .expect("a factor has no zero pivot")
-        };
-        let value = factor
-            .solve_lower_triangular(&value)
-            .expect("a factor has no zero pivot");
-        let ln = 2.0 * factor.diagonal().map(f64::ln).sum();
-        (white(&row.rows), value, ln, covariance)
-    };
-    let mut sums = Sums::zero(state.layout.size());
-    let mut covariances = Vec::with_capacity(rows.len());
-    let batches = rows.chunks(SUMMED_AT_ONCE);
-    for (rows, weights) in batches.zip(state.weights.chunks(SUMMED_AT_ONCE)) {
-        let stations = rows.par_iter().zip(weights);
-        let parts: Vec<_> = stations.with_min_len(CHUNK).map(whiten).collect();
-        sums.add(&stacked(parts, state.layout.size(), &mut covariances));
-    }
-    add_distances(&mut sums, problem, state, prior_mean);
-    (sums, covariances)
-}
-
-/// Adds the rows of known distances between targets, which are whitened; the unknowns are the first columns.
-fn add_distances(sums: &mut Sums, problem: &Problem<'_>, state: &State, prior_mean: &DVector<f64>) {
-    for distance in problem.distances(&state.offsets) {
-        let mut row = DMatrix::zeros(1, state.layout.size());
-        for (unknown, by) in distance.entries {
-            row[(0, unknown)] = by;
-        }
-        let value = DVector::from_element(1, distance.residual) - &row * prior_mean;
-        sums.add(&Sums::new(&row, &value, 0.0));
-    }
-}
-
-/// Whitened rows of one station, their whitened values, the logarithm of the covariance's determinant, and the covariance.
-type Whitened = (DMatrix<f64>, DVector<f64>, f64, DMatrix<f64>);
-
-/// The sums of whitened rows; their covariances are appended to `covariances`.
-fn stacked(parts: Vec<Whitened>, columns: usize, covariances: &mut Vec<DMatrix<f64>>) -> Sums {
-    let count: usize = parts.iter().map(|part| part.1.len()).sum();
-    let mut stacked = DMatrix::zeros(count, columns);
-    let mut values = DVector::zeros(count);
-    let (mut first, mut ln_noise) = (0, 0.0);
-    for (white, value, ln, covariance) in parts {
-        stacked.rows_mut(first, value.len()).copy_from(&white);
-        values.rows_mut(first, value.len()).copy_from(&value);
-        first += value.len();
-        ln_noise += ln;
-        covariances.push(covariance);
-    }
-    Sums::new(&stacked, &values, ln_noise)
 }

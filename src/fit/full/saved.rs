@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::approach::ApproachOffsets;
 use super::layout::{Block, Layout};
 use super::noise::Repeatability;
-use super::regression::Posterior;
+use super::regression::{Posterior, Root};
 use super::student::Tails;
 use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
@@ -193,7 +193,7 @@ impl FullModel {
             blocks: self.layout.blocks().map(SavedBlock::of).collect(),
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
-            factor: encode(self.posterior.factor.lower()),
+            factor: encode(self.posterior.factor().lower()),
             curve_period_turns: NonZeroU32::new(self.layout.period_turns())
                 .expect("a layout's curves repeat after a turn or more"),
             slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
@@ -227,7 +227,7 @@ impl FullModel {
             // A dropped column has no scale, and its coefficient is zero.
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
             scale,
-            factor,
+            root: Root::Columns(factor),
             log_evidence: saved.log_evidence,
         };
         let problem = saved.problem()?;

@@ -50,6 +50,26 @@ impl Kernel {
     }
 }
 
+/// The series of kernels that several joints share, each computed once.
+#[derive(Debug, Default)]
+pub(super) struct Spectra {
+    found: Vec<(Kernel, Vec<f64>)>,
+}
+
+impl Spectra {
+    /// [`Kernel::variances`].
+    pub(super) fn variances(&mut self, kernel: Kernel, harmonics: usize) -> Vec<f64> {
+        let mut known = self.found.iter();
+        let known = known.find(|(own, series)| *own == kernel && series.len() > harmonics);
+        if let Some((_, series)) = known {
+            return series[..=harmonics].to_vec();
+        }
+        let series = kernel.variances(harmonics);
+        self.found.push((kernel, series.clone()));
+        series
+    }
+}
+
 /// Variances of a smooth function on `[0, span]` in the basis `cos(π k t / span)`, k = 1 … `count`, of unit total.
 ///
 /// The spectral density of a Matérn 3/2 of `length`, sampled at the basis' frequencies: a slow function whose faster parts
@@ -80,6 +100,20 @@ mod tests {
                 .sum();
             assert!((series - kernel.at(2.0 * (angle / 2.0).sin())).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_series_that_is_known_is_the_one_that_would_be_computed() {
+        let kernel = Kernel::Matern52(6.0f64.to_radians());
+        let mut spectra = Spectra::default();
+        for harmonics in [20, 12, 30, 30] {
+            assert_eq!(
+                spectra.variances(kernel, harmonics),
+                kernel.variances(harmonics)
+            );
+        }
+        let other = Kernel::Matern52(7.0f64.to_radians());
+        assert_eq!(spectra.variances(other, 5), other.variances(5));
     }
 
     #[test]

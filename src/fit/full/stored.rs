@@ -12,11 +12,12 @@ use super::approach::ApproachOffsets;
 use super::layout::Layout;
 use super::noise::Repeatability;
 use super::regression::Posterior;
-use super::rows::{prior_mean, rows, stations, sums};
+use super::rows::{prior_mean, rows, stations};
 use super::saved::SavedPart;
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::State;
+use super::whitening::evidence;
 use super::{FullModel, Ready};
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
@@ -181,8 +182,8 @@ impl StoredFull {
             ..State::new(problem, at, settings, self.up.is_some())
         };
         let rows = rows(problem, &state, self.up);
-        let (sums, _) = sums(problem, &state, &rows, &prior_mean(problem, &state));
-        let posterior = sums
+        let (evidence, _) = evidence(problem, &state, &rows, &prior_mean(problem, &state));
+        let posterior = evidence
             .posterior_at(self.scale.clone())
             .ok_or(SavedError::Factor {
                 problem: "is not positive",

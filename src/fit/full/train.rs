@@ -1,7 +1,8 @@
 //! Training: rounds of linear regression, in which sizes, noise, weights and gear lines converge.
 //!
-//! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix; a few steps of
-//! the variance components on it; leave-one-out residuals; from them the noise, the weights and new gear lines.
+//! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix, of the columns or, where
+//! they are fewer, of the rows; a few steps of the variance components on it; leave-one-out residuals; from them the noise, the
+//! weights and new gear lines.
 
 use std::ops::Range;
 
@@ -13,10 +14,11 @@ use super::layout::{Block, Layout};
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::{Repeatability, of_length};
-use super::regression::{Posterior, Sums};
-use super::rows::{prior_mean, rows, stations, sums};
+use super::regression::{Evidence, Posterior};
+use super::rows::{prior_mean, rows, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
+use super::whitening::evidence;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
@@ -55,8 +57,8 @@ pub struct State {
 pub struct Settled {
     /// The final state.
     pub state: State,
-    /// Sums of the last round.
-    pub sums: Sums,
+    /// What the rows of the last round say.
+    pub evidence: Evidence,
     /// Posterior of the last round.
     pub posterior: Posterior,
     /// Prior mean of the columns at the last round's offsets.
@@ -73,18 +75,17 @@ pub fn train(
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
     let mut state = State::new(problem, start, settings, up.is_some());
-    let prior_variances = unknown_variances(problem);
     let expected = state.repeatability.clone();
     for (round, &steps) in STEPS.iter().enumerate() {
         let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
-        let (sums, covariances) = sums(problem, &state, &rows, &prior_mean);
-        let posterior = settle(&mut state.components, &sums, steps)?;
+        let (evidence, covariances) = evidence(problem, &state, &rows, &prior_mean);
+        let posterior = settle(&mut state.components, &evidence, steps)?;
         let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
         if round + 1 == STEPS.len() {
             return Some(Settled {
                 state,
-                sums,
+                evidence,
                 posterior,
                 prior_mean,
                 left_out,
@@ -98,7 +99,7 @@ pub fn train(
         state.weights = left_out.iter().map(|l| l.weight(state.tails)).collect();
         if settings.gear_lines && round < LINE_ROUNDS {
             let found = find_lines(problem, &state.layout, &rows, &left_out, settings);
-            state.take_in(&found, &prior_variances, settings);
+            state.take_in(&found, settings);
         }
         let moved = posterior.mean() + prior_mean;
         state.offsets += moved.rows(0, state.offsets.len());
@@ -137,7 +138,7 @@ impl State {
         }
     }
 
-    fn take_in(&mut self, found: &[FoundLine], unknowns: &[f64], settings: &FullSettings) {
+    fn take_in(&mut self, found: &[FoundLine], settings: &FullSettings) {
         for line in found {
             self.layout.push(
                 Block::Line {
@@ -147,9 +148,7 @@ impl State {
                 2,
             );
         }
-        let mut components = Components::new(&self.layout, unknowns, settings, self.span);
-        components.inherit(&self.components);
-        self.components = components;
+        self.components.add_lines(&self.layout, settings);
     }
 }
 
@@ -162,16 +161,16 @@ fn has_several(observations: &[Observation]) -> bool {
     stations(observations).iter().any(|own| places(own) > 1)
 }
 
-/// Makes `steps` steps of the sizes on one Gram matrix; returns the posterior at their end.
-fn settle(components: &mut Components, sums: &Sums, steps: usize) -> Option<Posterior> {
+/// Makes `steps` steps of the sizes on the rows of one round; returns the posterior at their end.
+fn settle(components: &mut Components, evidence: &Evidence, steps: usize) -> Option<Posterior> {
     for _ in 0..steps {
         let variances = components.variances();
-        let posterior = sums.posterior(&variances)?;
+        let posterior = evidence.posterior(&variances)?;
         components.update(
             &posterior.whitened.map(|u| u * u),
             &posterior.determined(),
             &variances,
         );
     }
-    sums.posterior(&components.variances())
+    evidence.posterior(&components.variances())
 }

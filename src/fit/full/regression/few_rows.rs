@@ -1,0 +1,211 @@
+//! The regression where there are fewer rows than columns: the same posterior by a factor of the size of the rows.
+//!
+//! With `W` the whitened rows and `S = W √v`, the values have the covariance `K = I + S Sᵀ = L Lᵀ`. What is asked of the
+//! columns' information `M = I + SᵀS` follows from it (the identities are Woodbury's):
+//! - mean `u = Sᵀ K⁻¹ y`, and `ln |M| = ln |K|`;
+//! - determined shares `diag (I − M⁻¹)`: the squared norms of the columns of `L⁻¹ S`;
+//! - a square root of `M⁻¹ = T Tᵀ`: `T = I − Sᵀ L⁻ᵀ (L + I)⁻¹ S` (Andrews 1968), in which nothing cancels;
+//! - what the model leaves open of its own rows: `I − S M⁻¹ Sᵀ = K⁻¹`.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::{Posterior, Root};
+use crate::linalg::{Cholesky, gram};
+
+/// Columns that a worker takes at once; fixed, so that results do not depend on the number of threads.
+const AT_ONCE: usize = 64;
+
+/// Whitened rows, kept as they are.
+#[derive(Debug, Clone)]
+pub struct FewRows {
+    /// `Wᵀ`: a row of the regression in each column.
+    pub transposed: DMatrix<f64>,
+    /// The whitened values.
+    pub values: DVector<f64>,
+    /// `Σ ln |N|`.
+    pub ln_noise: f64,
+}
+
+/// Rows times the prior's standard deviations, and the factor of their values' covariance.
+#[derive(Debug, Clone)]
+pub struct FewRoot {
+    /// `Sᵀ`: a row of the regression in each column.
+    transposed: DMatrix<f64>,
+    /// Cholesky factor of K.
+    factor: Cholesky,
+}
+
+impl FewRows {
+    /// Whether `rows` rows of `columns` columns are few: then each step on the rows costs less than one on the columns.
+    pub const fn are_few(rows: usize, columns: usize) -> bool {
+        2 * rows <= columns
+    }
+
+    /// The posterior at prior standard deviations `√v`; `None` if rounding made K indefinite.
+    pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
+        let mut transposed = self.transposed.clone();
+        for mut row in transposed.column_iter_mut() {
+            row.component_mul_assign(&scale);
+        }
+        let mut covariance = gram(&transposed.as_view());
+        (0..self.values.len()).for_each(|row| covariance[(row, row)] += 1.0);
+        let factor = Cholesky::new(covariance)?;
+        let explained = factor.solve(&self.values);
+        let quadratic = self.values.dot(&explained);
+        Some(Posterior {
+            whitened: &transposed * explained,
+            log_evidence: -0.5 * (quadratic + factor.ln_determinant() + self.ln_noise),
+            scale,
+            root: Root::Rows(FewRoot { transposed, factor }),
+        })
+    }
+}
+
+impl FewRoot {
+    /// `1 − Σ_kk/v_k` of each column.
+    pub(super) fn determined(&self) -> DVector<f64> {
+        let columns = self.transposed.nrows();
+        let firsts: Vec<usize> = (0..columns).step_by(AT_ONCE).collect();
+        let part = |first: usize| {
+            let width = AT_ONCE.min(columns - first);
+            let half = self
+                .factor
+                .forward(&self.transposed.rows(first, width).transpose(), 0);
+            let norms = half.column_iter().map(|column| column.norm_squared());
+            norms.collect::<Vec<f64>>()
+        };
+        let parts: Vec<Vec<f64>> = firsts.into_par_iter().map(part).collect();
+        DVector::from_vec(parts.concat())
+    }
+
+    /// `Tᵀ B`.
+    pub(super) fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
+        let mut shown = self.factor.forward(&self.transposed.tr_mul(&right), 0);
+        let mut raised = self.factor.lower().clone();
+        (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);
+        let solved = raised.tr_solve_lower_triangular_mut(&mut shown);
+        assert!(solved, "a factor's diagonal is positive");
+        let mut half = right;
+        half.gemm(-1.0, &self.transposed, &shown, 1.0);
+        half
+    }
+
+    /// `L⁻¹`: the products of its columns are what the model leaves open of its rows, as shares of their noise.
+    pub(super) fn open(&self) -> DMatrix<f64> {
+        self.factor.inverse_lower()
+    }
+
+    /// Cholesky factor of M. Rounding cannot make `S` below the identity rank-deficient, so where it makes their sum of squares
+    /// indefinite the factor follows from the rows themselves, orthogonalised.
+    pub(super) fn of_columns(&self) -> Cholesky {
+        let rows = self.transposed.transpose();
+        let mut information = gram(&rows.as_view());
+        let size = information.nrows();
+        (0..size).for_each(|column| information[(column, column)] += 1.0);
+        Cholesky::new(information).unwrap_or_else(|| orthogonalised(&rows))
+    }
+}
+
+/// Cholesky factor of `I + SᵀS` from the triangular factor of `S` below the identity.
+fn orthogonalised(rows: &DMatrix<f64>) -> Cholesky {
+    let (count, size) = rows.shape();
+    let mut stacked = DMatrix::zeros(size + count, size);
+    stacked.fill_diagonal(1.0);
+    stacked.rows_mut(size, count).copy_from(rows);
+    let mut lower = stacked.qr().unpack_r().transpose();
+    for mut column in lower.column_iter_mut() {
+        let largest = column.iter().position(|value| *value != 0.0);
+        if largest.is_some_and(|pivot| column[pivot] < 0.0) {
+            column.neg_mut();
+        }
+    }
+    Cholesky::from_lower(lower).expect("rows below an identity have full rank")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Sums;
+    use super::*;
+
+    /// Rows and values without a pattern; the second column of each three is far wider than the others.
+    fn few(rows: usize, columns: usize) -> (FewRows, DVector<f64>) {
+        let transposed = DMatrix::from_fn(columns, rows, |column, row| {
+            ((7 * row + 3 * column) as f64 * 0.37).sin()
+        });
+        let values = DVector::from_fn(rows, |row, _| (row as f64).cos());
+        let scale = DVector::from_fn(columns, |column, _| [0.5, 300.0, 0.0][column % 3]);
+        let few = FewRows {
+            transposed,
+            values,
+            ln_noise: 0.7,
+        };
+        (few, scale)
+    }
+
+    /// The posterior of the same rows, by their sums.
+    fn summed(few: &FewRows, scale: &DVector<f64>) -> Posterior {
+        let sums = Sums::new(&few.transposed.transpose(), &few.values, few.ln_noise);
+        sums.posterior_at(scale.clone()).expect("positive definite")
+    }
+
+    #[test]
+    fn a_factor_of_rows_gives_what_a_factor_of_columns_gives() {
+        for (rows, columns) in [(1, 3), (7, 30), (70, 150)] {
+            let (few, scale) = few(rows, columns);
+            let by_rows = few.posterior_at(scale.clone()).expect("positive definite");
+            let by_columns = summed(&few, &scale);
+            let apart = (by_rows.mean() - by_columns.mean()).amax();
+            assert!(apart < 1e-7, "{rows} × {columns}: means {apart}");
+            let apart = (by_rows.determined() - by_columns.determined()).amax();
+            assert!(apart < 1e-8, "{rows} × {columns}: determined {apart}");
+            let apart = by_rows.log_evidence - by_columns.log_evidence;
+            assert!(apart.abs() < 1e-6, "{rows} × {columns}: evidence {apart}");
+            let shown = DMatrix::from_fn(4, columns, |row, column| ((row + column) as f64).sin());
+            let covariance = |posterior: &Posterior| {
+                let half = posterior.half(&shown);
+                half.tr_mul(&half)
+            };
+            let wanted = covariance(&by_columns);
+            let apart = (covariance(&by_rows) - &wanted).amax() / wanted.amax();
+            // The squared width of the widest column over the noise, times the rows, is 6e6: as many digits are lost.
+            assert!(apart < 1e-7, "{rows} × {columns}: covariance {apart}");
+            let factor = (by_rows.factor().lower().lower_triangle()
+                - by_columns.factor().lower().lower_triangle())
+            .amax();
+            assert!(factor < 1e-7, "{rows} × {columns}: factor {factor}");
+        }
+    }
+
+    #[test]
+    fn what_is_open_of_a_row_is_its_noise_less_what_the_columns_explain() {
+        let (few, scale) = few(9, 40);
+        let posterior = few.posterior_at(scale).expect("positive definite");
+        let half = posterior.half(&few.transposed.transpose());
+        let open = posterior.open_of_rows().expect("few rows");
+        let explained = DMatrix::identity(9, 9) - open.tr_mul(&open);
+        assert!((explained - half.tr_mul(&half)).amax() < 1e-8);
+    }
+
+    #[test]
+    fn orthogonalised_rows_give_the_factor_of_their_sum() {
+        let rows = DMatrix::from_fn(5, 12, |row, column| ((row * 5 + column) as f64).sin());
+        let found = orthogonalised(&rows).product();
+        let wanted = rows.tr_mul(&rows) + DMatrix::identity(12, 12);
+        assert!((found - wanted).amax() < 1e-12);
+    }
+
+    #[test]
+    fn a_factor_is_found_where_rounding_makes_the_sum_indefinite() {
+        let rows = DMatrix::from_fn(3, 8, |row, column| 1e10 * ((row * 3 + column) as f64).cos());
+        let mut information = gram(&rows.as_view());
+        (0..8).for_each(|column| information[(column, column)] += 1.0);
+        assert!(Cholesky::new(information).is_none(), "an easier case");
+        let root = FewRoot {
+            transposed: rows.transpose(),
+            factor: Cholesky::new(DMatrix::identity(3, 3)).expect("positive"),
+        };
+        let diagonal = root.of_columns().lower().diagonal();
+        assert!(diagonal.iter().all(|pivot| *pivot > 0.5), "{diagonal}");
+    }
+}
