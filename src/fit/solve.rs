@@ -46,6 +46,10 @@ const ROUNDS: usize = 12;
 const STEPS_PER_ROUND: usize = 30;
 /// A step below this many standard errors, of any combination of unknowns, is negligible.
 const STEP_TOLERANCE: f64 = 1e-6;
+/// The same where further rounds follow, which end when a whole round moves less than [`ROUND_TOLERANCE`].
+const STEP_TOLERANCE_IN_ROUNDS: f64 = 1e-4;
+/// A round that moves every unknown by less than this many standard errors is the last one.
+const ROUND_TOLERANCE: f64 = 1e-3;
 /// A cost is a sum of thousands of squares: below this share of it a difference is rounding.
 const ROUNDING: f64 = 1e-12;
 const LEAST_DAMPING: f64 = 1e-12;
@@ -54,80 +58,92 @@ const DETERMINED: f64 = 1e-9;
 
 /// Solves `problem` from its start; `rank` is the number of independent unknowns.
 pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
-    let offsets = DVector::zeros(problem.unknowns().len());
-    let mut norms = problem.norms(&offsets);
-    let start_cost = squares(&norms);
-    let (mut weights, mut factor) = (vec![1.0; norms.len()], 1.0);
-    let normal = problem.normal(&offsets, &weights);
-    let mut point = Point { offsets, normal };
+    let mut point = Point::at(problem, DVector::zeros(problem.unknowns().len()));
+    let start_cost = squares(&point.norms);
+    let (mut weights, mut factor) = (vec![1.0; point.norms.len()], 1.0);
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
     // Without robust weights and prior, a further round would give the same solution.
     let one_round = loss == Loss::Squares && problem.is_free();
+    let tolerance = if one_round {
+        STEP_TOLERANCE
+    } else {
+        STEP_TOLERANCE_IN_ROUNDS
+    };
+    let mut pace = 1.0;
     for _ in 0..ROUNDS {
         let before = point.offsets.clone();
-        let descent = descend(problem, point, &weights, factor);
+        let descent = descend(problem, point, (&weights, factor), tolerance, pace);
         iterations += descent.steps;
         convergence = descent.convergence;
-        point = descent.point;
-        norms = problem.norms(&point.offsets);
-        let renewed = robust_weights(problem, loss, &norms);
-        factor = variance_factor(problem, &norms, &renewed, rank);
-        if renewed != weights {
-            weights = renewed;
-            point.normal = problem.normal(&point.offsets, &weights);
-        }
-        let scales = step_scales(&point.normal, problem, factor);
+        (point, pace) = (descent.point, descent.pace);
+        weights = robust_weights(problem, loss, &point.norms);
+        factor = variance_factor(problem, &point.norms, &weights, rank);
+        let moved = (&point.offsets - before).component_div(&descent.scales);
         let done = one_round && convergence == Convergence::Converged;
-        if done || (&point.offsets - before).component_div(&scales).amax() < 1e-3 {
+        if done || moved.amax() < ROUND_TOLERANCE {
             break;
         }
     }
-    let cost = [start_cost, squares(&norms)];
     Solution {
-        offsets: point.offsets,
         convergence,
         iterations,
-        cost,
+        cost: [start_cost, squares(&point.norms)],
         variance_factor: factor,
+        information: problem.normal(&point.offsets, &weights).information,
+        offsets: point.offsets,
         weights,
-        information: point.normal.information,
     }
 }
 
-/// Offsets and the normal equations there.
+/// Offsets, and the whitened residual norm of each observation there.
 struct Point {
     offsets: DVector<f64>,
-    normal: Normal,
+    norms: Vec<f64>,
+}
+
+impl Point {
+    fn at(problem: &Problem<'_>, offsets: DVector<f64>) -> Self {
+        let norms = problem.norms(&offsets);
+        Self { offsets, norms }
+    }
 }
 
 struct Descent {
     point: Point,
     steps: usize,
     convergence: Convergence,
+    /// The standard error that each unknown alone would have before the last step.
+    scales: DVector<f64>,
+    /// Size of the last step over that of the one before, at most 1.
+    pace: f64,
 }
 
-/// One round: the weights and the variance factor stay as they are.
-fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) -> Descent {
-    let cost_at = |point: &Point| point.normal.cost / factor + problem.prior_cost(&point.offsets);
+/// One round: the weights and the variance factor stay as they are. `pace` is that of the round before, 1 without one.
+fn descend(
+    problem: &Problem<'_>,
+    start: Point,
+    (weights, factor): (&[f64], f64),
+    tolerance: f64,
+    mut pace: f64,
+) -> Descent {
+    let cost_at = |point: &Point| {
+        let norms = point.norms.iter().zip(weights);
+        let misfit: f64 = norms.map(|(norm, weight)| weight * norm * norm).sum();
+        misfit / factor + problem.prior_cost(&point.offsets)
+    };
     let mut point = start;
     let mut cost = cost_at(&point);
     let (mut damping, mut last_size) = (None, 0.0);
-    let ended = |point, steps, convergence| Descent {
-        point,
-        steps,
-        convergence,
-    };
-    for step in 1..=STEPS_PER_ROUND {
-        let scales = step_scales(&point.normal, problem, factor);
-        let gradient = &point.normal.gradient / factor + problem.prior_pull(&point.offsets);
-        let information = &point.normal.information;
-        let matrix = problem.posterior_information(information, &point.offsets, factor);
+    let mut step = 1;
+    loop {
+        let normal = problem.normal(&point.offsets, weights);
+        let scales = step_scales(&normal, problem, factor);
+        let gradient = &normal.gradient / factor + problem.prior_pull(&point.offsets);
+        let matrix = problem.posterior_information(&normal.information, &point.offsets, factor);
         let mut here = damping.unwrap_or_else(|| first_damping(&matrix, &scales));
-        loop {
+        let ended = loop {
             let change = damped_step(&matrix, &gradient, &scales, here);
-            let offsets = &point.offsets + &change;
-            let normal = problem.normal(&offsets, weights);
-            let tried = Point { offsets, normal };
+            let tried = Point::at(problem, &point.offsets + &change);
             let tried_cost = cost_at(&tried);
             // The step in standard errors, along the direction in which it is largest (Newton's decrement).
             let size = gradient.dot(&change).max(0.0).sqrt();
@@ -135,22 +151,32 @@ fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) ->
                 (point, cost) = (tried, tried_cost);
                 damping = Some((here * 0.1).max(LEAST_DAMPING));
                 // Steps fall by a steady factor or faster, so the next step is smaller by that factor at least.
-                if size * (size / last_size).min(1.0) < STEP_TOLERANCE {
-                    return ended(point, step, Convergence::Converged);
+                if last_size > 0.0 {
+                    pace = (size / last_size).min(1.0);
                 }
                 last_size = size;
-                break;
+                break (size * pace < tolerance).then_some(Convergence::Converged);
             }
-            if size < STEP_TOLERANCE {
-                return ended(point, step, Convergence::Converged);
+            if size < tolerance {
+                break Some(Convergence::Converged);
             }
             here = (here * 10.0).max(1e-9);
             if here > 1e9 {
-                return ended(point, step, Convergence::Stalled);
+                break Some(Convergence::Stalled);
             }
+        };
+        let limit = (step == STEPS_PER_ROUND).then_some(Convergence::IterationLimit);
+        if let Some(convergence) = ended.or(limit) {
+            return Descent {
+                point,
+                steps: step,
+                convergence,
+                scales,
+                pace,
+            };
         }
+        step += 1;
     }
-    ended(point, STEPS_PER_ROUND, Convergence::IterationLimit)
 }
 
 /// The first damping: very small where poses or prior determine every unknown, since Newton's step is best there; otherwise

@@ -40,30 +40,29 @@ const OPTIONAL: [Optional; 6] = [
 ];
 
 impl Settled {
-    /// Tries the model without each optional part, and drops those whose absence the evidence prefers.
+    /// Compares the model with the one without each optional part, and drops those whose absence the evidence prefers.
+    ///
+    /// The ratio of both evidences is that of posterior and prior density where all of the part's coefficients are zero (Savage and
+    /// Dickey; Dickey 1971), so nothing is trained anew unless a part is dropped.
     pub(super) fn weigh_parts(&mut self) -> Vec<PartEvidence> {
         let mut found = Vec::new();
         for (name, is_of) in OPTIONAL {
-            let mut variances = self.posterior.scale.map(|scale| scale * scale);
-            let mut columns = 0;
-            for (_, own) in self
-                .state
-                .layout
-                .blocks()
-                .filter(|(block, _)| is_of(*block))
-            {
-                columns += own.len();
-                variances.rows_mut(own.start, own.len()).fill(0.0);
-            }
-            if columns == 0 {
+            let blocks = self.state.layout.blocks();
+            let own = blocks.filter(|(block, _)| is_of(*block));
+            let columns: Vec<usize> = own.flat_map(|(_, columns)| columns).collect();
+            if columns.is_empty() {
                 continue;
             }
-            let Some(without) = self.evidence.posterior(&variances) else {
+            let Some(gain) = self.posterior.gain_of(&columns) else {
                 continue;
             };
-            let gain = self.posterior.log_evidence - without.log_evidence;
             let kept = gain > 0.0;
             if !kept {
+                let mut variances = self.posterior.scale.map(|scale| scale * scale);
+                columns.iter().for_each(|&column| variances[column] = 0.0);
+                let Some(without) = self.evidence.posterior(&variances) else {
+                    continue;
+                };
                 self.posterior = without;
                 self.state.components.drop_parts(|part| part.is_of(name));
             }

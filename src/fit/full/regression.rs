@@ -59,6 +59,16 @@ pub(super) enum Root {
     Rows(FewRoot),
 }
 
+impl Root {
+    /// `Rᵀ B`, where `R Rᵀ = M⁻¹`.
+    fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
+        match self {
+            Self::Columns(factor) => factor.forward(&right, 0),
+            Self::Rows(rows) => rows.half(right),
+        }
+    }
+}
+
 impl Evidence {
     /// The posterior at prior variances `v`; `None` if rounding made a matrix indefinite.
     pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
@@ -204,16 +214,31 @@ impl Posterior {
         half.tr_mul(&half)
     }
 
+    /// Log evidence with `columns` in the model minus without them, nats: `½ ln |C| + ½ uᵀ C⁻¹ u` with their own mean u and
+    /// covariance C, over their prior's standard deviations. `None` if rounding made C indefinite.
+    pub(super) fn gain_of(&self, columns: &[usize]) -> Option<f64> {
+        let mut chosen = DMatrix::zeros(self.scale.len(), columns.len());
+        for (place, &column) in columns.iter().enumerate() {
+            chosen[(column, place)] = 1.0;
+        }
+        let half = self.root.half(chosen);
+        let factor = half.tr_mul(&half).cholesky()?;
+        let mean = DVector::from_iterator(
+            columns.len(),
+            columns.iter().map(|&column| self.whitened[column]),
+        );
+        let pivots = factor.l_dirty().diagonal();
+        let ln_determinant = 2.0 * pivots.map(f64::ln).sum();
+        Some(0.5 * (ln_determinant + mean.dot(&factor.solve(&mean))))
+    }
+
     /// A square root `HᵀH` of the posterior covariance of `rows · δ`, a column for each row.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         let mut right = rows.transpose();
         for (mut row, scale) in right.row_iter_mut().zip(&self.scale) {
             row *= *scale;
         }
-        match &self.root {
-            Root::Columns(factor) => factor.forward(&right, 0),
-            Root::Rows(rows) => rows.half(right),
-        }
+        self.root.half(right)
     }
 }
 
@@ -238,6 +263,15 @@ mod tests {
         let evidence = -0.5 * (values.dot(&(&s_inverse * &values)) + s.determinant().ln());
         assert!((posterior.log_evidence - evidence).abs() < 1e-10);
         let half = posterior.half(&rows);
+        for columns in [vec![0], vec![1], vec![0, 1]] {
+            let mut without = variances.clone();
+            columns.iter().for_each(|&column| without[column] = 0.0);
+            let without = Sums::new(&rows, &values, 0.0)
+                .posterior(&without)
+                .expect("positive definite");
+            let gain = posterior.gain_of(&columns).expect("positive definite");
+            assert!((gain - posterior.log_evidence + without.log_evidence).abs() < 1e-12);
+        }
         let covariance =
             &rows * (&v - &v * rows.transpose() * s_inverse * &rows * &v) * rows.transpose();
         assert!((half.transpose() * half - covariance).abs().max() < 1e-12);

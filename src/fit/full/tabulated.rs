@@ -3,6 +3,7 @@
 //! Between entries a cubic takes value and slope of both: with 90 harmonics and 4096 entries a turn it is within
 //! `h⁴/384 · k⁴`, 10⁻⁶ of the last harmonic's amplitude.
 
+use std::array::from_fn;
 use std::f64::consts::TAU;
 
 use nalgebra::DVector;
@@ -11,6 +12,8 @@ use super::layout::{Block, Layout};
 
 /// Number of entries per period.
 const ENTRIES: usize = 4096;
+/// Entries that are summed side by side; a divisor of their number.
+const LANES: usize = 8;
 
 /// The curves of all joints: those common to all sessions, and those of each session of the training.
 #[derive(Debug, Clone)]
@@ -92,13 +95,25 @@ impl Curve {
             return;
         }
         let step = TAU / ENTRIES as f64;
-        for (place, entry) in self.entries.iter_mut().enumerate() {
-            let (sin, cos) = (step * place as f64).sin_cos();
+        let lanes = self.entries.chunks_exact_mut(LANES);
+        for (first, entries) in (0..).step_by(LANES).zip(lanes) {
+            let angles: [f64; LANES] = from_fn(|lane| step * (first + lane) as f64);
+            let (sin, cos) = (angles.map(f64::sin), angles.map(f64::cos));
             let (mut sin_k, mut cos_k) = (sin, cos);
+            let mut values: [f64; LANES] = from_fn(|lane| entries[lane][0]);
+            let mut slopes: [f64; LANES] = from_fn(|lane| entries[lane][1]);
             for (k, pair) in (1u32..).zip(coefficients.chunks_exact(2)) {
-                entry[0] += pair[0] * cos_k + pair[1] * sin_k;
-                entry[1] += step * f64::from(k) * (pair[1] * cos_k - pair[0] * sin_k);
-                (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
+                let step_k = step * f64::from(k);
+                for lane in 0..LANES {
+                    let (s, c) = (sin_k[lane], cos_k[lane]);
+                    values[lane] += pair[0] * c + pair[1] * s;
+                    slopes[lane] += step_k * (pair[1] * c - pair[0] * s);
+                    sin_k[lane] = s * cos[lane] + c * sin[lane];
+                    cos_k[lane] = c * cos[lane] - s * sin[lane];
+                }
+            }
+            for (entry, (value, slope)) in entries.iter_mut().zip(values.into_iter().zip(slopes)) {
+                *entry = [value, slope];
             }
         }
     }
