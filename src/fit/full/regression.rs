@@ -67,6 +67,21 @@ impl Root {
             Self::Rows(rows) => rows.half(right),
         }
     }
+
+    /// The block of `M⁻¹` of some columns.
+    fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        match self {
+            Self::Columns(factor) => {
+                let mut chosen = DMatrix::zeros(factor.size(), columns.len());
+                for (place, &column) in columns.iter().enumerate() {
+                    chosen[(column, place)] = 1.0;
+                }
+                let half = factor.forward(&chosen, 0);
+                half.tr_mul(&half)
+            }
+            Self::Rows(rows) => rows.covariance_of(columns),
+        }
+    }
 }
 
 impl Evidence {
@@ -217,12 +232,7 @@ impl Posterior {
     /// Log evidence with `columns` in the model minus without them, nats: `½ ln |C| + ½ uᵀ C⁻¹ u` with their own mean u and
     /// covariance C, over their prior's standard deviations. `None` if rounding made C indefinite.
     pub(super) fn gain_of(&self, columns: &[usize]) -> Option<f64> {
-        let mut chosen = DMatrix::zeros(self.scale.len(), columns.len());
-        for (place, &column) in columns.iter().enumerate() {
-            chosen[(column, place)] = 1.0;
-        }
-        let half = self.root.half(chosen);
-        let factor = half.tr_mul(&half).cholesky()?;
+        let factor = self.root.covariance_of(columns).cholesky()?;
         let mean = DVector::from_iterator(
             columns.len(),
             columns.iter().map(|&column| self.whitened[column]),

@@ -42,13 +42,26 @@ pub(super) fn evidence(
     }
     let (mut parts, covariances) = whitened(state, rows, &state.weights, prior_mean);
     parts.push(distances);
-    let whole = stacked(&parts, columns);
-    let few = FewRows {
-        transposed: whole.rows.transpose(),
-        values: whole.values,
-        ln_noise: whole.ln_noise,
-    };
-    (Evidence::Rows(few), covariances)
+    (Evidence::Rows(few(&parts, count, columns)), covariances)
+}
+
+/// `count` whitened rows beside each other, a column each.
+fn few(parts: &[Whitened], count: usize, columns: usize) -> FewRows {
+    let mut transposed = DMatrix::zeros(columns, count);
+    let mut values = DVector::zeros(count);
+    let mut first = 0;
+    for part in parts {
+        let size = part.values.len();
+        part.rows
+            .transpose_to(&mut transposed.columns_mut(first, size));
+        values.rows_mut(first, size).copy_from(&part.values);
+        first += size;
+    }
+    FewRows {
+        transposed,
+        values,
+        ln_noise: parts.iter().map(|part| part.ln_noise).sum(),
+    }
 }
 
 /// Whitens all rows and sums them; also returns the covariance of each station at its weight.

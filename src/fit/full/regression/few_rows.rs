@@ -91,6 +91,13 @@ impl FewRoot {
         half
     }
 
+    /// The block of `M⁻¹` of some columns: `I − ZᵀZ` with `Z = L⁻¹ S`.
+    pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        let own = self.transposed.select_rows(columns);
+        let explained = self.factor.forward(&own.transpose(), 0);
+        DMatrix::identity(columns.len(), columns.len()) - explained.tr_mul(&explained)
+    }
+
     /// `L⁻¹`: the products of its columns are what the model leaves open of its rows, as shares of their noise.
     pub(super) fn open(&self) -> DMatrix<f64> {
         self.factor.inverse_lower()
@@ -170,6 +177,14 @@ mod tests {
             let apart = (covariance(&by_rows) - &wanted).amax() / wanted.amax();
             // The squared width of the widest column over the noise, times the rows, is 6e6: as many digits are lost.
             assert!(apart < 1e-7, "{rows} × {columns}: covariance {apart}");
+            for chosen in [vec![0], vec![1, 2]] {
+                let gain = |posterior: &Posterior| posterior.gain_of(&chosen).expect("definite");
+                let apart = gain(&by_rows) - gain(&by_columns);
+                assert!(
+                    apart.abs() < 1e-6 * (1.0 + gain(&by_columns).abs()),
+                    "gain {apart}"
+                );
+            }
             let factor = (by_rows.factor().lower().lower_triangle()
                 - by_columns.factor().lower().lower_triangle())
             .amax();
