@@ -1,8 +1,9 @@
 //! Levenberg–Marquardt on the normal equations, columns scaled to unit norm, with a weak prior and a robust loss.
 //!
 //! The cost is `rᵀ W r / s² + Σ (x_i / sd_i)²`: the prior is weighted against the actual misfit of the model, not
-//! against the instrument's noise, so that a model that cannot fit does not override the prior. `s²` and the robust
-//! weights are recomputed between rounds of Levenberg–Marquardt.
+//! against the instrument's noise, so that a model that cannot fit does not override the prior. `s²` and the robust weights are 1 until the
+//! next step is expected to be small beside the standard errors; from then on they follow the misfit at each
+//! step, so they and the fit converge together.
 
 use std::collections::BTreeMap;
 
@@ -42,17 +43,15 @@ pub struct Solution {
     pub information: DMatrix<f64>,
 }
 
-const ROUNDS: usize = 12;
-const STEPS_PER_ROUND: usize = 30;
+const STEPS: usize = 200;
 /// A step below this many standard errors, of any combination of unknowns, is negligible.
 const STEP_TOLERANCE: f64 = 1e-6;
-/// The same where further rounds follow, which end when a whole round moves less than [`ROUND_TOLERANCE`].
-const STEP_TOLERANCE_IN_ROUNDS: f64 = 1e-4;
-/// A round that moves every unknown by less than this many standard errors is the last one.
-const ROUND_TOLERANCE: f64 = 1e-3;
+/// Robust weights and the variance factor are those of the misfit once the next step is below this many standard errors.
+const NEAR: f64 = 0.1;
 /// A cost is a sum of thousands of squares: below this share of it a difference is rounding.
 const ROUNDING: f64 = 1e-12;
 const LEAST_DAMPING: f64 = 1e-12;
+const LARGEST_DAMPING: f64 = 1e9;
 /// The squared share of an unknown's column that is independent of the others; above it the normal equations are accurate.
 const DETERMINED: f64 = 1e-9;
 
@@ -61,34 +60,36 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     let mut point = Point::at(problem, DVector::zeros(problem.unknowns().len()));
     let start_cost = squares(&point.norms);
     let (mut weights, mut factor) = (vec![1.0; point.norms.len()], 1.0);
+    // Without robust weights and prior, the solution does not depend on the variance factor.
+    let is_free = loss == Loss::Squares && problem.is_free();
+    let (mut gait, mut is_near) = (Gait::FIRST, is_free);
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
-    // Without robust weights and prior, a further round would give the same solution.
-    let one_round = loss == Loss::Squares && problem.is_free();
-    let tolerance = if one_round {
-        STEP_TOLERANCE
-    } else {
-        STEP_TOLERANCE_IN_ROUNDS
-    };
-    let mut pace = 1.0;
-    for _ in 0..ROUNDS {
-        let before = point.offsets.clone();
-        let descent = descend(problem, point, (&weights, factor), tolerance, pace);
-        iterations += descent.steps;
-        convergence = descent.convergence;
-        (point, pace) = (descent.point, descent.pace);
-        weights = robust_weights(problem, loss, &point.norms);
-        factor = variance_factor(problem, &point.norms, &weights, rank);
-        let moved = (&point.offsets - before).component_div(&descent.scales);
-        let done = one_round && convergence == Convergence::Converged;
-        if done || moved.amax() < ROUND_TOLERANCE {
+    while iterations < STEPS {
+        iterations += 1;
+        let step = step(problem, point, (&weights, factor), gait);
+        (point, gait) = (step.point, step.gait);
+        let next = gait.next_size();
+        let ended = match step.outcome {
+            Outcome::Stepped if next >= STEP_TOLERANCE => None,
+            Outcome::Stepped | Outcome::Negligible => Some(Convergence::Converged),
+            Outcome::Stalled => Some(Convergence::Stalled),
+        };
+        if is_near && let Some(ended) = ended {
+            convergence = ended;
             break;
         }
+        is_near |= next < NEAR || ended.is_some();
+        if is_near && !is_free {
+            weights = robust_weights(problem, loss, &point.norms);
+            factor = variance_factor(problem, &point.norms, &weights, rank);
+        }
     }
+    weights = robust_weights(problem, loss, &point.norms);
     Solution {
         convergence,
         iterations,
         cost: [start_cost, squares(&point.norms)],
-        variance_factor: factor,
+        variance_factor: variance_factor(problem, &point.norms, &weights, rank),
         information: problem.normal(&point.offsets, &weights).information,
         offsets: point.offsets,
         weights,
@@ -108,74 +109,98 @@ impl Point {
     }
 }
 
-struct Descent {
-    point: Point,
-    steps: usize,
-    convergence: Convergence,
-    /// The standard error that each unknown alone would have before the last step.
-    scales: DVector<f64>,
+/// How the steps go, from which the next one follows.
+#[derive(Clone, Copy)]
+struct Gait {
+    /// Size of the last step, standard errors.
+    size: f64,
     /// Size of the last step over that of the one before, at most 1.
     pace: f64,
+    /// The damping of the next step; `None` before the first.
+    damping: Option<f64>,
 }
 
-/// One round: the weights and the variance factor stay as they are. `pace` is that of the round before, 1 without one.
-fn descend(
-    problem: &Problem<'_>,
-    start: Point,
-    (weights, factor): (&[f64], f64),
-    tolerance: f64,
-    mut pace: f64,
-) -> Descent {
+impl Gait {
+    const FIRST: Self = Self {
+        size: 0.0,
+        pace: 1.0,
+        damping: None,
+    };
+
+    /// Steps fall by a steady factor or faster, so the next one is no larger than this.
+    fn next_size(self) -> f64 {
+        self.size * self.pace
+    }
+
+    /// After a step of this size at this damping.
+    fn after(self, size: f64, damping: f64) -> Self {
+        Self {
+            size,
+            pace: if self.size > 0.0 {
+                (size / self.size).min(1.0)
+            } else {
+                1.0
+            },
+            damping: Some((0.1 * damping).max(LEAST_DAMPING)),
+        }
+    }
+}
+
+enum Outcome {
+    /// A step lowered the cost.
+    Stepped,
+    /// None did, but what was tried is negligible.
+    Negligible,
+    /// None did.
+    Stalled,
+}
+
+struct Step {
+    point: Point,
+    gait: Gait,
+    outcome: Outcome,
+}
+
+/// One step of Levenberg–Marquardt at fixed weights and variance factor.
+fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), gait: Gait) -> Step {
     let cost_at = |point: &Point| {
         let norms = point.norms.iter().zip(weights);
         let misfit: f64 = norms.map(|(norm, weight)| weight * norm * norm).sum();
         misfit / factor + problem.prior_cost(&point.offsets)
     };
-    let mut point = start;
-    let mut cost = cost_at(&point);
-    let (mut damping, mut last_size) = (None, 0.0);
-    let mut step = 1;
+    let cost = cost_at(&point);
+    let normal = problem.normal(&point.offsets, weights);
+    let scales = step_scales(&normal, problem, factor);
+    let gradient = &normal.gradient / factor + problem.prior_pull(&point.offsets);
+    let matrix = problem.posterior_information(&normal.information, &point.offsets, factor);
+    let mut damping = gait
+        .damping
+        .unwrap_or_else(|| first_damping(&matrix, &scales));
     loop {
-        let normal = problem.normal(&point.offsets, weights);
-        let scales = step_scales(&normal, problem, factor);
-        let gradient = &normal.gradient / factor + problem.prior_pull(&point.offsets);
-        let matrix = problem.posterior_information(&normal.information, &point.offsets, factor);
-        let mut here = damping.unwrap_or_else(|| first_damping(&matrix, &scales));
-        let ended = loop {
-            let change = damped_step(&matrix, &gradient, &scales, here);
-            let tried = Point::at(problem, &point.offsets + &change);
-            let tried_cost = cost_at(&tried);
-            // The step in standard errors, along the direction in which it is largest (Newton's decrement).
-            let size = gradient.dot(&change).max(0.0).sqrt();
-            if tried_cost <= cost * (1.0 + ROUNDING) {
-                (point, cost) = (tried, tried_cost);
-                damping = Some((here * 0.1).max(LEAST_DAMPING));
-                // Steps fall by a steady factor or faster, so the next step is smaller by that factor at least.
-                if last_size > 0.0 {
-                    pace = (size / last_size).min(1.0);
-                }
-                last_size = size;
-                break (size * pace < tolerance).then_some(Convergence::Converged);
-            }
-            if size < tolerance {
-                break Some(Convergence::Converged);
-            }
-            here = (here * 10.0).max(1e-9);
-            if here > 1e9 {
-                break Some(Convergence::Stalled);
-            }
-        };
-        let limit = (step == STEPS_PER_ROUND).then_some(Convergence::IterationLimit);
-        if let Some(convergence) = ended.or(limit) {
-            return Descent {
-                point,
-                steps: step,
-                convergence,
-                scales,
-                pace,
+        let change = damped_step(&matrix, &gradient, &scales, damping);
+        let tried = Point::at(problem, &point.offsets + &change);
+        // The step in standard errors, along the direction in which it is largest (Newton's decrement).
+        let size = gradient.dot(&change).max(0.0).sqrt();
+        if cost_at(&tried) <= cost * (1.0 + ROUNDING) {
+            return Step {
+                point: tried,
+                gait: gait.after(size, damping),
+                outcome: Outcome::Stepped,
             };
         }
-        step += 1;
+        damping = (damping * 10.0).max(1e-9);
+        let outcome = if size < STEP_TOLERANCE {
+            Outcome::Negligible
+        } else if damping > LARGEST_DAMPING {
+            Outcome::Stalled
+        } else {
+            continue;
+        };
+        return Step {
+            point,
+            gait,
+            outcome,
+        };
     }
 }
 
