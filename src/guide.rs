@@ -10,6 +10,7 @@
 //! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | `schema robot` |
 //! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`fleet`] | How are many robots stated in one pipeline file, and how is their work shared out? | `run`, `tasks`, `task` |
+//! | [`fleet_on_paper`] | What would 5,000 robots cost in five years, and what breaks first? | |
 //! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
 //! | [`station_tables`] | How is a table of stations read, where there are no logs? | `inspect` |
 //! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
@@ -42,6 +43,9 @@ pub mod pipeline_file {}
 
 #[doc = include_str!("guide/fleet.md")]
 pub mod fleet {}
+
+#[doc = include_str!("guide/fleet_on_paper.md")]
+pub mod fleet_on_paper {}
 
 #[doc = include_str!("guide/logs.md")]
 pub mod logs {}
