@@ -89,7 +89,7 @@ impl Settled {
             own.copy_from(&coloured);
             first += noise.nrows();
         }
-        Some(gram(&half.columns(0, first).into()))
+        Some(gram(&half.columns(0, first)))
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.

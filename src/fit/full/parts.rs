@@ -59,7 +59,9 @@ impl Settled {
             let kept = gain > 0.0;
             if !kept {
                 let mut variances = self.posterior.scale.map(|scale| scale * scale);
-                columns.iter().for_each(|&column| variances[column] = 0.0);
+                for &column in &columns {
+                    variances[column] = 0.0;
+                }
                 let Some(without) = self.evidence.posterior(&variances) else {
                     continue;
                 };

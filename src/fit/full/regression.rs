@@ -275,7 +275,9 @@ mod tests {
         let half = posterior.half(&rows);
         for columns in [vec![0], vec![1], vec![0, 1]] {
             let mut without = variances.clone();
-            columns.iter().for_each(|&column| without[column] = 0.0);
+            for &column in &columns {
+                without[column] = 0.0;
+            }
             let without = Sums::new(&rows, &values, 0.0)
                 .posterior(&without)
                 .expect("positive definite");

@@ -137,7 +137,7 @@ pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// The rows of known distances between targets, which are whitened; the unknowns are the first columns.
 fn distances(problem: &Problem<'_>, state: &State, prior_mean: &DVector<f64>) -> Whitened {
-    let known: Vec<_> = problem.distances(&state.offsets).into_iter().collect();
+    let known: Vec<_> = problem.distances(&state.offsets).collect();
     let mut rows = DMatrix::zeros(known.len(), state.layout.size());
     let mut values = DVector::zeros(known.len());
     for (place, distance) in known.into_iter().enumerate() {
