@@ -43,6 +43,7 @@ pub struct Solution {
     pub information: DMatrix<f64>,
 }
 
+/// Limit of iterations.
 const STEPS: usize = 200;
 /// A step below this many standard errors, of any combination of unknowns, is negligible.
 const STEP_TOLERANCE: f64 = 1e-6;
@@ -69,11 +70,8 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
         let step = step(problem, point, (&weights, factor), gait);
         (point, gait) = (step.point, step.gait);
         let next = gait.next_size();
-        let ended = match step.outcome {
-            Outcome::Stepped if next >= STEP_TOLERANCE => None,
-            Outcome::Stepped | Outcome::Negligible => Some(Convergence::Converged),
-            Outcome::Stalled => Some(Convergence::Stalled),
-        };
+        let converged = (next < STEP_TOLERANCE).then_some(Convergence::Converged);
+        let ended = step.ended.or(converged);
         if is_near && let Some(ended) = ended {
             convergence = ended;
             break;
@@ -109,7 +107,7 @@ impl Point {
     }
 }
 
-/// How the steps go, from which the next one follows.
+/// The size and damping of the last step, from which the next one follows.
 #[derive(Clone, Copy)]
 struct Gait {
     /// Size of the last step, standard errors.
@@ -146,19 +144,11 @@ impl Gait {
     }
 }
 
-enum Outcome {
-    /// A step lowered the cost.
-    Stepped,
-    /// None did, but what was tried is negligible.
-    Negligible,
-    /// None did.
-    Stalled,
-}
-
 struct Step {
     point: Point,
     gait: Gait,
-    outcome: Outcome,
+    /// Whether what was tried was negligible or stalled, where nothing lowered the cost; `None` after a step.
+    ended: Option<Convergence>,
 }
 
 /// One step of Levenberg–Marquardt at fixed weights and variance factor.
@@ -185,21 +175,21 @@ fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), g
             return Step {
                 point: tried,
                 gait: gait.after(size, damping),
-                outcome: Outcome::Stepped,
+                ended: None,
             };
         }
         damping = (damping * 10.0).max(1e-9);
-        let outcome = if size < STEP_TOLERANCE {
-            Outcome::Negligible
+        let ended = if size < STEP_TOLERANCE {
+            Convergence::Converged
         } else if damping > LARGEST_DAMPING {
-            Outcome::Stalled
+            Convergence::Stalled
         } else {
             continue;
         };
         return Step {
             point,
             gait,
-            outcome,
+            ended: Some(ended),
         };
     }
 }

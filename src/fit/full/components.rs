@@ -171,7 +171,6 @@ impl Components {
         span: f64,
     ) {
         let s = settings;
-        let even = vec![1.0; columns.len()];
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
             Block::CommandWeight | Block::OwnCommandWeight(_) => {
@@ -192,6 +191,7 @@ impl Components {
                 );
             }
             Block::SessionCommandWeight(_) => {
+                let even = vec![1.0; columns.len()];
                 self.join(
                     Part::SessionCommandWeight,
                     s.session_command_weight_sd,

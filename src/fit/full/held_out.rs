@@ -10,15 +10,13 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
-use super::leave_one_out::{firsts, stack};
+use super::leave_one_out::{firsts, left_open, stack};
 use super::parts::PartEvidence;
 use super::rows::{Row, covariances, rows, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
-use super::whitening::noise_factor;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::problem::Problem;
-use crate::linalg::gram;
 
 impl Settled {
     /// This model, or the one without curves and gear lines where that predicts left-out blocks better on the mean; with the
@@ -64,7 +62,7 @@ impl Settled {
     ) -> Option<f64> {
         let rows = rows(problem, &self.state, up);
         let covariances = covariances(&self.state, &rows);
-        let left_open = self.left_open_of_few(&covariances);
+        let left_open = left_open(&self.posterior, &covariances);
         let mean = self.posterior.mean() + &self.prior_mean;
         let mut total = 0.0;
         for fold in 0..FOLDS {
@@ -77,19 +75,6 @@ impl Settled {
             }
         }
         Some(total / problem.observations().len().max(1) as f64)
-    }
-
-    /// Covariance of all rows that the model leaves open, mm² and rad²; `None` where the rows were summed.
-    fn left_open_of_few(&self, covariances: &[DMatrix<f64>]) -> Option<DMatrix<f64>> {
-        let mut half = self.posterior.open_of_rows()?;
-        let mut first = 0;
-        for noise in covariances {
-            let mut own = half.columns_mut(first, noise.nrows());
-            let coloured = &own * noise_factor(noise).transpose();
-            own.copy_from(&coloured);
-            first += noise.nrows();
-        }
-        Some(gram(&half.columns(0, first)))
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
@@ -118,14 +103,11 @@ impl Settled {
             first += size;
         }
         let open = if let Some(all) = left_open {
-            let places = rows_of(rows, own);
-            DMatrix::from_fn(count, count, |row, column| {
-                all[(places[row], places[column])]
-            })
+            let half = all.select_columns(&rows_of(rows, own));
+            half.tr_mul(&half)
         } else {
-            let half = self
-                .posterior
-                .half(&stack(own.iter().map(|&place| &rows[place])));
+            let stacked = stack(own.iter().map(|&place| &rows[place]));
+            let half = self.posterior.half(&stacked);
             &noise - half.tr_mul(&half)
         };
         let residual = noise * open.cholesky()?.solve(&left);

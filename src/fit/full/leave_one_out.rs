@@ -71,14 +71,13 @@ pub(super) fn leave_one_out(
     posterior: &Posterior,
 ) -> Vec<LeftOut> {
     let mean = posterior.mean() + prior_mean;
-    let open = posterior.open_of_rows();
+    let open = left_open(posterior, covariances);
     let firsts = firsts(rows);
     let chunk = |chunk: usize| {
         let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(rows.len());
-        let own = (&rows[range.clone()], &covariances[range.clone()]);
         let explained = open.as_ref().map_or_else(
-            || explained(own.0, posterior),
-            |open| explained_of_few(own, open, firsts[range.start]),
+            || explained(&rows[range.clone()], posterior),
+            |open| explained_of_few(&covariances[range.clone()], open, firsts[range.start]),
         );
         let stations = range.zip(explained);
         let left_out = stations.map(|(place, explained)| {
@@ -108,17 +107,34 @@ fn explained(rows: &[Row], posterior: &Posterior) -> Vec<DMatrix<f64>> {
     explained.collect()
 }
 
-/// The same where rows are few: the noise of each without what the model leaves open. The stations' rows are those of `open` from
-/// `first` on.
+/// A square root `OᵀO` of the covariance of all rows that the model leaves open, mm and rad, a column for each row; `None` where the
+/// rows were summed.
+pub(super) fn left_open(
+    posterior: &Posterior,
+    covariances: &[DMatrix<f64>],
+) -> Option<DMatrix<f64>> {
+    let mut open = posterior.open_of_rows()?;
+    let mut first = 0;
+    for noise in covariances {
+        let mut own = open.columns_mut(first, noise.nrows());
+        let coloured = &own * noise_factor(noise).transpose();
+        own.copy_from(&coloured);
+        first += noise.nrows();
+    }
+    Some(open)
+}
+
+/// Covariance of each station's rows that the model explains, mm² and rad²: the noise without what `open` leaves open, whose columns
+/// from `first` on are the stations'.
 fn explained_of_few(
-    (rows, covariances): (&[Row], &[DMatrix<f64>]),
+    covariances: &[DMatrix<f64>],
     open: &DMatrix<f64>,
-    first: usize,
+    mut first: usize,
 ) -> Vec<DMatrix<f64>> {
-    let stations = covariances.iter().zip(firsts(rows));
-    let explained = stations.map(|(noise, own)| {
-        let half = open.columns(first + own, noise.nrows()) * noise_factor(noise).transpose();
-        noise - half.tr_mul(&half)
+    let explained = covariances.iter().map(|noise| {
+        let own = open.columns(first, noise.nrows());
+        first += noise.nrows();
+        noise - own.tr_mul(&own)
     });
     explained.collect()
 }
@@ -204,18 +220,18 @@ pub(super) fn find_lines(
             )
         });
         let stations: Vec<_> = stations.collect();
-        // A joint that hardly moves the target has no evidence on its gears.
-        let moves = layout
-            .columns(Block::Curve(joint))
-            .is_some_and(|c| c.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize);
-        let most = if moves { LINES_PER_ROUND } else { 0 };
         lines::find(
             joint,
             &stations,
             &layout.lines(joint),
             settings.line_threshold,
-            most,
+            LINES_PER_ROUND,
         )
     };
-    (0..joints).flat_map(of_joint).collect()
+    // A joint that hardly moves the target has no evidence on its gears.
+    let moves = |joint: &usize| {
+        let curve = layout.columns(Block::Curve(*joint));
+        curve.is_some_and(|own| own.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize)
+    };
+    (0..joints).filter(moves).flat_map(of_joint).collect()
 }

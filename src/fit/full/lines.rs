@@ -62,9 +62,6 @@ pub fn find(
     threshold: f64,
     most: usize,
 ) -> Vec<FoundLine> {
-    if most == 0 {
-        return Vec::new();
-    }
     let power = periodogram(stations);
     let mut order: Vec<usize> = (0..power.len())
         .filter(|&i| power[i] >= threshold)

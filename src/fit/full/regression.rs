@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::linalg::{Cholesky, gram};
 use few_rows::{FewRoot, FewRows};
 
-/// What whitened rows say of the columns.
+/// Evidence on the columns: whitened rows.
 #[derive(Debug, Clone)]
 pub enum Evidence {
     /// Few rows, kept as they are.
@@ -55,7 +55,7 @@ pub struct Posterior {
 pub(super) enum Root {
     /// Its Cholesky factor.
     Columns(Cholesky),
-    /// What it follows from where rows are few.
+    /// The rows that it follows from, where they are few.
     Rows(FewRoot),
 }
 
@@ -72,11 +72,7 @@ impl Root {
     fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
             Self::Columns(factor) => {
-                let mut chosen = DMatrix::zeros(factor.size(), columns.len());
-                for (place, &column) in columns.iter().enumerate() {
-                    chosen[(column, place)] = 1.0;
-                }
-                let half = factor.forward(&chosen, 0);
+                let half = factor.forward(&chosen(factor.size(), columns), 0);
                 half.tr_mul(&half)
             }
             Self::Rows(rows) => rows.covariance_of(columns),
@@ -221,11 +217,7 @@ impl Posterior {
 
     /// Posterior covariance of the columns at `places`.
     pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
-        let mut rows = DMatrix::zeros(places.len(), self.scale.len());
-        for (row, &place) in places.iter().enumerate() {
-            rows[(row, place)] = 1.0;
-        }
-        let half = self.half(&rows);
+        let half = self.half(&chosen(self.scale.len(), places).transpose());
         half.tr_mul(&half)
     }
 
@@ -250,6 +242,15 @@ impl Posterior {
         }
         self.root.half(right)
     }
+}
+
+/// The columns of the identity of this size at `places`.
+fn chosen(size: usize, places: &[usize]) -> DMatrix<f64> {
+    let mut chosen = DMatrix::zeros(size, places.len());
+    for (column, &place) in places.iter().enumerate() {
+        chosen[(place, column)] = 1.0;
+    }
+    chosen
 }
 
 #[cfg(test)]

@@ -57,7 +57,7 @@ pub struct State {
 pub struct Settled {
     /// The final state.
     pub state: State,
-    /// What the rows of the last round say.
+    /// The evidence of the last round's rows.
     pub evidence: Evidence,
     /// Posterior of the last round.
     pub posterior: Posterior,

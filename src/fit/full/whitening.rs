@@ -20,13 +20,7 @@ struct Whitened {
     ln_noise: f64,
 }
 
-/// One station's whitened rows, and the covariance of its noise at its weight.
-struct Station {
-    own: Whitened,
-    covariance: DMatrix<f64>,
-}
-
-/// What all rows say; also returns the covariance of each station at its weight.
+/// The evidence of all rows on the columns, and the covariance of each station at its weight.
 pub(super) fn evidence(
     problem: &Problem<'_>,
     state: &State,
@@ -37,39 +31,37 @@ pub(super) fn evidence(
     let distances = distances(problem, state, prior_mean);
     let count = rows.iter().map(|row| row.value.len()).sum::<usize>() + distances.values.len();
     if !FewRows::are_few(count, columns) {
-        let (sums, covariances) = sums(problem, state, rows, prior_mean);
+        let (sums, covariances) = summed(state, rows, prior_mean, &distances);
         return (Evidence::Sums(sums), covariances);
     }
     let (mut parts, covariances) = whitened(state, rows, &state.weights, prior_mean);
     parts.push(distances);
-    (Evidence::Rows(few(&parts, count, columns)), covariances)
+    let all = stacked(&parts, columns);
+    let few = FewRows {
+        transposed: all.rows.transpose(),
+        values: all.values,
+        ln_noise: all.ln_noise,
+    };
+    (Evidence::Rows(few), covariances)
 }
 
-/// `count` whitened rows beside each other, a column each.
-fn few(parts: &[Whitened], count: usize, columns: usize) -> FewRows {
-    let mut transposed = DMatrix::zeros(columns, count);
-    let mut values = DVector::zeros(count);
-    let mut first = 0;
-    for part in parts {
-        let size = part.values.len();
-        part.rows
-            .transpose_to(&mut transposed.columns_mut(first, size));
-        values.rows_mut(first, size).copy_from(&part.values);
-        first += size;
-    }
-    FewRows {
-        transposed,
-        values,
-        ln_noise: parts.iter().map(|part| part.ln_noise).sum(),
-    }
-}
-
-/// Whitens all rows and sums them; also returns the covariance of each station at its weight.
+/// The sums of all rows, and the covariance of each station at its weight.
 pub(super) fn sums(
     problem: &Problem<'_>,
     state: &State,
     rows: &[Row],
     prior_mean: &DVector<f64>,
+) -> (Sums, Vec<DMatrix<f64>>) {
+    let distances = distances(problem, state, prior_mean);
+    summed(state, rows, prior_mean, &distances)
+}
+
+/// The sums of stations' rows and those of known distances, and the covariance of each station at its weight.
+fn summed(
+    state: &State,
+    rows: &[Row],
+    prior_mean: &DVector<f64>,
+    distances: &Whitened,
 ) -> (Sums, Vec<DMatrix<f64>>) {
     let columns = state.layout.size();
     let mut sums = Sums::zero(columns);
@@ -77,16 +69,19 @@ pub(super) fn sums(
     let batches = rows.chunks(SUMMED_AT_ONCE);
     for (rows, weights) in batches.zip(state.weights.chunks(SUMMED_AT_ONCE)) {
         let (parts, covariances) = whitened(state, rows, weights, prior_mean);
-        let whole = stacked(&parts, columns);
-        sums.add(&Sums::new(&whole.rows, &whole.values, whole.ln_noise));
+        sums.add(&stacked(&parts, columns).sums());
         all.extend(covariances);
     }
-    let distances = distances(problem, state, prior_mean);
-    for (place, value) in distances.values.iter().enumerate() {
-        let row = distances.rows.rows(place, 1).into_owned();
-        sums.add(&Sums::new(&row, &DVector::from_element(1, *value), 0.0));
+    if !distances.values.is_empty() {
+        sums.add(&distances.sums());
     }
     (sums, all)
+}
+
+impl Whitened {
+    fn sums(&self) -> Sums {
+        Sums::new(&self.rows, &self.values, self.ln_noise)
+    }
 }
 
 /// The whitened rows of stations, and the covariance of each at its weight.
@@ -99,16 +94,9 @@ fn whitened(
     let stations = rows.par_iter().zip(weights).with_min_len(CHUNK);
     let whiten = |(row, weight): (&Row, &f64)| {
         let covariance = covariance(state, row, *weight);
-        Station {
-            own: whiten(row, &covariance, prior_mean),
-            covariance,
-        }
+        (whiten(row, &covariance, prior_mean), covariance)
     };
-    let stations: Vec<Station> = stations.map(whiten).collect();
-    let stations = stations.into_iter();
-    stations
-        .map(|station| (station.own, station.covariance))
-        .unzip()
+    stations.map(whiten).unzip()
 }
 
 /// A station's rows and values times the inverse of its noise's Cholesky factor.

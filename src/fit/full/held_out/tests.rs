@@ -104,7 +104,7 @@ fn never_saw_the_block(problem: &Problem<'_>, settled: &Settled) {
     let covariances = covariances(&settled.state, &rows);
     let mean = settled.posterior.mean() + &settled.prior_mean;
     let block: Vec<usize> = (0..rows.len()).filter(|place| place % 5 == 2).collect();
-    let left_open = settled.left_open_of_few(&covariances);
+    let left_open = left_open(&settled.posterior, &covariances);
     let found = settled
         .left_out((&rows, &covariances), left_open.as_ref(), &mean, &block)
         .expect("left out");
