@@ -12,7 +12,8 @@
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
 //! 7. `others`: readings of further targets, where a log has several.
-//! 8. `logged_references`: readings of references on floor or base, whose motion is taken out of the stations' readings.
+//! 8. `logged_references`: readings of references on floor or base, whose motion is taken out of the stations' readings; bumps that are
+//!    larger than the gate before step 1. [`moved`]: moves that no reference tells.
 //! 9. [`mod@began`]: the date of the session.
 //!
 //! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
@@ -20,6 +21,8 @@
 pub mod assigned;
 pub mod average;
 pub mod began;
+#[cfg(test)]
+mod bump_tests;
 pub mod clock;
 pub mod command;
 pub mod decide;
@@ -29,6 +32,7 @@ mod error;
 #[cfg(test)]
 mod fault_tests;
 mod logged_references;
+pub mod moved;
 pub mod observe;
 mod others;
 pub mod pair;
@@ -56,6 +60,8 @@ use self::assigned::stream::{self, ByTarget};
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::ArmDwell;
+use self::logged_references::bumps::Targets;
+use self::moved::Elsewhere;
 use self::observe::Observation;
 use self::others::Other;
 use self::pattern::Relation;
@@ -89,6 +95,10 @@ pub struct Joined {
     pub assigned: BTreeMap<usize, Assigned>,
     /// The courses of references that were followed; empty where there were none.
     pub references: Vec<tabled::ReferenceCourse>,
+    /// How often each stated reference was read; empty where none is stated.
+    pub read_references: Vec<tabled::ReadReference>,
+    /// Stretches at which the instrument or the base stood elsewhere, as no reference tells; empty of a table.
+    pub elsewhere: Vec<Elsewhere>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
@@ -310,22 +320,26 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     settings.check()?;
     observe::check_joints(&input.joints, arm)?;
     observe::check_temperatures(&input.temperatures)?;
-    let readings = Readings::find(&*input.readings, settings)?;
+    let targets = Targets::of(input, settings)?;
+    let readings = Readings::find(&*targets.main, settings)?;
     let seen = observe::observe(&readings, &input.joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(input.joints.span_ns.0);
     let (mut clock, relation, by_edges) = estimate_clock(&seen, &decision, origin);
-    let others = Other::all(&input.others, settings)?;
+    let others = Other::all(&targets.others, settings)?;
     if !others.is_empty() && !by_edges {
         clock.model = others::centred(clock.model, &seen.arm, &seen.target, &others);
     }
+    let gate_mm = pair::gate_mm(decision.median_mm, settings);
+    let elsewhere = Moves::of(&seen, &decision, gate_mm);
     let evidence = pair::Evidence {
         readings: &readings,
         temperatures: &input.temperatures,
         target: &seen.target,
         clock: clock.model,
         placement: decision.placement,
-        gate_mm: pair::gate_mm(decision.median_mm, settings),
+        gate_mm,
+        moved: &elsewhere.spans,
         same_mm: SAME_REACH * seen.stationary_mm,
         usual_mm: seen.usual_scatter_mm(),
         settle_s: match settings.settle_s {
@@ -344,6 +358,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         arm: &seen.arm,
         temperatures: &input.temperatures,
         clock: clock.model,
+        moved: &elsewhere.spans,
         settle_s: evidence.settle_s,
         settings,
     };
@@ -359,6 +374,8 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         row_rejects: Vec::new(),
         assigned: BTreeMap::new(),
         references: Vec::new(),
+        read_references: Vec::new(),
+        elsewhere: elsewhere.found,
         counts,
         found: Found {
             stationary_rad: seen.stationary_rad,
@@ -366,7 +383,37 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
             settle_s: evidence.settle_s,
         },
     };
-    logged_references::followed(joined, &input.references, settings)
+    logged_references::followed(targets.restored(joined), &input.references, settings)
+}
+
+/// The stretches of a session at which the instrument or the base stood elsewhere, and their first and last moments.
+struct Moves {
+    found: Vec<Elsewhere>,
+    spans: Vec<(Stamp<Tracker>, Stamp<Tracker>)>,
+}
+
+impl Moves {
+    fn of(seen: &Observation, decision: &Decision, gate_mm: f64) -> Self {
+        let pairs = pattern::overlaps(seen.dwells(), decision.relation);
+        let readings = pairs
+            .iter()
+            .map(|&pair| decide::reading(seen.dwells(), pair));
+        let readings: Vec<_> = readings.collect();
+        let stretches = moved::stretches(&readings, &decision.placement, gate_mm);
+        let ends = |own: &moved::Stretch| [own.first, own.last].map(|place| pairs[place]);
+        let found = stretches.iter().map(|own| {
+            let stations = ends(own).map(|pair| pair.arm);
+            own.elsewhere(&readings, &decision.placement, stations)
+        });
+        let spans = stretches.iter().map(|own| {
+            let [first, last] = ends(own).map(|pair| &seen.target[pair.target]);
+            (first.start, last.end)
+        });
+        Self {
+            found: found.collect(),
+            spans: spans.collect(),
+        }
+    }
 }
 
 /// Target dwells closer together than this many stationary thresholds are at one place.
@@ -386,11 +433,12 @@ pub fn join_unnamed(
     settings.check()?;
     observe::check_joints(&input.joints, arm)?;
     observe::check_temperatures(&input.temperatures)?;
-    let readings = Readings::find(&*input.readings, settings)?;
+    let targets = Targets::of(input, settings)?;
+    let readings = Readings::find(&*targets.main, settings)?;
     let seen = observe::observe(&readings, &input.joints, arm, settings)?;
     let (clock, visits, settle_s) = clock_of_visits(&readings, &seen, input, stated, settings)?;
     let by_target = stream::by_target(
-        &*input.readings,
+        &*targets.main,
         &readings,
         (&visits, &seen.target),
         &clock.model,
@@ -406,6 +454,7 @@ pub fn join_unnamed(
         arm: &seen.arm,
         temperatures: &input.temperatures,
         clock: clock.model,
+        moved: &[],
         settle_s,
         settings,
     };
@@ -425,6 +474,8 @@ pub fn join_unnamed(
         row_rejects: Vec::new(),
         assigned: by_target.assigned,
         references: Vec::new(),
+        read_references: Vec::new(),
+        elsewhere: Vec::new(),
         counts,
         found: Found {
             stationary_rad: seen.stationary_rad,
@@ -432,7 +483,7 @@ pub fn join_unnamed(
             settle_s,
         },
     };
-    logged_references::followed(joined, &input.references, settings)
+    logged_references::followed(targets.restored(joined), &input.references, settings)
 }
 
 /// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.

@@ -133,7 +133,7 @@ fn chance(t: f64) -> f64 {
 }
 
 /// Root of the share of an instrument's rows that the unknowns did not take; `None` where too few are left to judge by.
-fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
+pub(super) fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
     let mut sizes = fitted.sources.iter();
     let own = sizes.find(|own| own.source == source)?;
     let is_judged = own.redundancy >= LEAST_REDUNDANCY;
@@ -141,7 +141,7 @@ fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
 }
 
 /// Measured minus fitted length, mm; `None` of another reading.
-fn left_mm(own: &Observation, fitted: &Calibration) -> Option<f64> {
+pub(super) fn left_mm(own: &Observation, fitted: &Calibration) -> Option<f64> {
     let length = own.measured.length()?;
     let frames = fitted.frames.get(own.session)?;
     let gauge = frames.gauge(own.source)?;

@@ -5,8 +5,11 @@
 //! smallest median residual of any candidate with half of the pairs. The candidate with the most support wins; one
 //! that is as good in both support and residual makes the session ambiguous, and the join reports an error.
 
+use std::ops::Range;
+
 use super::JoinError;
 use super::dwell::median;
+use super::moved::explains;
 use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
 use super::placement::{Placement, ReadingAtFlange};
 
@@ -46,8 +49,44 @@ struct Candidate {
     median_mm: f64,
 }
 
-/// The chosen clock relation, or the reason why none can be chosen.
+/// The chosen clock relation, or the reason why none can be chosen. Where no placement holds for most of the session, it is that of the
+/// half of the target's dwells under which the others agree with the arm once the base is placed anew ([`super::moved`]).
 pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
+    decided(dwells, gate_mm).or_else(|error| match error {
+        JoinError::NoCommonPattern { .. } => by_half(dwells, gate_mm).ok_or(error),
+        _ => Err(error),
+    })
+}
+
+/// The decision by the half of the target's dwells that has more support, if it explains the session.
+fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
+    let middle = dwells.target.len() / 2;
+    let halves = [0..middle, middle..dwells.target.len()];
+    let of_half = |rows: Range<usize>| {
+        let half = Dwells {
+            arm: dwells.arm,
+            target: &dwells.target[rows.clone()],
+        };
+        let mut decision = decided(half, gate_mm).ok()?;
+        let support = decision.support.iter_mut();
+        support.for_each(|pair| pair.target += rows.start);
+        let pairs = overlaps(dwells, decision.relation);
+        let readings = pairs.iter().map(|&pair| reading(dwells, pair));
+        let readings: Vec<ReadingAtFlange> = readings.collect();
+        explains(&readings, &decision.placement, gate_mm).then_some(decision)
+    };
+    let found = halves.into_iter().filter_map(of_half);
+    // Of equal halves the first.
+    found.reduce(|a, b| {
+        if b.support.len() > a.support.len() {
+            b
+        } else {
+            a
+        }
+    })
+}
+
+fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let coarse = ranked(candidates(dwells, &Ruler::at_flange(dwells)), gate_mm);
     let Some(first) = coarse.first() else {
         return Err(no_common_pattern(dwells, gate_mm, None));

@@ -30,6 +30,8 @@ pub enum Why {
     NoArmDwell,
     /// It is too far from the arm.
     WrongTarget,
+    /// It is too far from the arm, as others in a row are: the instrument or the base stood elsewhere.
+    InstrumentMoved,
     /// The target was at two positions during one dwell.
     Ambiguous,
     /// Too few readings were left for a mean.
@@ -49,6 +51,10 @@ impl Disposition {
             }
             Self::Unpaired(Why::WrongTarget) => {
                 "unpaired: too far from the arm's position: another reflector or a lost beam"
+            }
+            Self::Unpaired(Why::InstrumentMoved) => {
+                "instrument_moved: too far from the arm's position, with which it agrees once the base is placed anew: the instrument or \
+                 the base was moved, and no reference tells how"
             }
             Self::Unpaired(Why::Ambiguous) => {
                 "unpaired: the target was stationary in more than one place during one dwell of the arm"

@@ -8,6 +8,8 @@
 //!
 //! The clocks are found before, from targets alone, so references have no part in the search of their shift.
 
+pub(super) mod bumps;
+
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
@@ -16,7 +18,7 @@ use super::average::{kept, robust_sigma};
 use super::readings::Seen;
 use super::references::{Motion, ReferenceId};
 use super::tabled::RowReference;
-use super::tabled::carried::{Origin, Stop, courses, taken_out, undo};
+use super::tabled::carried::{Origin, Stop, courses, read, taken_out, undo};
 use super::{
     JoinError, JoinReject, JoinSettings, Joined, Pairing, ReferenceReadings, Station, Unmeasured,
 };
@@ -86,13 +88,16 @@ pub(super) fn followed(
         is_timed: true,
         is_logged: true,
     };
+    joined.read_references = read(&stops, &names);
     let (mut courses, rejects) = courses(&stops, &names, &origin);
     let left_out = rejects.into_iter().filter_map(|reject| {
         let run = runs.get(usize::try_from(reject.line).ok()?.checked_sub(1)?)?;
         Some(run.reject(reject.reason))
     });
     joined.rejects.extend(left_out);
-    for (number, motion) in taken_out(&mut courses) {
+    let stations = &joined.stations;
+    let measured = |number: usize| !stations[number].readings.is_empty();
+    for (number, motion) in taken_out(&mut courses, measured) {
         take_out(&mut joined, number, motion);
     }
     joined.references = courses;
@@ -132,6 +137,8 @@ fn take_out(joined: &mut Joined, number: usize, motion: Result<Motion, String>) 
 /// The dwells by the tracker's clock, which readings of references are sorted by.
 struct Looking<'a> {
     dwells: Vec<(Stamp<Tracker>, Stamp<Tracker>)>,
+    /// Longest look between dwells, ns.
+    look_ns: i64,
     settings: &'a JoinSettings,
 }
 
@@ -141,6 +148,7 @@ impl<'a> Looking<'a> {
         let dwells = dwells.map(|own| (clock.to_tracker(own.start), clock.to_tracker(own.end)));
         Self {
             dwells: dwells.collect(),
+            look_ns: LOOK_NS,
             settings,
         }
     }
@@ -160,8 +168,8 @@ impl<'a> Looking<'a> {
             (_, None) => When::Between(
                 begun,
                 behind_ns.map_or_else(
-                    || -(before_ns.unwrap_or(0) / LOOK_NS) - 1,
-                    |behind_ns| behind_ns / LOOK_NS,
+                    || -(before_ns.unwrap_or(0) / self.look_ns) - 1,
+                    |behind_ns| behind_ns / self.look_ns,
                 ),
             ),
         }

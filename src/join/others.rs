@@ -19,7 +19,7 @@ use super::{
 };
 use crate::figures::median;
 use crate::ingest::{Poses, TemperatureSamples};
-use crate::units::{ClockModel, Tracker, round_ns};
+use crate::units::{ClockModel, Stamp, Tracker, round_ns};
 
 /// A further target's readings and where it stood still.
 pub(super) struct Other<'a> {
@@ -33,6 +33,8 @@ pub(super) struct Found<'a> {
     pub(super) arm: &'a [ArmDwell],
     pub(super) temperatures: &'a TemperatureSamples,
     pub(super) clock: ClockModel,
+    /// First and last moments of stretches at which the instrument or the base stood elsewhere.
+    pub(super) moved: &'a [(Stamp<Tracker>, Stamp<Tracker>)],
     pub(super) settle_s: f64,
     pub(super) settings: &'a JoinSettings,
 }
@@ -40,7 +42,7 @@ pub(super) struct Found<'a> {
 impl<'a> Other<'a> {
     /// The further targets that have readings.
     pub(super) fn all(
-        others: &'a [Box<dyn Poses<Tracker>>],
+        others: &'a [Box<dyn Poses<Tracker> + 'a>],
         settings: &JoinSettings,
     ) -> Result<Vec<Self>, JoinError> {
         let read = others.iter().enumerate().filter(|(_, own)| own.count() > 0);
@@ -99,7 +101,7 @@ impl<'a> Other<'a> {
     }
 
     /// What verdicts on this target need; `None` where too few dwells place it.
-    fn evidence<'e>(&'e self, found: &'e Found<'_>) -> Option<Evidence<'e>> {
+    fn evidence<'e>(&'e self, found: &'e Found<'e>) -> Option<Evidence<'e>> {
         let pairs = self.dwells.iter().filter_map(|own| {
             let arm = nearest(found.arm, &found.clock, own)?;
             Some(ReadingAtFlange {
@@ -116,6 +118,7 @@ impl<'a> Other<'a> {
             clock: found.clock,
             placement,
             gate_mm,
+            moved: found.moved,
             same_mm: SAME_REACH * self.readings.stationary().threshold,
             usual_mm: usual_scatter_mm(&self.dwells),
             settle_s: found.settle_s,

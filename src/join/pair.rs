@@ -13,8 +13,9 @@ use nalgebra::{Point3, Vector3};
 use super::average::{kept, mean_and_scatter, mean_orientation};
 use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell};
+use super::moved::explains;
 use super::pattern::MIN_PAIRS;
-use super::placement::{Placement, ReadingAtFlange};
+use super::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
 use super::reading::{MeanOrientation, MeanPoint, Reading, SourceId, TargetId, Value};
 use super::readings::{Readings, Seen};
 use super::{JoinError, JoinSettings, Pairing, Unmeasured};
@@ -26,9 +27,25 @@ const GATE_REACH: f64 = 10.0;
 /// Readings that place a target, at most: of more, some spread over all of them.
 const PLACED_BY: usize = 5000;
 
-/// The placement of a target by its own readings, and the distance from it beyond which a reading is another reflector's, mm; `None`
-/// where too few readings place it.
+/// The placement of a target by its own readings, which are in order of time, and the distance from it beyond which a reading is another
+/// reflector's, mm; `None` where too few readings place it. Where none holds for most of them, it is that of the half under which the
+/// others agree with the arm once the base is placed anew ([`super::moved`]).
 pub fn placed(readings: &[ReadingAtFlange], settings: &JoinSettings) -> Option<(Placement, f64)> {
+    let whole = placed_by(readings, settings)?;
+    if whole.0.median_mm(readings) <= NOMINAL_MM {
+        return Some(whole);
+    }
+    let (first, second) = readings.split_at(readings.len() / 2);
+    let halves = [first, second].map(|half| {
+        let (placement, gate_mm) = placed_by(half, settings)?;
+        let is_sound = placement.median_mm(half) <= NOMINAL_MM;
+        let found = Some((placement, gate_mm));
+        found.filter(|_| is_sound && explains(readings, &placement, gate_mm))
+    });
+    Some(halves.into_iter().flatten().next().unwrap_or(whole))
+}
+
+fn placed_by(readings: &[ReadingAtFlange], settings: &JoinSettings) -> Option<(Placement, f64)> {
     let stride = readings.len().div_ceil(PLACED_BY).max(1);
     let spread: Vec<ReadingAtFlange> = readings.iter().step_by(stride).copied().collect();
     let placement = Placement::fit_far(&spread).filter(|_| readings.len() >= MIN_PAIRS)?;
@@ -54,6 +71,8 @@ pub struct Evidence<'a> {
     pub placement: Placement,
     /// Distance from the placement beyond which a target is another reflector, mm.
     pub gate_mm: f64,
+    /// First and last moments of stretches at which the instrument or the base stood elsewhere.
+    pub moved: &'a [(Stamp<Tracker>, Stamp<Tracker>)],
     /// Dwells closer together than this are one group, mm.
     pub same_mm: f64,
     /// The session's usual standard deviation of a reading per axis, mm.
@@ -88,14 +107,15 @@ impl Evidence<'_> {
         let predicted = self.placement.predict(&dwell.flange);
         let far = |index: usize| (self.target[index].position - predicted).norm() > self.gate_mm;
         let (wrong, near): (Vec<usize>, Vec<usize>) = candidates.into_iter().partition(|&c| far(c));
+        let mut why_far = (Why::WrongTarget, Unmeasured::WrongTarget);
         for index in wrong {
-            dispositions.set(
-                self.part(index, &seen),
-                Disposition::Unpaired(Why::WrongTarget),
-            );
+            if self.is_moved(index) {
+                why_far = (Why::InstrumentMoved, Unmeasured::InstrumentMoved);
+            }
+            dispositions.set(self.part(index, &seen), Disposition::Unpaired(why_far.0));
         }
         let Some(&first) = near.first() else {
-            return Ok((Pairing::Unmeasured(Unmeasured::WrongTarget), None));
+            return Ok((Pairing::Unmeasured(why_far.1), None));
         };
         let apart = |&index: &usize| {
             (self.target[index].position - self.target[first].position).norm() > self.same_mm
@@ -113,6 +133,13 @@ impl Evidence<'_> {
         let too_few = Pairing::Unmeasured(Unmeasured::TooFewReadings);
         let pairing = reading.as_ref().map_or(too_few, |_| Pairing::Paired);
         Ok((pairing, reading))
+    }
+
+    /// Whether a dwell of the target is in a stretch at which the instrument or the base stood elsewhere.
+    fn is_moved(&self, index: usize) -> bool {
+        let own = &self.target[index];
+        let mut moved = self.moved.iter();
+        moved.any(|(first, last)| *first <= own.start && own.end <= *last)
     }
 
     /// The dwell from edge to edge: half a sample beyond the first and last stationary joint sample.

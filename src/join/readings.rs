@@ -16,7 +16,7 @@ const PIECE: usize = 4096;
 const FARTHEST_MM: f64 = 1e9;
 
 /// Whether a reading is a measurement: within reach, and not the exact zeros of a missing reflector.
-fn is_measurement(position: &[f64; 3]) -> bool {
+pub(super) fn is_measurement(position: &[f64; 3]) -> bool {
     position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
 }
 

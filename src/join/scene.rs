@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::stationary::find_stationary;
-use super::{JoinError, JoinInput, JoinSettings, Joined, Pairing, join};
+use super::{JoinError, JoinInput, JoinSettings, Joined, Pairing, ReferenceReadings, join};
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{JointAngles, JointSamples, Recording};
 use crate::kinematics::{Arm, RobotFile};
@@ -93,7 +93,7 @@ impl Scene {
     }
 
     /// True joint angles at a moment of controller time: minimum jerk between dwells.
-    fn angles(&self, starts_s: &[f64], at_s: f64) -> [f64; 6] {
+    pub(super) fn angles(&self, starts_s: &[f64], at_s: f64) -> [f64; 6] {
         let here = starts_s
             .partition_point(|&start| start <= at_s)
             .saturating_sub(1);
@@ -238,6 +238,16 @@ pub(super) fn join_recorded(
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Joined, JoinError> {
+    join_beside(recording, Vec::new(), arm, settings)
+}
+
+/// Joins a recording with readings of references.
+pub(super) fn join_beside(
+    recording: &Recording,
+    references: Vec<ReferenceReadings>,
+    arm: &Arm,
+    settings: &JoinSettings,
+) -> Result<Joined, JoinError> {
     let JointSamples { stamps, angles } = &recording.joints;
     let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
     let rule = settings.arm_rule();
@@ -246,7 +256,7 @@ pub(super) fn join_recorded(
         commands: Box::new(recording.commands.clone()),
         readings: Box::new(recording.readings.clone()),
         others: Vec::new(),
-        references: Vec::new(),
+        references,
         temperatures: recording.temperatures.clone(),
     };
     join(&input, arm, settings)

@@ -15,6 +15,7 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::moved::{Elsewhere, stretches};
 use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
 use super::{
@@ -26,7 +27,7 @@ use crate::join::references::ReferenceId;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
 
-pub use carried::{LookAt, ReferenceCourse};
+pub use carried::{LookAt, ReadReference, ReferenceCourse};
 
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -220,6 +221,8 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
             .filter_map(|(number, row)| Some((number, row.assigned?)))
             .collect(),
         references: carried.courses,
+        read_references: carried.read,
+        elsewhere: gates.elsewhere,
         counts: ReadingCounts {
             kept,
             unpaired,
@@ -257,11 +260,16 @@ fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>, file: &str) ->
 
 /// The rows in order of time, and whether they have times.
 fn in_order(mut rows: Vec<Row>) -> (Vec<Row>, bool) {
-    let timed = !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some());
+    let timed = is_timed(&rows);
     if timed {
         rows.sort_by_key(|row| row.time_ns);
     }
     (rows, timed)
+}
+
+/// Whether every row has a time.
+fn is_timed(rows: &[Row]) -> bool {
+    !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some())
 }
 
 /// The rows without those that repeat an earlier one to the last digit; for each of them its reject and number of readings.
@@ -335,28 +343,41 @@ struct Gates<'a> {
     arm: &'a Arm,
     /// Placement of the target and distance allowed, mm; `None` where too few readings place it.
     targets: BTreeMap<TargetId, Option<(Placement, f64)>>,
+    /// Stretches at which the instrument or the base stood elsewhere, by the first target that shows any.
+    elsewhere: Vec<Elsewhere>,
 }
 
 impl<'a> Gates<'a> {
     fn new(rows: &[Row], arm: &'a Arm, settings: &JoinSettings) -> Self {
         let mut readings: BTreeMap<TargetId, Vec<ReadingAtFlange>> = BTreeMap::new();
-        for row in rows {
+        let mut places: BTreeMap<TargetId, Vec<usize>> = BTreeMap::new();
+        for (number, row) in rows.iter().enumerate() {
             let flange = *arm.flange(&row.joints).isometry();
             for reading in &row.readings {
                 if let Some(attained) = place(reading) {
-                    readings
-                        .entry(reading.target)
-                        .or_default()
-                        .push(ReadingAtFlange { flange, attained });
+                    let own = readings.entry(reading.target).or_default();
+                    own.push(ReadingAtFlange { flange, attained });
+                    places.entry(reading.target).or_default().push(number);
                 }
             }
         }
+        let targets = readings.iter();
+        let targets = targets.map(|(target, own)| (*target, placed(own, settings)));
+        let targets: BTreeMap<_, _> = targets.collect();
+        let mut elsewhere = readings.iter().filter_map(|(target, own)| {
+            let (placement, gate_mm) = targets[target].as_ref()?;
+            let found = stretches(own, placement, *gate_mm);
+            let stations = |place: usize| places[target][place];
+            let found = found.iter().map(|stretch| {
+                let ends = [stretch.first, stretch.last].map(stations);
+                stretch.elsewhere(own, placement, ends)
+            });
+            Some(found.collect::<Vec<_>>())
+        });
         Self {
             arm,
-            targets: readings
-                .into_iter()
-                .map(|(target, own)| (target, placed(&own, settings)))
-                .collect(),
+            elsewhere: elsewhere.find(|own| !own.is_empty()).unwrap_or_default(),
+            targets,
         }
     }
 
@@ -372,6 +393,8 @@ impl<'a> Gates<'a> {
         let flange = *self.arm.flange(&row.joints).isometry();
         let at = stamp(number, row, timed);
         let (mut readings, mut far) = (Vec::new(), Vec::new());
+        let mut elsewhere = self.elsewhere.iter();
+        let elsewhere = elsewhere.find(|own| (own.stations[0]..=own.stations[1]).contains(&number));
         for reading in &row.readings {
             match self.too_far(&flange, reading) {
                 None => readings.push(read(reading, row, at)),
@@ -381,15 +404,18 @@ impl<'a> Gates<'a> {
                     line: reading.line,
                     column: None,
                     station: Some(number),
-                    reason: format!(
-                        "{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"
+                    reason: elsewhere.map_or_else(
+                        || format!("{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"),
+                        |own| format!("instrument_moved: {away_mm:.0} mm from the nominal arm's position: {}", own.words()),
                     ),
                 }),
             }
         }
         let pairing = match (&readings[..], &far[..]) {
             ([_, ..], _) => Pairing::Paired,
-            ([], _) if moved => Pairing::Unmeasured(Unmeasured::InstrumentMoved),
+            ([], _) if moved || elsewhere.is_some() => {
+                Pairing::Unmeasured(Unmeasured::InstrumentMoved)
+            }
             ([], []) => Pairing::Unmeasured(Unmeasured::NoReadings),
             ([], [_, ..]) => Pairing::Unmeasured(Unmeasured::WrongTarget),
         };

@@ -428,8 +428,11 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
-            let source = noise.source(reading.source);
-            let instrument = source.uncertainty.covariance(&reading.position()?);
+            let position = reading.position()?;
+            let instrument = noise
+                .source(reading.source)
+                .uncertainty
+                .covariance(&position);
             Some(size2 * instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();

@@ -14,6 +14,7 @@ mod lengths;
 mod mountings;
 mod observed;
 pub(super) mod scales;
+mod slips;
 mod stated;
 mod turns;
 mod unseen;

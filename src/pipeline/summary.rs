@@ -71,8 +71,13 @@ pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
         Some(format!("{}: check the set-up: {finding}", session.name))
     });
     let lost = sessions().flat_map(|session| damage::words(&session.name, &session.counts));
+    let slips = sessions().flat_map(|session| {
+        let slips = session.slips.iter();
+        slips.map(|words| format!("{}: {words}", session.name))
+    });
     set_up
         .chain(lost)
+        .chain(slips)
         .chain(references::warned(outcome))
         .collect()
 }

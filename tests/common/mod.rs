@@ -116,6 +116,7 @@ pub fn joined(
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
         set_up: None,
+        slips: Vec::new(),
         driven_by: None,
         joined,
     }

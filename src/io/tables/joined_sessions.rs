@@ -12,7 +12,8 @@ use super::runs::row_digest;
 use crate::ingest::LogReject;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row, Rows, Table, row};
-use crate::join::tabled::ReferenceCourse;
+use crate::join::moved::Elsewhere;
+use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::units::WallTime;
@@ -66,6 +67,10 @@ pub struct AsJoined {
     row_rejects: Vec<RowReject>,
     assigned: BTreeMap<usize, Assigned>,
     references: Vec<ReferenceCourse>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    read_references: Vec<ReadReference>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    elsewhere: Vec<Elsewhere>,
     reading_counts: ReadingCounts,
     found: Found,
     driven_by: Option<DrivenBy>,
@@ -176,6 +181,8 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
             row_rejects: own.row_rejects,
             assigned: own.assigned,
             references: own.references,
+            read_references: own.read_references,
+            elsewhere: own.elsewhere,
             counts: own.reading_counts,
             found: own.found,
         },
@@ -212,6 +219,8 @@ impl AsJoined {
             row_rejects: joined.row_rejects.clone(),
             assigned: joined.assigned.clone(),
             references: joined.references.clone(),
+            read_references: joined.read_references.clone(),
+            elsewhere: joined.elsewhere.clone(),
             reading_counts: joined.counts,
             found: joined.found,
             driven_by: session.driven_by.clone(),

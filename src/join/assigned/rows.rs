@@ -5,19 +5,25 @@ use nalgebra::{Point3, Vector3};
 use super::{
     AssignError, PointTarget, Stated, StationAssignment, StationPoints, ambiguous_words, assign,
 };
+use crate::join::references::Motion;
+use crate::join::tabled::carried::motions;
 use crate::join::tabled::{Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{JoinSettings, MeanPoint, TargetId, Value};
 use crate::kinematics::Arm;
 
 /// The rows with the target of each reading of a place by geometry; readings of no target, and those of stations where another
-/// assignment is nearly as likely, become rejects. Readings of one length are left as they are.
+/// assignment is nearly as likely, become rejects. Readings of one length are left as they are. Readings are held against the arm without
+/// the motion that references show, which may be a bump of any size.
 pub fn assigned_rows(
     mut rows: Rows,
     arm: &Arm,
     settings: &JoinSettings,
     stated: &Stated,
 ) -> Result<Rows, AssignError> {
-    let stations: Vec<StationPoints> = rows.rows.iter().map(|row| points(row, arm)).collect();
+    let motions = motions(&rows);
+    let stations = rows.rows.iter().enumerate();
+    let stations = stations.map(|(place, row)| points(row, motions.get(&place), arm));
+    let stations: Vec<StationPoints> = stations.collect();
     let assigned = assign(&stations, stated, settings.geometry_gate_mm)?;
     let mut left_out = Vec::new();
     for (row, assignment) in rows.rows.iter_mut().zip(assigned) {
@@ -67,11 +73,14 @@ pub fn middles(rows: &Rows) -> Rows {
     middles
 }
 
-/// The positions of a row.
-fn points(row: &Row, arm: &Arm) -> StationPoints {
+/// The positions of a row without a motion.
+fn points(row: &Row, motion: Option<&Motion>, arm: &Arm) -> StationPoints {
+    let read = row.readings.iter().filter_map(position);
     StationPoints {
         flange: *arm.flange(&row.joints).isometry(),
-        points: row.readings.iter().filter_map(position).collect(),
+        points: read
+            .map(|at| motion.map_or(at, |motion| motion.undone(&at)))
+            .collect(),
     }
 }
 

@@ -10,12 +10,12 @@
 //! only instruments that stand on the base too are allowed: in its frame they do not move. One on the floor would, by as much as the
 //! base, and its anchor would need a place at each station.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ApartRow, Row, RowItem, RowReject};
+use super::{ApartRow, Row, RowItem, RowReject, Rows, is_timed};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::join::Value;
@@ -54,11 +54,26 @@ pub struct LookAt {
     pub seen: usize,
 }
 
+/// How often and where in a session a stated reference was read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReadReference {
+    /// Its name.
+    pub name: String,
+    /// What it stands on.
+    pub on: StandsOn,
+    /// Number of looks at which it was read.
+    pub looks: usize,
+    /// The first and the last station at or beside which it was read; `None` where it never was.
+    pub between: Option<[usize; 2]>,
+}
+
 /// What the references say of the rows.
 #[derive(Debug, Default)]
 pub(super) struct Carried {
     /// The courses of base and floor.
     pub courses: Vec<ReferenceCourse>,
+    /// How often each stated reference was read.
+    pub read: Vec<ReadReference>,
     /// Readings of references that were left out.
     pub rejects: Vec<RowReject>,
     /// Why a row's readings stay out, by its place.
@@ -119,8 +134,10 @@ pub(super) fn carry(
         is_logged: false,
     };
     let (mut courses, rejects) = courses(&stops, references, &origin);
+    let read = read(&stops, references);
     let mut left_out = BTreeMap::new();
-    for (place, motion) in taken_out(&mut courses) {
+    let measured = |place: usize| !rows[place].readings.is_empty();
+    for (place, motion) in taken_out(&mut courses, measured) {
         match motion {
             Ok(motion) => {
                 let readings = rows[place].readings.iter_mut();
@@ -133,9 +150,58 @@ pub(super) fn carry(
     }
     Carried {
         courses,
+        read,
         rejects,
         left_out,
     }
+}
+
+/// The motion at each row where it is known, by the row's place.
+pub(in crate::join) fn motions(rows: &Rows) -> BTreeMap<usize, Motion> {
+    if rows.references.is_empty() {
+        return BTreeMap::new();
+    }
+    let timed = is_timed(&rows.rows);
+    let stops = stops(&rows.rows, &rows.apart, timed);
+    let origin = Origin {
+        file: &rows.file,
+        is_timed: timed,
+        is_logged: false,
+    };
+    let (mut courses, _) = courses(&stops, &rows.references, &origin);
+    let measured = |place: usize| !rows.rows[place].readings.is_empty();
+    let motions = taken_out(&mut courses, measured).into_iter();
+    motions
+        .filter_map(|(place, motion)| Some((place, motion.ok()?)))
+        .collect()
+}
+
+/// How often and where each of `references` was read at `stops`, which are in order of time.
+pub(in crate::join) fn read(
+    stops: &[Stop<'_>],
+    references: &[(String, StandsOn)],
+) -> Vec<ReadReference> {
+    let named = references.iter().map(|(name, on)| ReadReference {
+        name: name.clone(),
+        on: *on,
+        looks: 0,
+        between: None,
+    });
+    let mut read: Vec<ReadReference> = named.collect();
+    // A look between stations counts from the station before it, and at the start from the first.
+    let mut station = 0;
+    for stop in stops {
+        station = stop.row.unwrap_or(station);
+        let seen: BTreeSet<ReferenceId> = stop.references.iter().map(|own| own.reference).collect();
+        for id in seen {
+            let Some(own) = read.get_mut(id.0) else {
+                continue;
+            };
+            own.looks += 1;
+            own.between = Some([own.between.map_or(station, |[first, _]| first), station]);
+        }
+    }
+    read
 }
 
 /// The courses of the references on the base and of those on the floor, and the readings that were left out. None of them is taken out
@@ -178,9 +244,10 @@ pub(in crate::join) fn courses(
 }
 
 /// The motion of each station by the course that is taken out of the readings, which is marked; the reason where it is not known.
-/// Empty without courses.
+/// Empty without courses. `measured` is whether a station has readings of targets, which decides the larger part of a session.
 pub(in crate::join) fn taken_out(
     courses: &mut [ReferenceCourse],
+    measured: impl Fn(usize) -> bool,
 ) -> Vec<(usize, Result<Motion, String>)> {
     let taken = courses.iter().position(|own| own.followed.tells_turns);
     let taken = taken.unwrap_or(0);
@@ -188,7 +255,7 @@ pub(in crate::join) fn taken_out(
         return Vec::new();
     };
     course.is_taken_out = true;
-    let main = main_part(course);
+    let main = main_part(course, measured);
     let at = course.looks.iter().enumerate();
     at.filter_map(|(look, at)| {
         let motion = unknown(course, look, main)
@@ -319,14 +386,14 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowRe
     course.followed.events.iter().filter_map(stray).collect()
 }
 
-/// The part with the most stations, where the parts are not tied together.
-fn main_part(course: &ReferenceCourse) -> Option<usize> {
+/// The part with the most measured stations, where the parts are not tied together.
+fn main_part(course: &ReferenceCourse, measured: impl Fn(usize) -> bool) -> Option<usize> {
     if course.followed.is_bridged() {
         return None;
     }
     let mut stations: BTreeMap<usize, usize> = BTreeMap::new();
     let parts = course.looks.iter().zip(&course.followed.motions);
-    for (_, motion) in parts.filter(|(look, _)| look.station.is_some()) {
+    for (_, motion) in parts.filter(|(look, _)| look.station.is_some_and(&measured)) {
         *stations.entry(motion.part).or_default() += 1;
     }
     // Of equal parts the first.

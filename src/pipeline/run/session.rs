@@ -321,6 +321,7 @@ fn commanded_in(
         commanded: commanded(&joined.stations, &configuration.arm, &frames),
         joined,
         set_up: None,
+        slips: Vec::new(),
     }
 }
 

@@ -7,7 +7,7 @@ use super::cameras;
 use super::flanges::Flanges;
 use super::judged::{leaves_sessions_out, sessions_left_out, train_folds};
 use super::observed::Observed;
-use super::{StageError, StageSettings, lengths, wrong_targets};
+use super::{StageError, StageSettings, lengths, slips, wrong_targets};
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
@@ -60,6 +60,7 @@ pub fn estimate(
     test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
     cameras::leave_out_flips(arm, &mut training, &mut test, settings);
+    let settings = &slips::taken_apart(arm, &mut training, settings);
     lengths::leave_out_wrong(arm, &mut training, settings);
     let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
     let mut observed = Observed::new(arm, &training, settings);

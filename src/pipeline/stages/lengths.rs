@@ -46,7 +46,7 @@ pub(super) fn leave_out_wrong(arm: &Arm, training: &mut [JoinedSession], setting
 }
 
 /// An instrument's name.
-fn name(source: SourceId, settings: &StageSettings) -> String {
+pub(super) fn name(source: SourceId, settings: &StageSettings) -> String {
     let names = &settings.fit.source_names;
     let own = names.get(source.0).cloned();
     own.unwrap_or_else(|| "tracker".to_owned())

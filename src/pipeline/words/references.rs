@@ -1,6 +1,9 @@
 //! What the references of the sessions showed, as lines for a person.
 
+mod silent;
+
 use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::moved::Elsewhere;
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
 use crate::units::NS_PER_S;
@@ -12,8 +15,9 @@ pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
         .collect()
 }
 
-/// Bumps and moved references, which somebody has to look at.
+/// Bumps and moved references, moves that no reference tells, and references that were not read or in a part of a session only: somebody has to look at them.
 pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>) -> Vec<String> {
+    let sessions = || outcome.training.iter().chain(&outcome.test);
     let of_course = |(session, course): (&JoinedSession, &ReferenceCourse)| {
         let events = course.followed.events.iter();
         let words = events.filter_map(|event| warning(course, event));
@@ -21,7 +25,15 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>) -> Vec<String> {
             .map(|words| format!("{}: {words}", session.name))
             .collect::<Vec<_>>()
     };
-    each(outcome).flat_map(of_course).collect()
+    let silent = sessions().flat_map(|session| {
+        let words = silent::warned(&session.joined);
+        let elsewhere = session.joined.elsewhere.iter().map(Elsewhere::words);
+        let named = elsewhere.chain(words);
+        named
+            .map(|words| format!("{}: {words}", session.name))
+            .collect::<Vec<_>>()
+    });
+    each(outcome).flat_map(of_course).chain(silent).collect()
 }
 
 fn each<'o>(

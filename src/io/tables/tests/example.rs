@@ -24,7 +24,7 @@ use crate::io::tables::outcome::{
     JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
 };
 use crate::join::references::{Look, ReferenceId, follow};
-use crate::join::tabled::{LookAt, ReferenceCourse};
+use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
     Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem,
     RowReject, Station,
@@ -126,6 +126,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
         set_up: None,
+        slips: Vec::new(),
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
@@ -163,6 +164,13 @@ fn session(stations: Vec<Station>) -> JoinedSession {
             )]
             .into(),
             references: vec![references()],
+            read_references: vec![ReadReference {
+                name: "F1".to_owned(),
+                on: StandsOn::Floor,
+                looks: 4,
+                between: Some([0, 2]),
+            }],
+            elsewhere: Vec::new(),
             counts: ReadingCounts {
                 kept: 20,
                 moving: 4,
