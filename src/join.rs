@@ -97,7 +97,7 @@ pub struct Joined {
     pub references: Vec<tabled::ReferenceCourse>,
     /// How often each stated reference was read; empty where none is stated.
     pub read_references: Vec<tabled::ReadReference>,
-    /// Stretches at which the instrument or the base stood elsewhere, as no reference tells; empty of a table.
+    /// Stretches at which the instrument or the base stood elsewhere, and no reference tells it.
     pub elsewhere: Vec<Elsewhere>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,

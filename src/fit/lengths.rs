@@ -699,6 +699,108 @@ fn readings_behind_a_slip_of_the_wire_are_found() {
     assert_eq!(taken(&arm, &observed), wanted);
 }
 
+/// A session of one of the [`kinds`] whose second source slips by `by_mm` at a station, and the slips that are found.
+fn slipped(kind: usize, seed: u64, at: usize, by_mm: f64) -> (Vec<Observation>, Vec<slips::Slip>) {
+    let source = usize::from(kind < 2);
+    let wrong: Vec<(usize, usize, f64)> = (at..STATIONS)
+        .map(|station| (source, station, by_mm))
+        .collect();
+    let (arm, observed) = with_wrong(kind, seed, &wrong);
+    let found = slips::check(&arm, &observed, 1, &drawn_settings());
+    (observed, found)
+}
+
+#[test]
+fn a_slip_is_found_at_its_station_with_its_size() {
+    let mut off = Vec::new();
+    for (seed, kind, at, by_mm) in [
+        (20, 0, 45, 6.0),
+        (21, 0, 12, -3.0),
+        (22, 0, 80, 0.8),
+        (23, 1, 45, 6.0),
+        (24, 1, 60, 2.0),
+        (25, 2, 30, 3.0),
+        (26, 0, 45, 0.5),
+        (27, 1, 20, -40.0),
+    ] {
+        let (_, found) = slipped(kind, seed, at, by_mm);
+        let [slip] = &found[..] else {
+            panic!("kind {kind}, {by_mm} mm at {at}: {found:?}");
+        };
+        assert_eq!((slip.after, slip.before), (at - 1, at), "{slip:?}");
+        off.push((slip.by_mm - by_mm) / slip.sd_mm);
+    }
+    let rms = (off.iter().map(|own| own * own).sum::<f64>() / off.len() as f64).sqrt();
+    assert!(rms < 2.0, "{rms}: {off:?}");
+}
+
+/// Slips that are found in sound sessions of all kinds, and the number of instruments of one length in them.
+fn false_slips(seeds: std::ops::Range<u64>) -> (usize, usize) {
+    let sessions = seeds.flat_map(|seed| (0..3).map(move |kind| (kind, seed)));
+    let counts = sessions.map(|(kind, seed)| {
+        let (arm, observed) = with_wrong(kind, seed, &[]);
+        let instruments = [2, 3, 1][kind];
+        let found = slips::check(&arm, &observed, 1, &drawn_settings());
+        (found.len(), instruments)
+    });
+    counts.fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1))
+}
+
+#[test]
+fn sound_instruments_hardly_ever_slip() {
+    let (found, of) = false_slips(3000..3016);
+    assert!(found <= 3, "{found} of {of}");
+}
+
+#[test]
+#[ignore = "600 instruments: minutes"]
+fn one_sound_instrument_in_a_hundred_slips_at_most() {
+    let (found, of) = false_slips(4000..4100);
+    eprintln!("{found} false slips of {of} instruments");
+    assert!(
+        found as f64 <= 0.01 * of as f64 + 2.0 * (0.01 * of as f64).sqrt(),
+        "{found} of {of}"
+    );
+}
+
+#[test]
+fn an_instrument_of_its_own_behind_a_slip_leaves_the_arm_as_it_is() {
+    let (arm, settings) = (arm(), drawn_settings());
+    let (mut whole, mut as_read, mut apart) = (0.0, 0.0, 0.0);
+    for seed in 30..34 {
+        let (sees, _) = kinds()[0].clone();
+        let (mut normals, wanted) = (Normals(seed), truth(&sees));
+        let errors = drawn_errors(&arm, &mut normals);
+        let mut squares = |observed: &[Observation]| {
+            let found = identify(&arm, observed, 1, Freedom::Geometry, &settings).expect("a fit");
+            let (errors, wanted) = (errors.clone(), wanted.clone());
+            wrong_by(
+                &arm,
+                &Drawn {
+                    errors,
+                    wanted,
+                    found,
+                },
+            )
+            .powi(2)
+        };
+        whole += squares(&with_wrong(0, seed, &[]).1);
+        let (mut observed, found) = slipped(0, seed, 45, 6.0);
+        assert_eq!(found.len(), 1);
+        as_read += squares(&observed);
+        let behind = |own: &&mut Observation| own.source.0 == 1 && own.station >= found[0].before;
+        for own in observed.iter_mut().filter(behind) {
+            own.source = SourceId(sees.len());
+        }
+        apart += squares(&observed);
+    }
+    let [whole, as_read, apart] = [whole, as_read, apart].map(|sum: f64| (sum / 4.0).sqrt());
+    eprintln!(
+        "wrong by {whole:.4} mm without a slip, {as_read:.4} mm with it, {apart:.4} mm apart"
+    );
+    assert!(apart < 1.1 * whole, "{apart} mm, without a slip {whole} mm");
+}
+
 #[test]
 fn sound_readings_are_hardly_ever_taken_for_wrong_numbers() {
     let sessions = (0..24).flat_map(|seed| (0..3).map(move |kind| (kind, seed)));

@@ -4,7 +4,7 @@
 //! Inputs: the observations of all sessions. Output: each slip with its station, size and standard deviation ([`Slip`]). Steps:
 //! 1. geometry, frames, anchors and planes are fitted with Cauchy's loss to the readings without the slips found so far;
 //! 2. what this leaves of the readings as they were read is a series for each instrument and session, in order of stations. Residuals
-//!    beyond three robust standard deviations are brought to there, so that wrong numbers are no steps;
+//!    beyond four robust standard deviations from the median of their neighbours are brought to there, so that wrong numbers are no steps;
 //! 3. a step at each station is tested beside a parabola over the session: an arm and an instrument that get warm drift, and drift is no
 //!    slip. The test is Student's t of the step's size. Residuals that are alike from station to station make it less significant, by
 //!    their correlation;
@@ -28,8 +28,10 @@ use crate::kinematics::Arm;
 const CHANCE: f64 = 0.01;
 /// Readings on each side of a slip at least: fewer are wrong numbers.
 const LEAST: usize = 8;
-/// Residuals beyond so many robust standard deviations count as so many.
-const FARTHEST: f64 = 3.0;
+/// Residuals further from their neighbours than so many robust standard deviations count as so many.
+const FARTHEST: f64 = 4.0;
+/// Neighbours on each side.
+const BESIDE: usize = 3;
 /// Columns of a parabola.
 const TREND: usize = 3;
 /// Rounds at most.
@@ -54,8 +56,6 @@ pub struct Slip {
     pub by_mm: f64,
     /// Standard deviation of that, mm.
     pub sd_mm: f64,
-    /// Number of readings from the slip before, or from the session's start, to this one.
-    pub readings: usize,
 }
 
 impl Slip {
@@ -161,15 +161,13 @@ fn have_converged(found: &[Slip], before: &[Slip]) -> bool {
 /// The slips of one instrument in one session; `share` is the root of the share of its rows that the fit did not take.
 fn of_one((session, source): Own, left: &[Left], share: f64) -> Vec<Slip> {
     let steps = steps(left, share);
-    let starts = [0].into_iter().chain(steps.iter().map(|own| own.at));
-    let slips = steps.iter().zip(starts).map(|(step, start)| Slip {
+    let slips = steps.iter().map(|step| Slip {
         session,
         source,
         after: left[step.at - 1].station,
         before: left[step.at].station,
         by_mm: step.by_mm,
         sd_mm: step.sd_mm,
-        readings: step.at - start,
     });
     slips.collect()
 }
@@ -233,13 +231,21 @@ fn most_significant(left: &[Left], share: f64) -> Option<usize> {
     (chance(t, freedom) * (tried as f64) < CHANCE).then_some(at)
 }
 
-/// The residuals, mm, those far from the middle brought to [`FARTHEST`] robust standard deviations.
+/// The residuals, mm, those far from the median of their neighbours brought to [`FARTHEST`] robust standard deviations from it: a step
+/// stays as it is, and a wrong number becomes a small one.
 fn brought_in(left: &[Left]) -> DVector<f64> {
-    let all: Vec<f64> = left.iter().map(|own| own.mm).collect();
-    let middle = median(&all).unwrap_or(0.0);
-    let away: Vec<f64> = all.iter().map(|own| (own - middle).abs()).collect();
+    let around = |place: usize| {
+        let near = place.saturating_sub(BESIDE)..(place + BESIDE + 1).min(left.len());
+        let near: Vec<f64> = left[near].iter().map(|own| own.mm).collect();
+        median(&near).unwrap_or(0.0)
+    };
+    let middles: Vec<f64> = (0..left.len()).map(around).collect();
+    let pairs = || left.iter().zip(&middles);
+    let away: Vec<f64> = pairs()
+        .map(|(own, middle)| (own.mm - middle).abs())
+        .collect();
     let reach = FARTHEST * SIGMA_PER_MAD * median(&away).unwrap_or(0.0);
-    let near = all.iter().map(|own| (own - middle).clamp(-reach, reach));
+    let near = pairs().map(|(own, middle)| own.mm.clamp(middle - reach, middle + reach));
     DVector::from_vec(near.collect())
 }
 
@@ -286,9 +292,7 @@ fn size(before: &[Left], behind: &[Left], share: f64) -> (f64, f64) {
 
 /// The level of a part, mm, and its residuals.
 fn level(part: &[Left]) -> (f64, Vec<f64>) {
-    let middle = median(&part.iter().map(|own| own.mm).collect::<Vec<f64>>()).unwrap_or(0.0);
-    let near = brought_in(part);
-    let level = middle + near.mean();
+    let level = brought_in(part).mean();
     (level, part.iter().map(|own| own.mm - level).collect())
 }
 

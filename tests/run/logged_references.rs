@@ -123,6 +123,35 @@ fn log_and_table_of_a_session_give_the_same_course_and_the_bump() {
 }
 
 #[test]
+fn a_bump_larger_than_the_gate_of_the_join_is_carried_across() {
+    let bumped = logged(&BUMPED.map(|flag| if flag == "2" { "200" } else { flag }));
+    bumped.run(&[]).expect(
+        0,
+        &[
+            "the base or the instrument was bumped between station",
+            "the references tie both parts of the session together",
+        ],
+    );
+    let motion = motions(&bumped);
+    let shift_mm =
+        |(own, _): &(Vec<f64>, bool)| own[..3].iter().map(|own| own * own).sum::<f64>().sqrt();
+    let (first, last) = (shift_mm(&motion[0]), shift_mm(&motion[motion.len() - 1]));
+    assert!(first < 1.0 && (last - 200.0).abs() < 1.0, "{first} {last}");
+    let verdicts = bumped.table("stations", "mon");
+    let paired = verdicts.text("verdict");
+    let unpaired = (0..verdicts.rows()).filter(|row| paired.value(*row) != "paired");
+    let (before, of) = (unpaired.count(), verdicts.rows());
+    assert!(before <= 2, "{before} of {of} stations are not paired");
+}
+
+#[test]
+fn a_silent_reference_is_told() {
+    let cell = logged(&BUMPED).with("is = \"B3\"", "is = \"B9\"");
+    let said = "reference \"B3\" on the base has no reading in this session: the other 2 tell no rotations";
+    cell.run(&[]).expect(0, &[said]);
+}
+
+#[test]
 fn a_run_from_the_session_as_joined_has_the_same_bytes() {
     assert_two_steps_as_one(&logged(&BUMPED), 0);
 }

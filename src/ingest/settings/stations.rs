@@ -305,7 +305,7 @@ impl StationsSettings {
         if !self.targets_by_geometry.is_empty() {
             return self.targets_by_geometry.clone();
         }
-        if self.target.is_some() {
+        if self.target.is_some() && !(self.targets.is_empty() && self.measured.is_empty()) {
             return self.targets.clone();
         }
         let named = self.measured.iter().enumerate();

@@ -15,6 +15,7 @@ mod columns;
 mod commands;
 mod groups;
 mod guess;
+mod lengths;
 mod long;
 mod names;
 mod roles;

@@ -40,6 +40,8 @@ struct Long {
     places: BTreeMap<String, usize>,
     /// Places and targets that have a reading.
     seen: BTreeSet<(usize, TargetId)>,
+    /// Places and instruments of one length that have a reading.
+    lengths: BTreeSet<(usize, usize)>,
 }
 
 /// Why a value is not used: the column at fault, and the reason.
@@ -145,6 +147,10 @@ impl Reader<'_> {
                 self.add_reference(reference, row, &mut long);
                 continue;
             }
+            if let Some(instrument) = self.named_length(row, target_column) {
+                self.add_named_length(instrument, row, &mut long);
+                continue;
+            }
             match self.placed(row, target_column, &mut long) {
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok((place, target)) => {
@@ -155,9 +161,35 @@ impl Reader<'_> {
             }
         }
         for row in &mut long.rows {
-            row.readings.sort_by_key(|reading| reading.target);
+            let readings = &mut row.readings;
+            readings.sort_by_key(|reading| (reading.source, reading.target));
         }
         long.rows
+    }
+
+    /// The instrument of one length that a row of a long table names; `None` where it names something else.
+    fn named_length(&self, row: usize, column: usize) -> Option<usize> {
+        let named = name(self.table.cell(row, column))?;
+        let mut all = self.settings.lengths.iter();
+        all.position(|own| own.name == named)
+    }
+
+    /// Adds the reading of an instrument of one length in a row of a long table to its station.
+    fn add_named_length(&mut self, instrument: usize, row: usize, long: &mut Long) {
+        let columns = self.columns;
+        match self.station_of(row, long) {
+            Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
+            Ok(place) if long.lengths.insert((place, instrument)) => {
+                let station = &mut long.rows[place];
+                self.add_length(station, row, instrument, &columns.lengths[instrument]);
+            }
+            Ok(place) => {
+                let line = long.rows[place].line;
+                let reason =
+                    format!("the station of line {line} has a reading of this instrument already");
+                self.reject(RowItem::Row, self.table.line(row), Fault::of(reason));
+            }
+        }
     }
 
     /// Rows that are a reading each and name no target; those with one name are a station. The readings of a station are numbered in

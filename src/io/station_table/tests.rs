@@ -88,6 +88,48 @@ fn units_sums_and_two_targets_are_read() {
 }
 
 #[test]
+fn rows_of_a_long_table_that_name_an_instrument_are_its_lengths() {
+    let table = Table::new(
+        "p,i,a,s,x,y,z,L\n\
+         1,smr,90,0.25,1,2,3,\n\
+         1,wire,90,0.25,,,,812.5\n\
+         2,wire,180,0.5,,,,700\n\
+         2,wire,180,0.5,,,,701\n\
+         2,other,180,0.5,,,,5\n",
+    );
+    let section = "joints = [\"a\", \"s\"]\njoint_unit = \"deg\"\nlength_unit = \"m\"\nstation = \"p\"\ntarget = \"i\"\ntargets = [\"smr\"]\n\
+        [[measured]]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"m\"\n\
+        [[lengths]]\nname = \"wire\"\nreads = \"distance\"\ncolumn = \"L\"\nunit = \"mm\"\nsd_mm = 0.1\n";
+    let read = table.read(section, None).unwrap();
+    let [first, second] = &read.rows.rows[..] else {
+        panic!("{:?}", read.rows.rows);
+    };
+    let lengths = |own: &crate::join::tabled::Row| {
+        let readings = own.readings.iter();
+        let lengths = readings.filter_map(|own| Some((own.source.0, own.value.length()?.mm)));
+        lengths.collect::<Vec<_>>()
+    };
+    assert_eq!(lengths(first), [(1, 812.5)]);
+    assert_eq!(first.readings.len(), 2);
+    assert_eq!(lengths(second), [(1, 700.0)]);
+    let rejects: Vec<_> = read
+        .rows
+        .rejects
+        .iter()
+        .map(|own| (own.line, own.reason.as_str()))
+        .collect();
+    assert_eq!(rejects.len(), 2, "{rejects:?}");
+    assert!(
+        rejects[0].0 == 5 && rejects[0].1.contains("of this instrument already"),
+        "{rejects:?}"
+    );
+    assert!(
+        rejects[1].0 == 6 && rejects[1].1.contains("\"other\""),
+        "{rejects:?}"
+    );
+}
+
+#[test]
 fn rows_of_a_long_table_with_one_name_are_a_station() {
     let section = "joints = [\"a\", \"s\"]\njoint_unit = \"rad\"\nlength_unit = \"mm\"\nstation = \"pose\"\ntarget = \"ball\"\n\
         targets = [\"A\", \"B\", \"C\"]\n[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n";

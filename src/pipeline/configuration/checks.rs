@@ -258,10 +258,12 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
     )?;
     lengths(stations, &names)?;
     wrong_unless(
-        !is_long || (stations.station.is_some() && stations.measured.len() == 1),
+        !is_long
+            || (stations.station.is_some()
+                && (stations.measured.len() == 1 || stations.first_length() == 0)),
         "[stations] target",
         "a column of targets",
-        "beside `station`, the column that says which rows belong together, and one [stations.measured]",
+        "beside `station`, the column that says which rows belong together, and one [stations.measured] where any row has a position",
     )?;
     references(stations)?;
     each(stations.missing.iter(), |number| {
@@ -306,11 +308,18 @@ fn references(stations: &StationsSettings) -> Check {
 /// Checks the instruments that read one length.
 fn lengths(stations: &StationsSettings, targets: &[String]) -> Check {
     let own = &stations.lengths;
+    let named = |name: &String| {
+        let mut references = stations.references.iter();
+        targets.contains(name) || references.any(|reference| reference.name == *name)
+    };
+    let shared = own.iter().find(|length| named(&length.name));
     wrong_unless(
-        own.is_empty() || stations.target.is_none(),
-        "[[stations.lengths]]",
-        "beside [stations] target",
-        "left out, or a table with the readings of a station in one row: rows of single readings name targets, no instruments",
+        stations.target.is_none() || shared.is_none(),
+        "[[stations.lengths]] name",
+        shared.map_or_else(String::new, |length| {
+            format!("{:?}, which is a target's or a reference's", length.name)
+        }),
+        "a name of its own: rows of single readings name the instrument in the column of [stations] target",
     )?;
     let twice = own.iter().enumerate();
     let mut twice =

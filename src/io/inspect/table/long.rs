@@ -22,6 +22,24 @@ pub struct Long {
     pub station: usize,
     /// Names in the column of targets, the one with most rows first.
     pub targets: Vec<String>,
+    /// Names in that column whose rows have no position: instruments of one length.
+    pub lengths: Vec<String>,
+}
+
+impl Long {
+    /// Takes the names whose rows have no position from the targets; `has_position` says whether a row has one. All stay targets where none
+    /// has.
+    pub fn take_lengths(&mut self, table: &MeasuredTable, has_position: impl Fn(usize) -> bool) {
+        let placed: BTreeSet<String> = (0..table.row_count())
+            .filter(|row| has_position(*row))
+            .filter_map(|row| name(table.cell(row, self.target)))
+            .collect();
+        if placed.is_empty() {
+            return;
+        }
+        let targets = std::mem::take(&mut self.targets).into_iter();
+        (self.targets, self.lengths) = targets.partition(|own| placed.contains(own));
+    }
 }
 
 /// A cell as the name of a station or target; `None` where it is blank.
@@ -61,6 +79,7 @@ pub fn long(table: &MeasuredTable, columns: &[ColumnSummary], joints: &[usize]) 
         target,
         station,
         targets,
+        lengths: Vec::new(),
     })
 }
 
