@@ -17,10 +17,12 @@
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
 //! the same work at once.
 
+mod compact;
 mod corrections;
 mod current;
 mod error;
 mod files;
+mod history;
 mod index;
 mod lock;
 mod name;
@@ -43,6 +45,7 @@ use error::folder_error;
 use run::into_io;
 use temporary::Temporary;
 
+pub use compact::{COMPACT, CompactFile, CompactState, KEYS};
 #[cfg(test)]
 pub(in crate::io) use corrections::CorrectionRow;
 pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};
@@ -231,8 +234,11 @@ impl Lake {
             .map(|schema| schema.table.as_str())
             .chain([PAGES])
             .map(|folder| root.join(folder))
+            .chain([root.join(history::FOLDER).join(history::FIGURES)])
             .collect();
         let index = root.join(index::FOLDER);
+        let compact = root.join(COMPACT);
+        let history = root.join(history::FOLDER);
         for _robot_then_session in 0..2 {
             folders = folders
                 .iter()
@@ -244,7 +250,15 @@ impl Lake {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
         let alone = root.join(index::ALONE);
-        folders.extend([index, alone].into_iter().filter(|own| own.is_dir()));
+        folders.extend(
+            [index, alone, history]
+                .into_iter()
+                .filter(|own| own.is_dir()),
+        );
+        for table in subfolders(&compact)? {
+            folders.extend(subfolders(&table)?);
+            folders.push(table);
+        }
         Ok(folders
             .iter()
             .map(stale)
