@@ -14,6 +14,7 @@
 //! computed again.
 
 mod figures;
+mod fleet;
 pub(in crate::pipeline) mod kept;
 mod order;
 mod rows;
@@ -32,7 +33,8 @@ use crate::io::store::Place;
 use crate::io::tables::past::PastSession;
 use crate::manifest::RunKey;
 use crate::progress::Progress;
-pub use figures::figures;
+pub use figures::{figures, figures_of_ends};
+pub use fleet::fleet;
 use order::{CurrentRow, current, within};
 pub use rows::RunResult;
 use rows::{Fact, RobotRows, Row};

@@ -10,7 +10,7 @@ use crate::page::{self, About, Statements};
 use crate::pipeline::history::kept::Kept;
 use crate::report::next::Stated;
 
-/// Writes every table of a run, its page, and then its row of `runs`; last what the history keeps of it. Its table `logs`, if any, was written and kept
+/// Writes every table of a run, its page, what the history keeps of it, and then its row of `runs`. Its table `logs`, if any, was written and kept
 /// before.
 pub fn publish(
     outcome: &Outcome<'_>,
@@ -48,12 +48,10 @@ pub fn publish(
     let html = page::html(&page::content(rows, sessions, &about));
     run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
-    let lake = run.lake().clone();
-    let commit = run.commit(&row)?;
     if let Some(kept) = kept {
-        kept.write(&lake, &key);
+        kept.write(run.lake(), &key);
     }
-    Ok(commit)
+    Ok(run.commit(&row)?)
 }
 
 /// Least and largest coordinates of a table's nodes, base frame, mm.
