@@ -110,7 +110,8 @@ fn every_run_is_used_or_left_out_with_its_reason() {
     fs::write(&model, bytes).expect("writable");
     fs::write(cell.table_file("runs", "wed"), "not a table").expect("writable");
     fs::write(cell.path("lake/runs/notes.txt"), "of somebody").expect("writable");
-    let told = history(&cell, &[]);
+    // The tables themselves are read: of tue what its run kept is sound.
+    let told = history(&cell, &["--fresh"]);
     told.expect(
         3,
         &[

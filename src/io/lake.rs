@@ -11,7 +11,8 @@
 //! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
 //! ([`Lake::start_joined`]): runs start from it. An estimate is one row in `estimates` ([`Lake::start_estimate`]).
 //!
-//! The lake also holds records of the files corrected with its tables ([`Correction`]).
+//! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
+//! histories keep (`history`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing

@@ -49,7 +49,7 @@ pub fn publish(
     run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
     if let Some(kept) = kept {
-        kept.write(run.lake(), &key);
+        kept.write(run.lake(), &key)?;
     }
     Ok(run.commit(&row)?)
 }

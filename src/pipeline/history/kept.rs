@@ -11,7 +11,7 @@ use super::rows::Fact;
 use super::session::{estimate, figures};
 use crate::history::AccuracyFigure;
 use crate::history::estimate::Estimate;
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row as _, Table, Word as _};
 use crate::io::tables::clocks::ClockRow;
 use crate::manifest::{RunKey, VERSION, Work, Written};
@@ -119,12 +119,10 @@ impl Kept {
         (kept.of == *of).then_some(kept)
     }
 
-    /// Keeps them. Where that is not possible a history reads the tables.
-    pub(in crate::pipeline) fn write(&self, lake: &Lake, key: &RunKey) {
+    /// Keeps them.
+    pub(in crate::pipeline) fn write(&self, lake: &Lake, key: &RunKey) -> Result<(), LakeError> {
         let text = serde_json::to_string(self).expect("texts and numbers");
-        if let Err(error) = lake.put_history_figures(key, sealed(&text).as_bytes()) {
-            tracing::debug!("figures for the history are not kept: {error}");
-        }
+        lake.put_history_figures(key, sealed(&text).as_bytes())
     }
 
     /// Those of a session whose row states these facts.
