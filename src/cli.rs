@@ -8,6 +8,7 @@
 //! reader who left does not change its exit code.
 
 pub mod check;
+pub mod compact;
 pub mod compensate;
 pub mod export;
 pub mod folder_given;
@@ -83,6 +84,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
+    Compact(compact::CompactArgs),
     History(history::HistoryArgs),
     Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
@@ -109,6 +111,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => shown(simulate::run(&args), bars),
         Command::Plan(args) => plan::run(&args, bars),
         Command::Compensate(args) => compensate::main(&args, bars),
+        Command::Compact(args) => compact::run(&args, bars),
         Command::History(args) => history::run(&args, bars),
         Command::Export(args) => export::main(&args, bars),
         Command::Verify(args) => verify::run(&args, bars),

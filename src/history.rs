@@ -56,11 +56,12 @@ pub struct Basis {
 }
 
 /// One accuracy figure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AccuracyFigure {
     /// The name of its chart.
     pub name: String,
     /// The figure's value, mm.
+    #[serde(with = "bits::number")]
     pub value: f64,
 }
 

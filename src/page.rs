@@ -13,6 +13,7 @@
 
 mod accuracy;
 pub mod content;
+pub mod fleet;
 mod from_rows;
 pub mod history;
 mod iso_9283;

@@ -12,7 +12,7 @@ mod slides;
 use std::fs;
 use std::path::Path;
 
-use cell::{Cell, Ended, ended, posegrid};
+use cell::{Cell, Ended, ended, files, posegrid};
 use posegrid::io::schema;
 use posegrid::io::table::{self, Table};
 
@@ -53,16 +53,22 @@ fn a_history_is_reported_kept_and_written() {
             "newest: nothing moved, compared with 2 sessions before",
         ],
     );
-    assert!(cell.path("lake/.history/kr210-demo.jsonl").exists());
+    assert!(cell.path("lake/.history/kr210-demo.jsonl.zst").exists());
     // From what was kept, anew, and after what was kept is damaged: the same words.
     let again = history(&cell, &[]);
     let fresh = history(&cell, &["--fresh"]);
-    let kept = cell.path("lake/.history/kr210-demo.jsonl");
-    let mut text = fs::read_to_string(&kept).expect("kept");
-    text.truncate(text.len() / 2);
-    fs::write(&kept, text).expect("writable");
+    let kept = cell.path("lake/.history/kr210-demo.jsonl.zst");
+    let mut bytes = fs::read(&kept).expect("kept");
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&kept, bytes).expect("writable");
     let damaged = history(&cell, &[]);
-    for other in [again, fresh, damaged] {
+    // From the figures that the runs kept, and from the tables where these are gone, which keeps them again.
+    let figures = cell.path("lake/.history/figures");
+    let of_runs = files(&figures);
+    fs::remove_dir_all(cell.path("lake/.history")).expect("there");
+    let without = history(&cell, &[]);
+    assert!(of_runs.len() == 3 && files(&figures) == of_runs);
+    for other in [again, fresh, damaged, without] {
         assert_eq!((other.code, &other.results), (0, &first.results));
     }
     let out = cell.path("trend");
@@ -104,7 +110,8 @@ fn every_run_is_used_or_left_out_with_its_reason() {
     fs::write(&model, bytes).expect("writable");
     fs::write(cell.table_file("runs", "wed"), "not a table").expect("writable");
     fs::write(cell.path("lake/runs/notes.txt"), "of somebody").expect("writable");
-    let told = history(&cell, &[]);
+    // The tables themselves are read: of tue what its run kept is sound.
+    let told = history(&cell, &["--fresh"]);
     told.expect(
         3,
         &[

@@ -9,6 +9,7 @@ mod words;
 use std::io;
 use std::path::PathBuf;
 
+use chrono::{NaiveDate, NaiveDateTime};
 use clap::Args;
 use thiserror::Error;
 
@@ -22,7 +23,8 @@ use crate::io::table::TableError;
 use crate::io::tables::past::PastSession;
 use crate::io::whole_file::told;
 use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistory, history};
-use output::output;
+use crate::units::WallTime;
+use output::{output, pages};
 use words::words;
 
 /// Find what changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
@@ -33,16 +35,21 @@ cannot be distinguished. A session without any change has a false alarm once in 
 self-starting scores) show whether accuracy and places keep their ordinary level; all charts of a robot together have one
 false alarm in 1000 sessions at most. Sessions are in the order of the first stamps of their controller logs.
 
-Judged sessions are kept in LAKE/.history, checked against the rows of runs each time; --fresh does not use them.
+Judged sessions are kept in LAKE/.history, checked against the rows of runs each time; --fresh does not use them. LAKE may be on object
+storage: what is new there costs one small object for each session.
+
+Of several robots index.html is the page of the fleet: robots by verdict, the worst, what moved last night, and which were not measured
+for how long, as of the newest session or --as-of.
 
 Examples:
   posegrid history lake
   posegrid history lake --robot ur10 --output trend     # trend/history.parquet, drift.parquet and ur10.html
+  posegrid history s3://bucket/lake --pages fleet       # fleet/index.html and a page for each robot, without the tables
 
 Exit codes: 0 every robot's newest session is where it was and in control; 3 one is not, or a run could not be read; 1 a robot
 has no session, or the output cannot be written; 2 bad usage, or no such lake, robot or session.")]
 pub struct HistoryArgs {
-    /// The folder of the published tables
+    /// The place of the published tables
     pub lake: PathBuf,
     /// Only this robot
     #[arg(long, value_name = "ROBOT")]
@@ -53,9 +60,16 @@ pub struct HistoryArgs {
     /// Last session to use
     #[arg(long, value_name = "SESSION")]
     pub until: Option<String>,
-    /// Write the tables history and drift and a page for each robot into this folder, replacing earlier ones
+    /// Write the tables history and drift and the pages into this folder, replacing earlier ones
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Write the pages alone: they need few of the tables that the table history is made of
+    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    pub pages: Option<PathBuf>,
+    /// The time that the page of the fleet is of, UTC, instead of the start of the newest session: 2026-11-25 (its end) or
+    /// "2026-11-25 06:30"
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub as_of: Option<WallTime>,
     /// Judge every session again, without the kept results
     #[arg(long)]
     pub fresh: bool,
@@ -80,8 +94,11 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     };
     robots.iter().for_each(warn);
     // The files are written before anything is printed, so they do not depend on whether stdout accepts the text.
-    let folder = args.output.as_deref();
-    let written = folder.map_or_else(|| Ok(Vec::new()), |to| output(&lake, &robots, to));
+    let written = match (&args.output, &args.pages) {
+        (Some(to), _) => output(&lake, &robots, to, args.as_of),
+        (None, Some(to)) => pages(&lake, &robots, to, args.as_of),
+        (None, None) => Ok(Vec::new()),
+    };
     let mut text: String = robots
         .iter()
         .flat_map(words)
@@ -94,6 +111,22 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
         Err(error) => failed(&error),
     }
+}
+
+/// A time of the command line: a date, which stands for its end, or date and time.
+fn time(text: &str) -> Result<WallTime, String> {
+    let text = text.trim().replace('T', " ");
+    let date = NaiveDate::parse_from_str(&text, "%Y-%m-%d");
+    let date = date
+        .ok()
+        .and_then(|date| date.succ_opt()?.and_hms_opt(0, 0, 0));
+    let times = ["%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"];
+    let mut times = times
+        .into_iter()
+        .filter_map(|form| NaiveDateTime::parse_from_str(&text, form).ok());
+    let time = date.or_else(|| times.next());
+    time.map(|time| WallTime::of_us(time.and_utc().timestamp_micros()))
+        .ok_or_else(|| "it is no time; write 2026-11-25 or \"2026-11-25 06:30\"".to_owned())
 }
 
 fn failed(error: &HistoryCommandError) -> u8 {

@@ -14,7 +14,8 @@ Examples:
   posegrid schema stations
   posegrid schema pipeline      # every key of a pipeline file: type, unit, default
   posegrid schema robot         # every key of a robot file
-  posegrid schema views         # SQL: the current run of each session, and a row of each session")]
+  posegrid schema views         # SQL: the current run of each session, and a row of each session
+  posegrid schema views --compact   # the same over what posegrid compact keeps by month")]
 pub struct SchemaArgs {
     /// The table whose contract to show; `pipeline` or `robot` for the keys of these files; `views` for the SQL of views; all are
     /// listed without it
@@ -22,6 +23,9 @@ pub struct SchemaArgs {
     /// Format of the output
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
+    /// With `views`: read the tables by month that posegrid compact keeps
+    #[arg(long)]
+    pub compact: bool,
 }
 
 /// Formats of the output.
@@ -45,9 +49,14 @@ pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
         });
     }
     if args.table.as_deref() == Some(VIEWS) {
+        let sql = if args.compact {
+            schema::COMPACT_VIEWS_SQL
+        } else {
+            schema::VIEWS_SQL
+        };
         return Ok(match args.format {
-            Format::Text => schema::VIEWS_SQL.to_owned(),
-            Format::Json => json(&schema::VIEWS_SQL),
+            Format::Text => sql.to_owned(),
+            Format::Json => json(&sql),
         });
     }
     match (&args.table, args.format) {
@@ -141,6 +150,7 @@ mod tests {
         show(&SchemaArgs {
             table: table.map(str::to_owned),
             format,
+            compact: false,
         })
     }
 
@@ -182,6 +192,11 @@ mod tests {
             include_str!("../guide/tables.md").contains(&views),
             "{views}"
         );
+        // Those of the compact form end with the same views.
+        let views_of_runs = &views[views.find("CREATE VIEW current_runs").unwrap()..];
+        assert!(schema::COMPACT_VIEWS_SQL.contains(views_of_runs));
+        let guide = include_str!("../guide/tables.md");
+        assert!(guide.contains(schema::COMPACT_VIEWS_SQL));
     }
 
     #[test]

@@ -41,7 +41,7 @@ the pipeline file, and its settings; and where these are the same, the run recom
 bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
 lake is only read. A run that another replaced, and of which only its row in `runs` is left, counts as removed.
 
-Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history, .index), temporary, of a run
+Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history, .index, compact), temporary, of a run
 without a row, or foreign. With RUN or SESSION, those in the folders of these sessions.
 
 --list prints a line for each run, in the order of their names: RUN ROW_DIGEST ROBOT/SESSION, the last two as the lake's

@@ -11,16 +11,19 @@
 //! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
 //! ([`Lake::start_joined`]): runs start from it. An estimate is one row in `estimates` ([`Lake::start_estimate`]).
 //!
-//! The lake also holds records of the files corrected with its tables ([`Correction`]).
+//! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
+//! histories keep (`history`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
 //! the same work at once.
 
+mod compact;
 mod corrections;
 mod current;
 mod error;
 mod files;
+mod history;
 mod index;
 mod lock;
 mod name;
@@ -43,6 +46,7 @@ use error::folder_error;
 use run::into_io;
 use temporary::Temporary;
 
+pub use compact::{COMPACT, CompactFile, CompactState, KEYS};
 #[cfg(test)]
 pub(in crate::io) use corrections::CorrectionRow;
 pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};
@@ -231,8 +235,11 @@ impl Lake {
             .map(|schema| schema.table.as_str())
             .chain([PAGES])
             .map(|folder| root.join(folder))
+            .chain([root.join(history::FOLDER).join(history::FIGURES)])
             .collect();
         let index = root.join(index::FOLDER);
+        let compact = root.join(COMPACT);
+        let history = root.join(history::FOLDER);
         for _robot_then_session in 0..2 {
             folders = folders
                 .iter()
@@ -244,7 +251,15 @@ impl Lake {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
         let alone = root.join(index::ALONE);
-        folders.extend([index, alone].into_iter().filter(|own| own.is_dir()));
+        folders.extend(
+            [index, alone, history]
+                .into_iter()
+                .filter(|own| own.is_dir()),
+        );
+        for table in subfolders(&compact)? {
+            folders.extend(subfolders(&table)?);
+            folders.push(table);
+        }
         Ok(folders
             .iter()
             .map(stale)

@@ -175,6 +175,9 @@ const FILES: [&str; 28] = [
 /// of each session.
 pub const VIEWS_SQL: &str = include_str!("schema/views.sql");
 
+/// SQL statements for the same views over the compact form of such a lake, and its rows of `accuracy`.
+pub const COMPACT_VIEWS_SQL: &str = include_str!("schema/compact_views.sql");
+
 static SCHEMAS: LazyLock<Vec<TableSchema>> = LazyLock::new(|| {
     FILES
         .iter()

@@ -18,6 +18,7 @@ use std::io;
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use super::lake::temporary::Temporary;
 pub use error::{BucketTrouble, StoreError, advice};
@@ -87,6 +88,9 @@ pub trait Store: Debug + Send + Sync {
 
     /// The tag of the file under the key now.
     fn tag(&self, key: &str) -> Result<Tag, StoreError>;
+
+    /// Removes the file under the key; one that is gone already is no error.
+    fn remove(&self, key: &str) -> Result<(), StoreError>;
 }
 
 /// The store's name for the content of a file: the same tag means the same content; `None` where the store has no tags.
@@ -101,6 +105,8 @@ pub struct Listed {
     pub tag: Tag,
     /// Its size, bytes.
     pub bytes: u64,
+    /// When it was written, by the store's clock; `None` where the store does not know.
+    pub modified: Option<SystemTime>,
 }
 
 /// The store at a place.

@@ -19,6 +19,7 @@ mod error;
 mod read;
 mod row;
 mod same;
+mod together;
 mod write;
 
 use arrow::array::{
@@ -36,6 +37,7 @@ pub use read::{
 pub use row::FieldColumn;
 pub use row::{Field, Row, Rows, Stored, Word};
 pub(crate) use row::{names, row, words};
+pub use together::together;
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;

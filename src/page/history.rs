@@ -17,6 +17,7 @@ mod tests;
 
 use maud::html;
 
+pub(super) use charts::named as figure_name;
 pub use content::Content;
 
 use super::shell::{self, Maker, Shell};

@@ -1,17 +1,21 @@
 //! A lake → the changes over the sessions of each robot.
 //!
 //! Steps, for one robot:
-//! 1. every row of `runs` is read and digested (`rows`); a row that cannot be read, a run that another replaces and
+//! 1. every row of `runs` is read and digested, on object storage every row that has another tag than before (`rows`); a row that cannot be read, a run that another replaces and
 //!    an estimate over several sessions are left out, with the reason;
 //! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name.
 //!    Stamps are the controller's own: where its clock was set back, the order follows it;
 //! 3. earlier judgements are taken from the summary next to the lake's tables as far as its digests are those of the rows
-//!    today (`summary`); the other sessions are read (`session`) and judged ([`crate::history`]);
+//!    today (`summary`); the other sessions are read (`session`), from what is kept of each (`kept`) where it is there, and judged
+//!    ([`crate::history`]);
 //! 4. the summary is written again where there was a new session.
 //!
-//! The summary is no table of the lake: it can be removed at any time and is then computed again.
+//! Robots are worked on side by side. The summary and what is kept are no tables of the lake: they can be removed at any time and are then
+//! computed again.
 
 mod figures;
+mod fleet;
+pub(in crate::pipeline) mod kept;
 mod order;
 mod rows;
 pub(in crate::pipeline) mod session;
@@ -29,13 +33,15 @@ use crate::io::store::Place;
 use crate::io::tables::past::PastSession;
 use crate::manifest::RunKey;
 use crate::progress::Progress;
-pub use figures::figures;
+pub use figures::{figures, figures_of_ends};
+pub use fleet::fleet;
 use order::{CurrentRow, current, within};
-use rows::{Fact, Row};
+pub use rows::RunResult;
+use rows::{Fact, RobotRows, Row};
 use summary::{Entry, Summary};
 pub use trend::trend;
 
-/// Number of sessions read at the same time: each takes some tens of megabytes.
+/// Number of sessions of a robot read at the same time: each takes some tens of megabytes where its tables are read.
 const AT_ONCE: usize = 4;
 
 /// The sessions that a history is asked for.
@@ -58,6 +64,8 @@ pub struct RobotHistory {
     pub robot: String,
     /// The sessions in order.
     pub sessions: Vec<PastSession>,
+    /// Result of the current run of each session.
+    pub results: Vec<RunResult>,
     /// Runs left out, with place and reason.
     pub left_out: Vec<LeftOut>,
     /// Rows of `runs` in all: those of `sessions` and `left_out`.
@@ -113,11 +121,6 @@ pub enum HistoryError {
     /// No lake.
     #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` printed as its tables", .0)]
     NoLake(Place),
-    /// Thousands of files are read, which object storage gives one by one.
-    #[error(
-        "{0} is on object storage, and history reads a folder: copy the tables runs, calibrations and accuracy here"
-    )]
-    OnStorage(Place),
     /// No such robot.
     #[error("{} has no robot {robot:?}; its robots: {}", lake, robots.join(", "))]
     NoRobot {
@@ -160,102 +163,83 @@ pub fn history(
     asked: &Asked,
     progress: &dyn Progress,
 ) -> Result<Vec<RobotHistory>, HistoryError> {
-    if lake.folder().is_none() {
-        return Err(HistoryError::OnStorage(lake.root()));
+    let mut robots = rows::robots(lake)?;
+    if let Some(robot) = &asked.robot {
+        robots = vec![named(lake, robots, robot)?];
     }
-    let folders = rows::robots(lake)?;
-    if folders.is_empty() {
+    if robots.is_empty() {
         return Err(HistoryError::NoLake(lake.root()));
     }
-    let mut robots = Vec::new();
-    let mut names = Vec::new();
-    for folder in folders {
-        let summary = if asked.fresh {
-            Summary::default()
-        } else {
-            Summary::read(lake, &folder)
-        };
-        let rows = rows::of_robot(lake, &folder, &summary)?;
-        let robot = rows::robot(&rows, &folder);
-        names.push(robot.clone());
-        if asked.robot.as_ref().is_none_or(|name| *name == robot) {
-            robots.push(of_robot(
-                lake,
-                asked,
-                robot,
-                rows,
-                (folder, summary),
-                progress,
-            )?);
-        }
-    }
-    match &asked.robot {
-        Some(robot) if robots.is_empty() => Err(HistoryError::NoRobot {
+    progress.begin("sessions", robots.iter().map(|own| own.len() as u64).sum());
+    let of_each = || {
+        let each = robots.par_iter();
+        each.map(|own| of_robot(lake, asked, own, progress))
+            .collect()
+    };
+    let histories = lake.read_with(of_each);
+    progress.end();
+    histories
+}
+
+/// The robot of this name.
+fn named(lake: &Lake, robots: Vec<RobotRows>, robot: &str) -> Result<RobotRows, HistoryError> {
+    let names: Vec<String> = robots.iter().map(RobotRows::robot).collect();
+    let place = names.iter().position(|name| name == robot);
+    match place.and_then(|place| robots.into_iter().nth(place)) {
+        Some(own) => Ok(own),
+        None if names.is_empty() => Err(HistoryError::NoLake(lake.root())),
+        None => Err(HistoryError::NoRobot {
             lake: lake.root(),
-            robot: robot.clone(),
+            robot: robot.to_owned(),
             robots: names,
         }),
-        _ => Ok(robots),
     }
 }
 
 /// The current run of the robot's newest session: the one that was measured last and that no other replaces.
 pub fn newest(lake: &Lake, robot: &str) -> Result<RunKey, HistoryError> {
-    if lake.folder().is_none() {
-        return Err(HistoryError::OnStorage(lake.root()));
-    }
-    let mut robots = Vec::new();
-    for folder in rows::robots(lake)? {
-        let rows = rows::of_robot(lake, &folder, &Summary::default())?;
-        let own = rows::robot(&rows, &folder);
-        if own == robot {
-            let newest = current(rows).0.pop();
-            return newest
-                .map(|row| row.fact.key)
-                .ok_or_else(|| HistoryError::NoNewest {
-                    lake: lake.root(),
-                    robot: own,
-                });
-        }
-        robots.push(own);
-    }
-    Err(if robots.is_empty() {
-        HistoryError::NoLake(lake.root())
-    } else {
-        HistoryError::NoRobot {
+    let own = named(lake, rows::robots(lake)?, robot)?;
+    let rows = lake.read_with(|| own.read(lake, &Summary::read(lake, &own.folder)));
+    let newest = current(rows).0.pop();
+    newest
+        .map(|row| row.fact.key)
+        .ok_or_else(|| HistoryError::NoNewest {
             lake: lake.root(),
-            robot: robot.to_owned(),
-            robots,
-        }
-    })
+            robot: own.robot(),
+        })
 }
 
 fn of_robot(
     lake: &Lake,
     asked: &Asked,
-    robot: String,
-    rows: Vec<Row>,
-    (folder, summary): (rows::RobotFolder, Summary),
+    own: &RobotRows,
     progress: &dyn Progress,
 ) -> Result<RobotHistory, HistoryError> {
-    let runs = rows.len();
-    let all = facts_of(&rows);
-    let is_written = summary.facts == all;
+    let summary = if asked.fresh {
+        Summary::default()
+    } else {
+        Summary::read(lake, &own.folder)
+    };
+    let (robot, rows) = (own.robot(), own.read(lake, &summary));
+    let (runs, all, tags) = (rows.len(), facts_of(&rows), tags_of(&rows));
+    let is_written = summary.facts == all && summary.tags == tags;
     let (facts, mut left_out) = current(rows);
     let facts = within(facts, asked, &robot, &mut left_out)?;
+    progress.advance((runs - facts.len()) as u64);
     let is_whole = asked.since.is_none() && asked.until.is_none();
-    let (mut judged, new) = judge(lake, &facts, summary, progress);
-    judged.facts = all;
+    let (mut judged, new) = judge(lake, &facts, summary, asked.fresh, progress);
+    (judged.facts, judged.tags) = (all, tags);
     let mut history = RobotHistory {
         robot,
         sessions: Vec::new(),
+        results: Vec::new(),
         left_out,
         runs,
         from_summary: facts.len() - new,
         summary_error: None,
     };
     if is_whole && !judged.is_cut && (new > 0 || !is_written) {
-        let written = judged.write(lake, &folder);
+        let written = judged.write(lake, &own.folder);
         history.summary_error = written.err().map(|error| error.to_string());
     }
     for (row, entry) in facts.into_iter().zip(judged.entries) {
@@ -267,14 +251,17 @@ fn of_robot(
 impl RobotHistory {
     fn take(&mut self, row: CurrentRow, entry: Entry) {
         match entry.judged {
-            Ok(judged) => self.sessions.push(PastSession {
-                key: row.fact.key,
-                measured_at_ns: row
-                    .fact
-                    .measured_at_ns
-                    .expect("a current run without a stamp is left out"),
-                judged,
-            }),
+            Ok(judged) => {
+                self.results.push(row.fact.result);
+                self.sessions.push(PastSession {
+                    key: row.fact.key,
+                    measured_at_ns: row
+                        .fact
+                        .measured_at_ns
+                        .expect("a current run without a stamp is left out"),
+                    judged,
+                });
+            }
             Err(reason) => self.left_out.push(row.left_out(Reason::Unreadable(reason))),
         }
     }
@@ -286,22 +273,29 @@ fn facts_of(rows: &[Row]) -> BTreeMap<String, Fact> {
     rows.iter().filter_map(fact).collect()
 }
 
+/// The digest of each row by its path and tag, where the store has tags.
+fn tags_of(rows: &[Row]) -> BTreeMap<(String, String), String> {
+    let readable = rows.iter().filter(|row| row.fact.is_ok());
+    readable
+        .filter_map(|row| Some((row.tagged.clone()?, row.digest.clone())))
+        .collect()
+}
+
 /// The judgement of each row, and the number of rows that had to be read.
 fn judge(
     lake: &Lake,
     rows: &[CurrentRow],
     summary: Summary,
+    is_fresh: bool,
     progress: &dyn Progress,
 ) -> (Summary, usize) {
-    let mut judged = summary.up_to(rows, |row| session::read(lake, &row.fact).is_ok());
+    let read = |row: &CurrentRow| session::read(lake, &row.fact, is_fresh);
+    let mut judged = summary.up_to(rows, |row| read(row).is_ok());
     let new = &rows[judged.entries.len()..];
-    progress.begin("sessions", new.len() as u64);
+    progress.advance((rows.len() - new.len()) as u64);
     for some in new.chunks(AT_ONCE) {
-        let read: Vec<_> = some
-            .par_iter()
-            .map(|row| session::read(lake, &row.fact))
-            .collect();
-        for (row, figures) in some.iter().zip(read) {
+        let figures: Vec<_> = some.par_iter().map(read).collect();
+        for (row, figures) in some.iter().zip(figures) {
             let said = figures.map(|figures| judged.session_history.next(&figures));
             judged.entries.push(Entry {
                 digest: row.digest.clone(),
@@ -310,6 +304,5 @@ fn judge(
             progress.advance(1);
         }
     }
-    progress.end();
     (judged, new.len())
 }

@@ -7,9 +7,10 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
+use crate::pipeline::history::kept::Kept;
 use crate::report::next::Stated;
 
-/// Writes every table of a run, its page, and then its row of `runs`. Its table `logs`, if any, was written and kept
+/// Writes every table of a run, its page, what the history keeps of it, and then its row of `runs`. Its table `logs`, if any, was written and kept
 /// before.
 pub fn publish(
     outcome: &Outcome<'_>,
@@ -29,6 +30,8 @@ pub fn publish(
     for table in of_sessions.chain(rows.tables()) {
         run.publish(table)?;
     }
+    let of_sessions = sessions.iter().flat_map(SessionRows::tables);
+    let kept = Kept::of_run(work, of_sessions.chain(rows.tables()), run.written());
     let counts = counts(outcome);
     let about = About {
         stated: Stated::of(context.arm),
@@ -45,6 +48,9 @@ pub fn publish(
     let html = page::html(&page::content(rows, sessions, &about));
     run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
+    if let Some(kept) = kept {
+        kept.write(run.lake(), &key)?;
+    }
     Ok(run.commit(&row)?)
 }
 

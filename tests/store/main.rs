@@ -9,6 +9,7 @@ mod bytes;
 #[expect(dead_code, reason = "each test binary uses its own part")]
 mod cell;
 mod faults;
+mod history;
 mod interrupted;
 mod names;
 mod refused;

@@ -78,7 +78,7 @@ def read(url, lake):
     )
     rows = {}
     for folder in files.get_file_info(fs.FileSelector(f"{BUCKET}/{lake}")):
-        if folder.base_name != "report" and not folder.base_name.startswith("."):
+        if folder.base_name not in ("report", "compact") and not folder.base_name.startswith("."):
             table = pyarrow.dataset.dataset(folder.path, filesystem=files).to_table()
             rows[folder.base_name] = table.num_rows
     print(json.dumps(rows, sort_keys=True))

@@ -1,7 +1,9 @@
-//! The files of a history: two tables of all robots, a page for each.
+//! The files of a history: two tables of all robots, a page for each, and of several robots the page of the fleet.
 
 use std::io;
 use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
 
 use super::HistoryCommandError;
 use crate::cli::messages::Printable;
@@ -12,19 +14,22 @@ use crate::io::tables::history::{self, HistoryRow};
 use crate::io::tables::past::{Figure, PastSession};
 use crate::io::whole_file::replace_whole;
 use crate::manifest::RunKey;
-use crate::pipeline::history::{HistoryError, RobotHistory, figures, trend};
+use crate::pipeline::history::{
+    HistoryError, RobotHistory, figures, figures_of_ends, fleet, trend,
+};
+use crate::units::WallTime;
+
+/// Name of the page of the fleet: what a browser opens of a folder.
+const FLEET: &str = "index.html";
 
 /// Writes the tables and the pages; gives their paths.
 pub(super) fn output(
     lake: &Lake,
     robots: &[RobotHistory],
     folder: &Path,
+    as_of: Option<WallTime>,
 ) -> Result<Vec<PathBuf>, HistoryCommandError> {
-    let wrong = |source| HistoryCommandError::Write {
-        path: folder.to_owned(),
-        source,
-    };
-    std::fs::create_dir_all(folder).map_err(wrong)?;
+    make(folder)?;
     let all: Vec<Vec<Vec<Figure>>> = robots.iter().map(|robot| read(lake, robot)).collect();
     let drifts = robots.iter().flat_map(|robot| drift::rows(&robot.sessions));
     let mut written = Vec::new();
@@ -39,16 +44,67 @@ pub(super) fn output(
         let name = file_name(lake, &robot.robot)?;
         written.push(put(folder, &name, trend(robot, figures).as_bytes())?);
     }
+    written.extend(page_of_fleet(lake, robots, folder, as_of)?);
     Ok(written)
+}
+
+/// Writes the pages alone; gives their paths.
+pub(super) fn pages(
+    lake: &Lake,
+    robots: &[RobotHistory],
+    folder: &Path,
+    as_of: Option<WallTime>,
+) -> Result<Vec<PathBuf>, HistoryCommandError> {
+    make(folder)?;
+    let page = |robot: &RobotHistory| {
+        let (figures, wrong) = figures_of_ends(lake, &robot.sessions);
+        tell(&wrong);
+        let name = file_name(lake, &robot.robot)?;
+        put(folder, &name, trend(robot, &figures).as_bytes())
+    };
+    let written = lake.read_with(|| robots.par_iter().map(page).collect::<Result<Vec<_>, _>>());
+    let mut written = written?;
+    written.extend(page_of_fleet(lake, robots, folder, as_of)?);
+    Ok(written)
+}
+
+/// The page of the fleet, where there are several robots.
+fn page_of_fleet(
+    lake: &Lake,
+    robots: &[RobotHistory],
+    folder: &Path,
+    as_of: Option<WallTime>,
+) -> Result<Option<PathBuf>, HistoryCommandError> {
+    if robots.len() < 2 {
+        return Ok(None);
+    }
+    let names = robots.iter().map(|own| file_name(lake, &own.robot));
+    let names = names.collect::<Result<Vec<_>, _>>()?;
+    let page = fleet(robots, &names, as_of);
+    put(folder, FLEET, page.as_bytes()).map(Some)
+}
+
+fn make(folder: &Path) -> Result<(), HistoryCommandError> {
+    std::fs::create_dir_all(folder).map_err(|source| HistoryCommandError::Write {
+        path: folder.to_owned(),
+        source,
+    })
 }
 
 /// The figures of each session; those that cannot be read are logged.
 fn read(lake: &Lake, robot: &RobotHistory) -> Vec<Vec<Figure>> {
     let (figures, wrong) = figures(lake, &robot.sessions);
-    for reason in wrong {
-        tracing::warn!("left out of the table history: {}", Printable(&reason));
-    }
+    tell(&wrong);
     figures
+}
+
+fn tell(wrong: &[String]) {
+    for reason in wrong {
+        tracing::warn!(
+            "left out of the table history and the page: {}",
+            Printable(reason)
+        );
+    }
 }
 
 fn rows<'h>(
@@ -61,12 +117,17 @@ fn rows<'h>(
     each.collect()
 }
 
-/// The file name of a robot's page, encoded as in the lake: a robot's name may hold any character.
+/// The file name of a robot's page, encoded as in the lake: a robot's name may hold any character. A robot named like the page of the
+/// fleet has its first letter encoded too, on a file system that ignores case as well.
 fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
     let key = RunKey::new("robot", "session", robot);
     let path = lake.page(&key)?.named();
-    let name = path.file_name().unwrap_or_default();
-    Ok(name.to_string_lossy().into_owned())
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(if name.eq_ignore_ascii_case(FLEET) {
+        format!("%{:02X}{}", name.as_bytes()[0], &name[1..])
+    } else {
+        name.into_owned()
+    })
 }
 
 fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {

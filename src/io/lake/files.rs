@@ -1,19 +1,17 @@
 //! All files under a lake, and the role of each by its place.
 //!
 //! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history/ROBOT.jsonl`, `.index/runs.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or
-//! were stopped. Every other file there is foreign.
+//! `.history`, `.index/runs.jsonl`, the compact form ([`COMPACT`]), and the records of corrections ([`is_correction`]); and
+//! temporaries of processes that write or were stopped. Every other file there is foreign.
 
 use std::fs::File;
 
+use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, index, is_correction};
+use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
-
-/// The folder of the histories' summaries.
-const HISTORY: &str = ".history";
 
 /// A file under a lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,7 +36,7 @@ pub enum Stands {
         /// Name of the run.
         run: String,
     },
-    /// The lake's own: its lock, the summary of a history, or a record of corrections.
+    /// The lake's own: its lock, the summary of a history, the compact form, or a record of corrections.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
@@ -72,6 +70,11 @@ impl Lake {
         Ok(self.store.open(file_key)?)
     }
 
+    /// The name of the robot or session whose folder has this name.
+    pub fn name_of(folder: &str) -> String {
+        name::decode(folder)
+    }
+
     /// The folders with files of runs: one for each published table, and that of the pages.
     pub fn folders() -> impl Iterator<Item = &'static str> {
         let tables = schema::all().iter();
@@ -85,11 +88,19 @@ impl Stands {
         let parts: Vec<&str> = key.split('/').collect();
         match parts[..] {
             [".lock"] => Self::Own,
-            [HISTORY, name] => Self::in_history(name),
+            [history::FOLDER, name] => Self::in_history(name, &[history::SUMMARY, ".jsonl"]),
+            [history::FOLDER, history::FIGURES, _, _, name] => {
+                Self::in_history(name, &[history::RUN])
+            }
             [index::FOLDER, name] => Self::in_index(name, name == "runs.jsonl"),
             [index::FOLDER, "alone", name] => {
                 Self::in_index(name, name.strip_suffix(".json").is_some())
             }
+            [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
+                None => Self::Temporary,
+                Some(true) => Self::Own,
+                Some(false) => Self::Foreign,
+            },
             _ if is_correction(key) => Self::Own,
             [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
                 Self::in_session(table, robot, session, name)
@@ -98,11 +109,12 @@ impl Stands {
         }
     }
 
-    fn in_history(name: &str) -> Self {
+    /// Of what histories keep. Earlier versions wrote `.jsonl`, and temporaries without an owner.
+    fn in_history(name: &str, endings: &[&str]) -> Self {
         let is_hidden = name.starts_with('.');
-        if is_hidden && name.contains(".jsonl.tmp-") {
+        if Owner::of_temporary(name).is_some() || (is_hidden && name.contains(".jsonl.tmp-")) {
             Self::Temporary
-        } else if !is_hidden && name.strip_suffix(".jsonl").is_some() {
+        } else if !is_hidden && endings.iter().any(|ending| name.ends_with(ending)) {
             Self::Own
         } else {
             Self::Foreign
@@ -155,6 +167,13 @@ mod tests {
             ("report/r%20x/mon/0a.html", of_run(PAGES)),
             (".lock", Stands::Own),
             (".history/r.jsonl", Stands::Own),
+            (".history/r.jsonl.zst", Stands::Own),
+            (".history/figures/r/mon/0a.json.zst", Stands::Own),
+            (".history/figures/r/mon/0a.json", Stands::Foreign),
+            (
+                ".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0",
+                Stands::Temporary,
+            ),
             (
                 "corrections/r/mon/0123456789abcdef0123456789abcdef.parquet",
                 Stands::Own,
@@ -169,6 +188,16 @@ mod tests {
             (".index/more.jsonl", Stands::Foreign),
             (".index/alone/5e.json", Stands::Own),
             (".index/alone/5e.txt", Stands::Foreign),
+            ("compact/states/00000001.jsonl", Stands::Own),
+            ("compact/runs/2026-11/0a.parquet", Stands::Own),
+            ("compact/keys/undated/0a.txt.zst", Stands::Own),
+            (
+                "compact/runs/2026-11/.new.parquet.tmp-host-12-345-0",
+                Stands::Temporary,
+            ),
+            ("compact/runs/2026-11/0a.csv", Stands::Foreign),
+            ("compact/figures/2026-11/0a.parquet", Stands::Foreign),
+            ("compact/0a.parquet", Stands::Foreign),
             (temporary, Stands::Temporary),
             ("README.txt", Stands::Foreign),
             ("accuracy/r/mon/0a.csv", Stands::Foreign),

@@ -1,5 +1,9 @@
 //! Rows of `runs`, `joined_sessions` and `estimates` in a lake.
 
+use std::fs::File;
+
+use rayon::ThreadPoolBuilder;
+
 use super::{ESTIMATES, JOINED, Lake, LakeError, RUNS};
 use crate::io::schema;
 use crate::io::store::{Listed, Place};
@@ -7,6 +11,8 @@ use crate::io::table::{self, Opened};
 
 /// Number of row files that are read at a time.
 const AT_ONCE: usize = 64;
+/// Number of requests to object storage that wait for answers at a time.
+const WAITING: usize = 16;
 
 /// The place of a row, and the row or why it cannot be read.
 pub type RunRow = (Place, Result<Opened, LakeError>);
@@ -25,6 +31,28 @@ impl Lake {
     /// The rows of all estimates, likewise.
     pub fn estimates(&self) -> Result<Vec<RunRow>, LakeError> {
         self.rows(ESTIMATES, ESTIMATES, 2)
+    }
+
+    /// The files of the rows of all runs, in the order of robot, session and run; nothing is read.
+    pub fn run_files(&self) -> Result<Vec<Listed>, LakeError> {
+        let mut listed = self.store.list(RUNS, 2..=2)?;
+        listed.retain(|file| file.key.ends_with(".parquet"));
+        Ok(listed)
+    }
+
+    /// Opens a file as it was listed.
+    pub fn open_listed(&self, listed: &Listed) -> Result<File, LakeError> {
+        Ok(self.store.open_listed(listed)?)
+    }
+
+    /// Calls `work` where parallel iterators have as many threads as this lake is read with: one for each processor in a folder, and
+    /// [`WAITING`] on object storage, where most of the time is waiting for answers.
+    pub fn read_with<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        let pool = ThreadPoolBuilder::new().num_threads(WAITING);
+        match (self.folder(), pool.build()) {
+            (None, Ok(pool)) => pool.install(work),
+            _ => work(),
+        }
     }
 
     /// The rows of a table `levels` folders below a folder.

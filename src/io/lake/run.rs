@@ -48,7 +48,7 @@ impl<'a> OpenRun<'a> {
     }
 
     /// The lake that the run is written to.
-    pub(super) const fn lake(&self) -> &Lake {
+    pub const fn lake(&self) -> &Lake {
         self.lake
     }
 

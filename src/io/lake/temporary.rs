@@ -107,6 +107,11 @@ impl Temporary {
         &self.path
     }
 
+    /// Size of what was written and synced.
+    pub(crate) fn bytes(&self) -> io::Result<u64> {
+        Ok(self.path.metadata()?.len())
+    }
+
     /// Syncs everything to the disk, still under the temporary name, and returns the BLAKE3 digest, hexadecimal.
     pub(crate) fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;

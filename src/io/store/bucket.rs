@@ -120,6 +120,7 @@ impl Bucket {
                 key: key.to_owned(),
                 tag: found.e_tag,
                 bytes: found.size,
+                modified: Some(found.last_modified.into()),
             })),
             Err(Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(self.failure("look for", key, &error)),
@@ -152,6 +153,7 @@ impl Bucket {
         is_wanted.then_some(Listed {
             tag: found.e_tag,
             bytes: found.size,
+            modified: Some(found.last_modified.into()),
             key,
         })
     }
@@ -357,6 +359,14 @@ impl Store for Bucket {
 
     fn tag(&self, key: &str) -> Result<Tag, StoreError> {
         Ok(self.head(key)?.and_then(|found| found.tag))
+    }
+
+    fn remove(&self, key: &str) -> Result<(), StoreError> {
+        let object = self.object(key)?;
+        match self.runtime.block_on(self.client.delete(&object)) {
+            Ok(()) | Err(Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(self.failure("remove", key, &error)),
+        }
     }
 }
 

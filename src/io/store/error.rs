@@ -105,6 +105,15 @@ impl StoreError {
         }
     }
 
+    /// Whether there is no such file.
+    pub fn is_missing(&self) -> bool {
+        match self {
+            Self::Folder { source, .. } => source.kind() == io::ErrorKind::NotFound,
+            Self::Bucket { trouble, .. } => *trouble == BucketTrouble::NoObject,
+            _ => false,
+        }
+    }
+
     /// Whether the same request may succeed later: the request itself is valid.
     pub const fn is_worth_a_retry(&self) -> bool {
         use BucketTrouble::{Changed, NoAnswer};

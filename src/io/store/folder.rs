@@ -113,6 +113,16 @@ impl Store for Folder {
     fn tag(&self, _key: &str) -> Result<Tag, StoreError> {
         Ok(None)
     }
+
+    fn remove(&self, key: &str) -> Result<(), StoreError> {
+        let path = self.path(key);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(StoreError::folder("remove", &path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Folder {
@@ -124,6 +134,7 @@ impl Folder {
             key,
             tag: None,
             bytes: metadata.len(),
+            modified: metadata.modified().ok(),
         })
     }
 

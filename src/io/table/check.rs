@@ -10,7 +10,7 @@ use arrow::error::ArrowError;
 use arrow::row::{RowConverter, SortField};
 
 use super::{Table, TableError, same};
-use crate::io::schema::{ColumnSchema, ColumnType, Role, TableSchema};
+use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use crate::manifest::RunKey;
 
 /// The table of the columns, if they keep its contract, and for each row its place in the order given (`None` where the
@@ -33,7 +33,7 @@ pub(super) fn table(
         source,
     };
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
-    let names = row_names(schema, &batch);
+    let names = row_names(schema, key.as_ref(), &batch);
     // Nearly always the rows are in order, and each is compared only with the one before it.
     let (batch, order) = if rising(&names, rows).map_err(arrow)? {
         (batch, None)
@@ -187,10 +187,13 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
 }
 
 /// The columns that identify a row, enumerations as the positions of their words; without enumerations that are the same in
-/// every row, since no two rows differ by them.
-fn row_names(schema: &TableSchema, batch: &RecordBatch) -> Vec<ArrayRef> {
-    let names = schema.order.iter();
-    names
+/// every row, since no two rows differ by them. Rows of several runs are told apart by robot, session and run first.
+fn row_names(schema: &TableSchema, key: Option<&RunKey>, batch: &RecordBatch) -> Vec<ArrayRef> {
+    let order = || schema.order.iter().map(String::as_str);
+    let of_several = key.is_none() && schema.role == Role::Published;
+    let keys = KEY_COLUMNS.into_iter().filter(|_| of_several);
+    let keys = keys.filter(|own| !order().any(|name| name == *own));
+    keys.chain(order())
         .filter_map(|name| sort_key(schema, batch, name))
         .collect()
 }

@@ -38,7 +38,7 @@ pub(super) fn accuracy(content: &Content) -> Option<Markup> {
 }
 
 /// A series name such as `before base_target mean` in the words of the page.
-fn named(name: &str) -> String {
+pub(in crate::page) fn named(name: &str) -> String {
     let words: Vec<&str> = name.split(' ').collect();
     match words[..] {
         [moment, of, figure] => {

@@ -22,10 +22,26 @@ const EVERY_MM: f64 = 200.0;
 
 /// The figures of each session; and, as text, the figures that could not be read.
 pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {
-    let read: Vec<OfSession> = sessions
-        .par_iter()
-        .map(|session| OfSession::read(lake, session))
-        .collect();
+    figures_of(sessions, |_, session| OfSession::read(lake, session))
+}
+
+/// The figures that a page shows: those charted of each session, and of the first and the newest session all.
+pub fn figures_of_ends(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {
+    figures_of(sessions, |place, session| {
+        if place == 0 || place + 1 == sessions.len() {
+            OfSession::read(lake, session)
+        } else {
+            OfSession::charted(session)
+        }
+    })
+}
+
+fn figures_of(
+    sessions: &[PastSession],
+    read: impl Fn(usize, &PastSession) -> OfSession + Sync,
+) -> (Vec<Vec<Figure>>, Vec<String>) {
+    let places = sessions.par_iter().enumerate();
+    let read: Vec<OfSession> = places.map(|(place, own)| read(place, own)).collect();
     let mut first = BTreeMap::new();
     let (mut figures, mut wrong) = (Vec::with_capacity(read.len()), Vec::new());
     for (session, own) in sessions.iter().zip(read) {
@@ -47,11 +63,16 @@ struct OfSession {
 }
 
 impl OfSession {
-    fn read(lake: &Lake, session: &PastSession) -> Self {
-        let mut own = Self {
+    /// The figures on its control charts, which the history has without reading anything.
+    fn charted(session: &PastSession) -> Self {
+        Self {
             figures: session.judged.charted.iter().map(charted).collect(),
             ..Self::default()
-        };
+        }
+    }
+
+    fn read(lake: &Lake, session: &PastSession) -> Self {
+        let mut own = Self::charted(session);
         for read in [parameters, joint_curves] {
             match read(lake, session) {
                 Ok(more) => own.figures.extend(more),

@@ -52,6 +52,7 @@ fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
         place,
         digest,
         fact,
+        ..
     } in rows
     {
         match fact {

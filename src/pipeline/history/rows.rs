@@ -1,32 +1,40 @@
 //! Every row of `runs` of a robot: its file's digest, and the facts that the history needs.
 //!
-//! Files are read whole and digested, in parallel. The facts of a row are taken from the summary where that has its digest,
-//! and otherwise read from the row and the session's table `clocks`. Only this file looks into the lake's folders.
+//! Files are read whole and digested, in parallel; on object storage those that have another tag than the summary knows. The facts of a row are
+//! taken from the summary where that has its digest, and otherwise read from the row and the session's table `clocks`.
 
-use std::fs;
+use std::io::{Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::HistoryError;
+use super::kept::{self, Kept};
 use super::summary::Summary;
-use crate::io::input::{self, Bound};
+use crate::io::input::Bound;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
-use crate::io::store::StoreError;
-use crate::io::table::{self, Row as _};
+use crate::io::store::Listed;
+use crate::io::table::{self, Row as _, Word as _};
 use crate::io::tables::clocks::ClockRow;
+use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;
 
-/// The folder of a robot's rows.
-pub(super) type RobotFolder = PathBuf;
+/// The files of a robot's rows.
+pub(super) struct RobotRows {
+    /// Name of its folder.
+    pub(super) folder: String,
+    files: Vec<Listed>,
+}
 
 /// A row of `runs`.
 pub(super) struct Row {
     /// Its file.
     pub(super) place: PathBuf,
+    /// The file's path below the lake, and its tag where the store has tags.
+    pub(super) tagged: Option<(String, String)>,
     /// BLAKE3 of the file, hexadecimal; empty where it cannot be read.
     pub(super) digest: String,
     /// Facts of the row, or why it cannot be read.
@@ -47,6 +55,26 @@ pub(super) struct Fact {
     pub(super) robot_file: String,
     /// Digests of the tables that are read: `calibrations`, `accuracy`.
     pub(super) tables: [String; 2],
+    pub(super) result: RunResult,
+}
+
+/// The result of a run, as its row states it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// Start of its session, microseconds since 1970, UTC; `None` where no clock has an epoch.
+    pub started_us: Option<i64>,
+    /// Word of the verdict.
+    pub verdict: String,
+    /// The verdict as text; `None` in rows of early versions, as are the numbers.
+    pub statement: Option<String>,
+    /// Mean error before correction, mm.
+    pub mean_before_mm: Option<f64>,
+    /// Mean error after correction, mm.
+    pub mean_after_mm: Option<f64>,
+    /// The bound that the verdict rests on, mm.
+    pub bound_mm: Option<f64>,
+    /// The tolerance that it is compared with, mm; `None` where the settings state none.
+    pub tolerance_mm: Option<f64>,
 }
 
 /// The kind of a run.
@@ -60,125 +88,126 @@ pub(super) enum Kind {
     Plan,
 }
 
-/// The folders of robots, in order.
-pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotFolder>, HistoryError> {
-    let folder = lake.root().join("runs").named();
-    if !folder.is_dir() {
-        return Ok(Vec::new());
-    }
-    entries(&folder).map(|found| found.into_iter().filter(|path| path.is_dir()).collect())
-}
-
-/// The name of the robot whose rows these are.
-pub(super) fn robot(rows: &[Row], folder: &Path) -> String {
-    let named = rows.iter().find_map(|row| row.fact.as_ref().ok());
-    named.map_or_else(
-        || {
-            folder
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned()
-        },
-        |fact| fact.key.robot.clone(),
-    )
-}
-
-/// Every row of a robot, in the order of session and run.
-pub(super) fn of_robot(
-    lake: &Lake,
-    folder: &Path,
-    summary: &Summary,
-) -> Result<Vec<Row>, HistoryError> {
-    let sessions = entries(folder)?;
-    let files: Result<Vec<Vec<PathBuf>>, _> = sessions
-        .par_iter()
-        .map(|session| rows_in(session))
-        .collect();
-    let files = files?.concat();
-    Ok(files
-        .into_par_iter()
-        .map(|place| row(lake, place, summary))
-        .collect())
-}
-
-fn rows_in(session: &Path) -> Result<Vec<PathBuf>, HistoryError> {
-    if !session.is_dir() {
-        return Ok(Vec::new());
-    }
-    let is_row = |path: &PathBuf| {
-        let is_hidden = path
-            .file_name()
-            .is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        !is_hidden && path.extension().is_some_and(|ending| ending == "parquet")
-    };
-    entries(session).map(|found| found.into_iter().filter(is_row).collect())
-}
-
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, HistoryError> {
-    let found =
-        fs::read_dir(folder).and_then(|found| found.map(|entry| Ok(entry?.path())).collect());
-    let mut found: Vec<PathBuf> = found
-        .map_err(StoreError::folder("list", folder))
-        .map_err(LakeError::from)?;
-    found.sort();
-    Ok(found)
-}
-
-fn row(lake: &Lake, place: PathBuf, summary: &Summary) -> Row {
-    let bytes = match input::bytes(&place, Bound::TABLE) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            let reason = format!("{}: {error}", place.display());
-            return Row {
-                place,
-                digest: String::new(),
-                fact: Err(reason),
-            };
+/// The robots of a lake, in the order of their folders.
+pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotRows>, HistoryError> {
+    let mut robots: Vec<RobotRows> = Vec::new();
+    for file in lake.run_files()? {
+        let folder = file.key.split('/').nth(1).unwrap_or_default();
+        match robots.last_mut().filter(|last| last.folder == folder) {
+            Some(last) => last.files.push(file),
+            None => robots.push(RobotRows {
+                folder: folder.to_owned(),
+                files: vec![file],
+            }),
         }
-    };
-    let digest = blake3::hash(&bytes).to_hex().to_string();
-    let fact = match summary.facts.get(&digest) {
-        Some(fact) if fact.measured_at_ns.is_some() => Ok(fact.clone()),
-        _ => read(lake, &place),
-    };
+    }
+    Ok(robots)
+}
+
+impl RobotRows {
+    /// The name of the robot.
+    pub(super) fn robot(&self) -> String {
+        Lake::name_of(&self.folder)
+    }
+
+    /// Number of rows.
+    pub(super) const fn len(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Every row, in the order of session and run.
+    pub(super) fn read(&self, lake: &Lake, summary: &Summary) -> Vec<Row> {
+        let files = self.files.par_iter();
+        files.map(|file| row(lake, file, summary)).collect()
+    }
+}
+
+fn row(lake: &Lake, file: &Listed, summary: &Summary) -> Row {
+    let place = lake.place_of(&file.key).named();
+    let known = summary.known(file).map(|(digest, fact)| (digest, Ok(fact)));
+    let read = known.map_or_else(|| read(lake, file, &place, summary), Ok);
+    let (digest, fact) = read.unwrap_or_else(|reason| {
+        let reason = format!("{}: {reason}", place.display());
+        (String::new(), Err(reason))
+    });
+    let tagged = file.tag.clone().map(|tag| (file.key.clone(), tag));
     Row {
         place,
+        tagged,
         digest,
         fact,
     }
 }
 
-fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
+/// A row that was read: its digest, and its facts or why there are none.
+type Read = (String, Result<Fact, String>);
+
+fn read(lake: &Lake, listed: &Listed, place: &Path, summary: &Summary) -> Result<Read, String> {
+    let mut file = lake
+        .open_listed(listed)
+        .map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    let most = Bound::TABLE.bytes;
+    let read = (&file).take(most).read_to_end(&mut bytes);
+    read.map_err(|error| error.to_string())?;
+    let digest = blake3::hash(&bytes).to_hex().to_string();
+    let known = summary.facts.get(&digest);
+    if let Some(fact) = known.filter(|fact| fact.measured_at_ns.is_some()) {
+        return Ok((digest, Ok(fact.clone())));
+    }
+    file.rewind().map_err(|error| error.to_string())?;
+    Ok((digest, facts(lake, file, place)))
+}
+
+fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String> {
     let told = |reason: String| format!("{}: {reason}", place.display());
     let schema = schema::find("runs").map_err(|error| error.to_string())?;
-    let row = table::read(place, schema).map_err(|error| error.to_string())?;
+    let row = table::read_open(file, place, schema).map_err(|error| error.to_string())?;
     let claim = Claim::of(&row).map_err(told)?;
     let expected = lake.path(schema, &claim.key);
     let expected = expected.map_err(|error| error.to_string())?;
-    if expected.as_path() != Some(place) {
+    if expected.named() != place {
         let reason = format!("its content is that of {}", expected.display());
         return Err(told(reason));
     }
-    fact(lake, claim)
+    let result = result(RunRow::read(&row).swap_remove(0), &claim.settings);
+    fact(lake, claim, result)
 }
 
-fn fact(lake: &Lake, claim: Claim) -> Result<Fact, String> {
+fn result(row: RunRow, settings: &str) -> RunResult {
+    let settings: Option<serde_json::Value> = serde_json::from_str(settings).ok();
+    let tolerance = settings
+        .as_ref()
+        .and_then(|own| own.pointer("/tolerance/mm"));
+    RunResult {
+        started_us: row.session_started.map(crate::units::WallTime::us),
+        verdict: row.verdict.word().to_owned(),
+        statement: row.statement,
+        mean_before_mm: row.mean_before_mm,
+        mean_after_mm: row.mean_after_mm,
+        bound_mm: row.bound_mm,
+        tolerance_mm: tolerance.and_then(serde_json::Value::as_f64),
+    }
+}
+
+fn fact(lake: &Lake, claim: Claim, result: RunResult) -> Result<Fact, String> {
     let kind = kind(&claim);
     let digest = |table: &str| {
         let is_own = |file: &&Written| file.table == table && file.session == claim.key.session;
         let own = claim.files.iter().find(is_own);
         own.map_or_else(String::new, |file| file.digest.clone())
     };
+    let tables = kept::OF.map(digest);
     let robot_file = claim.inputs.iter().find(|input| input.name == "robot");
     Ok(Fact {
         measured_at_ns: match kind {
-            Kind::Session => first_stamp(lake, &claim.key)?,
+            Kind::Session => first_stamp(lake, &claim.key, &tables)?,
             Kind::Pooled | Kind::Plan => Some(0),
         },
         replaces: claim.replaces,
         kind,
-        tables: ["calibrations", "accuracy"].map(digest),
+        tables,
+        result,
         robot_file: robot_file.map_or_else(String::new, |input| input.digest.clone()),
         pipeline: claim.pipeline,
         version: claim.version,
@@ -196,8 +225,11 @@ fn kind(claim: &Claim) -> Kind {
 }
 
 /// First stamp of the session's controller log. For a run that another replaced, only the row may have been kept.
-fn first_stamp(lake: &Lake, key: &RunKey) -> Result<Option<i64>, String> {
+fn first_stamp(lake: &Lake, key: &RunKey, tables: &[String; 2]) -> Result<Option<i64>, String> {
     let told = |error: LakeError| error.to_string();
+    if let Some(kept) = Kept::read(lake, key, tables) {
+        return Ok(Some(kept.measured_at_ns));
+    }
     if !lake.has("clocks", key).map_err(told)? {
         return Ok(None);
     }

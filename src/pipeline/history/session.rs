@@ -3,63 +3,81 @@
 //! Each file is digested and compared with the row of `runs` before it is used. The model is the full error model where
 //! there is one, otherwise the geometry. Figures are those of held-out stations where the session has them.
 
-use std::path::Path;
+use std::io::Seek as _;
 
+use super::kept::{self, Kept};
 use super::rows::Fact;
 use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::saved::SavedCalibration;
 use crate::history::estimate::Estimate;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
-use crate::io::input::{self, Bound};
 use crate::io::lake::Lake;
 use crate::io::schema;
 use crate::io::table::{self, Row as _, Table, Word as _};
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::words::Role;
-use crate::manifest::digest;
+use crate::manifest::{RunKey, digest};
 use crate::report::{Angles, BaseRefit, Model, Point, Split};
 
-/// The figures of one session; or, as text, why there are none.
-pub(super) fn read(lake: &Lake, fact: &Fact) -> Result<SessionFigures, String> {
-    let calibrations = checked(lake, fact, "calibrations", &fact.tables[0])?;
-    let accuracy = checked(lake, fact, "accuracy", &fact.tables[1])?;
-    let (model, estimate) = estimate(&calibrations)
-        .map_err(|reason| format!("table calibrations of {}: {reason}", fact.key.session))?;
+/// The figures of one session: those that are kept, or of its tables where there are none or `is_fresh`; or, as text, why there are none.
+pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFigures, String> {
+    let kept = (!is_fresh).then(|| Kept::of_fact(lake, fact)).flatten();
+    let Kept {
+        model,
+        estimate,
+        accuracy,
+        ..
+    } = kept.map_or_else(|| of_tables(lake, fact), Ok)?;
     Ok(SessionFigures {
         basis: Basis {
             pipeline: fact.pipeline.clone(),
             version: fact.version.clone(),
             robot_file: fact.robot_file.clone(),
             settings: fact.settings.clone(),
-            model: model.word().to_owned(),
+            model,
         },
         estimate,
-        accuracy: figures(&accuracy, &fact.key.session),
+        accuracy,
     })
 }
 
+/// The figures in a session's tables, which are kept from then on.
+fn of_tables(lake: &Lake, fact: &Fact) -> Result<Kept, String> {
+    let [calibrations, accuracy] = [0, 1].map(|place| {
+        let expected = &fact.tables[place];
+        as_written(lake, &fact.key, kept::OF[place], expected)
+    });
+    let stamp = fact.measured_at_ns.unwrap_or_default();
+    let of = fact.tables.clone();
+    let kept = Kept::of([&calibrations?, &accuracy?], of, stamp, &fact.key.session)?;
+    // Of a lake that cannot be written the tables are read the next time too.
+    let _ = kept.write(lake, &fact.key);
+    Ok(kept)
+}
+
 /// A table whose file is the one that the run wrote; an error otherwise.
-fn checked(lake: &Lake, fact: &Fact, name: &str, expected: &str) -> Result<Table, String> {
+pub(in crate::pipeline) fn as_written(
+    lake: &Lake,
+    key: &RunKey,
+    name: &str,
+    expected: &str,
+) -> Result<Table, String> {
     let schema = schema::find(name).map_err(|error| error.to_string())?;
-    let path = lake
-        .path(schema, &fact.key)
-        .map_err(|error| error.to_string())?
-        .named();
-    let found =
-        digest_of(&path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    let path = lake.path(schema, key).map_err(|error| error.to_string())?;
+    let path = path.named();
+    let unreadable = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
+    let mut file = lake.open(name, key).map_err(|error| error.to_string())?;
+    let (found, _) = digest(&file).map_err(unreadable)?;
     if found != expected {
         return Err(format!(
             "{} is not what the run wrote: its digest is {found}, the row of runs states {expected}; see posegrid verify",
             path.display()
         ));
     }
-    table::read(&path, schema).map_err(|error| error.to_string())
-}
-
-fn digest_of(path: &Path) -> std::io::Result<String> {
-    Ok(digest(input::open(path, Bound::ANY)?)?.0)
+    file.rewind().map_err(unreadable)?;
+    table::read_open(file, &path, schema).map_err(|error| error.to_string())
 }
 
 /// The best model's estimate, and the name of the model.
@@ -104,7 +122,7 @@ fn ranges(row: &CalibrationRow, axes_from_joints: &[Vec<f64>]) -> Vec<[f64; 2]> 
 }
 
 /// Figures that are charted: mean and 95th percentile of held-out errors, before and after.
-fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
+pub(super) fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
     let figure = |row: &AccuracyRow| {
         let words = [row.moment.word(), row.model.word(), row.name.word()];
         Some(AccuracyFigure {

@@ -1,36 +1,29 @@
 //! The summary of a robot's history: earlier judgements, so that ten thousand sessions need not be read again.
 //!
-//! A file `.history/ROBOT.jsonl` in the lake's folder, next to the tables and no part of them: a first line with a digest
-//! of the other lines, a line for each row of `runs`, one for each judged session, and the state from which the next
-//! session is judged. It is used only as far as the digests of the rows of `runs` in it are those of today, and those rows
-//! hold the digests of every table that was read. Numbers are kept to the last bit. A damaged summary, or one of another
-//! version, is computed again.
+//! A file `.history/ROBOT.jsonl.zst` in the lake, next to the tables and no part of them: a first line that seals the others (`kept`), a line
+//! for each row of `runs`, one for each judged session, and the state from which the next session is judged. It is used only as far as
+//! the digests of the rows of `runs` in it are those of today, and those rows hold the digests of every table that was read. On object
+//! storage a row whose tag is the same is not read again to digest it. Numbers are kept to the last bit.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::kept::{sealed, unsealed};
 use super::order::CurrentRow;
 use super::rows::Fact;
 use crate::history::{Judged, SessionHistory};
-use crate::io::input::{self, Bound};
-use crate::io::lake::Lake;
-use crate::io::whole_file::replace_whole;
-use crate::manifest::VERSION;
-
-/// Version of the lines and of their meaning; raised by any change.
-const FORMAT: u32 = 3;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::store::Listed;
 
 /// Earlier judgements.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Summary {
     /// The facts of each row of `runs`, by the digest of its file.
     pub(super) facts: BTreeMap<String, Fact>,
+    /// The digest of each row of `runs`, by its path below the lake and the tag that the store gave it.
+    pub(super) tags: BTreeMap<(String, String), String>,
     /// The sessions judged, in order.
     pub(super) entries: Vec<Entry>,
     /// The state after the last of them.
@@ -48,34 +41,29 @@ pub(super) struct Entry {
     pub(super) judged: Result<Judged, String>,
 }
 
-/// The first line.
-#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Head {
-    format: u32,
-    version: String,
-    digest: String,
-}
-
 #[derive(Serialize, Deserialize)]
 enum Line {
     Fact(String, Fact),
+    Tag(String, String, String),
     Entry(Entry),
     SessionHistory(Box<SessionHistory>),
 }
 
 impl Summary {
     /// The summary of the robot whose rows are in `folder`; an empty one where none can be used.
-    pub(super) fn read(lake: &Lake, folder: &Path) -> Self {
-        let text = input::text(&place(lake, folder), Bound::TABLE).unwrap_or_default();
-        Self::parse(&text).unwrap_or_default()
+    pub(super) fn read(lake: &Lake, folder: &str) -> Self {
+        let bytes = lake.history_summary(folder);
+        let parsed = bytes.and_then(|bytes| Self::parse(unsealed(&bytes)?));
+        parsed.unwrap_or_default()
     }
 
-    fn parse(text: &str) -> Option<Self> {
-        let (head, rest) = text.split_once('\n')?;
-        let head: Head = serde_json::from_str(head).ok()?;
-        if head != Head::of(rest) {
-            return None;
-        }
+    /// The digest and the facts of a row that has the tag it had.
+    pub(super) fn known(&self, listed: &Listed) -> Option<(String, Fact)> {
+        let digest = self.tags.get(&(listed.key.clone(), listed.tag.clone()?))?;
+        Some((digest.clone(), self.facts.get(digest)?.clone()))
+    }
+
+    fn parse(rest: &str) -> Option<Self> {
         let lines: Vec<&str> = rest.lines().collect();
         let lines: Result<Vec<Line>, _> = lines
             .par_iter()
@@ -86,6 +74,9 @@ impl Summary {
             match line {
                 Line::Fact(digest, fact) => {
                     summary.facts.insert(digest, fact);
+                }
+                Line::Tag(key, tag, digest) => {
+                    summary.tags.insert((key, tag), digest);
                 }
                 Line::Entry(entry) => summary.entries.push(entry),
                 Line::SessionHistory(session_history) => summary.session_history = *session_history,
@@ -114,40 +105,18 @@ impl Summary {
     }
 
     /// Writes the summary, completely or not at all.
-    pub(super) fn write(&self, lake: &Lake, folder: &Path) -> io::Result<()> {
-        let path = place(lake, folder);
-        let beside = path.parent().expect("a summary stands in a folder");
-        fs::create_dir_all(beside)?;
-        let mut rest = Vec::new();
+    pub(super) fn write(&self, lake: &Lake, folder: &str) -> Result<(), LakeError> {
         let facts = self.facts.iter();
         let facts = facts.map(|(digest, fact)| Line::Fact(digest.clone(), fact.clone()));
+        let tags = self.tags.iter();
+        let tags = tags.map(|((key, tag), own)| Line::Tag(key.clone(), tag.clone(), own.clone()));
         let entries = self.entries.iter().map(|entry| Line::Entry(entry.clone()));
         let session_history = Line::SessionHistory(Box::new(self.session_history.clone()));
-        for line in facts.chain(entries).chain([session_history]) {
-            serde_json::to_writer(&mut rest, &line)?;
-            rest.push(b'\n');
+        let mut rest = String::new();
+        for line in facts.chain(tags).chain(entries).chain([session_history]) {
+            rest += &serde_json::to_string(&line).expect("texts and numbers");
+            rest.push('\n');
         }
-        let rest = String::from_utf8(rest).map_err(io::Error::other)?;
-        let mut bytes = serde_json::to_vec(&Head::of(&rest))?;
-        bytes.push(b'\n');
-        bytes.extend(rest.as_bytes());
-        replace_whole(&path, &bytes)
+        lake.put_history_summary(folder, sealed(&rest).as_bytes())
     }
-}
-
-impl Head {
-    fn of(rest: &str) -> Self {
-        Self {
-            format: FORMAT,
-            version: VERSION.to_owned(),
-            digest: blake3::hash(rest.as_bytes()).to_hex().to_string(),
-        }
-    }
-}
-
-/// The summary's path, named like the robot's folder, whose name is encoded.
-fn place(lake: &Lake, folder: &Path) -> PathBuf {
-    let mut name = folder.file_name().unwrap_or(OsStr::new("robot")).to_owned();
-    name.push(".jsonl");
-    lake.root().named().join(".history").join(name)
 }

@@ -1,0 +1,266 @@
+//! The compact form of a lake: rows of many runs of a month in one file, beside the tables and no part of them.
+//!
+//! ```text
+//! compact/states/00000007.jsonl                 the files of a state, a line of JSON each
+//! compact/runs/2026-11/GENERATION.parquet       the rows of that month's runs
+//! compact/accuracy/2026-11/GENERATION.parquet   their rows of accuracy
+//! compact/keys/2026-11/GENERATION.txt.zst       the paths of their rows in runs, a line each
+//! ```
+//!
+//! A generation is named by the digest of its bytes, so the same rows are the same file, and no file ever gets other bytes. A state
+//! exists once its file does: of several processes that create one number exactly one succeeds. A reader takes the state with the
+//! highest number and the files that it names, and so sees each row once. What is here may be removed at any time, and is then made again.
+//!
+//! Files that the newest state does not name are kept for [`KEPT`] after the state that replaced them: a reader that began before has that
+//! long to end.
+
+use std::collections::BTreeSet;
+use std::io::{Read as _, Write as _};
+use std::time::{Duration, SystemTime};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::folder_error;
+use super::temporary::{Owner, Temporary};
+use super::{Lake, LakeError};
+use crate::io::schema;
+use crate::io::store::Listed;
+use crate::io::table::{self, Table};
+
+/// The folder of the compact form.
+pub const COMPACT: &str = "compact";
+/// The folder of its states.
+const STATES: &str = "compact/states";
+/// The name that stands for a table where a file lists the paths of rows.
+pub const KEYS: &str = "keys";
+/// How long a file stays after the state that no longer names it was made.
+const KEPT: Duration = Duration::from_hours(24);
+/// Digits of a generation's name.
+const DIGITS: usize = 32;
+/// Level of the compression of paths.
+const LEVEL: i32 = 3;
+
+/// A file of a state.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct CompactFile {
+    /// Name of the table, or [`KEYS`].
+    pub table: String,
+    /// The month of its runs, `2026-11`, or `undated`.
+    pub month: String,
+    /// Its path below the lake.
+    pub file: String,
+    /// Number of runs with rows in it.
+    pub runs: u64,
+    /// Number of its rows.
+    pub rows: u64,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// A state of the compact form.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CompactState {
+    /// Its number, from 1; 0 where there is none yet.
+    pub number: u64,
+    /// Its files, in their order.
+    pub files: Vec<CompactFile>,
+}
+
+impl CompactState {
+    /// The file of a table and month.
+    pub fn file(&self, table: &str, month: &str) -> Option<&CompactFile> {
+        let mut files = self.files.iter();
+        files.find(|own| own.table == table && own.month == month)
+    }
+}
+
+impl Lake {
+    /// The newest state of the compact form; one without files where its file is damaged.
+    pub fn compact_state(&self) -> Result<CompactState, LakeError> {
+        let states = self.store.list(STATES, 0..=0)?;
+        let Some((number, newest)) = states.iter().filter_map(numbered).max_by_key(|own| own.0)
+        else {
+            return Ok(CompactState::default());
+        };
+        let place = self.store.place(&newest.key).named();
+        let mut text = String::new();
+        let mut file = self.store.open_listed(newest)?;
+        file.read_to_string(&mut text)
+            .map_err(folder_error("read", &place))?;
+        let files: Result<_, _> = text.lines().map(serde_json::from_str).collect();
+        let files = files.unwrap_or_default();
+        Ok(CompactState { number, files })
+    }
+
+    /// Creates the state of these files after `before`; false where another process created one meanwhile.
+    pub fn create_compact_state(
+        &self,
+        before: &CompactState,
+        files: &[CompactFile],
+    ) -> Result<bool, LakeError> {
+        let key = format!("{STATES}/{:08}.jsonl", before.number + 1);
+        let line = |file| serde_json::to_string(file).expect("texts and numbers") + "\n";
+        let text: String = files.iter().map(line).collect();
+        let (temporary, _) = self.written(&key, text.as_bytes())?;
+        Ok(self.store.create(&key, temporary)?)
+    }
+
+    /// Writes the rows of a month's runs as a file of the compact form.
+    pub fn put_compact(
+        &self,
+        table: &Table,
+        month: &str,
+        runs: u64,
+    ) -> Result<CompactFile, LakeError> {
+        let name = &table.schema().table;
+        let folder = format!("{COMPACT}/{name}/{month}");
+        let (temporary, digest) = self.write(table, &format!("{folder}/new.parquet"))?;
+        let key = format!("{folder}/{}.parquet", &digest[..DIGITS]);
+        let rows = table.rows() as u64;
+        self.put_generation(key, temporary, (name, month), (runs, rows))
+    }
+
+    /// Writes the paths of the rows of a month's runs likewise.
+    pub fn put_compact_keys(
+        &self,
+        keys: &BTreeSet<String>,
+        month: &str,
+    ) -> Result<CompactFile, LakeError> {
+        let folder = format!("{COMPACT}/{KEYS}/{month}");
+        let text: String = keys.iter().map(|key| format!("{key}\n")).collect();
+        let place = self.written_at(&folder);
+        let packed = zstd::encode_all(text.as_bytes(), LEVEL);
+        let packed = packed.map_err(folder_error("write", &place))?;
+        let (temporary, digest) = self.written(&format!("{folder}/new.txt.zst"), &packed)?;
+        let key = format!("{folder}/{}.txt.zst", &digest[..DIGITS]);
+        let runs = keys.len() as u64;
+        self.put_generation(key, temporary, (KEYS, month), (runs, runs))
+    }
+
+    fn put_generation(
+        &self,
+        key: String,
+        temporary: Temporary,
+        (table, month): (&str, &str),
+        (runs, rows): (u64, u64),
+    ) -> Result<CompactFile, LakeError> {
+        let bytes = temporary
+            .bytes()
+            .map_err(folder_error("write", &self.written_at(&key)))?;
+        // Where it is there already it gets the same bytes, which its name is the digest of, and is new again.
+        self.store.put(&key, temporary)?;
+        Ok(CompactFile {
+            table: table.to_owned(),
+            month: month.to_owned(),
+            file: key,
+            runs,
+            rows,
+            bytes,
+        })
+    }
+
+    /// Reads the rows of a file of the compact form, checked by the digest of their content.
+    pub fn read_compact(&self, file: &CompactFile) -> Result<Table, LakeError> {
+        let schema = schema::find(&file.table)?;
+        let open = self.store.open(&file.file)?;
+        let place = self.store.place(&file.file).named();
+        Ok(table::read_open(open, &place, schema)?)
+    }
+
+    /// Reads the paths of the rows of runs in the compact form; `None` where they are damaged or gone.
+    pub fn read_compact_keys(&self, file: &CompactFile) -> Option<BTreeSet<String>> {
+        let mut packed = Vec::new();
+        let mut open = self.store.open(&file.file).ok()?;
+        open.read_to_end(&mut packed).ok()?;
+        let name = blake3::hash(&packed).to_hex();
+        if !file
+            .file
+            .ends_with(&format!("/{}.txt.zst", &name[..DIGITS]))
+        {
+            return None;
+        }
+        let text = String::from_utf8(zstd::decode_all(&packed[..]).ok()?).ok()?;
+        Some(text.lines().map(str::to_owned).collect())
+    }
+
+    /// Removes files that neither the newest state nor one that was replaced less than [`KEPT`] ago names; returns their number.
+    pub fn remove_replaced(&self) -> Result<usize, LakeError> {
+        let mut states: Vec<(u64, Listed)> = Vec::new();
+        let listed = self.store.list(COMPACT, 1..=2)?;
+        let found = listed.iter().filter_map(numbered);
+        states.extend(found.map(|(number, own)| (number, own.clone())));
+        states.sort_by_key(|own| own.0);
+        let Some(now) = states.last().and_then(|(_, newest)| newest.modified) else {
+            return Ok(0);
+        };
+        let is_old = |written: Option<SystemTime>| {
+            written.is_some_and(|own| own.checked_add(KEPT).is_some_and(|until| until < now))
+        };
+        // A state was replaced when the one after it was made.
+        let replaced = states
+            .windows(2)
+            .take_while(|own| is_old(own[1].1.modified));
+        let gone: Vec<&Listed> = replaced.map(|own| &own[0].1).collect();
+        let mut named = BTreeSet::new();
+        for (_, state) in &states[gone.len()..] {
+            named.extend(self.named_in(state)?);
+        }
+        let is_unnamed = |own: &&Listed| !is_state(&own.key) && !named.contains(&own.key);
+        let unnamed = listed.iter().filter(is_unnamed);
+        let unnamed: Vec<&Listed> = unnamed.filter(|own| is_old(own.modified)).collect();
+        for file in gone.iter().chain(&unnamed) {
+            self.store.remove(&file.key)?;
+        }
+        Ok(gone.len() + unnamed.len())
+    }
+
+    /// The paths that a state names.
+    fn named_in(&self, state: &Listed) -> Result<Vec<String>, LakeError> {
+        let mut text = String::new();
+        let place = self.store.place(&state.key).named();
+        let mut file = self.store.open_listed(state)?;
+        file.read_to_string(&mut text)
+            .map_err(folder_error("read", &place))?;
+        let files = text
+            .lines()
+            .filter_map(|line| serde_json::from_str(line).ok());
+        Ok(files.map(|own: CompactFile| own.file).collect())
+    }
+
+    /// Bytes under a temporary name, and their digest.
+    fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String), LakeError> {
+        let mut temporary = self.store.temporary(key)?;
+        let written = temporary.write_all(bytes);
+        let digest = written.and_then(|()| temporary.sync());
+        let digest = digest.map_err(folder_error("write", &self.written_at(key)))?;
+        Ok((temporary, digest))
+    }
+}
+
+/// The number of a state, from its path.
+fn numbered(listed: &Listed) -> Option<(u64, &Listed)> {
+    let name = listed.key.strip_prefix(STATES)?.strip_prefix('/')?;
+    let number = name.strip_suffix(".jsonl")?.parse().ok()?;
+    Some((number, listed))
+}
+
+fn is_state(key: &str) -> bool {
+    key.starts_with(STATES)
+}
+
+/// Whether a name of a file in a folder of the compact form, given by its parts, is one that this form has; `None` for a temporary.
+pub(super) fn is_own(folder: &[&str], name: &str) -> Option<bool> {
+    if Owner::of_temporary(name).is_some() {
+        return None;
+    }
+    let is_named = |ending: &str, is: fn(&u8) -> bool| {
+        let stem = name.strip_suffix(ending).unwrap_or_default();
+        !stem.is_empty() && stem.as_bytes().iter().all(is)
+    };
+    Some(match folder {
+        ["states"] => is_named(".jsonl", u8::is_ascii_digit),
+        [KEYS, _] => is_named(".txt.zst", u8::is_ascii_hexdigit),
+        [table, _] => schema::find(table).is_ok() && is_named(".parquet", u8::is_ascii_hexdigit),
+        _ => false,
+    })
+}

@@ -1,0 +1,90 @@
+//! Tables of many runs → one table, and the part of it that some runs have.
+
+use std::sync::Arc;
+
+use arrow::array::BooleanArray;
+use arrow::compute::{concat_batches, filter_record_batch};
+
+use super::{Table, TableError, check};
+use crate::io::schema::{KEY_COLUMNS, TableSchema};
+use crate::manifest::RunKey;
+
+/// The rows of tables of one schema as one table, in the order of robot, session and run, and within a run in its own.
+///
+/// # Errors
+/// When two tables have rows of one name.
+pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table, TableError> {
+    let arrow = |source| TableError::Arrow {
+        table: schema.table.clone(),
+        source,
+    };
+    let batches = tables.iter().map(Table::batch);
+    let batch = concat_batches(&Arc::new(schema.arrow()), batches).map_err(arrow)?;
+    let arrays = batch.columns().iter().cloned().map(Some).collect();
+    let (table, _) = check::table(schema, None, batch.num_rows(), arrays, None)?;
+    Ok(table)
+}
+
+impl Table {
+    /// The rows of the runs for which `is_kept` is true.
+    pub fn of_runs(&self, is_kept: impl Fn(&RunKey) -> bool) -> Result<Self, TableError> {
+        let kept: BooleanArray = self.keys().iter().map(|key| Some(is_kept(key))).collect();
+        let batch = filter_record_batch(&self.batch, &kept);
+        let batch = batch.map_err(|source| TableError::Arrow {
+            table: self.schema.table.clone(),
+            source,
+        })?;
+        Ok(Self {
+            batch,
+            ..self.clone()
+        })
+    }
+
+    /// Robot, session and run of each row of a published table.
+    pub fn keys(&self) -> Vec<RunKey> {
+        let [robots, sessions, runs] = KEY_COLUMNS.map(|name| self.text(name));
+        let key = |row| RunKey::new(robots.value(row), sessions.value(row), runs.value(row));
+        (0..self.rows()).map(key).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::schema;
+    use crate::io::table::{Columns, open, write};
+
+    /// A joint's curve of two angles.
+    fn curve(robot: &str, run: &str) -> Table {
+        let table = Columns::new(schema::find("joint_errors").unwrap(), 2)
+            .key(&RunKey::new(robot, "mon", run))
+            .same("joint", 1_u64)
+            .same("joint_name", "a1")
+            .same("joint_unit", "rad")
+            .column("angle_rad", [0.0, 0.5])
+            .same("error_rad", 1e-4)
+            .same("curve_rad", 1e-4)
+            .same("sd_rad", 1e-5)
+            .same("gear_lines_rad", 0.0)
+            .same("measured", true);
+        table.finish().unwrap()
+    }
+
+    #[test]
+    fn rows_of_several_runs_are_one_table_that_is_read_back() {
+        let schema = schema::find("joint_errors").unwrap();
+        let all = [curve("b", "00"), curve("a", "02"), curve("a", "01")];
+        let table = together(schema, &all).unwrap();
+        let runs: Vec<_> = table.keys().into_iter().map(|key| key.run).collect();
+        assert_eq!(runs, ["01", "01", "02", "02", "00", "00"]);
+        assert_eq!(table.key(), None);
+        let mut file = tempfile::tempfile().unwrap();
+        write(&table, &mut file).unwrap();
+        let opened = open(file, "here".as_ref(), schema).unwrap();
+        assert_eq!(opened.believed("here".as_ref()).unwrap(), table);
+        let own = table.of_runs(|key| key.run == "02").unwrap();
+        assert_eq!(own.rows(), 2);
+        // A run is there once.
+        assert!(together(schema, &[table, own]).is_err());
+    }
+}

@@ -1,0 +1,51 @@
+//! The page of a fleet: the newest session of each robot → one HTML file, as a robot's page is, with a link to each.
+//!
+//! Input is [`Content`]; output is the text of the page. It is a pure function: the same content gives the same bytes, on whichever day. What is
+//! "last night" and how long ago a session was follows from a date that the content states. Sections, the verdicts first:
+//!
+//! 1. bounds over tolerances; 2. the worst; 3. what moved; 4. robots that were not measured; 5. all robots by verdict.
+
+mod bounds;
+pub mod content;
+mod header;
+mod lists;
+#[cfg(test)]
+mod tests;
+
+use maud::{Markup, html};
+
+pub use content::{Content, Robot};
+
+use super::shell::{self, Maker, Shell};
+
+const SECTIONS: [Maker<Content>; 6] = [
+    ("worst", "The worst", lists::worst),
+    ("bounds", "Bounds over tolerances", bounds::section),
+    ("moved", "What moved", |c| Some(lists::moved(c))),
+    ("not-measured", "Not measured", |c| {
+        Some(lists::not_measured(c))
+    }),
+    ("robots", "All robots by verdict", |c| Some(lists::all(c))),
+    ("reading", "How to read this", |c| Some(reading(c))),
+];
+
+/// The page as HTML text.
+pub fn html(content: &Content) -> String {
+    shell::page(&Shell {
+        title: format!("Fleet · {} robots", content.robots.len()),
+        header: header::header(content),
+        sections: shell::sections(&SECTIONS, content),
+        footer: html! { "posegrid " (content.version) " · fleet of " (content.robots.len()) " robots" },
+    })
+}
+
+fn reading(content: &Content) -> Markup {
+    html! {
+        ul {
+            li { "Of each robot the newest session counts, by its current run; times are UTC. Last night are the 24 hours up to " (content.as_of_text()) "." }
+            li { "Verdict, bound and means are those of that run: the mean error before correction, and what is left of it at stations that took no part in the correction. The bound covers the share of positions that the pipeline file asks for; a robot is the worse, the larger its bound is over its own tolerance." }
+            li { "What moved is tested against all earlier sessions of the robot, with the covariances of both; what is out of control left the ordinary spread of the robot's own sessions. The robot's page has both over time." }
+            li { "Usually means the middle of the times between a robot's sessions." }
+        }
+    }
+}

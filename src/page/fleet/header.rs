@@ -1,0 +1,69 @@
+//! The head of the page: whether every robot meets its tolerance, and how many do not.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Newest};
+use crate::io::tables::words::TableVerdict;
+use crate::page::verdict::fact;
+use crate::page::words::whole;
+
+pub(super) fn header(content: &Content) -> Markup {
+    let (class, sign, headline) = status(content);
+    html! {
+        header {
+            p.which { "Fleet · " (content.robots.len()) " robots" }
+            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            p.lead { (as_of(content)) }
+            dl.facts { @for (name, count) in counts(content) { (fact(name, &html! { (whole(count as u64)) }, &html! {})) } }
+        }
+    }
+}
+
+fn as_of(content: &Content) -> Markup {
+    html! {
+        @match (content.as_of, content.is_stated) {
+            (None, _) => "No session has a date.",
+            (Some(time), false) => { "As of " strong { (time) } " UTC, the start of the newest session." },
+            (Some(time), true) => { "As of " strong { (time) } " UTC, as was stated." },
+        }
+    }
+}
+
+fn count(content: &Content, is: impl Fn(&Newest) -> bool) -> usize {
+    content.measured().filter(|(_, newest)| is(newest)).count()
+}
+
+fn counts(content: &Content) -> [(&'static str, usize); 6] {
+    let of = |verdict| count(content, |newest| newest.verdict == verdict);
+    let is_measured = |newest: &Newest| content.is_last_night(newest);
+    let changed = count(content, |newest| is_measured(newest) && newest.is_changed());
+    let measured = count(content, is_measured);
+    [
+        ("Met", of(TableVerdict::Met)),
+        ("Not met", of(TableVerdict::NotMet)),
+        ("Not shown", of(TableVerdict::NotShown)),
+        ("Measured last night", measured),
+        ("Changed last night", changed),
+        ("Not measured", content.robots.len() - measured),
+    ]
+}
+
+/// Class, sign and headline; the sign distinguishes the cases without colour too.
+fn status(content: &Content) -> (&'static str, &'static str, String) {
+    let all = content.robots.len();
+    let [met, not_met, ..] = counts(content).map(|(_, count)| count);
+    if not_met > 0 {
+        let robots = if not_met == 1 {
+            "robot does"
+        } else {
+            "robots do"
+        };
+        let headline = format!("{not_met} of {all} {robots} not meet the tolerance");
+        ("not-met", "✗", headline)
+    } else if met < all {
+        let headline = format!("{met} of {all} robots are shown to meet the tolerance");
+        ("not-shown", "?", headline)
+    } else {
+        ("met", "✓", format!("All {all} robots meet the tolerance"))
+    }
+}

@@ -1,0 +1,248 @@
+//! A month of the compact form: its earlier generation and its new runs → its files.
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+
+use super::{CompactError, Compacted, TABLES, UNDATED};
+use crate::io::lake::{CompactFile, CompactState, Lake, LakeError};
+use crate::io::schema::{self, TableSchema};
+use crate::io::store::Listed;
+use crate::io::table::{self, Row as _, Table, together};
+use crate::io::tables::runs::RunRow;
+use crate::manifest::{RunKey, Written};
+use crate::pipeline::history::session::as_written;
+use crate::pipeline::verify::Claim;
+use crate::progress::Progress;
+
+/// Number of runs whose tables are read before they become one.
+const AT_ONCE: usize = 256;
+
+/// A run that the compact form does not have yet.
+pub(super) struct NewRun {
+    /// The file of its row.
+    pub(super) file: Listed,
+    /// Its row, where it is held.
+    pub(super) row: Option<Table>,
+}
+
+/// The runs of a month.
+#[derive(Default)]
+pub(super) struct Month {
+    /// Paths of the rows that the earlier state has.
+    pub(super) keys: BTreeSet<String>,
+    /// Those of them that are no longer there.
+    gone: BTreeSet<String>,
+    /// New ones.
+    pub(super) new: Vec<NewRun>,
+}
+
+/// Tables of runs, in the order of [`TABLES`].
+type RunTables = [Vec<Table>; TABLES.len()];
+
+impl Month {
+    /// A month with these rows in the earlier state.
+    pub(super) fn of(keys: BTreeSet<String>) -> Self {
+        Self {
+            keys,
+            ..Self::default()
+        }
+    }
+
+    /// Finds the rows that are no longer there.
+    pub(super) fn find_gone(&mut self, there: &BTreeSet<&str>) {
+        let is_gone = |key: &&String| !there.contains(key.as_str());
+        self.gone = self.keys.iter().filter(is_gone).cloned().collect();
+    }
+
+    /// Whether it has the rows of the earlier state.
+    pub(super) fn is_unchanged(&self) -> bool {
+        self.new.is_empty() && self.gone.is_empty()
+    }
+
+    /// The files of the month, written anew; `None` where those of the earlier state are damaged.
+    pub(super) fn rewritten(
+        mut self,
+        lake: &Lake,
+        state: &CompactState,
+        month: &str,
+        done: &mut Compacted,
+        progress: &dyn Progress,
+    ) -> Result<Option<Vec<CompactFile>>, CompactError> {
+        let mut parts = match self.earlier(lake, state, month) {
+            Ok(parts) => parts,
+            Err(CompactError::Lake(LakeError::Store(error))) if !error.is_missing() => {
+                return Err(LakeError::from(error).into());
+            }
+            Err(error) => {
+                tracing::warn!("{error}; the compact form of {month} is made from its runs again");
+                return Ok(None);
+            }
+        };
+        done.gone += self.gone.len();
+        self.keys = &self.keys - &self.gone;
+        for mut some in in_parts(std::mem::take(&mut self.new)) {
+            let read: Vec<_> = some.par_iter_mut().map(|run| run.tables(lake)).collect();
+            self.take(lake, &some, read, &mut parts, done)?;
+            progress.advance(some.len() as u64);
+        }
+        done.runs += self.keys.len();
+        let written = self.written(lake, month, &parts)?;
+        if !written.is_empty() {
+            done.months.push(month.to_owned());
+        }
+        Ok(Some(written))
+    }
+
+    /// The rows of the earlier state, without those of runs that are gone.
+    fn earlier(
+        &self,
+        lake: &Lake,
+        state: &CompactState,
+        month: &str,
+    ) -> Result<RunTables, CompactError> {
+        let mut parts = RunTables::default();
+        if self.keys.is_empty() {
+            return Ok(parts);
+        }
+        let is_there = |key: &RunKey| {
+            let file = lake.file_key("runs", key);
+            file.is_ok_and(|file| !self.gone.contains(&file))
+        };
+        for (parts, name) in parts.iter_mut().zip(TABLES) {
+            if let Some(file) = state.file(name, month) {
+                let table = lake.read_compact(file)?;
+                parts.push(if self.gone.is_empty() {
+                    table
+                } else {
+                    table.of_runs(|key| is_there(key))?
+                });
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Takes the tables of new runs, together as one table each.
+    fn take(
+        &mut self,
+        lake: &Lake,
+        runs: &[NewRun],
+        read: Vec<Result<RunTables, String>>,
+        parts: &mut RunTables,
+        done: &mut Compacted,
+    ) -> Result<(), CompactError> {
+        let mut new = RunTables::default();
+        for (run, tables) in runs.iter().zip(read) {
+            match tables {
+                Err(reason) => done.leave_out(lake, &run.file, reason),
+                Ok(tables) => {
+                    done.added += 1;
+                    self.keys.insert(run.file.key.clone());
+                    new.iter_mut()
+                        .zip(tables)
+                        .for_each(|(new, own)| new.extend(own));
+                }
+            }
+        }
+        for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
+            if !new.is_empty() {
+                parts.push(together(schema(name), &new)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn written(
+        &self,
+        lake: &Lake,
+        month: &str,
+        parts: &RunTables,
+    ) -> Result<Vec<CompactFile>, CompactError> {
+        if self.keys.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut files = vec![lake.put_compact_keys(&self.keys, month)?];
+        for (parts, name) in parts.iter().zip(TABLES) {
+            if !parts.is_empty() {
+                let table = together(schema(name), parts)?;
+                files.push(lake.put_compact(&table, month, runs_in(&table))?);
+            }
+        }
+        Ok(files)
+    }
+}
+
+impl NewRun {
+    /// The run's rows of each table; or, as text, why they cannot be read.
+    fn tables(&mut self, lake: &Lake) -> Result<RunTables, String> {
+        let row = match self.row.take() {
+            Some(row) => row,
+            None => row(lake, &self.file)?,
+        };
+        let claim = Claim::of(&row)?;
+        let files = claim.files.iter().filter(|file| file.table == "accuracy");
+        let read = files.map(|file| {
+            let key = claim.key.of_session(&file.session);
+            as_written(lake, &key, &file.table, &file.digest)
+        });
+        let accuracy: Result<Vec<Table>, String> = read.collect();
+        match accuracy {
+            Ok(accuracy) => Ok([vec![row], accuracy]),
+            // Of a run that another replaced only the row may have been kept.
+            Err(_) if is_removed(lake, &claim) => Ok([vec![row], Vec::new()]),
+            Err(reason) => Err(reason),
+        }
+    }
+}
+
+/// Whether none of the files that a run wrote is there.
+fn is_removed(lake: &Lake, claim: &Claim) -> bool {
+    let is_gone = |file: &Written| {
+        let key = claim.key.of_session(&file.session);
+        lake.has(&file.table, &key).is_ok_and(|is_there| !is_there)
+    };
+    claim.files.iter().all(is_gone)
+}
+
+/// The row of a run, which has to be at the place that it names.
+pub(super) fn row(lake: &Lake, file: &Listed) -> Result<Table, String> {
+    let place = lake.place_of(&file.key);
+    let open = lake.open_listed(file).map_err(|error| error.to_string())?;
+    let row = table::read_open(open, &place.named(), RunRow::schema());
+    let row = row.map_err(|error| error.to_string())?;
+    let own = row.key().and_then(|key| lake.file_key("runs", key).ok());
+    if own.as_ref() == Some(&file.key) && row.rows() == 1 {
+        return Ok(row);
+    }
+    Err(format!("{place}: its content is that of another run"))
+}
+
+/// The month of a run's session, or [`UNDATED`].
+pub(super) fn of(row: &Table) -> String {
+    let started = RunRow::read(row)
+        .into_iter()
+        .find_map(|row| row.session_started);
+    // Its text begins with year and month: 2020-11-09 12:34:56.
+    started.map_or_else(
+        || UNDATED.to_owned(),
+        |time| time.to_string().chars().take(7).collect(),
+    )
+}
+
+fn in_parts(mut runs: Vec<NewRun>) -> impl Iterator<Item = Vec<NewRun>> {
+    std::iter::from_fn(move || {
+        let some = runs.len().min(AT_ONCE);
+        (some > 0).then(|| runs.drain(..some).collect())
+    })
+}
+
+/// Number of runs with rows in a table whose rows are in the order of runs.
+fn runs_in(table: &Table) -> u64 {
+    let mut keys = table.keys();
+    keys.dedup();
+    keys.len() as u64
+}
+
+fn schema(name: &str) -> &'static TableSchema {
+    schema::find(name).expect("a published table")
+}
