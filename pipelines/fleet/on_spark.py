@@ -11,6 +11,7 @@ worth starting again. Rows are printed when all tasks have ended.
 """
 
 import json
+import os
 import sys
 
 import tasks
@@ -22,6 +23,9 @@ def session(scheduler):
 
     if scheduler and scheduler.startswith("sc://"):
         return SparkSession.builder.remote(scheduler).getOrCreate()
+    if not scheduler:
+        # Workers on this machine are by this Python, whatever `python3` is.
+        os.environ.setdefault("PYSPARK_PYTHON", sys.executable)
     # A lost worker's tasks are started again as often as a fault's are.
     master = scheduler or f"local[2, {tasks.ATTEMPTS}]"
     builder = SparkSession.builder.master(master).config("spark.task.maxFailures", tasks.ATTEMPTS)

@@ -10,9 +10,13 @@ mod bytes;
 mod cell;
 mod faults;
 mod interrupted;
+mod memory;
 mod names;
+#[path = "../run/pretended.rs"]
+mod pretended;
 mod refused;
 mod secrets;
 mod server;
+mod slow;
 mod stub;
 mod way;
