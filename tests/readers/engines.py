@@ -119,6 +119,8 @@ class Script:
             assert len(set(names)) == len(names), f"told twice: {names}"
             if code in (0, 1) and told:
                 return code, told
+            ways = collections.Counter(row["ended"] for row in told)
+            print(f"the script ended with {code}, having told {dict(ways)}; {told[-1:]}", file=sys.stderr, flush=True)
 
 
 def disturbed(cluster, lake, scripts, sessions):
@@ -189,8 +191,10 @@ def told_once(rows, sessions, is_hard):
     assert is_hard or all(len(own) == 1 for own in ways.values()), ways
     twice = {name: own for name, own in ways.items() if own.count("done") > 1}
     assert not twice, f"committed twice: {twice}"
-    without = [name for name, own in ways.items() if not {"done", "done-before"} & set(own)]
-    assert len(without) == 1 and "failed" in ways[without[0]], f"the damaged session alone has no result: {without}"
+    failed = [name for name, own in ways.items() if "failed" in own]
+    assert len(failed) == 1, f"the damaged session alone has no result: {failed}"
+    # A task that ended with its scheduler may have had its result: then the lake knew it when the script was started again.
+    assert is_hard or not any("fault" in own for own in ways.values()), ways
     return collections.Counter(way for own in ways.values() for way in own)
 
 
@@ -204,7 +208,9 @@ def is_the_batchs(posegrid, pipeline, lake, batch_files):
     assert batch_files.keys() == engine_files.keys(), batch_files.keys() ^ engine_files.keys()
     other = [name for name in batch_files if batch_files[name] != engine_files[name]]
     assert not other, other
-    verify = [posegrid, "verify", lake.place, "--pipeline", pipeline]
+    # Of many sessions some are recomputed, by their names.
+    names = sorted({name.split("/")[2] for name in batch_files if name.startswith("runs/")})
+    verify = [posegrid, "verify", lake.place, *names[:12], "--pipeline", pipeline]
     verified = subprocess.run(verify, capture_output=True, encoding="utf-8", check=False)
     assert verified.returncode == 0, verified.stdout + verified.stderr
     return len(engine_files)
