@@ -4,7 +4,8 @@
     python pipelines/fleet/on_dask.py fleet.toml --scheduler tcp://head:8786
 
 Needs `distributed` from PyPI, and `posegrid` on every worker; pipeline file, sessions and lake are reached by the same paths or
-addresses there. A task that a fault or a lost worker ended is done again; sessions without a result are rows, and make exit code 1.
+addresses there. A task that a fault or a lost worker ended is done again; sessions without a result are rows, and make exit code 1,
+or 75 where it is worth starting again.
 """
 
 import sys
@@ -19,7 +20,10 @@ def main():
     import dask
     from distributed import Client, LocalCluster, as_completed
 
-    # Workers have the program, not this folder.
+    def work(command, line):
+        """As `tasks.work`; a function of this script travels to scheduler and workers with what it uses, for they have not this folder."""
+        return tasks.work(command, line)
+
     cloudpickle.register_pickle_by_value(tasks)
     lines = tasks.listed(given)
     dask.config.set({"distributed.scheduler.allowed-failures": tasks.ATTEMPTS})
@@ -27,12 +31,14 @@ def main():
     with Client(cluster) as client:
         command = tasks.command(given, "task")
         # Not pure: a task that was done in an earlier batch is another call of the same words.
-        futures = {client.submit(tasks.work, command, line, retries=tasks.ATTEMPTS, pure=False): line for line in lines}
+        futures = {client.submit(work, command, line, retries=tasks.ATTEMPTS, pure=False): line for line in lines}
 
         def row(future):
             if future.status == "finished":
                 return future.result()
-            return tasks.unfinished(futures[future], "fault", str(future.exception()))
+            # Cancelled with its scheduler, or failed for good.
+            reason = "the scheduler was lost" if future.cancelled() else str(future.exception())
+            return tasks.unfinished(futures[future], "fault", reason)
 
         code = tasks.tell(row(future) for future in as_completed(futures))
     if not given.scheduler:

@@ -4,7 +4,8 @@
     python pipelines/fleet/on_ray.py fleet.toml --scheduler ray://head:10001
 
 Needs `ray[default]` from PyPI, and `posegrid` on every worker; pipeline file, sessions and lake are reached by the same paths or
-addresses there. A task that a fault or a lost worker ended is done again; sessions without a result are rows, and make exit code 1.
+addresses there. A task that a fault or a lost worker ended is done again; sessions without a result are rows, and make exit code 1,
+or 75 where it is worth starting again.
 """
 
 import sys

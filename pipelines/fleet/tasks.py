@@ -4,10 +4,13 @@ import argparse
 import json
 import subprocess
 import sys
+import time
 
 # Exit code of a task that the machine or the storage ended, which is worth another attempt.
 FAULT = 75
+# Attempts after the first, and the pause before each where the machine or the storage failed: storage may be away for a minute.
 ATTEMPTS = 6
+PAUSE_S = 15
 
 
 class Fault(Exception):
@@ -46,9 +49,21 @@ def work(command_line, line):
     if ended.returncode in (0, 1):
         return json.loads(ended.stdout)
     message = ended.stderr.strip().split("\n")[-1] or f"ended with {ended.returncode}"
+    if ended.returncode == FAULT:
+        time.sleep(PAUSE_S)
     if ended.returncode == FAULT or ended.returncode < 0:
         raise Fault(message)
     return unfinished(line, "failed", message)
+
+
+def insisted(command_line, line):
+    """Does one task, again after a fault; for engines that end all work where one task fails too often."""
+    for _ in range(ATTEMPTS):
+        try:
+            return work(command_line, line)
+        except Fault as fault:
+            last = str(fault)
+    return unfinished(line, "fault", last)
 
 
 def unfinished(line, ended, reason):
@@ -59,9 +74,9 @@ def unfinished(line, ended, reason):
 
 
 def tell(rows, out=sys.stdout):
-    """Prints rows to `out` as they come; returns the exit code: 1 where a task has no result."""
-    failed = False
+    """Prints rows to `out` as they come; returns the exit code: 75 where a fault ended a task for good, 1 where one has no result."""
+    ways = set()
     for row in rows:
-        failed |= row["ended"] in ("failed", "fault")
+        ways.add(row["ended"])
         print(json.dumps(row, sort_keys=True), file=out, flush=True)
-    return 1 if failed else 0
+    return FAULT if "fault" in ways else int("failed" in ways)

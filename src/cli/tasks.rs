@@ -12,7 +12,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, LakeError};
 use crate::pipeline::configuration::{ConfigurationError, Overrides, Why};
 use crate::pipeline::fleet::Fleet;
 use crate::pipeline::run::Known;
@@ -32,7 +32,7 @@ A line of JSON for each task: its id, robot and session, the sessions that it le
 and the time and memory that it may take. The id follows from names, sizes and tags or times of the files, from the settings and from
 this version: no log is opened. Work that is known as done is not listed; sessions that wait or cannot be used are told on stderr.
 
-Exit codes: 0 listed; 1 the sessions or the lake cannot be read; 2 bad usage or bad pipeline file.")]
+Exit codes: 0 listed; 2 bad usage or bad pipeline file; 75 the sessions or the lake cannot be read now: list again.")]
 pub struct TasksArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
@@ -79,11 +79,10 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     };
     let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
         Ok(fleet) => fleet,
-        Err(error) => return unusable(&error, NO_RESULT),
+        Err(error) => return unusable(&error),
     };
-    let known = match known(&fleet) {
-        Ok(known) => known,
-        Err(code) => return code,
+    let Some(known) = known(&fleet, Known::read) else {
+        return FAULT;
     };
     for aside in &fleet.set_aside {
         let how = match aside.why {
@@ -94,8 +93,17 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
         tracing::warn!("{how} {}: {}", Printable(&aside.session), Printable(reason));
     }
     let (open, unsettled) = tasks::open(&fleet, &known);
+    if let Err(error) = known.keep_gathered() {
+        tracing::warn!(
+            "what single tasks did cannot be gathered in the index of finished work, and is read again next time: {}",
+            Printable(&error.to_string())
+        );
+    }
     for label in unsettled {
-        tracing::warn!("waits {}: its files changed just now", Printable(&label));
+        tracing::warn!(
+            "waits {}: its files changed just now, or later than this machine's clock says that it is",
+            Printable(&label)
+        );
     }
     let line = |task: &Task| serde_json::to_string(task).map(|line| line + "\n");
     match open.iter().map(line).collect::<Result<String, _>>() {
@@ -126,9 +134,9 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
     let robots: Vec<String> = robot.into_iter().collect();
     let fleet = match Fleet::load(&args.pipeline, &robots, &overrides) {
         Ok(fleet) => fleet,
-        Err(error) => return unusable(&error, FAULT),
+        Err(error) => return unusable(&error),
     };
-    let Ok(known) = known(&fleet) else {
+    let Some(known) = known(&fleet, |lake| Ok(Known::one_by_one(lake))) else {
         return FAULT;
     };
     let ended = tasks::work(&fleet, &known, &id, &bars.of("task"));
@@ -174,19 +182,19 @@ fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
     Ok((task.id, task.robot))
 }
 
-fn known(fleet: &Fleet) -> Result<Known, u8> {
-    let lake = Lake::at(&fleet.lake);
-    lake.and_then(Known::read).map_err(|error| {
-        tracing::error!("{}", Printable(&error.to_string()));
-        NO_RESULT
-    })
+/// What is known of the fleet's lake; `None` where it cannot be read, which is reported.
+fn known(fleet: &Fleet, read: impl Fn(Lake) -> Result<Known, LakeError>) -> Option<Known> {
+    let known = Lake::at(&fleet.lake).and_then(read);
+    known
+        .map_err(|error| tracing::error!("{}", Printable(&error.to_string())))
+        .ok()
 }
 
-/// The exit code of a pipeline file that makes no fleet, `later` where the same may work later.
-fn unusable(error: &ConfigurationError, later: u8) -> u8 {
+/// The exit code of a pipeline file that makes no fleet.
+fn unusable(error: &ConfigurationError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
     if error.is_worth_a_retry() {
-        later
+        FAULT
     } else {
         BAD_USAGE
     }

@@ -82,8 +82,11 @@ pub enum How {
 /// in the last moments.
 pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
     let (mut tasks, mut unsettled) = (Vec::new(), Vec::new());
-    for own in fleet.pieces() {
-        match known.state(own.configuration, own.piece) {
+    let state = |own: FleetPiece<'_>| known.state(own.configuration, own.piece);
+    let states: Vec<Option<String>> = fleet.pieces().into_iter().map(state).collect();
+    known.gather(states.iter().flatten().cloned());
+    for (own, state) in fleet.pieces().into_iter().zip(states) {
+        match state {
             None => unsettled.push(own.label()),
             Some(state) if known.told(&state).is_none() => tasks.push(task(own, state)),
             Some(_) => {}
@@ -134,7 +137,7 @@ fn size(tree: &Tree, session: &SessionFiles) -> u64 {
 /// Does the task of that id among the pieces of a fleet, unless it is known as done.
 pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> Ended {
     let is_it = |own: &FleetPiece<'_>| {
-        let state = known.state(own.configuration, own.piece);
+        let state = known.state_now(own.configuration, own.piece);
         state.as_deref() == Some(id)
     };
     let Some(own) = fleet.pieces().into_iter().find(is_it) else {

@@ -5,15 +5,15 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use posegrid::grid::Verdict;
 use posegrid::io::lake::Lake;
 use posegrid::io::store::Place;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::configuration::Overrides;
 use posegrid::pipeline::fleet::Fleet;
-use posegrid::pipeline::run::{Done, Known};
+use posegrid::pipeline::run::Known;
 
 use super::cell::Cell;
+use super::pretended;
 
 /// Files that one file of a file system may be linked to, at least.
 const LINKS: usize = 30_000;
@@ -54,28 +54,13 @@ fn pretend(cell: &Cell) {
     let lake = Lake::at(&Place::of(cell.path("lake"))).expect("a folder");
     let known = Known::read(lake.clone()).expect("no index yet");
     for own in fleet.pieces() {
-        let robot = own.configuration.robot.clone().expect("named");
-        let key = RunKey::new(&robot, &own.piece.session, "0a");
+        let done = pretended::done(own, &lake);
+        let key = RunKey::new(&done.robot, &done.session, &done.run);
         let row = cell
             .path("lake")
             .join(lake.file_key("runs", &key).expect("a name"));
         fs::create_dir_all(row.parent().expect("a folder")).expect("writable");
         fs::write(row, "no table").expect("writable");
-        let done = Done {
-            robot,
-            session: key.session.clone(),
-            run: key.run.clone(),
-            already_there: false,
-            verdict: Verdict::Meets,
-            reason: None,
-            verdict_of: None,
-            rejected: Vec::new(),
-            summary: None,
-            words: Vec::new(),
-            corrects: None,
-            tables: lake.root(),
-            page: None,
-        };
         let state = known.state(own.configuration, own.piece);
         known.keep(state.as_deref(), (own.configuration, own.piece), &done);
     }

@@ -26,6 +26,7 @@ mod nightly;
 mod one_verdict;
 mod page;
 mod planned;
+mod pretended;
 mod robot;
 mod same_work;
 mod set_up;

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
+use std::time::Duration;
 
 use crate::cell::{Cell, Ended, files, in_time};
 use crate::server::Remote;
@@ -67,6 +68,8 @@ fn over(way: &Way, mut command: Command) -> Ended {
     command
         .env("AWS_ENDPOINT_URL", &way.url)
         .env("AWS_TIMEOUT", PATIENT)
+        // What goes wrong to the end need not be waited for.
+        .env("AWS_MAX_ATTEMPTS", "4")
         .env("RAYON_NUM_THREADS", "1")
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
@@ -201,6 +204,60 @@ fn an_upload_in_parts_of_which_any_answer_is_lost_is_there_once() {
     );
     for number in numbers {
         run(number, 1);
+    }
+}
+
+/// A run of storage that has no time for anybody from one request on, for so long, with all its patience.
+fn waits(number: usize, length: Duration) {
+    let remote = remote().expect("a server, as the caller has one");
+    let way = Way::out(&remote.server.url, number, length);
+    let mut command = remote.run_command();
+    command.env("AWS_ENDPOINT_URL", &way.url);
+    let ended = Ended::from(command.output().expect("started"));
+    ended.expect(UNDISTURBED, &["1 done, 0 done before"]);
+    remote.no_temporaries();
+    assert!(remote.lake() == small().lake);
+    println!("out from {:?}", way.asked()[number]);
+}
+
+#[test]
+fn an_outage_under_way_is_waited_for() {
+    if !is_there() {
+        return;
+    }
+    // Longer than storage that never answered is asked.
+    waits(puts(&requests(), "runs/")[0], Duration::from_secs(5));
+}
+
+#[test]
+fn an_outage_from_the_first_request_on_is_reported_and_nothing_is_lost() {
+    let Some(remote) = remote() else {
+        return;
+    };
+    let way = Way::out(&remote.server.url, 0, Duration::from_mins(1));
+    let pipeline = remote.cell.pipeline().display().to_string();
+    for (arguments, code) in [(["run", &pipeline], 1), (["tasks", &pipeline], 75)] {
+        let mut command = remote.command(&arguments);
+        command.env("AWS_ENDPOINT_URL", &way.url);
+        let ended = Ended::from(command.output().expect("started"));
+        ended.expect(code, &["503", "run again: nothing half done counts"]);
+    }
+    remote.run(&[]).expect(UNDISTURBED, &["1 done, 0 done before"]);
+    assert!(remote.lake() == small().lake);
+}
+
+#[test]
+#[ignore = "five minutes; see src/guide/proofs.md"]
+fn a_minute_without_an_answer_is_waited_for() {
+    if !is_there() {
+        return;
+    }
+    let requests = requests();
+    let put = puts(&requests, "");
+    let read = requests.iter().position(|line| line.contains(".mcap"));
+    let read = read.expect("logs are fetched");
+    for number in [read, put[0], put[put.len() / 2], puts(&requests, "runs/")[0]] {
+        waits(number, Duration::from_mins(1));
     }
 }
 

@@ -11,9 +11,13 @@ mod cell;
 mod faults;
 mod history;
 mod interrupted;
+mod memory;
 mod names;
+#[path = "../run/pretended.rs"]
+mod pretended;
 mod refused;
 mod secrets;
 mod server;
+mod slow;
 mod stub;
 mod way;

@@ -116,3 +116,24 @@ fn storage_that_is_out_of_order_is_asked_four_times() {
     run_with(&remote, &changes).expect(1, &["503", "check the network"]);
     assert_eq!(busy.requests(), 4);
 }
+
+#[test]
+fn a_clock_that_is_off_is_reported_as_such() {
+    let Some(remote) = Remote::new(&[]) else {
+        return;
+    };
+    // The answer of S3 to a request that states a time an hour off.
+    let skewed = Stub::answering(Some(
+        "HTTP/1.1 403 Forbidden\r\nConnection: close\r\n\r\n\
+         <Error><Code>RequestTimeTooSkewed</Code><Message>The difference between the request time and the current time is too large.\
+         </Message></Error>",
+    ));
+    let changes = [("AWS_ENDPOINT_URL", Some(skewed.url.as_str()))];
+    run_with(&remote, &changes).expect(
+        1,
+        &["RequestTimeTooSkewed", "set this machine's clock", "run again"],
+    );
+    let mut tasks = remote.command(&["tasks", &remote.cell.pipeline().display().to_string()]);
+    tasks.env("AWS_ENDPOINT_URL", &skewed.url);
+    Ended::from(tasks.output().expect("started")).expect(75, &["set this machine's clock"]);
+}

@@ -2,9 +2,9 @@
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::{self, sleep};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What may happen to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,20 +37,39 @@ pub struct Way {
 impl Way {
     /// A way to the server at an address, on which requests go wrong from one number on, counted from 0, so many in a row.
     pub fn to(server: &str, fault: Fault, from: usize, count: usize) -> Self {
+        let gone_wrong = from..from + count;
+        Self::with(server, move |number| {
+            gone_wrong.contains(&number).then_some(fault)
+        })
+    }
+
+    /// A way to a server that has no time for anybody from the request with this number on, for so long.
+    pub fn out(server: &str, from: usize, length: Duration) -> Self {
+        let begun = OnceLock::new();
+        Self::with(server, move |number| {
+            let is_out =
+                number >= from && begun.get_or_init(Instant::now).elapsed() < length;
+            is_out.then_some(Fault::Refused("503 Slow Down"))
+        })
+    }
+
+    fn with(
+        server: &str,
+        fault: impl Fn(usize) -> Option<Fault> + Send + Sync + 'static,
+    ) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let url = format!("http://{}", listener.local_addr().expect("bound"));
         let server = server.trim_start_matches("http://").to_owned();
         let asked = Arc::new(Mutex::new(Vec::new()));
         let remembered = Arc::clone(&asked);
+        let fault = Arc::new(fault);
         thread::spawn(move || {
             for stream in listener.incoming().flatten() {
                 let (server, asked) = (server.clone(), Arc::clone(&remembered));
-                let gone_wrong = from..from + count;
+                let fault = Arc::clone(&fault);
                 thread::spawn(move || {
                     // What went wrong on the way is the client's to tell.
-                    let _ = passed(stream, &server, &asked, |number| {
-                        gone_wrong.contains(&number).then_some(fault)
-                    });
+                    let _ = passed(stream, &server, &asked, &*fault);
                 });
             }
         });

@@ -99,6 +99,10 @@ pub fn all(
     bars: &Bars,
     stop: &Stop,
 ) -> (Vec<Ending>, Vec<SetAside>) {
+    if extent == Extent::Whole {
+        let state = |own: &FleetPiece<'_>| known.state(own.configuration, own.piece);
+        known.gather(pieces.iter().filter_map(state));
+    }
     let next = AtomicUsize::new(0);
     let batch = Batch {
         extent,

@@ -1,19 +1,23 @@
 //! The lake's index of finished work: what a batch told of each run, by the state of the files that it was made from.
 //!
-//! `.index/runs.jsonl`, and beside it a file for each task that was done alone, is no part of the tables: nothing published follows from it, and a lake without it is whole. It may be removed,
-//! and is then made again as sessions are digested once more.
+//! `.index/runs.jsonl`, and beside it a file for each task that was done alone, is no part of the tables: nothing published follows from
+//! it, and a lake without it is whole. It may be removed, and is then made again as sessions are digested once more.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
 use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
 use super::{Lake, LakeError, RUNS};
+use crate::io::store::{Listed, StoreError};
 
 /// The folder of the index, and its file.
 pub(super) const FOLDER: &str = ".index";
 const KEY: &str = ".index/runs.jsonl";
 /// The folder in it with a file for each task that was done alone.
 pub(super) const ALONE: &str = ".index/alone";
+/// Number of its files that are open at once.
+const OPEN_AT_ONCE: usize = 256;
 
 impl Lake {
     /// The text of the index; empty where there is none that can be read.
@@ -34,14 +38,29 @@ impl Lake {
         self.put_whole(KEY, text)
     }
 
-    /// The states that the files of single tasks are named after.
-    pub fn index_alone(&self) -> Result<BTreeSet<String>, LakeError> {
+    /// The files of single tasks, by the states that they are named after.
+    pub fn index_alone(&self) -> Result<BTreeMap<String, Listed>, LakeError> {
         let listed = self.store.list(ALONE, 0..=0)?.into_iter();
         let state = |key: &str| {
             let name = key.rsplit('/').next()?;
             Some(name.strip_suffix(".json")?.to_owned())
         };
-        Ok(listed.filter_map(|own| state(&own.key)).collect())
+        Ok(listed
+            .filter_map(|own| Some((state(&own.key)?, own)))
+            .collect())
+    }
+
+    /// The texts of these files of single tasks, several at a time; `None` of one that cannot be read.
+    pub fn told_alone_all(&self, files: &[Listed]) -> Vec<Option<String>> {
+        let text = |file: Result<File, StoreError>| {
+            let mut text = String::new();
+            file.ok()?.read_to_string(&mut text).ok()?;
+            Some(text)
+        };
+        let opened = files
+            .chunks(OPEN_AT_ONCE)
+            .flat_map(|files| self.store.open_all(files));
+        opened.map(text).collect()
     }
 
     /// The file of a single task; `None` where it cannot be read.

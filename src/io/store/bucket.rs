@@ -7,10 +7,11 @@
 //!    attempt in its metadata: without that it would not be known whether a put whose answer was lost was granted.
 //! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
 //!
-//! Calls wait: one worker of a runtime that all buckets of the process share does the asynchronous work. Requests are
-//! retried [`RETRIES`] times, for at most [`PATIENCE`] together with the last one's own time limit.
+//! Calls wait: one worker of a runtime that all buckets of the process share does the asynchronous work. A request that failed
+//! on the way, or that the storage could not serve, is retried (`patience`).
 
 mod environment;
+mod patience;
 mod trouble;
 
 use std::borrow::Cow;
@@ -20,10 +21,9 @@ use std::future::Future;
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 use futures_util::{StreamExt as _, TryStreamExt as _, future, stream};
-use object_store::aws::AmazonS3;
 use object_store::path::Path as Key;
 use object_store::{
     Attribute, Error, GetOptions, GetRange, MultipartUpload, ObjectMeta, ObjectStore as _,
@@ -34,6 +34,7 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::io::lake::temporary::{self, Temporary};
+use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
 
 /// Bytes of a part of an upload, and of a block of a download: S3 requires at least 5 MiB, and each has to be sent within a
@@ -45,10 +46,6 @@ const MOST_PARTS: u64 = 10_000;
 const PARTS_AT_ONCE: usize = 4;
 /// Number of files fetched at once.
 const FILES_AT_ONCE: usize = 16;
-/// Number of retries of a request that failed on the way, or that the storage could not serve.
-const RETRIES: usize = 3;
-/// Time after which no request is retried.
-const PATIENCE: Duration = Duration::from_mins(1);
 /// The metadata of a created object that names the attempt that created it.
 const ATTEMPT: Attribute = Attribute::Metadata(Cow::Borrowed("posegrid-attempt"));
 /// Prefix of the names of folders for local temporaries.
@@ -58,7 +55,7 @@ const SCRATCH: &str = "posegrid-upload";
 pub struct Bucket {
     place: Place,
     prefix: String,
-    client: AmazonS3,
+    clients: Clients,
     secrets: Secrets,
     runtime: &'static Runtime,
     scratch: OnceLock<TempDir>,
@@ -74,14 +71,14 @@ impl fmt::Debug for Bucket {
 impl Bucket {
     /// The prefix at an address, with credentials from the environment. No request is sent yet.
     pub(super) fn from_environment(place: &Place) -> Result<Self, StoreError> {
-        let (client, secrets) = environment::client(place)?;
+        let (clients, secrets) = environment::clients(place)?;
         let (_, prefix) = place.bucket().expect("an address, as a client was made");
         let system =
             StoreError::folder("start a runtime for", std::path::Path::new("AWS requests"));
         Ok(Self {
             place: place.clone(),
             prefix: prefix.to_owned(),
-            client,
+            clients,
             secrets,
             runtime: runtime().map_err(system)?,
             scratch: OnceLock::new(),
@@ -104,7 +101,7 @@ impl Bucket {
         key: &str,
         answer: impl Future<Output = Result<T, Error>>,
     ) -> Result<T, StoreError> {
-        let answer = self.runtime.block_on(answer);
+        let answer = noted(self.runtime.block_on(answer));
         answer.map_err(|error| self.failure(doing, key, &error))
     }
 
@@ -115,7 +112,7 @@ impl Bucket {
     /// Metadata of an object; `None` where there is none.
     fn head(&self, key: &str) -> Result<Option<Listed>, StoreError> {
         let object = self.object(key)?;
-        match self.runtime.block_on(self.client.head(&object)) {
+        match noted(self.runtime.block_on(self.clients.now().head(&object))) {
             Ok(found) => Ok(Some(Listed {
                 key: key.to_owned(),
                 tag: found.e_tag,
@@ -182,12 +179,12 @@ impl Bucket {
                 )),
                 ..GetOptions::default()
             };
-            async { self.client.get_opts(&object, options).await?.bytes().await }
+            async { self.clients.now().get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
         let mut fetched = 0;
         while let Some(block) = blocks.next().await {
-            let block = block.map_err(|error| self.failure("read", &listed.key, &error))?;
+            let block = noted(block).map_err(|error| self.failure("read", &listed.key, &error))?;
             file.write_all(&block).map_err(&local_error)?;
             fetched += block.len() as u64;
         }
@@ -216,10 +213,10 @@ impl Bucket {
             attributes: [(ATTEMPT, attempt.to_owned())].into_iter().collect(),
             ..PutOptions::default()
         };
-        let put = || self.client.put_opts(object, payload.clone(), options());
+        let put = || self.clients.now().put_opts(object, payload.clone(), options());
         let mut left = RETRIES;
         loop {
-            match self.runtime.block_on(put()) {
+            match noted(self.runtime.block_on(put())) {
                 Err(error) if left > 0 && trouble::is_answer_lost(&error) => left -= 1,
                 done => return done.map(drop),
             }
@@ -234,14 +231,14 @@ impl Bucket {
         };
         let found = self
             .runtime
-            .block_on(self.client.get_opts(object, options))?;
+            .block_on(self.clients.now().get_opts(object, options))?;
         let by = found.attributes.get(&ATTEMPT);
         Ok(by.map(|by| by.to_string()))
     }
 
     /// Uploads in parts, a few at once.
     async fn upload(&self, object: &Key, mut file: File, bytes: u64) -> Result<PutResult, Error> {
-        let mut upload = self.client.put_multipart(object).await?;
+        let mut upload = self.clients.now().put_multipart(object).await?;
         let parts = parts(&mut upload, &mut file, bytes).await;
         let done = match parts {
             Ok(()) => upload.complete().await,
@@ -262,7 +259,7 @@ impl Store for Bucket {
 
     fn check(&self) -> Result<(), StoreError> {
         let prefix = self.object("")?;
-        let listed = self.client.list_with_delimiter(Some(&prefix));
+        let listed = self.clients.now().list_with_delimiter(Some(&prefix));
         self.wait("list", "", listed).map(drop)
     }
 
@@ -295,7 +292,7 @@ impl Store for Bucket {
         let found: Vec<ObjectMeta> = self.wait(
             "list",
             folder,
-            self.client.list(Some(&prefix)).try_collect(),
+            self.clients.now().list(Some(&prefix)).try_collect(),
         )?;
         let listed = found
             .into_iter()
@@ -307,7 +304,7 @@ impl Store for Bucket {
 
     fn all(&self, folder: &str) -> Result<Vec<String>, StoreError> {
         let prefix = self.object(folder)?;
-        let found = self.client.list(Some(&prefix)).try_collect();
+        let found = self.clients.now().list(Some(&prefix)).try_collect();
         let found: Vec<ObjectMeta> = self.wait("list", folder, found)?;
         let keys = found.iter().filter_map(|found| self.key_of(found));
         let mut keys: Vec<String> = keys.map(str::to_owned).collect();
@@ -328,10 +325,10 @@ impl Store for Bucket {
         let (file, bytes) = opened(&written)?;
         if bytes <= PART_BYTES {
             let payload = payload(&written)?;
-            let put = self.wait("write", key, self.client.put(&object, payload))?;
+            let put = self.wait("write", key, self.clients.now().put(&object, payload))?;
             return Ok(put.e_tag);
         }
-        match self.runtime.block_on(self.upload(&object, file, bytes)) {
+        match noted(self.runtime.block_on(self.upload(&object, file, bytes))) {
             Ok(put) => Ok(put.e_tag),
             // The upload does not exist where it is complete and the answer was lost. The digest has to show whether the
             // object is the one that was written.

@@ -68,6 +68,8 @@ pub enum BucketTrouble {
     NoAnswer,
     /// It denies access.
     Refused,
+    /// It denies access as the time that this machine states is not its own.
+    Clock,
     /// There is no such bucket.
     NoBucket,
     /// There is no such object.
@@ -85,7 +87,10 @@ impl BucketTrouble {
                 "check the network and AWS_ENDPOINT_URL, and run again: nothing half done counts"
             }
             Self::Refused => {
-                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, and what that key may do there"
+                "check AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION, what that key may do there, and this machine's clock"
+            }
+            Self::Clock => {
+                "set this machine's clock, which storage allows to be off by some minutes, and run again: nothing half done counts"
             }
             Self::NoBucket => "make the bucket, or check its name and AWS_ENDPOINT_URL",
             Self::NoObject => "check the name",
@@ -116,11 +121,11 @@ impl StoreError {
 
     /// Whether the same request may succeed later: the request itself is valid.
     pub const fn is_worth_a_retry(&self) -> bool {
-        use BucketTrouble::{Changed, NoAnswer};
+        use BucketTrouble::{Changed, Clock, NoAnswer};
         matches!(
             self,
             Self::Bucket {
-                trouble: NoAnswer | Changed,
+                trouble: NoAnswer | Changed | Clock,
                 ..
             }
         )

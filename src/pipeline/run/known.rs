@@ -18,6 +18,7 @@ use super::Done;
 use crate::grid::Verdict;
 use crate::io::input::{self, Bound};
 use crate::io::lake::{Lake, LakeError};
+use crate::io::store::Listed;
 use crate::io::table::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
@@ -34,13 +35,22 @@ pub struct Known {
     lake: Lake,
     /// What was told, by the state that led to it.
     before: BTreeMap<String, Told>,
-    /// States of tasks that were done alone.
-    alone: BTreeSet<String>,
-    /// Keys of the rows of all runs.
-    runs: BTreeSet<String>,
+    /// What the lake holds; `None` where it is asked for each piece of work.
+    listed: Option<Held>,
+    /// What single tasks told, by the state that led to it, as far as it was gathered.
+    gathered: Mutex<BTreeMap<String, Told>>,
     /// Digest of each robot file, read once.
     robots: Mutex<BTreeMap<PathBuf, Option<String>>>,
     now: Mutex<BTreeMap<String, Told>>,
+}
+
+/// What a lake holds, as it was listed.
+#[derive(Debug, Default)]
+struct Held {
+    /// The files of tasks that were done alone, by their states.
+    alone: BTreeMap<String, Listed>,
+    /// Keys of the rows of all runs.
+    runs: BTreeSet<String>,
 }
 
 /// What a batch told of a run.
@@ -76,10 +86,18 @@ impl Known {
         };
         Ok(Self {
             before,
-            alone,
-            runs,
+            listed: Some(Held { alone, runs }),
             ..Self::nothing(lake)
         })
+    }
+
+    /// Asks a lake for one piece of work at a time: for a task, which is one of many. A task was listed as what the index does not
+    /// know, so that the index is not read.
+    pub fn one_by_one(lake: Lake) -> Self {
+        Self {
+            listed: None,
+            ..Self::nothing(lake)
+        }
     }
 
     /// Nothing is known of what a lake has.
@@ -87,15 +105,25 @@ impl Known {
         Self {
             lake,
             before: BTreeMap::new(),
-            alone: BTreeSet::new(),
-            runs: BTreeSet::new(),
+            listed: Some(Held::default()),
+            gathered: Mutex::default(),
             robots: Mutex::default(),
             now: Mutex::default(),
         }
     }
 
-    /// The state of a piece of work; `None` where a file of it has none.
+    /// The state of a piece of work; `None` where a file of it has none, as it changed in the last moments.
     pub fn state(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
+        let are_settled = piece.training.iter().chain(&piece.test);
+        let mut are_settled = are_settled.flat_map(files_of);
+        are_settled
+            .all(|path| is_settled(&configuration.tree, path))
+            .then(|| self.state_now(configuration, piece))?
+    }
+
+    /// The state of a piece of work as its files are now, to be held against an earlier one: what had a state when it was listed
+    /// has the same one for as long as it does not change, whatever the clock of the machine that looks.
+    pub fn state_now(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
         let mut hasher = blake3::Hasher::new();
         let mut add = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
@@ -124,20 +152,69 @@ impl Known {
             Some(told) => told.clone(),
             None => self.told_alone(state)?,
         };
-        let key = RunKey::new(&told.robot, &told.session, &told.run);
-        let row = self.lake.file_key("runs", &key).ok()?;
-        if !self.runs.contains(&row) {
+        if !self.is_there(&told) {
             return None;
         }
+        let key = RunKey::new(&told.robot, &told.session, &told.run);
         let done = told.done(&self.lake, &key)?;
         self.add(state, told);
         Some(done)
     }
 
+    /// Reads what single tasks told of these states, several files at once; what the index has is not read.
+    pub fn gather(&self, states: impl IntoIterator<Item = String>) {
+        let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else {
+            return;
+        };
+        let unread = states.into_iter();
+        let unread = unread.filter(|state| !self.before.contains_key(state));
+        let (states, files): (Vec<String>, Vec<Listed>) = unread
+            .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
+            .map(|(listed, state)| (state, listed))
+            .unzip();
+        let texts = self.lake.told_alone_all(&files);
+        let told = states.into_iter().zip(texts).filter_map(|(state, text)| {
+            let told = serde_json::from_str(&text?).ok()?;
+            Some((state, told))
+        });
+        let mut gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
+        gathered.extend(told);
+    }
+
+    /// Adds what was gathered to the index as it is now, so that those files are not read again. There is no lock: of a batch that
+    /// ends in the same moment lines may be lost, whose sessions the next batch digests.
+    pub fn keep_gathered(&self) -> Result<(), LakeError> {
+        let gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
+        if gathered.is_empty() {
+            return Ok(());
+        }
+        let mut all = parsed(&self.lake.index()).unwrap_or_default();
+        all.extend(gathered.clone());
+        self.lake.put_index(&text(all))
+    }
+
     fn told_alone(&self, state: &str) -> Option<Told> {
-        let is_there = self.alone.contains(state);
-        let text = is_there.then(|| self.lake.told_alone(state))??;
+        let gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(told) = gathered.get(state) {
+            return Some(told.clone());
+        }
+        drop(gathered);
+        let listed = self.listed.as_ref();
+        let may_be_there = listed.is_none_or(|held| held.alone.contains_key(state));
+        let text = may_be_there.then(|| self.lake.told_alone(state))??;
         serde_json::from_str(&text).ok()
+    }
+
+    /// Whether the run that was told has a row.
+    fn is_there(&self, told: &Told) -> bool {
+        let key = RunKey::new(&told.robot, &told.session, &told.run);
+        match &self.listed {
+            None => self.lake.exists(&key).unwrap_or(false),
+            Some(held) => {
+                let row = self.lake.file_key("runs", &key);
+                row.is_ok_and(|row| held.runs.contains(&row))
+            }
+        }
     }
 
     /// Keeps what is told of a task that was done alone, likewise: in a file of its own, as there may be others at once.
@@ -147,7 +224,7 @@ impl Known {
         (configuration, piece): (&Configuration, &WorkPiece),
         done: &Done,
     ) -> Result<(), LakeError> {
-        if self.state(configuration, piece).as_deref() != Some(state) {
+        if self.state_now(configuration, piece).as_deref() != Some(state) {
             return Ok(());
         }
         match serde_json::to_string(&Told::of(done)) {
@@ -182,13 +259,8 @@ impl Known {
         let run = |told: &Told| (told.robot.clone(), told.session.clone(), told.run.clone());
         let told: BTreeSet<_> = now.values().map(run).collect();
         let mut all = now.clone();
-        let is_there = |told: &Told| {
-            let key = RunKey::new(&told.robot, &told.session, &told.run);
-            let row = self.lake.file_key("runs", &key);
-            row.is_ok_and(|row| self.runs.contains(&row))
-        };
         let before = self.before.iter();
-        let others = before.filter(|(_, own)| !told.contains(&run(own)) && is_there(own));
+        let others = before.filter(|(_, own)| !told.contains(&run(own)) && self.is_there(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
         if all == self.before {
             return Ok(());
@@ -277,6 +349,16 @@ fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
     Some(texts)
 }
 
+/// The files that a session's state follows from.
+fn files_of(session: &SessionFiles) -> impl Iterator<Item = &PathBuf> {
+    let recorded = match &session.recorded {
+        Recorded::Logs(logs) => logs.controller.iter().chain(&logs.tracker).collect(),
+        Recorded::Table(table) => vec![&table.path],
+        Recorded::Joined(_) => Vec::new(),
+    };
+    recorded.into_iter().chain(&session.corrected)
+}
+
 /// What changes with a file: its size, and its tag or times.
 fn of_file(tree: &Tree, path: &Path) -> Option<String> {
     match tree {
@@ -286,23 +368,33 @@ fn of_file(tree: &Tree, path: &Path) -> Option<String> {
         }
         Tree::Folder => {
             let metadata = path.metadata().ok()?;
-            let is_settled = |changed: SystemTime| {
-                let age = SystemTime::now().duration_since(changed);
-                age.is_ok_and(|age| age >= SETTLED)
-            };
             let modified = metadata.modified().ok()?;
             let (inode, changed) = inode_and_change(&metadata);
-            let settled = is_settled(modified) && changed.is_none_or(is_settled);
             let since = |time: SystemTime| time.duration_since(SystemTime::UNIX_EPOCH).ok();
-            settled.then(|| {
-                format!(
-                    "{} {:?} {:?} {inode}",
-                    metadata.len(),
-                    since(modified),
-                    changed.and_then(since)
-                )
-            })
+            Some(format!(
+                "{} {:?} {:?} {inode}",
+                metadata.len(),
+                since(modified),
+                changed.and_then(since)
+            ))
         }
+    }
+}
+
+/// Whether a file changed long enough ago for another change to have another time. Programs set the time of modification as they
+/// like, a copy from a machine with another clock for one: where the system has a time that they cannot set, that alone counts.
+fn is_settled(tree: &Tree, path: &Path) -> bool {
+    let changed = || {
+        let metadata = path.metadata().ok()?;
+        inode_and_change(&metadata).1.or(metadata.modified().ok())
+    };
+    let settled = |changed: SystemTime| {
+        let age = SystemTime::now().duration_since(changed);
+        age.is_ok_and(|age| age >= SETTLED)
+    };
+    match tree {
+        Tree::Listed { .. } => true,
+        Tree::Folder => changed().is_some_and(settled),
     }
 }
 
@@ -382,12 +474,14 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_file_has_a_state_once_it_has_settled_and_another_one_after_a_change() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.mcap");
         std::fs::write(&path, "one").expect("writable");
-        assert_eq!(of_file(&Tree::Folder, &path), None, "it changed just now");
+        assert!(!is_settled(&Tree::Folder, &path), "it changed just now");
         std::thread::sleep(SETTLED + Duration::from_millis(50));
+        assert!(is_settled(&Tree::Folder, &path));
         let first = of_file(&Tree::Folder, &path);
         assert!(first.is_some());
         assert_eq!(of_file(&Tree::Folder, &path), first);
@@ -397,11 +491,17 @@ mod tests {
         let file = file.expect("there");
         file.set_modified(modified.expect("known"))
             .expect("writable");
+        assert!(!is_settled(&Tree::Folder, &path), "it changed just now");
         std::thread::sleep(SETTLED + Duration::from_millis(50));
         assert_ne!(
             of_file(&Tree::Folder, &path),
             first,
             "of another content, with the size and time of the first"
         );
+        // Copied from a machine whose clock is an hour ahead, with its times.
+        let ahead = SystemTime::now() + Duration::from_secs(3600);
+        file.set_modified(ahead).expect("writable");
+        std::thread::sleep(SETTLED + Duration::from_millis(50));
+        assert!(is_settled(&Tree::Folder, &path));
     }
 }

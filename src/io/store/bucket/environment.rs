@@ -1,16 +1,16 @@
-//! The environment → a client of a bucket.
+//! The environment → the clients of a bucket.
 //!
 //! Credentials come from `AWS_…` variables and from nowhere else: no file, and no machine's metadata service unless a
 //! variable names it. A missing variable is reported before any request is sent.
 
 use std::env;
 
-use object_store::RetryConfig;
-use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, S3ConditionalPut};
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey, S3ConditionalPut};
 use object_store::client::ClientConfigKey;
 
+use super::patience::Clients;
 use super::trouble::{self, Secrets};
-use super::{PATIENCE, Place, RETRIES, StoreError};
+use super::{Place, StoreError};
 
 /// Variables that name another source of credentials, so that the two variables of a key are not needed.
 const OTHER_CREDENTIALS: [&str; 5] = [
@@ -23,26 +23,21 @@ const OTHER_CREDENTIALS: [&str; 5] = [
 /// Variables with the address of the storage, if it is not Amazon's own.
 const ENDPOINTS: [&str; 3] = ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"];
 
-/// The client of the bucket at an address, and the secrets that no message may contain.
-pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
+/// The clients of the bucket at an address, and the secrets that no message may contain.
+pub(super) fn clients(place: &Place) -> Result<(Clients, Secrets), StoreError> {
     let bucket = bucket(place)?;
     let builder = AmazonS3Builder::from_env();
     check(place, &builder)?;
-    let retry = RetryConfig {
-        max_retries: RETRIES,
-        retry_timeout: PATIENCE,
-        ..RetryConfig::default()
-    };
     let secrets = Secrets::of(&builder);
     // TLS by ring for the whole process; for a second client it is installed already.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let client = builder
+    let builder = builder
         .with_bucket_name(bucket)
-        .with_conditional_put(S3ConditionalPut::ETagMatch)
-        .with_retry(retry)
-        .build()
-        .map_err(|error| trouble::failure("reach", place.clone(), &error, &secrets))?;
-    Ok((client, secrets))
+        .with_conditional_put(S3ConditionalPut::ETagMatch);
+    let clients = Clients::of(&builder);
+    let clients =
+        clients.map_err(|error| trouble::failure("reach", place.clone(), &error, &secrets))?;
+    Ok((clients, secrets))
 }
 
 /// The bucket's name in an address.

@@ -79,6 +79,11 @@ pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
     }
 }
 
+/// Whether the storage did not answer, or could not serve the request.
+pub(super) fn is_outage(error: &Error) -> bool {
+    read(error).1 == BucketTrouble::NoAnswer
+}
+
 fn read(error: &Error) -> (String, BucketTrouble) {
     if let Some(root) = on_the_way(error) {
         return (format!("no answer: {root}"), BucketTrouble::NoAnswer);
@@ -126,6 +131,7 @@ fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
         "ExpiredToken",
     ];
     match status.get(..3).unwrap_or_default() {
+        _ if code.is_some_and(|code| code == "RequestTimeTooSkewed") => BucketTrouble::Clock,
         "401" | "403" => BucketTrouble::Refused,
         "404" => BucketTrouble::NoObject,
         "304" | "412" => BucketTrouble::Changed,
@@ -221,6 +227,11 @@ mod tests {
                 "check AWS_ACCESS_KEY_ID",
             ),
             ("400 Bad Request", "", "conditional put"),
+            (
+                "403 Forbidden",
+                "<Code>RequestTimeTooSkewed</Code>",
+                "set this machine's clock",
+            ),
         ] {
             let text = answered(status, body);
             assert!(text.contains(advice), "{status}: {text}");
