@@ -62,6 +62,12 @@ impl WallTime {
     pub const fn us(self) -> i64 {
         self.us
     }
+
+    /// Days since 1970, UTC.
+    pub const fn day(self) -> f64 {
+        const US_PER_DAY: f64 = 86_400e6;
+        self.us as f64 / US_PER_DAY
+    }
 }
 
 /// Date and time to the second, UTC: `2020-11-09 12:34:56`.

@@ -9,6 +9,7 @@
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.
 
+mod ageing;
 pub mod approach;
 mod before;
 mod columns;
@@ -16,12 +17,14 @@ pub mod components;
 pub mod curves;
 pub mod design;
 pub mod elsewhere;
+mod growing;
 mod held_out;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;
 pub mod next;
 pub mod noise;
+mod partition;
 mod parts;
 pub mod regression;
 mod rows;
@@ -48,6 +51,7 @@ use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 use components::Part;
 use design::PoseView;
+pub use growing::PoolSums;
 use layout::{Block, Layout};
 use leave_one_out::{LeftOut, of_observations};
 use noise::{NoisyReading, Repeatability, StationNoise};
@@ -144,27 +148,60 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
+        let start = (frames, geometry);
+        let pool = Self::train_pool(arm, observations, start, prior, settings, up);
+        pool.map(|(model, _)| model)
+    }
+
+    /// [`Self::train`], with the sums that a further session can be added to; none of a single session, or of curves that age.
+    pub fn train_pool(
+        arm: &Arm,
+        observations: &[Observation],
+        (frames, geometry): (&[Frames], &[f64]),
+        prior: &Prior,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+    ) -> Option<(Self, Option<PoolSums>)> {
         let up = up.map(UnitVector3::into_inner);
         let turned = is_turned(observations);
-        let build = |observations| {
-            Problem::with_target_turn(
-                observations,
-                arm.chain(),
-                frames,
-                Freedom::Geometry,
-                prior,
-                turned,
-            )
-        };
-        let problem = build(observations);
+        let problem = Problem::with_target_turn(
+            observations,
+            arm.chain(),
+            frames,
+            Freedom::Geometry,
+            prior,
+            turned,
+        );
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let settled = train::train(&problem, start.clone(), settings, up)?;
         let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
+        let mut sums = PoolSums::of(&mut settled, &problem, turned);
+        let empty =
+            Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
+        let problems = (&problem, empty);
+        let model = Self {
+            scale_evidence,
+            parts,
+            ..Self::of_settled(problems, settled, settings, up)
+        };
+        if let Some(sums) = &mut sums {
+            sums.of_model(&model);
+        }
+        Some((model, sums))
+    }
+
+    /// The model of a settled training on a problem, and the same problem without observations to predict with.
+    fn of_settled(
+        (problem, empty): (&Problem<'_>, Problem<'static>),
+        settled: train::Settled,
+        settings: &FullSettings,
+        up: Option<Vector3<f64>>,
+    ) -> Self {
         let mean = settled.posterior.mean() + &settled.prior_mean;
-        let approach = ApproachOffsets::of(observations, &settled.state.layout, &mean);
+        let approach = ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
         let rows_at = settled.state.offsets.clone();
         let train::Settled {
             mut state,
@@ -174,16 +211,9 @@ impl FullModel {
         } = settled;
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
         let (left_out, weights) = of_observations(&left_out, &state.weights);
-        Some(Self {
-            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
-            problem: Problem::with_target_turn(
-                &[],
-                arm.chain(),
-                frames,
-                Freedom::Geometry,
-                prior,
-                turned,
-            ),
+        Self {
+            ready: Ready::of(problem, &state.offsets, &state.layout, &mean),
+            problem: empty,
             up,
             frames: problem.frames(&state.offsets),
             // The basis has variance one half at a random time.
@@ -191,7 +221,7 @@ impl FullModel {
             warm_up_variance: 0.5 * state.components.size(Part::WarmUp).unwrap_or(0.0),
             middles: state.middles,
             scale_sd: 1e-6 * settings.session_scale_ppm,
-            scale_evidence,
+            scale_evidence: None,
             approach,
             tails: state.tails,
             layout: state.layout,
@@ -203,8 +233,8 @@ impl FullModel {
             repeatability: state.repeatability,
             weights,
             left_out,
-            parts,
-        })
+            parts: Vec::new(),
+        }
     }
 
     /// The prediction of a point at a pose, with its rows.

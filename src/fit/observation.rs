@@ -125,6 +125,8 @@ pub struct Observation {
     pub flange: Option<MeasuredFlange>,
     /// Whether the motion that references show was taken out of it: what drifts then drifts no more.
     pub follows_references: bool,
+    /// The day that its session began, in days since 1970; absent where no clock of the session has an epoch.
+    pub day: Option<f64>,
 }
 
 impl Observation {
@@ -151,6 +153,7 @@ impl Observation {
             settling_error: None,
             flange: None,
             follows_references: false,
+            day: None,
         }
     }
 
@@ -235,6 +238,7 @@ pub fn observations(
                 .value
                 .point()
                 .is_some_and(|point| point.motion_covariance.is_some()),
+            day: None,
         })
     };
     let of = |station| {

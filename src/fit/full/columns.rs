@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DVector, Point3, Vector3};
 
+use super::ageing;
 use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
@@ -33,6 +34,7 @@ pub(super) fn layout(
     let joints = observations.first().map_or(0, |o| o.axes.len());
     let mut layout =
         Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
+    layout = layout.with_ages(ageing::ages_years(observations, sessions));
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
@@ -70,6 +72,10 @@ pub(super) fn layout(
                 Block::SessionCurve { session, joint },
                 2 * few_harmonics(settings).min(harmonics) + 1,
             );
+        }
+        for step in 0..ageing::steps(layout.ages_years()) {
+            let columns = 2 * few_harmonics(settings).min(harmonics) + 1;
+            layout.push(Block::Ageing { joint, step }, columns);
         }
     }
     layout

@@ -31,6 +31,8 @@ pub enum Part {
     Drift,
     /// Differences of the curves between sessions.
     SessionCurve,
+    /// Changes of the curves over years.
+    Ageing,
     /// Differences of the command–feedback weight between sessions.
     SessionCommandWeight,
     /// One gear line.
@@ -151,6 +153,13 @@ impl Components {
             .map(|component| component.size)
     }
 
+    /// Takes the sizes of parts that another model has too.
+    pub(super) fn take_sizes(&mut self, other: &Self) {
+        for own in &mut self.all {
+            own.size = other.size(own.part).unwrap_or(own.size);
+        }
+    }
+
     /// Sets the size of every component for which `is_of` is true to zero: the model without that part.
     pub(super) fn drop_parts(&mut self, is_of: impl Fn(Part) -> bool) {
         for component in self
@@ -219,15 +228,16 @@ impl Components {
                 }
             }
             Block::SessionCurve { joint, .. } => {
-                let (length, share) = session_curve_sizes(layout, s, joint);
-                let kernel = Kernel::SquaredExponential(length);
-                let variances = spectra.variances(kernel, (columns.len() - 1) / 2);
-                let mut profile = vec![variances[0]];
-                profile.extend(pairs(&variances[1..]));
-                for variance in &mut profile {
-                    *variance *= share;
-                }
+                let profile = change_profile(layout, s, joint, (columns.len(), spectra));
                 self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
+            }
+            Block::Ageing { joint, step } => {
+                let mut profile = change_profile(layout, s, joint, (columns.len(), spectra));
+                let years = super::ageing::years(step);
+                for share in &mut profile {
+                    *share *= years;
+                }
+                self.join(Part::Ageing, s.session_curve_sd_rad, columns, profile);
             }
             Block::Line { joint, cycles } => self.add_line((joint, cycles), columns, s),
         }
@@ -278,6 +288,24 @@ fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64;
     let unit = layout.curve_unit(joint);
     let lengths = settings.slide_length_mm.map(|length_mm| length_mm / unit);
     (lengths, settings.slide_sd_mm)
+}
+
+/// Shares of the variance of a curve's change between sessions over its `columns` columns: a constant, then pairs.
+fn change_profile(
+    layout: &Layout,
+    settings: &FullSettings,
+    joint: usize,
+    (columns, spectra): (usize, &mut Spectra),
+) -> Vec<f64> {
+    let (length, share) = session_curve_sizes(layout, settings, joint);
+    let kernel = Kernel::SquaredExponential(length);
+    let variances = spectra.variances(kernel, (columns - 1) / 2);
+    let mut profile = vec![variances[0]];
+    profile.extend(pairs(&variances[1..]));
+    for variance in &mut profile {
+        *variance *= share;
+    }
+    profile
 }
 
 /// Length of the kernel of a curve's change between sessions on its circle, rad, and the share of the part's variance that a column

@@ -81,7 +81,7 @@ impl PoseView<'_> {
     }
 
     /// Calls `each` for every column of `blocks` with the twist and the factor by which its coefficient moves the target.
-    fn walk(
+    pub(super) fn walk(
         &self,
         blocks: impl Iterator<Item = (Block, Range<usize>)>,
         layout: &Layout,
@@ -114,6 +114,17 @@ impl PoseView<'_> {
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
                     self.curve(columns.start + 1..columns.end, joint, layout, each);
+                }
+                Block::Ageing { joint, step } => {
+                    let share = self.session.map(|session| layout.ageing(session, step));
+                    let Some(share) = share.filter(|share| *share > 0.0) else {
+                        continue;
+                    };
+                    let mut aged = |column: usize, twist: &Twist, amount: f64| {
+                        each(column, twist, share * amount);
+                    };
+                    aged(columns.start, &self.joints[joint], 1.0);
+                    self.curve(columns.start + 1..columns.end, joint, layout, &mut aged);
                 }
                 Block::Line { joint, cycles } => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();

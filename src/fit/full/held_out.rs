@@ -5,16 +5,18 @@
 //! not say so, so the model is trained a second time without curves and gear lines, and the two are held against each other on
 //! blocks: each block's residuals as predicted from all others, in closed form at the sizes found.
 //!
-//! With `N` the block's noise, `H` the covariance that the model explains there and `r` its residuals, those left out are
-//! `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one observation.
+//! The sums of a block's rows are taken out of those of all, which leaves the posterior of all other stations; what is predicted by that
+//! never saw the block.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
-use super::leave_one_out::{firsts, left_open, stack};
+use super::leave_one_out::{firsts, left_open};
 use super::parts::PartEvidence;
-use super::rows::{Row, covariances, rows, stations};
+use super::regression::Evidence;
+use super::rows::{Around, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
+use super::whitening::sums_of;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::problem::Problem;
 
@@ -60,64 +62,88 @@ impl Settled {
         folds: &[usize],
         up: Option<Vector3<f64>>,
     ) -> Option<f64> {
-        let rows = rows(problem, &self.state, up);
-        let covariances = covariances(&self.state, &rows);
-        let left_open = left_open(&self.posterior, &covariances);
-        let mean = self.posterior.mean() + &self.prior_mean;
+        let around = Around::new(problem, &self.state, up);
         let mut total = 0.0;
         for fold in 0..FOLDS {
-            let own: Vec<usize> = (0..rows.len())
+            let own: Vec<usize> = (0..around.count())
                 .filter(|&place| folds[place] == fold)
                 .collect();
-            if !own.is_empty() {
-                let left_open = left_open.as_ref();
-                total += self.left_out((&rows, &covariances), left_open, &mean, &own)?;
-            }
+            total += self.left_out(&around, &own)?;
         }
         Some(total / problem.observations().len().max(1) as f64)
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
-    fn left_out(
-        &self,
-        (rows, covariances): (&[Row], &[DMatrix<f64>]),
-        left_open: Option<&DMatrix<f64>>,
-        mean: &DVector<f64>,
-        own: &[usize],
-    ) -> Option<f64> {
-        let count = own.iter().map(|&place| rows[place].value.len()).sum();
+    fn left_out(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
+        if block.is_empty() {
+            return Some(0.0);
+        }
+        if matches!(self.evidence, Evidence::Rows(_)) {
+            return self.left_out_of_few(around, block);
+        }
+        let mut others = self.evidence.clone();
+        let batches = around.batches_of(block);
+        for (session, stations) in &batches {
+            let rows = around.rows(stations);
+            let own = sums_of(around, (*session, stations), &rows, &self.prior_mean);
+            others.take_out(*session, &own);
+        }
+        let posterior = others.posterior_at(self.posterior.scale.clone())?;
+        let mean = posterior.mean() + &self.prior_mean;
+        let batches = batches.iter().map(|(session, stations)| {
+            let seen = around.seen(*session);
+            let own = mean.select_rows(&seen.columns);
+            let rows = around.rows(stations);
+            let away = rows
+                .iter()
+                .map(|row| distance(row, &(&row.value - row.times(seen, &own))));
+            away.sum::<f64>()
+        });
+        Some(batches.sum())
+    }
+
+    /// [`Self::left_out`] of rows that are few: with `N` the block's noise, `H` the covariance that the model explains there and `r` its
+    /// residuals, those left out are `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
+    fn left_out_of_few(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
+        let all: Vec<usize> = (0..around.count()).collect();
+        let rows = around.rows(&all);
+        let covariances = covariances(around.state, &rows, &all);
+        let open = left_open(&self.posterior, &covariances)?;
+        let mean = self.posterior.mean() + &self.prior_mean;
+        let count = block.iter().map(|&place| rows[place].value.len()).sum();
         let mut left = DVector::zeros(count);
         let mut noise = DMatrix::zeros(count, count);
-        let mut firsts = Vec::with_capacity(own.len());
         let mut first = 0;
-        for &place in own {
+        let session = |place: usize| around.session(place);
+        for &place in block {
             let (row, size) = (&rows[place], rows[place].value.len());
+            let seen = around.seen(session(place));
+            let expected = row.times(seen, &mean.select_rows(&seen.columns));
             left.rows_mut(first, size)
-                .copy_from(&(&row.value - &row.rows * mean));
+                .copy_from(&(&row.value - expected));
             noise
                 .view_mut((first, first), (size, size))
                 .copy_from(&covariances[place]);
-            // A distance in mm of each position, whatever else was read.
-            let readings = row.noise.firsts();
-            firsts.extend(readings.map(|(own, reading)| (first + own, reading.rows().min(3))));
             first += size;
         }
-        let open = if let Some(all) = left_open {
-            let half = all.select_columns(&rows_of(rows, own));
-            half.tr_mul(&half)
-        } else {
-            let stacked = stack(own.iter().map(|&place| &rows[place]));
-            let half = self.posterior.half(&stacked);
-            &noise - half.tr_mul(&half)
-        };
-        let residual = noise * open.cholesky()?.solve(&left);
-        Some(
-            firsts
-                .iter()
-                .map(|(first, size)| residual.rows(*first, *size).norm())
-                .sum(),
-        )
+        let half = open.select_columns(&rows_of(&rows, block));
+        let residual = noise * half.tr_mul(&half).cholesky()?.solve(&left);
+        first = 0;
+        let away = block.iter().map(|&place| {
+            let size = rows[place].value.len();
+            let own = residual.rows(first, size).into_owned();
+            first += size;
+            distance(&rows[place], &own)
+        });
+        Some(away.sum())
     }
+}
+
+/// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.
+fn distance(row: &Row, residual: &DVector<f64>) -> f64 {
+    let readings = row.noise.firsts();
+    let away = readings.map(|(first, own)| residual.rows(first, own.rows().min(3)).norm());
+    away.sum()
 }
 
 /// The places of the rows of some stations, all stations' rows one below the other.

@@ -36,6 +36,13 @@ pub enum Block {
         /// The joint, from 0.
         joint: usize,
     },
+    /// Change of one joint's curve over one step of years, in all sessions before it ([`super::ageing`]).
+    Ageing {
+        /// The joint, from 0.
+        joint: usize,
+        /// The step, from 0, the latest.
+        step: usize,
+    },
     /// A sine of fixed cycles per turn on the raw angle of one joint.
     Line {
         /// The joint, from 0.
@@ -46,9 +53,12 @@ pub enum Block {
 }
 
 impl Block {
-    /// Whether the block is a joint's smooth error curve, of all sessions or of one.
+    /// Whether the block is a joint's smooth error curve, of all sessions or of some.
     pub(super) const fn is_curve(self) -> bool {
-        matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
+        matches!(
+            self,
+            Self::Curve(_) | Self::SessionCurve { .. } | Self::Ageing { .. }
+        )
     }
 
     /// Whether the block belongs to the arm in every session. Geometry, which shares its block with the frames, is not counted.
@@ -71,6 +81,9 @@ pub struct Layout {
     size: usize,
     period_turns: u32,
     slide_periods_mm: Vec<Option<f64>>,
+    /// Empty in what was stored before curves aged.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    ages_years: Vec<f64>,
 }
 
 impl Layout {
@@ -85,7 +98,26 @@ impl Layout {
             size: 0,
             period_turns,
             slide_periods_mm: Vec::new(),
+            ages_years: Vec::new(),
         }
+    }
+
+    /// This layout for sessions of these ages: years before the latest of them. Empty where curves do not age.
+    #[must_use]
+    pub fn with_ages(mut self, ages_years: Vec<f64>) -> Self {
+        self.ages_years = ages_years;
+        self
+    }
+
+    /// The age of each session, years before the latest; empty where curves do not age.
+    pub fn ages_years(&self) -> &[f64] {
+        &self.ages_years
+    }
+
+    /// The share of the change over a step of years that a session came before.
+    pub fn ageing(&self, session: usize, step: usize) -> f64 {
+        let age = self.ages_years.get(session);
+        age.map_or(0.0, |age| super::ageing::share(*age, step))
     }
 
     /// This layout for an arm whose axis variables slide: the period of each one's curve, mm; `None` where it turns. Empty where

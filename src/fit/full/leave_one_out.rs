@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
 use super::noise::NoiseEvidence;
+use super::partition::Seen;
 use super::regression::Posterior;
-use super::rows::{Row, stations};
+use super::rows::{Around, Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
-use super::train::{CHUNK, FEW_HARMONICS, State};
+use super::train::{CHUNK, FEW_HARMONICS};
 use super::whitening::noise_factor;
 use crate::fit::problem::Problem;
 
@@ -64,47 +65,122 @@ pub(super) fn of_observations(
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
 pub(super) fn leave_one_out(
-    state: &State,
-    rows: &[Row],
+    around: &Around<'_>,
     prior_mean: &DVector<f64>,
-    covariances: &[DMatrix<f64>],
     posterior: &Posterior,
 ) -> Vec<LeftOut> {
     let mean = posterior.mean() + prior_mean;
-    let open = left_open(posterior, covariances);
-    let firsts = firsts(rows);
-    let chunk = |chunk: usize| {
-        let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(rows.len());
-        let explained = open.as_ref().map_or_else(
-            || explained(&rows[range.clone()], posterior),
-            |open| explained_of_few(&covariances[range.clone()], open, firsts[range.start]),
-        );
-        let stations = range.zip(explained);
-        let left_out = stations.map(|(place, explained)| {
-            let row = &rows[place];
-            let counts = (
-                state.weights[place],
-                state.tails.information(row.value.len() as f64),
-            );
-            left_out_of(row, &mean, &covariances[place], &explained, counts)
-        });
-        left_out.collect::<Vec<_>>()
-    };
-    (0..rows.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .flat_map_iter(chunk)
-        .collect()
+    let open = posterior.open_of_rows();
+    let covariances = open.is_none().then(|| posterior.by_session());
+    let (mut left_out, mut first) = (Vec::with_capacity(around.count()), 0);
+    for (session, stations) in around.batches() {
+        let (seen, rows) = (around.seen(session), around.rows(&stations));
+        let noise = super::rows::covariances(around.state, &rows, &stations);
+        let explained = match (&open, &covariances) {
+            (Some(open), _) => explained_of_few(&noise, open, &mut first),
+            (None, Some(by_session)) => {
+                Explaining::of(seen, &by_session.of(session, &seen.columns)).all(&rows)
+            }
+            (None, None) => Vec::new(),
+        };
+        let expected = mean.select_rows(&seen.columns);
+        let stations = stations
+            .par_iter()
+            .zip(&rows)
+            .zip(noise.par_iter().zip(&explained));
+        let each = stations
+            .with_min_len(CHUNK)
+            .map(|((&place, row), (noise, explained))| {
+                let share = around.state.tails.information(row.value.len() as f64);
+                let left = &row.value - row.times(seen, &expected);
+                left_out_of(
+                    row,
+                    left,
+                    noise,
+                    explained,
+                    (around.state.weights[place], share),
+                )
+            });
+        left_out.par_extend(each);
+    }
+    left_out
 }
 
-/// Covariance of each station's rows that the model explains, mm² and rad².
-fn explained(rows: &[Row], posterior: &Posterior) -> Vec<DMatrix<f64>> {
-    let half = posterior.half(&stack(rows.iter()));
-    let stations = rows.iter().zip(firsts(rows));
-    let explained = stations.map(|(row, first)| {
-        let own = half.columns(first, row.value.len());
-        own.tr_mul(&own)
-    });
-    explained.collect()
+/// The covariance of the columns that a session sees, block by block.
+struct Explaining<'s> {
+    seen: &'s Seen,
+    /// Of the plain columns.
+    plain: DMatrix<f64>,
+    /// Of the plain columns with each joint's shapes.
+    with_plain: Vec<DMatrix<f64>>,
+    /// Of the shapes of two joints.
+    of_joints: Vec<((usize, usize), DMatrix<f64>)>,
+}
+
+impl<'s> Explaining<'s> {
+    fn of(seen: &'s Seen, covariance: &DMatrix<f64>) -> Self {
+        let block = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |row, column| {
+                covariance[(rows[row], columns[column])]
+            })
+        };
+        let joints = seen.of_joints.len();
+        let pairs = (0..joints).flat_map(|j| (j..joints).map(move |l| (j, l)));
+        let of_pair =
+            |(j, l): (usize, usize)| ((j, l), block(&seen.of_joints[j], &seen.of_joints[l]));
+        Self {
+            plain: block(&seen.plain, &seen.plain),
+            with_plain: seen
+                .of_joints
+                .iter()
+                .map(|own| block(&seen.plain, own))
+                .collect(),
+            of_joints: pairs.map(of_pair).collect(),
+            seen,
+        }
+    }
+
+    /// Covariance of each station's rows that the model explains, mm² and rad².
+    fn all(&self, rows: &[Row]) -> Vec<DMatrix<f64>> {
+        let shapes = Row::shapes_of(rows, self.seen);
+        let of_pair = |((j, l), block): &((usize, usize), DMatrix<f64>)| {
+            let onto = block * &shapes[*l];
+            let stations = onto.column_iter().zip(shapes[*j].column_iter());
+            stations
+                .map(|(onto, own)| onto.dot(&own))
+                .collect::<Vec<f64>>()
+        };
+        let joint_pairs = self.of_joints.par_iter();
+        let between: Vec<Vec<f64>> = joint_pairs.map(of_pair).collect();
+        let joints = self.with_plain.par_iter().zip(&shapes);
+        let with_plain: Vec<DMatrix<f64>> = joints.map(|(block, own)| block * own).collect();
+        let station = |(place, row): (usize, &Row)| {
+            let mut explained = &row.plain * &self.plain * row.plain.transpose();
+            let motions = &row.noise.joints;
+            for (joint, onto) in with_plain.iter().enumerate() {
+                let along = &row.plain * onto.column(place);
+                explained.ger(1.0, &along, &motions[joint], 1.0);
+                explained.ger(1.0, &motions[joint], &along, 1.0);
+            }
+            for (((j, l), _), between) in self.of_joints.iter().zip(&between) {
+                explained.ger(between[place], &motions[*j], &motions[*l], 1.0);
+                if j != l {
+                    explained.ger(between[place], &motions[*l], &motions[*j], 1.0);
+                }
+            }
+            explained
+        };
+        let stations = rows.par_iter().enumerate().with_min_len(CHUNK);
+        stations.map(station).collect()
+    }
+}
+
+/// A square root `OᵀO` of the covariance of a station's rows that the model leaves open, mm and rad: of the columns of `open` from
+/// `first` on, which is moved behind them.
+fn coloured(open: &DMatrix<f64>, noise: &DMatrix<f64>, first: &mut usize) -> DMatrix<f64> {
+    let own = open.columns(*first, noise.nrows());
+    *first += noise.nrows();
+    own * noise_factor(noise).transpose()
 }
 
 /// A square root `OᵀO` of the covariance of all rows that the model leaves open, mm and rad, a column for each row; `None` where the
@@ -116,24 +192,21 @@ pub(super) fn left_open(
     let mut open = posterior.open_of_rows()?;
     let mut first = 0;
     for noise in covariances {
-        let mut own = open.columns_mut(first, noise.nrows());
-        let coloured = &own * noise_factor(noise).transpose();
-        own.copy_from(&coloured);
-        first += noise.nrows();
+        let (place, own) = (first, coloured(&open, noise, &mut first));
+        open.columns_mut(place, own.ncols()).copy_from(&own);
     }
     Some(open)
 }
 
-/// Covariance of each station's rows that the model explains, mm² and rad²: the noise without what `open` leaves open, whose columns
-/// from `first` on are the stations'.
+/// Covariance of each station's rows that the model explains, mm² and rad²: the noise without what `open` leaves open, as shares of
+/// their noise; its columns from `first` on are the stations'.
 fn explained_of_few(
     covariances: &[DMatrix<f64>],
     open: &DMatrix<f64>,
-    mut first: usize,
+    first: &mut usize,
 ) -> Vec<DMatrix<f64>> {
     let explained = covariances.iter().map(|noise| {
-        let own = open.columns(first, noise.nrows());
-        first += noise.nrows();
+        let own = coloured(open, noise, first);
         noise - own.tr_mul(&own)
     });
     explained.collect()
@@ -151,7 +224,7 @@ pub(super) fn firsts<'r>(rows: impl IntoIterator<Item = &'r Row>) -> Vec<usize> 
 
 fn left_out_of(
     row: &Row,
-    mean: &DVector<f64>,
+    left: DVector<f64>,
     noise: &DMatrix<f64>,
     explained: &DMatrix<f64>,
     (weight, share): (f64, f64),
@@ -163,7 +236,6 @@ fn left_out_of(
             .expect("a positive definite covariance")
     };
     let noise_inverse = inverse(noise);
-    let left = &row.value - &row.rows * mean;
     let alpha = &noise_inverse * left;
     let information = &noise_inverse - &noise_inverse * explained * &noise_inverse;
     let covariance = inverse(&information);
@@ -185,35 +257,22 @@ fn left_out_of(
     }
 }
 
-/// The rows of stations, one below the other.
-pub(super) fn stack<'r>(rows: impl Iterator<Item = &'r Row> + Clone) -> DMatrix<f64> {
-    let count = rows.clone().map(|row| row.value.len()).sum();
-    let columns = rows.clone().next().map_or(0, |row| row.rows.ncols());
-    let mut stacked = DMatrix::zeros(count, columns);
-    for (row, first) in rows.clone().zip(firsts(rows)) {
-        stacked
-            .rows_mut(first, row.value.len())
-            .copy_from(&row.rows);
-    }
-    stacked
-}
-
 pub(super) fn find_lines(
     problem: &Problem<'_>,
     layout: &Layout,
-    rows: &[Row],
     left_out: &[LeftOut],
     settings: &FullSettings,
 ) -> Vec<FoundLine> {
-    let joints = rows.first().map_or(0, |row| row.noise.joints.len());
+    let motions = |own: &LeftOut| own.noise.station.joints.len();
+    let joints = left_out.first().map_or(0, motions);
     let angles = stations(problem.observations()).into_iter();
     let angles = angles.map(|own| &problem.observations()[own.start].axes);
     let angles: Vec<&Vec<f64>> = angles.collect();
     let of_joint = |joint: usize| {
-        let stations = angles.iter().zip(rows).zip(left_out);
-        let stations = stations.map(|((angles, row), left_out)| {
+        let stations = angles.iter().zip(left_out);
+        let stations = stations.map(|(angles, left_out)| {
             lines::evidence(
-                &row.noise.joints[joint],
+                &left_out.noise.station.joints[joint],
                 &left_out.residual,
                 &left_out.information,
                 angles[joint],

@@ -17,7 +17,7 @@ use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::{leave_one_out, of_observations};
 use super::regression::{Posterior, Root};
-use super::rows::{rows, stations};
+use super::rows::{Around, stations};
 use super::train::State;
 use super::whitening::sums;
 use super::{FullModel, FullSettings, Ready, at_fitted_bases};
@@ -300,7 +300,16 @@ impl FullModel {
         mut scale: DVector<f64>,
     ) -> Option<(Posterior, DVector<f64>)> {
         let size = layout.size();
-        let past = covariance(self);
+        let kept = |column: &Column| match column {
+            Column::Kept(past, _) => Some(*past),
+            Column::Fresh => None,
+        };
+        let kept: Vec<usize> = columns.iter().filter_map(kept).collect();
+        let past = self.covariance_of(&kept);
+        let mut places = vec![0; self.layout.size()];
+        kept.iter()
+            .enumerate()
+            .for_each(|(place, &column)| places[column] = place);
         let mut mean = DVector::zeros(size);
         for (place, column) in columns.iter().enumerate() {
             if let Column::Kept(own, added) = *column {
@@ -319,7 +328,7 @@ impl FullModel {
                 };
                 let own = if row == column { added } else { 0.0 };
                 whitened[(row, column)] =
-                    (past[(other, from)] + own) / (scale[row] * scale[column]);
+                    (past[(places[other], places[from])] + own) / (scale[row] * scale[column]);
             }
         }
         let half = Cholesky::new(whitened)?.inverse_lower();
@@ -450,20 +459,19 @@ impl FullModel {
         problem: &Problem<'_>,
         state: &State,
     ) -> Option<(Posterior, DVector<f64>, Vec<super::LeftOut>)> {
-        let rows = rows(problem, state, self.up);
+        let around = Around::new(problem, state, self.up);
         let mut expected = self.mean.clone();
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
         unknowns -= &state.offsets - &self.offsets;
-        let (sums, covariances) = sums(problem, state, &rows, &expected);
-        let posterior = sums.posterior_after(&self.posterior)?;
-        let left_out = leave_one_out(state, &rows, &expected, &covariances, &posterior);
+        let posterior = sums(&around, &expected).posterior_after(&self.posterior)?;
+        let left_out = leave_one_out(&around, &expected, &posterior);
         Some((posterior, expected, left_out))
     }
 
     /// A draw of all coefficients from the posterior: `mean + S L⁻ᵀ z`, whose covariance is the posterior's when `z`
     /// are independent normal numbers.
     pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
-        let away = self.posterior.factor().backward(z);
+        let away = self.posterior.backward(z);
         &self.mean + away.component_mul(&self.posterior.scale)
     }
 
@@ -557,13 +565,4 @@ impl Placed {
 
 fn empty(arm: &Arm, frames: &[Frames], prior: &Prior, turned: bool) -> Problem<'static> {
     Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned)
-}
-
-/// The posterior covariance of all columns: `√v L⁻ᵀ L⁻¹ √v`.
-fn covariance(model: &FullModel) -> DMatrix<f64> {
-    let mut half = model.posterior.factor().inverse_lower();
-    for (mut column, scale) in half.column_iter_mut().zip(&model.posterior.scale) {
-        column *= *scale;
-    }
-    gram(&half.as_view())
 }

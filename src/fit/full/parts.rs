@@ -18,7 +18,7 @@ pub struct PartEvidence {
 /// A part that can be left out as a whole: its name, and the blocks it consists of.
 type Optional = (&'static str, fn(Block) -> bool);
 
-const OPTIONAL: [Optional; 6] = [
+const OPTIONAL: [Optional; 7] = [
     ("gravity", |block| block == Block::Gravity),
     ("command_weight", |block| {
         matches!(
@@ -34,6 +34,7 @@ const OPTIONAL: [Optional; 6] = [
     }),
     ("session_scale", |block| matches!(block, Block::Scale(_))),
     ("gear_lines", |block| matches!(block, Block::Line { .. })),
+    ("ageing", |block| matches!(block, Block::Ageing { .. })),
     ("session_changes", |block| {
         matches!(block, Block::SessionCurve { .. })
     }),
@@ -53,16 +54,13 @@ impl Settled {
             if columns.is_empty() {
                 continue;
             }
-            let Some(gain) = self.posterior.gain_of(&columns) else {
+            let Some(gain) = self.evidence.gain_of(&self.posterior, &columns) else {
                 continue;
             };
             let kept = gain > 0.0;
             if !kept {
-                let mut variances = self.posterior.scale.map(|scale| scale * scale);
-                for &column in &columns {
-                    variances[column] = 0.0;
-                }
-                let Some(without) = self.evidence.posterior(&variances) else {
+                let scale = self.posterior.scale_without(&columns);
+                let Some(without) = self.evidence.posterior_at(scale) else {
                     continue;
                 };
                 self.posterior = without;
@@ -81,6 +79,7 @@ impl Part {
             Self::WarmUp | Self::Drift => name == "drift",
             Self::SessionCommandWeight | Self::ApproachOffset => name == "command_weight",
             Self::SessionCurve => name == "session_changes",
+            Self::Ageing => name == "ageing",
             Self::Line { .. } => name == "gear_lines",
             Self::ShortCurve(_) | Self::LongCurve(_) => false,
         }

@@ -2,9 +2,10 @@
 //!
 //! With `u = δ/√v` the posterior information is `M = I + √v A √v`, `A = Φᵀ N⁻¹ Φ`: well scaled for any `v`, and a
 //! column of variance zero drops out. Where rows are few beside columns, the same follows from the rows alone
-//! ([`few_rows`]).
+//! ([`few_rows`]); of several sessions, each one's own columns are eliminated first ([`sessions`]).
 
 pub mod few_rows;
+pub mod sessions;
 
 use std::borrow::Cow;
 
@@ -12,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::{Cholesky, gram};
 use few_rows::{FewRoot, FewRows};
+use sessions::{Arrow, SessionSums};
 
 /// Evidence on the columns: whitened rows.
 #[derive(Debug, Clone)]
@@ -20,6 +22,8 @@ pub enum Evidence {
     Rows(FewRows),
     /// The sums of many.
     Sums(Sums),
+    /// The sums of several sessions.
+    Sessions(SessionSums),
 }
 
 /// Sums over whitened rows.
@@ -31,8 +35,6 @@ pub struct Sums {
     pub moment: DVector<f64>,
     /// `yᵀ N⁻¹ y`.
     pub square: f64,
-    /// Number of rows.
-    pub rows: usize,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
 }
@@ -57,6 +59,8 @@ pub(super) enum Root {
     Columns(Cholesky),
     /// The rows that it follows from, where they are few.
     Rows(FewRoot),
+    /// The factors of an arrow, of several sessions.
+    Sessions(Arrow),
 }
 
 impl Root {
@@ -65,6 +69,7 @@ impl Root {
         match self {
             Self::Columns(factor) => factor.forward(&right, 0),
             Self::Rows(rows) => rows.half(right),
+            Self::Sessions(arrow) => arrow.half(&right),
         }
     }
 
@@ -76,6 +81,7 @@ impl Root {
                 half.tr_mul(&half)
             }
             Self::Rows(rows) => rows.covariance_of(columns),
+            Self::Sessions(arrow) => arrow.covariance_of(columns),
         }
     }
 }
@@ -91,7 +97,32 @@ impl Evidence {
         match self {
             Self::Rows(rows) => rows.posterior_at(scale),
             Self::Sums(sums) => sums.posterior_at(scale),
+            Self::Sessions(sums) => sums.posterior_at(scale),
         }
+    }
+
+    /// Takes out rows of one session that are in, by their sums over the columns that it sees; `false` where rows are kept, of which
+    /// none can be taken out.
+    pub(super) fn take_out(&mut self, session: usize, taken: &Sums) -> bool {
+        match self {
+            Self::Rows(_) => return false,
+            Self::Sums(sums) => sums.add(taken, -1.0),
+            Self::Sessions(sums) => sums.add(session, taken, -1.0),
+        }
+        true
+    }
+
+    /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a
+    /// matrix indefinite.
+    ///
+    /// Of the columns' own covariance where it is small. A pool has thousands of columns of one part, and there the posterior without
+    /// them costs less.
+    pub(super) fn gain_of(&self, posterior: &Posterior, columns: &[usize]) -> Option<f64> {
+        let Self::Sessions(sums) = self else {
+            return posterior.gain_of(columns);
+        };
+        let without = sums.posterior_at(posterior.scale_without(columns))?;
+        Some(posterior.log_evidence - without.log_evidence)
     }
 }
 
@@ -102,7 +133,6 @@ impl Sums {
             information: gram(&whitened.as_view()),
             moment: whitened.tr_mul(values),
             square: values.norm_squared(),
-            rows: values.len(),
             ln_noise,
         }
     }
@@ -113,18 +143,22 @@ impl Sums {
             information: DMatrix::zeros(columns, columns),
             moment: DVector::zeros(columns),
             square: 0.0,
-            rows: 0,
             ln_noise: 0.0,
         }
     }
 
-    /// Adds the sums of other rows.
-    pub fn add(&mut self, other: &Self) {
-        self.information += &other.information;
-        self.moment += &other.moment;
-        self.square += other.square;
-        self.rows += other.rows;
-        self.ln_noise += other.ln_noise;
+    /// Adds `share` times the sums of other rows: −1 takes rows out that are in.
+    pub fn add(&mut self, other: &Self, share: f64) {
+        let own = &mut self.information;
+        own.zip_apply(&other.information, |own, other| *own += share * other);
+        self.moment.axpy(share, &other.moment, 1.0);
+        self.add_squares(other, share);
+    }
+
+    /// The part of [`Self::add`] that is of no column.
+    fn add_squares(&mut self, other: &Self, share: f64) {
+        self.square += share * other.square;
+        self.ln_noise += share * other.ln_noise;
     }
 
     /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
@@ -135,7 +169,7 @@ impl Sums {
     /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
     pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
         let mut matrix = self.scaled(&scale);
-        (0..scale.len()).for_each(|column| matrix[(column, column)] += 1.0);
+        add_one(&mut matrix);
         self.at(scale, matrix, 0.0)
     }
 
@@ -188,6 +222,7 @@ impl Posterior {
         let factor = match &self.root {
             Root::Columns(factor) => factor,
             Root::Rows(rows) => return rows.determined(),
+            Root::Sessions(arrow) => return arrow.determined(),
         };
         let inverse = factor.inverse_lower();
         DVector::from_iterator(
@@ -203,22 +238,54 @@ impl Posterior {
         match &self.root {
             Root::Columns(factor) => Cow::Borrowed(factor),
             Root::Rows(rows) => Cow::Owned(rows.of_columns()),
+            Root::Sessions(arrow) => Cow::Owned(arrow.of_columns()),
         }
+    }
+
+    /// The covariances of what each session sees.
+    pub(super) fn by_session(&self) -> BySession<'_> {
+        let shared = match &self.root {
+            Root::Sessions(arrow) => arrow.of_shared(),
+            Root::Columns(factor) => gram(&factor.inverse_lower().as_view()),
+            Root::Rows(rows) => gram(&rows.of_columns().inverse_lower().as_view()),
+        };
+        BySession {
+            posterior: self,
+            shared,
+        }
+    }
+
+    /// The prior standard deviations with those of `columns` at zero.
+    pub(super) fn scale_without(&self, columns: &[usize]) -> DVector<f64> {
+        let mut scale = self.scale.clone();
+        for &column in columns {
+            scale[column] = 0.0;
+        }
+        scale
     }
 
     /// A square root `OᵀO` of the covariance that the model leaves open of its own whitened rows, a column for each row; `None` where
     /// the rows were summed.
     pub(super) fn open_of_rows(&self) -> Option<DMatrix<f64>> {
         match &self.root {
-            Root::Columns(_) => None,
+            Root::Columns(_) | Root::Sessions(_) => None,
             Root::Rows(rows) => Some(rows.open()),
+        }
+    }
+
+    /// `R z` with `R Rᵀ` the posterior covariance over the prior's standard deviations.
+    pub(super) fn backward(&self, z: DVector<f64>) -> DVector<f64> {
+        match &self.root {
+            Root::Columns(factor) => factor.backward(z),
+            Root::Rows(rows) => rows.of_columns().backward(z),
+            Root::Sessions(arrow) => arrow.backward(&z),
         }
     }
 
     /// Posterior covariance of the columns at `places`.
     pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
         let half = self.half(&chosen(self.scale.len(), places).transpose());
-        half.tr_mul(&half)
+        gram(&half.as_view())
     }
 
     /// Log evidence with `columns` in the model minus without them, nats: `½ ln |C| + ½ uᵀ C⁻¹ u` with their own mean u and
@@ -242,6 +309,33 @@ impl Posterior {
         }
         self.root.half(right)
     }
+}
+
+/// The posterior covariance of the columns that a session's stations see, one session at a time.
+pub(super) struct BySession<'p> {
+    posterior: &'p Posterior,
+    /// That of the shared columns, over their prior's standard deviations.
+    shared: DMatrix<f64>,
+}
+
+impl BySession<'_> {
+    /// The covariance of `columns`, which are the own ones of `session` and then the shared ones.
+    pub(super) fn of(&self, session: usize, columns: &[usize]) -> DMatrix<f64> {
+        let mut covariance = match &self.posterior.root {
+            Root::Sessions(arrow) => arrow.of_session(session, &self.shared),
+            Root::Columns(_) | Root::Rows(_) => self.shared.clone(),
+        };
+        let scale = self.posterior.scale.select_rows(columns);
+        for (mut column, own) in covariance.column_iter_mut().zip(&scale) {
+            column.component_mul_assign(&scale);
+            column *= *own;
+        }
+        covariance
+    }
+}
+
+fn add_one(matrix: &mut DMatrix<f64>) {
+    (0..matrix.nrows()).for_each(|column| matrix[(column, column)] += 1.0);
 }
 
 /// The columns of the identity of this size at `places`.

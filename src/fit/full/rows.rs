@@ -12,29 +12,91 @@ use rayon::prelude::*;
 use super::design::PoseView;
 use super::layout::Block;
 use super::noise::{NoisyReading, StationNoise};
+use super::partition::{Partition, Seen};
 use super::train::{CHUNK, State};
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
-use crate::fit::observation::measured::Shown;
+use crate::fit::observation::measured::{Shown, moved};
 use crate::fit::problem::Problem;
 use crate::kinematics::{HeldChain, Twist};
 
+/// Stations whose rows are held at once: they are needed for their sums alone. Fixed, so that results do not depend on the number of
+/// threads.
+const AT_ONCE: usize = 2048;
+
 /// One station's rows and residual at the current offsets.
 pub struct Row {
-    /// Unwhitened rows.
-    pub rows: DMatrix<f64>,
+    /// Unwhitened rows of the columns in [`Seen::plain`].
+    pub plain: DMatrix<f64>,
+    /// For each joint the numbers of the columns in [`Seen::of_joints`], by which they scale its motion.
+    pub shapes: Vec<DVector<f64>>,
     /// Measured minus predicted, mm and rad.
     pub value: DVector<f64>,
-    /// The noise of its readings.
+    /// The noise of its readings, with the motion of the rows by each joint.
     pub noise: StationNoise,
+}
+
+impl Row {
+    /// The product of its rows and coefficients of [`Seen::columns`].
+    pub fn times(&self, seen: &Seen, coefficients: &DVector<f64>) -> DVector<f64> {
+        let plain = coefficients.select_rows(&seen.plain);
+        let mut product = &self.plain * plain;
+        let joints = self.shapes.iter().zip(&seen.of_joints);
+        for ((shapes, places), motion) in joints.zip(&self.noise.joints) {
+            let numbers = shapes.iter().zip(places);
+            let error: f64 = numbers.map(|(own, &place)| own * coefficients[place]).sum();
+            product.axpy(error, motion, 1.0);
+        }
+        product
+    }
+
+    /// The motion of the rows by each joint, a column for each.
+    pub fn motions(&self) -> DMatrix<f64> {
+        let joints = &self.noise.joints;
+        let mut motions = DMatrix::zeros(self.value.len(), joints.len());
+        for (mut column, joint) in motions.column_iter_mut().zip(joints) {
+            column.copy_from(joint);
+        }
+        motions
+    }
+
+    /// The numbers of each joint's shapes of some stations, a column for each station.
+    pub fn shapes_of(rows: &[Self], seen: &Seen) -> Vec<DMatrix<f64>> {
+        let of_joint = |(joint, own): (usize, &Vec<usize>)| {
+            let mut shapes = DMatrix::zeros(own.len(), rows.len());
+            for (mut column, row) in shapes.column_iter_mut().zip(rows) {
+                column.copy_from(&row.shapes[joint]);
+            }
+            shapes
+        };
+        seen.of_joints.iter().enumerate().map(of_joint).collect()
+    }
+
+    /// Its rows of all `columns` columns of the model.
+    pub fn whole(&self, seen: &Seen, columns: usize) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(self.value.len(), columns);
+        for (own, &place) in self.plain.column_iter().zip(&seen.plain) {
+            rows.column_mut(seen.columns[place]).copy_from(&own);
+        }
+        let joints = self.shapes.iter().zip(&seen.of_joints);
+        for ((shapes, places), motion) in joints.zip(&self.noise.joints) {
+            for (share, &place) in shapes.iter().zip(places) {
+                rows.column_mut(seen.columns[place])
+                    .axpy(*share, motion, 0.0);
+            }
+        }
+        rows
+    }
 }
 
 /// One reading's rows and residual.
 struct ReadingRow {
     /// The part of the target's motion that the reading shows.
     shown: Shown,
-    /// Unwhitened rows.
-    rows: DMatrix<f64>,
+    /// Unwhitened rows of the columns that are no joint's shapes.
+    plain: DMatrix<f64>,
+    /// The numbers of each joint's shapes.
+    shapes: Vec<DVector<f64>>,
     /// Measured minus predicted, mm and rad.
     value: DVector<f64>,
     /// Motion of the target per unit of each joint.
@@ -66,30 +128,84 @@ pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
     mean
 }
 
-/// The rows of each station, in the order of [`stations`].
-pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
-    let around = Around {
-        frames: problem.frames(&state.offsets),
-        chains: problem.held(&state.offsets),
-        problem,
-        state,
-        up,
-    };
-    let observations = problem.observations();
-    stations(observations)
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .map(|own| around.station(&observations[own]))
-        .collect()
-}
-
-/// The values that the rows of all readings have in common.
-struct Around<'p> {
-    problem: &'p Problem<'p>,
-    state: &'p State,
+/// The stations of a training and the values that the rows of all of them have in common.
+///
+/// Rows are made when they are asked for and not kept: a pool's would fill the memory.
+pub(super) struct Around<'p> {
+    pub problem: &'p Problem<'p>,
+    pub state: &'p State,
     up: Option<Vector3<f64>>,
     frames: Vec<Frames>,
     chains: PerChannel<HeldChain>,
+    /// The readings of each station.
+    stations: Vec<Range<usize>>,
+    /// The columns by session.
+    pub partition: Partition,
+    seen: Vec<Seen>,
+}
+
+impl<'p> Around<'p> {
+    /// The stations of `problem` at `state`.
+    pub fn new(problem: &'p Problem<'p>, state: &'p State, up: Option<Vector3<f64>>) -> Self {
+        let sessions = problem.starts().len();
+        let partition = Partition::of(&state.layout, problem.unknowns(), sessions);
+        let joints = state.repeatability.joints.len();
+        let seen = |session| Seen::of(&state.layout, &partition, session, joints);
+        Self {
+            frames: problem.frames(&state.offsets),
+            chains: problem.held(&state.offsets),
+            stations: stations(problem.observations()),
+            seen: (0..sessions).map(seen).collect(),
+            partition,
+            problem,
+            state,
+            up,
+        }
+    }
+
+    /// Number of stations.
+    pub const fn count(&self) -> usize {
+        self.stations.len()
+    }
+
+    /// Number of all rows of stations.
+    pub fn row_count(&self) -> usize {
+        let readings = self.problem.observations().iter();
+        readings.map(|own| own.measured.kind().rows()).sum()
+    }
+
+    /// The columns that a session's stations see.
+    pub fn seen(&self, session: usize) -> &Seen {
+        &self.seen[session]
+    }
+
+    /// The session of a station.
+    pub fn session(&self, station: usize) -> usize {
+        self.problem.observations()[self.stations[station].start].session
+    }
+
+    /// All stations, in batches whose rows are held at once: each one's session and the places of its stations.
+    pub fn batches(&self) -> Vec<(usize, Vec<usize>)> {
+        self.batches_of(&(0..self.count()).collect::<Vec<usize>>())
+    }
+
+    /// Some stations in such batches.
+    pub fn batches_of(&self, stations: &[usize]) -> Vec<(usize, Vec<usize>)> {
+        let runs = stations.chunk_by(|&a, &b| self.session(a) == self.session(b));
+        let batches = runs.flat_map(|run| run.chunks(AT_ONCE));
+        let with_session = batches.map(|own| (self.session(own[0]), own.to_vec()));
+        with_session.collect()
+    }
+
+    /// The rows of some stations of one session, by their places.
+    pub fn rows(&self, stations: &[usize]) -> Vec<Row> {
+        let places = stations.par_iter().with_min_len(CHUNK);
+        let row = |&place: &usize| {
+            let own = self.stations[place].clone();
+            self.station(&self.problem.observations()[own])
+        };
+        places.map(row).collect()
+    }
 }
 
 impl Around<'_> {
@@ -103,11 +219,19 @@ impl Around<'_> {
             base: row.base,
         });
         let noise = StationNoise::of(&noisy.collect::<Vec<_>>());
-        let (rows, value) = match (rows.pop(), &rows[..]) {
-            (Some(only), []) => (only.rows, only.value),
-            (last, others) => below(others.iter().chain(&last), self.state.layout.size()),
+        let columns = rows.first().map_or(0, |own| own.plain.ncols());
+        // The readings are of one pose, so the numbers of its joints are common to them.
+        let shapes = rows.first_mut().map(|own| std::mem::take(&mut own.shapes));
+        let (plain, value) = match (rows.pop(), &rows[..]) {
+            (Some(only), []) => (only.plain, only.value),
+            (last, others) => below(others.iter().chain(&last), columns),
         };
-        Row { rows, value, noise }
+        Row {
+            plain,
+            shapes: shapes.unwrap_or_default(),
+            value,
+            noise,
+        }
     }
 
     fn reading(&self, observation: &Observation) -> ReadingRow {
@@ -135,24 +259,52 @@ impl Around<'_> {
         let gauge = problem.gauge(observation.channel(), &state.offsets);
         let end = Point3::from(view.end.translation.vector);
         let shown = observation.measured.shown(gauge.as_ref(), &end);
-        let mut rows = pose.rows(&state.layout, &shown);
+        let seen = &self.seen[observation.session];
+        let (mut plain, shapes) = self.columns(&pose, seen, &shown);
         // The unknowns are the first columns.
         for (unknown, by) in problem.by_parts(observation.channel(), gauge.as_ref(), &end) {
-            rows[(0, unknown)] = by;
+            plain[(0, seen.places[unknown])] = by;
         }
         // The session's scale is that of the source of places.
         let scale = state.layout.columns(Block::Scale(observation.session));
         if let (Some(scale), Some(_)) = (scale, &gauge) {
-            rows.column_mut(scale.start).fill(0.0);
+            plain.column_mut(seen.places[scale.start]).fill(0.0);
         }
         let residual = observation.measured.residual(&view.end, gauge.as_ref());
         ReadingRow {
             shown,
-            rows,
+            plain,
+            shapes,
             value: DVector::from_vec(residual),
             joints: view.joints,
             base: base_axes,
         }
+    }
+
+    /// The plain rows of a pose that shows `shown`, and the numbers of each joint's shapes.
+    fn columns(
+        &self,
+        pose: &PoseView<'_>,
+        seen: &Seen,
+        shown: &Shown,
+    ) -> (DMatrix<f64>, Vec<DVector<f64>>) {
+        let mut plain = DMatrix::zeros(shown.rows(), seen.plain.len());
+        let lists = seen.of_joints.iter();
+        let mut shapes: Vec<_> = lists.map(|own| DVector::zeros(own.len())).collect();
+        for (block, columns) in &seen.blocks {
+            let one = std::iter::once((*block, columns.clone()));
+            let mut each = |column: usize, twist: &Twist, amount: f64| {
+                let place = seen.places[column];
+                if let Some(joint) = block.shapes() {
+                    shapes[joint][place] = amount;
+                } else {
+                    let mut own = plain.column_mut(place);
+                    moved(shown, twist, amount, own.as_mut_slice());
+                }
+            };
+            pose.walk(one, &self.state.layout, &mut each);
+        }
+        (plain, shapes)
     }
 }
 
@@ -166,7 +318,7 @@ fn below<'r>(
     let mut first = 0;
     for own in readings {
         let size = own.value.len();
-        rows.rows_mut(first, size).copy_from(&own.rows);
+        rows.rows_mut(first, size).copy_from(&own.plain);
         value.rows_mut(first, size).copy_from(&own.value);
         first += size;
     }
@@ -179,10 +331,10 @@ pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> 
     state.repeatability.covariance(&row.noise) / counted
 }
 
-/// Covariance of each station's noise at its weight, as [`super::whitening`] returns them.
-pub(super) fn covariances(state: &State, rows: &[Row]) -> Vec<DMatrix<f64>> {
-    let weighted = rows.iter().zip(&state.weights);
+/// Covariance of the noise of each of these stations at its weight.
+pub(super) fn covariances(state: &State, rows: &[Row], stations: &[usize]) -> Vec<DMatrix<f64>> {
+    let weighted = rows.iter().zip(stations);
     weighted
-        .map(|(row, weight)| covariance(state, row, *weight))
+        .map(|(row, &station)| covariance(state, row, state.weights[station]))
         .collect()
 }

@@ -2,9 +2,11 @@
 //!
 //! A column's coefficient is `mean`; the covariance of all columns is `S L⁻ᵀ L⁻¹ S`, S the diagonal of `scale`. `factor`
 //! is L: its lower triangle column by column, each from the diagonal down, as little-endian 64-bit numbers in base64, some
-//! 3.4 MB for 800 columns (as decimal text it would be 6 MB). Robust weights and leave-one-out residuals belong to the
+//! 3.4 MB for 800 columns (as decimal text it would be 6 MB). Of a pool the factor is that of an arrow
+//! ([`super::regression::sessions`]), some 3 MB a session beside it. Robust weights and leave-one-out residuals belong to the
 //! stations, not to the model, and are not saved.
 
+use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 use base64::Engine;
@@ -15,6 +17,8 @@ use serde::{Deserialize, Serialize};
 use super::approach::ApproachOffsets;
 use super::layout::{Block, Layout};
 use super::noise::Repeatability;
+use super::partition::Partition;
+use super::regression::sessions::{Arrow, OwnRoot};
 use super::regression::{Posterior, Root};
 use super::student::Tails;
 use super::{FullModel, PartEvidence, Ready};
@@ -47,13 +51,20 @@ pub struct SavedFull {
     pub mean: Vec<f64>,
     /// Prior standard deviation of every column; 0 for parts that were dropped.
     pub scale: Vec<f64>,
-    /// Factor L of the posterior information over `scale`.
+    /// Factor L of the posterior information over `scale`; of a pool that of the shared columns, once the sessions' own are
+    /// eliminated.
     pub factor: String,
+    /// Of a pool, the factored part of each session; absent of a model whose columns were factored together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub own_factors: Vec<SavedOwn>,
     /// Period of joint curves, in turns.
     pub curve_period_turns: NonZeroU32,
     /// Period of the curve of each joint that slides, mm, null where it turns; absent where all turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub slide_periods_mm: Vec<Option<f64>>,
+    /// Age of each session, years before the latest; absent where curves do not age.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ages_years: Vec<f64>,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighted stations; 0 for none.
@@ -74,6 +85,16 @@ pub struct SavedFull {
     pub repeatability: SavedRepeatability,
     /// The evidence of the optional parts.
     pub parts: Vec<SavedPart>,
+}
+
+/// The factored part of one session: the columns of its own frames, drift, scale and changes, in their order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedOwn {
+    /// Factor `L_s` of the information on its own columns.
+    pub factor: String,
+    /// `L_s⁻¹ B_s`, with `B_s` the information between its own columns and the shared ones: all numbers, column by column.
+    pub across: String,
 }
 
 /// One block of columns.
@@ -133,6 +154,14 @@ pub enum BlockName {
         /// The joint.
         joint: usize,
     },
+    /// Change of a joint's curve over one step of years, as `SessionCurve`: of a session older than the step, and in part of one
+    /// within it. The step k, from 0, begins 0.1 (2^k − 1) years before the latest session.
+    Ageing {
+        /// The joint.
+        joint: usize,
+        /// The step.
+        step: usize,
+    },
     /// A gear line: `cos ωq, sin ωq`.
     Line {
         /// The joint.
@@ -170,13 +199,14 @@ pub struct SavedPart {
 }
 
 /// Names of parts that can be left out.
-const PARTS: [&str; 7] = [
+const PARTS: [&str; 8] = [
     "joint_curves",
     "gravity",
     "command_weight",
     "drift",
     "session_scale",
     "gear_lines",
+    "ageing",
     "session_changes",
 ];
 
@@ -193,10 +223,17 @@ impl FullModel {
             blocks: self.layout.blocks().map(SavedBlock::of).collect(),
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
-            factor: encode(self.posterior.factor().lower()),
+            factor: encode(self.posterior.saved_factor().lower()),
+            own_factors: self
+                .posterior
+                .own_factors()
+                .iter()
+                .map(SavedOwn::of)
+                .collect(),
             curve_period_turns: NonZeroU32::new(self.layout.period_turns())
                 .expect("a layout's curves repeat after a turn or more"),
             slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
+            ages_years: self.layout.ages_years().to_vec(),
             span_stations: self.span,
             student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
@@ -219,18 +256,19 @@ impl FullModel {
         let layout = saved.layout()?;
         let scale = DVector::from_column_slice(&saved.scale);
         let mean = DVector::from_column_slice(&saved.mean);
-        let lower = decode(&saved.factor, layout.size())?;
-        let factor = Cholesky::from_lower(lower).ok_or(SavedError::Factor {
-            problem: "has a diagonal that is not positive",
-        })?;
+        let problem = saved.problem()?;
+        let root = saved.root(Partition::of(
+            &layout,
+            problem.unknowns(),
+            saved.sessions.len(),
+        ))?;
         let posterior = Posterior {
             // A dropped column has no scale, and its coefficient is zero.
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
             scale,
-            root: Root::Columns(factor),
+            root,
             log_evidence: saved.log_evidence,
         };
-        let problem = saved.problem()?;
         let offsets = DVector::from_column_slice(&saved.offsets);
         Ok(Self {
             ready: Ready::of(&problem, &offsets, &layout, &mean),
@@ -268,6 +306,22 @@ impl SavedFull {
         read(text)
     }
 
+    /// The root of the information, of columns by session.
+    fn root(&self, partition: Partition) -> Result<Root, SavedError> {
+        if self.own_factors.is_empty() {
+            return Ok(Root::Columns(factor(&self.factor, partition.size())?));
+        }
+        let (sessions, shared) = (partition.own.len(), partition.common.len());
+        same_length("sessions' own factors", sessions, self.own_factors.len())?;
+        let own = self.own_factors.iter().zip(&partition.own);
+        let own = own.map(|(saved, own)| saved.root(own.len(), shared));
+        Ok(Root::Sessions(Arrow {
+            own: own.collect::<Result<_, _>>()?,
+            common: factor(&self.factor, shared)?,
+            partition,
+        }))
+    }
+
     /// The layout; an error unless blocks, columns, joints and sessions fit together.
     fn layout(&self) -> Result<Layout, SavedError> {
         let columns = self.mean.len();
@@ -277,13 +331,17 @@ impl SavedFull {
             .try_fold(0_usize, |sum, block| sum.checked_add(block.columns));
         same_length("columns", asked.unwrap_or(usize::MAX), columns)?;
         same_length("prior deviations", columns, self.scale.len())?;
+        if !self.ages_years.is_empty() {
+            same_length("ages", self.sessions.len(), self.ages_years.len())?;
+        }
         same_length(
             "joint repeatabilities",
             self.arm.joints.len(),
             self.repeatability.joints_rad2.len(),
         )?;
-        let mut layout =
-            Layout::new(self.curve_period_turns.get()).with_slides(self.slide_periods_mm()?);
+        let mut layout = Layout::new(self.curve_period_turns.get())
+            .with_slides(self.slide_periods_mm()?)
+            .with_ages(self.ages_years.clone());
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block.block(), block.columns);
@@ -346,7 +404,9 @@ impl SavedFull {
             | BlockName::OwnCommandWeight { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
-            BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
+            BlockName::SessionCurve { .. } | BlockName::Ageing { .. } => {
+                columns.saturating_sub(1) / 2 * 2 + 1
+            }
             BlockName::Line { .. } => 2,
             BlockName::Scale { .. } => 1,
         })
@@ -393,6 +453,41 @@ impl SavedFull {
     }
 }
 
+impl SavedOwn {
+    fn of(root: &OwnRoot) -> Self {
+        Self {
+            factor: encode(root.factor.lower()),
+            across: encode_numbers(root.across.iter()),
+        }
+    }
+
+    fn root(&self, own: usize, shared: usize) -> Result<OwnRoot, SavedError> {
+        let across = decode_numbers(&self.across, own * shared)?;
+        Ok(OwnRoot {
+            factor: factor(&self.factor, own)?,
+            across: DMatrix::from_vec(own, shared, across),
+        })
+    }
+}
+
+impl Posterior {
+    /// The factor that is saved: of all columns, or of a pool's shared ones.
+    fn saved_factor(&self) -> Cow<'_, Cholesky> {
+        match &self.root {
+            Root::Sessions(arrow) => Cow::Borrowed(&arrow.common),
+            Root::Columns(_) | Root::Rows(_) => self.factor(),
+        }
+    }
+
+    /// The factored part of each session of a pool.
+    fn own_factors(&self) -> &[OwnRoot] {
+        match &self.root {
+            Root::Sessions(arrow) => &arrow.own,
+            Root::Columns(_) | Root::Rows(_) => &[],
+        }
+    }
+}
+
 impl SavedBlock {
     fn of((block, columns): (Block, std::ops::Range<usize>)) -> Self {
         let block = match block {
@@ -407,6 +502,7 @@ impl SavedBlock {
             Block::Scale(session) => BlockName::Scale { session },
             Block::Curve(joint) => BlockName::Curve { joint },
             Block::SessionCurve { session, joint } => BlockName::SessionCurve { session, joint },
+            Block::Ageing { joint, step } => BlockName::Ageing { joint, step },
             Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
         };
         Self {
@@ -430,6 +526,7 @@ impl BlockName {
             Self::Scale { session } => Block::Scale(session),
             Self::Curve { joint } => Block::Curve(joint),
             Self::SessionCurve { session, joint } => Block::SessionCurve { session, joint },
+            Self::Ageing { joint, step } => Block::Ageing { joint, step },
             Self::Line { joint, cycles } => Block::Line { joint, cycles },
         }
     }
@@ -446,7 +543,9 @@ impl BlockName {
             | Self::OwnCommandWeight { session }
             | Self::Drift { session }
             | Self::Scale { session } => (None, Some(session)),
-            Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
+            Self::Curve { joint } | Self::Ageing { joint, .. } | Self::Line { joint, .. } => {
+                (Some(joint), None)
+            }
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
         }
     }
@@ -499,37 +598,43 @@ impl SavedPart {
 
 /// The lower triangle, column by column, as base64 of little-endian numbers.
 fn encode(lower: &DMatrix<f64>) -> String {
-    let size = lower.nrows();
-    let mut bytes = Vec::with_capacity(4 * size * (size + 1));
-    for column in 0..size {
-        for row in column..size {
-            bytes.extend_from_slice(&lower[(row, column)].to_le_bytes());
-        }
-    }
+    let columns = lower.column_iter().enumerate();
+    let below = columns.flat_map(|(column, own)| own.into_iter().skip(column));
+    encode_numbers(below)
+}
+
+/// Numbers as base64, little-endian.
+fn encode_numbers<'n>(numbers: impl Iterator<Item = &'n f64>) -> String {
+    let bytes: Vec<u8> = numbers.flat_map(|number| number.to_le_bytes()).collect();
     STANDARD.encode(bytes)
 }
 
-/// The triangle of a matrix of `size` rows; `size` was checked against lists already read.
-fn decode(text: &str, size: usize) -> Result<DMatrix<f64>, SavedError> {
-    let bytes = STANDARD.decode(text).map_err(|_| SavedError::Factor {
-        problem: "is not base64",
-    })?;
-    let (numbers, rest) = bytes.as_chunks::<8>();
-    same_length("bytes after the factor's numbers", 0, rest.len())?;
-    same_length(
-        "numbers in the factor",
-        size * (size + 1) / 2,
-        numbers.len(),
-    )?;
-    let mut numbers = numbers.iter().map(|number| f64::from_le_bytes(*number));
+/// The factor of `size` columns; `size` was checked against lists already read.
+fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
+    let mut numbers = decode_numbers(text, size * (size + 1) / 2)?.into_iter();
     let mut lower = DMatrix::zeros(size, size);
     for column in 0..size {
         for row in column..size {
             lower[(row, column)] = numbers.next().expect("as many numbers as the triangle has");
         }
     }
-    if lower.iter().all(|number| number.is_finite()) {
-        Ok(lower)
+    Cholesky::from_lower(lower).ok_or(SavedError::Factor {
+        problem: "has a diagonal that is not positive",
+    })
+}
+
+/// `count` numbers.
+fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
+    let bytes = STANDARD.decode(text).map_err(|_| SavedError::Factor {
+        problem: "is not base64",
+    })?;
+    let (numbers, rest) = bytes.as_chunks::<8>();
+    same_length("bytes after the factor's numbers", 0, rest.len())?;
+    same_length("numbers in the factor", count, numbers.len())?;
+    let numbers = numbers.iter().map(|number| f64::from_le_bytes(*number));
+    let numbers: Vec<f64> = numbers.collect();
+    if numbers.iter().all(|number| number.is_finite()) {
+        Ok(numbers)
     } else {
         Err(SavedError::Factor {
             problem: "holds a number that is not finite",

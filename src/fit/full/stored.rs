@@ -12,7 +12,7 @@ use super::approach::ApproachOffsets;
 use super::layout::Layout;
 use super::noise::Repeatability;
 use super::regression::Posterior;
-use super::rows::{prior_mean, rows, stations};
+use super::rows::{Around, prior_mean, stations};
 use super::saved::SavedPart;
 use super::settings::FullSettings;
 use super::student::Tails;
@@ -181,8 +181,8 @@ impl StoredFull {
             middles: self.middles.clone(),
             ..State::new(problem, at, settings, self.up.is_some())
         };
-        let rows = rows(problem, &state, self.up);
-        let (evidence, _) = evidence(problem, &state, &rows, &prior_mean(problem, &state));
+        let around = Around::new(problem, &state, self.up);
+        let evidence = evidence(&around, &prior_mean(problem, &state));
         let posterior = evidence
             .posterior_at(self.scale.clone())
             .ok_or(SavedError::Factor {

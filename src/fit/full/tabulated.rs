@@ -35,7 +35,9 @@ impl Tabulated {
     /// The curves of `sessions` sessions with the coefficients `mean`.
     pub fn new(layout: &Layout, mean: &DVector<f64>, sessions: usize) -> Self {
         let joint = |block| match block {
-            Block::Curve(joint) | Block::SessionCurve { joint, .. } => joint + 1,
+            Block::Curve(joint)
+            | Block::SessionCurve { joint, .. }
+            | Block::Ageing { joint, .. } => joint + 1,
             _ => 0,
         };
         let joints = layout.blocks().map(|(block, _)| joint(block)).max();
@@ -47,16 +49,19 @@ impl Tabulated {
         }
         let mut own = vec![common.clone(); sessions];
         for (block, columns) in layout.blocks() {
-            if let Block::SessionCurve { session, joint } = block {
-                let [constant, harmonics @ ..] = &mean.as_slice()[columns] else {
-                    continue;
-                };
-                let curve = &mut own[session][joint];
-                curve
-                    .entries
-                    .iter_mut()
-                    .for_each(|entry| entry[0] += constant);
-                curve.add(harmonics);
+            let coefficients = &mean.as_slice()[columns];
+            match block {
+                Block::SessionCurve { session, joint } => {
+                    own[session][joint].add_change(coefficients);
+                }
+                Block::Ageing { joint, step } => {
+                    for (session, curves) in own.iter_mut().enumerate() {
+                        let share = layout.ageing(session, step);
+                        let aged = coefficients.iter().map(|c| share * c);
+                        curves[joint].add_change(&aged.collect::<Vec<f64>>());
+                    }
+                }
+                _ => {}
             }
         }
         Self {
@@ -86,6 +91,15 @@ impl Curve {
     fn zero() -> Self {
         Self {
             entries: vec![[0.0; 2]; ENTRIES],
+        }
+    }
+
+    /// Adds a constant, then pairs.
+    fn add_change(&mut self, coefficients: &[f64]) {
+        if let [constant, harmonics @ ..] = coefficients {
+            let entries = self.entries.iter_mut();
+            entries.for_each(|entry| entry[0] += constant);
+            self.add(harmonics);
         }
     }
 

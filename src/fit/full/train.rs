@@ -15,7 +15,7 @@ use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::{Repeatability, of_length};
 use super::regression::{Evidence, Posterior};
-use super::rows::{prior_mean, rows, stations};
+use super::rows::{Around, prior_mean, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::whitening::evidence;
@@ -77,11 +77,13 @@ pub fn train(
     let mut state = State::new(problem, start, settings, up.is_some());
     let expected = state.repeatability.clone();
     for (round, &steps) in STEPS.iter().enumerate() {
-        let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
-        let (evidence, covariances) = evidence(problem, &state, &rows, &prior_mean);
-        let posterior = settle(&mut state.components, &evidence, steps)?;
-        let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
+        let around = Around::new(problem, &state, up);
+        let evidence = evidence(&around, &prior_mean);
+        let mut components = state.components.clone();
+        let posterior = settle(&mut components, &evidence, steps)?;
+        let left_out = leave_one_out(&around, &prior_mean, &posterior);
+        state.components = components;
         if round + 1 == STEPS.len() {
             return Some(Settled {
                 state,
@@ -98,7 +100,7 @@ pub fn train(
         }
         state.weights = left_out.iter().map(|l| l.weight(state.tails)).collect();
         if settings.gear_lines && round < LINE_ROUNDS {
-            let found = find_lines(problem, &state.layout, &rows, &left_out, settings);
+            let found = find_lines(problem, &state.layout, &left_out, settings);
             state.take_in(&found, settings);
         }
         let moved = posterior.mean() + prior_mean;
@@ -162,7 +164,11 @@ fn has_several(observations: &[Observation]) -> bool {
 }
 
 /// Makes `steps` steps of the sizes on the rows of one round; returns the posterior at their end.
-fn settle(components: &mut Components, evidence: &Evidence, steps: usize) -> Option<Posterior> {
+pub(super) fn settle(
+    components: &mut Components,
+    evidence: &Evidence,
+    steps: usize,
+) -> Option<Posterior> {
     for _ in 0..steps {
         let variances = components.variances();
         let posterior = evidence.posterior(&variances)?;

@@ -1,117 +1,107 @@
 //! Rows of all stations, whitened by their noise: kept where they are few beside the columns, summed otherwise.
+//!
+//! Sums of the shapes of two joints j and l are `Σ_i (J_jᵀ N⁻¹ J_l)_i φ_j(i) φ_l(i)ᵀ`: one number a station weighs a product of two lists,
+//! however many rows the station has ([`super::partition::Seen`]).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::partition::Seen;
 use super::regression::few_rows::FewRows;
+use super::regression::sessions::SessionSums;
 use super::regression::{Evidence, Sums};
-use super::rows::{Row, covariance};
-use super::train::{CHUNK, State};
-use crate::fit::problem::Problem;
+use super::rows::{Around, Row, covariances};
+use super::train::CHUNK;
+use crate::linalg::gram;
 
-/// Stations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
-/// for its sum alone. Fixed, so that results do not depend on the number of threads.
-const SUMMED_AT_ONCE: usize = 512;
+/// The evidence of all rows on the columns.
+pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
+    let distances = around.problem.distances(&around.state.offsets).count();
+    let partition = &around.partition;
+    let own = partition.own.iter().map(Vec::len).max();
+    // A pool is factored session by session: the columns are those that one session sees.
+    let columns = partition.common.len() + own.unwrap_or(0);
+    if FewRows::are_few(around.row_count() + distances, columns) {
+        return Evidence::Rows(kept(around, prior_mean));
+    }
+    let sums = summed(around, prior_mean);
+    if sums.own.len() > 1 {
+        Evidence::Sessions(sums)
+    } else {
+        Evidence::Sums(sums.common)
+    }
+}
 
-/// Whitened rows one below the other: those of stations, then those of known distances.
+/// The sums of the rows of one session, whose columns are all shared.
+pub(super) fn sums(around: &Around<'_>, prior_mean: &DVector<f64>) -> Sums {
+    summed(around, prior_mean).common
+}
+
+/// The sums of all stations' rows and of known distances.
+fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
+    let mut sums = SessionSums::zero(&around.partition);
+    for (session, stations) in around.batches() {
+        let rows = around.rows(&stations);
+        let own = sums_of(around, (session, &stations), &rows, prior_mean);
+        sums.add(session, &own, 1.0);
+    }
+    for (session, row, value) in distances(around) {
+        let seen = around.seen(session);
+        let expected = prior_mean.select_rows(&seen.columns);
+        let values = DVector::from_element(1, value - row.dot(&expected));
+        let row = DMatrix::from_row_slice(1, row.len(), row.as_slice());
+        sums.add(session, &Sums::new(&row, &values, 0.0), 1.0);
+    }
+    sums
+}
+
+/// The sums of the rows of some stations of one session, over the columns that the session sees.
+pub(super) fn sums_of(
+    around: &Around<'_>,
+    (session, stations): (usize, &[usize]),
+    rows: &[Row],
+    prior_mean: &DVector<f64>,
+) -> Sums {
+    let seen = around.seen(session);
+    let expected = prior_mean.select_rows(&seen.columns);
+    let noise = covariances(around.state, rows, stations);
+    let stations = rows.par_iter().zip(&noise).with_min_len(CHUNK);
+    let whitened = stations.map(|(row, noise)| Whitened::of(row, noise, seen, &expected));
+    Summing::of(seen, rows, &whitened.collect::<Vec<_>>()).sums()
+}
+
+/// The whitened rows of one station, as [`Row`] has them.
 struct Whitened {
-    rows: DMatrix<f64>,
+    /// Of the plain columns.
+    plain: DMatrix<f64>,
+    /// The motion of the rows by each joint.
+    joints: DMatrix<f64>,
     values: DVector<f64>,
     ln_noise: f64,
 }
 
-/// The evidence of all rows on the columns, and the covariance of each station at its weight.
-pub(super) fn evidence(
-    problem: &Problem<'_>,
-    state: &State,
-    rows: &[Row],
-    prior_mean: &DVector<f64>,
-) -> (Evidence, Vec<DMatrix<f64>>) {
-    let columns = state.layout.size();
-    let distances = distances(problem, state, prior_mean);
-    let count = rows.iter().map(|row| row.value.len()).sum::<usize>() + distances.values.len();
-    if !FewRows::are_few(count, columns) {
-        let (sums, covariances) = summed(state, rows, prior_mean, &distances);
-        return (Evidence::Sums(sums), covariances);
-    }
-    let (mut parts, covariances) = whitened(state, rows, &state.weights, prior_mean);
-    parts.push(distances);
-    let all = stacked(&parts, columns);
-    let few = FewRows {
-        transposed: all.rows.transpose(),
-        values: all.values,
-        ln_noise: all.ln_noise,
-    };
-    (Evidence::Rows(few), covariances)
-}
-
-/// The sums of all rows, and the covariance of each station at its weight.
-pub(super) fn sums(
-    problem: &Problem<'_>,
-    state: &State,
-    rows: &[Row],
-    prior_mean: &DVector<f64>,
-) -> (Sums, Vec<DMatrix<f64>>) {
-    let distances = distances(problem, state, prior_mean);
-    summed(state, rows, prior_mean, &distances)
-}
-
-/// The sums of stations' rows and those of known distances, and the covariance of each station at its weight.
-fn summed(
-    state: &State,
-    rows: &[Row],
-    prior_mean: &DVector<f64>,
-    distances: &Whitened,
-) -> (Sums, Vec<DMatrix<f64>>) {
-    let columns = state.layout.size();
-    let mut sums = Sums::zero(columns);
-    let mut all = Vec::with_capacity(rows.len());
-    let batches = rows.chunks(SUMMED_AT_ONCE);
-    for (rows, weights) in batches.zip(state.weights.chunks(SUMMED_AT_ONCE)) {
-        let (parts, covariances) = whitened(state, rows, weights, prior_mean);
-        sums.add(&stacked(&parts, columns).sums());
-        all.extend(covariances);
-    }
-    if !distances.values.is_empty() {
-        sums.add(&distances.sums());
-    }
-    (sums, all)
-}
-
 impl Whitened {
-    fn sums(&self) -> Sums {
-        Sums::new(&self.rows, &self.values, self.ln_noise)
+    /// A station's rows and values, less those expected, times the inverse of its noise's Cholesky factor.
+    fn of(row: &Row, noise: &DMatrix<f64>, seen: &Seen, expected: &DVector<f64>) -> Self {
+        let (inverse, ln_noise) = whitening(noise);
+        Self {
+            plain: &inverse * &row.plain,
+            joints: &inverse * row.motions(),
+            values: inverse * (&row.value - row.times(seen, expected)),
+            ln_noise,
+        }
     }
 }
 
-/// The whitened rows of stations, and the covariance of each at its weight.
-fn whitened(
-    state: &State,
-    rows: &[Row],
-    weights: &[f64],
-    prior_mean: &DVector<f64>,
-) -> (Vec<Whitened>, Vec<DMatrix<f64>>) {
-    let stations = rows.par_iter().zip(weights).with_min_len(CHUNK);
-    let whiten = |(row, weight): (&Row, &f64)| {
-        let covariance = covariance(state, row, *weight);
-        (whiten(row, &covariance, prior_mean), covariance)
-    };
-    stations.map(whiten).unzip()
-}
-
-/// A station's rows and values times the inverse of its noise's Cholesky factor.
-fn whiten(row: &Row, covariance: &DMatrix<f64>, prior_mean: &DVector<f64>) -> Whitened {
-    let factor = noise_factor(covariance);
+/// The inverse of the Cholesky factor of a station's noise, and `ln |N|`.
+fn whitening(noise: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
+    let factor = noise_factor(noise);
     let ln_noise = 2.0 * factor.diagonal().map(f64::ln).sum();
     let size = factor.nrows();
     let inverse = factor
         .solve_lower_triangular(&DMatrix::identity(size, size))
         .expect("a factor has no zero pivot");
-    Whitened {
-        rows: &inverse * &row.rows,
-        values: inverse * (&row.value - &row.rows * prior_mean),
-        ln_noise,
-    }
+    (inverse, ln_noise)
 }
 
 /// Cholesky factor of a station's noise.
@@ -123,39 +113,178 @@ pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
         .l()
 }
 
-/// The rows of known distances between targets, which are whitened; the unknowns are the first columns.
-fn distances(problem: &Problem<'_>, state: &State, prior_mean: &DVector<f64>) -> Whitened {
-    let known: Vec<_> = problem.distances(&state.offsets).collect();
-    let mut rows = DMatrix::zeros(known.len(), state.layout.size());
-    let mut values = DVector::zeros(known.len());
-    for (place, distance) in known.into_iter().enumerate() {
-        for (unknown, by) in distance.entries {
-            rows[(place, unknown)] = by;
+/// The whitened stations of one session that are summed.
+struct Summing<'s> {
+    seen: &'s Seen,
+    stations: &'s [Whitened],
+    /// The numbers of each joint's shapes: a column for each station.
+    shapes: Vec<DMatrix<f64>>,
+    /// The same, a row for each station.
+    by_station: Vec<DMatrix<f64>>,
+}
+
+impl<'s> Summing<'s> {
+    fn of(seen: &'s Seen, rows: &[Row], stations: &'s [Whitened]) -> Self {
+        let shapes = Row::shapes_of(rows, seen);
+        Self {
+            by_station: shapes.iter().map(DMatrix::transpose).collect(),
+            seen,
+            stations,
+            shapes,
         }
-        values[place] = distance.residual;
     }
-    Whitened {
-        values: values - &rows * prior_mean,
-        rows,
-        ln_noise: 0.0,
+
+    fn sums(&self) -> Sums {
+        let mut sums = Sums::zero(self.seen.columns.len());
+        let of_joints = &self.seen.of_joints;
+        let joints = of_joints.len();
+        let pairs: Vec<_> = (0..joints)
+            .flat_map(|j| (j..joints).map(move |l| (j, l)))
+            .collect();
+        let blocks = pairs.par_iter().map(|&(j, l)| self.of_joints(j, l));
+        for (&(j, l), block) in pairs.iter().zip(blocks.collect::<Vec<_>>()) {
+            put(
+                &mut sums.information,
+                (&of_joints[j], &of_joints[l]),
+                &block,
+            );
+        }
+        let parts = (0..joints)
+            .into_par_iter()
+            .map(|joint| self.of_joint(joint));
+        let parts: Vec<_> = parts.collect();
+        for (joint, (with_plain, moment)) in parts.into_iter().enumerate() {
+            let (plain, own) = (&self.seen.plain, &of_joints[joint]);
+            put(&mut sums.information, (plain, own), &with_plain);
+            put_values(&mut sums.moment, own, &moment);
+        }
+        self.add_plain(&mut sums);
+        sums.ln_noise = self.stations.iter().map(|own| own.ln_noise).sum();
+        sums
+    }
+
+    /// The sums of the shapes of two joints.
+    fn of_joints(&self, j: usize, l: usize) -> DMatrix<f64> {
+        let weighs = |own: &Whitened| own.joints.column(j).dot(&own.joints.column(l));
+        let weights = self.numbers(weighs);
+        let mut weighed = self.by_station[l].clone();
+        for mut column in weighed.column_iter_mut() {
+            column.component_mul_assign(&weights);
+        }
+        &self.shapes[j] * weighed
+    }
+
+    /// The sums of the plain columns with a joint's shapes, and the moment of the shapes.
+    fn of_joint(&self, joint: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let mut along = DMatrix::zeros(self.seen.plain.len(), self.stations.len());
+        for (mut column, own) in along.column_iter_mut().zip(self.stations) {
+            column.gemv_tr(1.0, &own.plain, &own.joints.column(joint), 0.0);
+        }
+        let pulls = self.numbers(|own| own.joints.column(joint).dot(&own.values));
+        (along * &self.by_station[joint], &self.shapes[joint] * pulls)
+    }
+
+    fn add_plain(&self, sums: &mut Sums) {
+        let plain = &self.seen.plain;
+        let count = self.stations.iter().map(|own| own.values.len()).sum();
+        let mut rows = DMatrix::zeros(count, plain.len());
+        let mut values = DVector::zeros(count);
+        let mut first = 0;
+        for own in self.stations {
+            let size = own.values.len();
+            rows.rows_mut(first, size).copy_from(&own.plain);
+            values.rows_mut(first, size).copy_from(&own.values);
+            first += size;
+        }
+        put(
+            &mut sums.information,
+            (plain, plain),
+            &gram(&rows.as_view()),
+        );
+        put_values(&mut sums.moment, plain, &rows.tr_mul(&values));
+        sums.square = values.norm_squared();
+    }
+
+    /// One number of each station.
+    fn numbers(&self, of: impl Fn(&Whitened) -> f64) -> DVector<f64> {
+        DVector::from_iterator(self.stations.len(), self.stations.iter().map(of))
     }
 }
 
-/// Whitened rows one below the other.
-fn stacked(parts: &[Whitened], columns: usize) -> Whitened {
-    let count = parts.iter().map(|part| part.values.len()).sum();
-    let mut rows = DMatrix::zeros(count, columns);
+/// Writes a block and its transpose.
+fn put(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
+    put_one(all, (rows, columns), block);
+    if rows != columns {
+        put_one(all, (columns, rows), &block.transpose());
+    }
+}
+
+fn put_one(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
+    for (own, &into) in block.column_iter().zip(columns) {
+        let mut column = all.column_mut(into);
+        for (&place, entry) in rows.iter().zip(own.iter()) {
+            column[place] = *entry;
+        }
+    }
+}
+
+fn put_values(all: &mut DVector<f64>, places: &[usize], values: &DVector<f64>) {
+    for (&place, value) in places.iter().zip(values) {
+        all[place] = *value;
+    }
+}
+
+/// The rows of known distances between targets, which are whitened: each one's session, entries of the columns that the session
+/// sees, and value.
+fn distances(around: &Around<'_>) -> Vec<(usize, DVector<f64>, f64)> {
+    let (problem, offsets) = (around.problem, &around.state.offsets);
+    let row = |distance: crate::fit::problem::DistanceRow| {
+        let (unknown, _) = distance.entries[0];
+        let session = problem.unknowns()[unknown].session().unwrap_or(0);
+        let seen = around.seen(session);
+        let mut row = DVector::zeros(seen.columns.len());
+        for (unknown, by) in distance.entries {
+            row[seen.plain[seen.places[unknown]]] = by;
+        }
+        (session, row, distance.residual)
+    };
+    problem.distances(offsets).map(row).collect()
+}
+
+/// All whitened rows, those of stations, then those of known distances.
+fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
+    let size = around.state.layout.size();
+    let distances = distances(around);
+    let count = around.row_count() + distances.len();
+    let mut transposed = DMatrix::zeros(size, count);
     let mut values = DVector::zeros(count);
     let (mut first, mut ln_noise) = (0, 0.0);
-    for part in parts {
-        let size = part.values.len();
-        rows.rows_mut(first, size).copy_from(&part.rows);
-        values.rows_mut(first, size).copy_from(&part.values);
-        first += size;
-        ln_noise += part.ln_noise;
+    for (session, stations) in around.batches() {
+        let (seen, rows) = (around.seen(session), around.rows(&stations));
+        let noise = covariances(around.state, &rows, &stations);
+        for (row, noise) in rows.iter().zip(&noise) {
+            let (inverse, ln_own) = whitening(noise);
+            let whole = row.whole(seen, size);
+            let own = &inverse * (&row.value - &whole * prior_mean);
+            let whitened = (inverse * whole).transpose();
+            transposed
+                .columns_mut(first, own.len())
+                .copy_from(&whitened);
+            values.rows_mut(first, own.len()).copy_from(&own);
+            first += own.len();
+            ln_noise += ln_own;
+        }
     }
-    Whitened {
-        rows,
+    for (session, row, value) in distances {
+        let mut column = transposed.column_mut(first);
+        for (&place, entry) in around.seen(session).columns.iter().zip(&row) {
+            column[place] = *entry;
+        }
+        values[first] = value - column.dot(prior_mean);
+        first += 1;
+    }
+    FewRows {
+        transposed,
         values,
         ln_noise,
     }

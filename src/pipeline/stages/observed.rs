@@ -9,6 +9,7 @@ use crate::fit::visits::{self, Dwell};
 use crate::fit::{self, Observation, commanded};
 use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
+use crate::units::WallTime;
 
 /// Observations of all training sessions, with the fold that holds each out.
 #[derive(Debug)]
@@ -106,6 +107,10 @@ pub(super) fn observations(
     let stations = &session.joined.stations;
     let mut observations = fit::observations(place, stations, arm, &settings.noise);
     fit::add_commands(&mut observations, stations, &session.commanded);
+    let day = session.started().map(WallTime::day);
+    for observation in &mut observations {
+        observation.day = day;
+    }
     observations
 }
 

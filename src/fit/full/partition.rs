@@ -1,0 +1,155 @@
+//! Which columns belong to one session alone, and which all sessions share.
+//!
+//! A station moves by the columns of its own session and by those that all share. So the information of a pool is an arrow: a block for
+//! each session's own columns, the shared block, and what each session's own have across to the shared; no two sessions meet
+//! elsewhere. The cost of a pool grows with its sessions, not with their square or cube ([`super::regression::sessions`]).
+
+use std::ops::Range;
+
+use super::layout::{Block, Layout};
+use crate::fit::problem::Unknown;
+
+/// The columns of a model by the session that they belong to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Partition {
+    /// The columns of each session alone, ascending; none where there is only one session.
+    pub own: Vec<Vec<usize>>,
+    /// The columns that all sessions share, ascending.
+    pub common: Vec<usize>,
+}
+
+impl Block {
+    /// The session that the block belongs to alone; `None` of a shared one, and of the unknowns, which have either kind.
+    const fn session(self) -> Option<usize> {
+        match self {
+            Self::SessionCommandWeight(session)
+            | Self::OwnCommandWeight(session)
+            | Self::Drift(session)
+            | Self::Scale(session)
+            | Self::SessionCurve { session, .. } => Some(session),
+            Self::Unknowns
+            | Self::Gravity
+            | Self::CommandWeight
+            | Self::ApproachOffset
+            | Self::WarmUp
+            | Self::Curve(_)
+            | Self::Ageing { .. }
+            | Self::Line { .. } => None,
+        }
+    }
+}
+
+impl Block {
+    /// The same block of the session behind `last`; `None` unless it is of that one alone.
+    pub(super) fn of_next(self, last: usize) -> Option<Self> {
+        if self.session() != Some(last) {
+            return None;
+        }
+        let session = last + 1;
+        Some(match self {
+            Self::SessionCommandWeight(_) => Self::SessionCommandWeight(session),
+            Self::OwnCommandWeight(_) => Self::OwnCommandWeight(session),
+            Self::Drift(_) => Self::Drift(session),
+            Self::Scale(_) => Self::Scale(session),
+            Self::SessionCurve { joint, .. } => Self::SessionCurve { session, joint },
+            other => other,
+        })
+    }
+}
+
+impl Partition {
+    /// The partition of a model of `sessions` sessions.
+    pub fn of(layout: &Layout, unknowns: &[Unknown], sessions: usize) -> Self {
+        let mut partition = Self {
+            own: vec![Vec::new(); sessions],
+            common: Vec::new(),
+        };
+        for (block, columns) in layout.blocks() {
+            let first = columns.start;
+            for column in columns {
+                let owner = match block {
+                    Block::Unknowns => unknowns[column - first].session(),
+                    _ => block.session(),
+                };
+                match owner.filter(|_| sessions > 1) {
+                    Some(session) => partition.own[session].push(column),
+                    None => partition.common.push(column),
+                }
+            }
+        }
+        partition
+    }
+
+    /// Number of all columns.
+    pub fn size(&self) -> usize {
+        self.common.len() + self.own.iter().map(Vec::len).sum::<usize>()
+    }
+}
+
+/// The columns that the stations of one session see, by what moves their target.
+///
+/// A column of a joint's curve or gear line moves the target by the joint's motion times a number that depends on the joint alone. So
+/// the rows of a station are the motions of few joints and a list of numbers for each, and sums over stations are products of these
+/// lists: a third of the work for a place, a sixth for a pose.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// The columns among those of the model: the session's own, then the shared ones.
+    pub columns: Vec<usize>,
+    /// Places in `columns` of the shapes of each joint: curves and lines.
+    pub of_joints: Vec<Vec<usize>>,
+    /// Places in `columns` of all others.
+    pub plain: Vec<usize>,
+    /// The blocks that are not another session's.
+    pub(super) blocks: Vec<(Block, Range<usize>)>,
+    /// Place of each column of the model in its list above.
+    pub(super) places: Vec<usize>,
+}
+
+impl Block {
+    /// The joint whose motion the block's columns scale.
+    pub(super) const fn shapes(self) -> Option<usize> {
+        match self {
+            Self::Curve(joint)
+            | Self::SessionCurve { joint, .. }
+            | Self::Ageing { joint, .. }
+            | Self::Line { joint, .. } => Some(joint),
+            _ => None,
+        }
+    }
+}
+
+impl Seen {
+    /// What the stations of a session see, for an arm of `joints` joints.
+    pub fn of(layout: &Layout, partition: &Partition, session: usize, joints: usize) -> Self {
+        let own = partition.own[session].iter();
+        let columns: Vec<usize> = own.chain(&partition.common).copied().collect();
+        let mut in_columns = vec![None; layout.size()];
+        for (place, &column) in columns.iter().enumerate() {
+            in_columns[column] = Some(place);
+        }
+        let mut seen = Self {
+            columns,
+            of_joints: vec![Vec::new(); joints],
+            plain: Vec::new(),
+            blocks: Vec::new(),
+            places: vec![usize::MAX; layout.size()],
+        };
+        for (block, range) in layout.blocks() {
+            if block.session().is_some_and(|own| own != session) {
+                continue;
+            }
+            let list = match block.shapes() {
+                Some(joint) => &mut seen.of_joints[joint],
+                None => &mut seen.plain,
+            };
+            for column in range.clone() {
+                if let Some(place) = in_columns[column] {
+                    seen.places[column] = list.len();
+                    list.push(place);
+                }
+            }
+            seen.blocks.push((block, range));
+        }
+        seen
+    }
+}

@@ -1,0 +1,328 @@
+//! The regression of a pool: each session's own columns are eliminated by themselves, so the cost is linear in sessions.
+//!
+//! With `u_s` the whitened coefficients of session s alone and `u_c` the shared ones, the information of all is an arrow:
+//!
+//! ```text
+//!     ⎡ D_1           B_1 ⎤          D_s = L_s L_sᵀ          W_s = L_s⁻¹ B_s
+//! M = ⎢      ⋱         ⋮  ⎥          S   = C − Σ_s W_sᵀ W_s = L L ᵀ            (Schur's complement)
+//!     ⎢          D_n  B_n ⎥
+//!     ⎣ B_1ᵀ  ⋯  B_nᵀ  C  ⎦          ln|M| = Σ_s ln|D_s| + ln|S|
+//! ```
+//!
+//! and everything follows from `L_s`, `W_s` and `L`, session by session: nothing is approximated. Sums are taken in the order of
+//! sessions, whatever the number of threads.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::{Posterior, Root, Sums, add_one};
+use crate::fit::full::partition::Partition;
+use crate::linalg::{Cholesky, gram};
+
+/// Sessions whose parts of Schur's complement are summed by one product; fixed, so that results do not depend on the number of
+/// threads.
+const AT_ONCE: usize = 8;
+
+/// The sums of a pool.
+#[derive(Debug, Clone)]
+pub struct SessionSums {
+    /// The columns by session.
+    pub partition: Partition,
+    /// What each session says of its own columns.
+    pub own: Vec<OwnSums>,
+    /// What all say of the shared columns, with squares, rows and noise of all.
+    pub common: Sums,
+}
+
+/// The sums of one session on its own columns.
+#[derive(Debug, Clone)]
+pub struct OwnSums {
+    /// `Φ_sᵀ N⁻¹ Φ_s`.
+    pub information: DMatrix<f64>,
+    /// `Φ_sᵀ N⁻¹ Φ_c`.
+    pub across: DMatrix<f64>,
+    /// `Φ_sᵀ N⁻¹ y`.
+    pub moment: DVector<f64>,
+}
+
+/// The factored arrow.
+#[derive(Debug, Clone)]
+pub struct Arrow {
+    pub(in crate::fit::full) partition: Partition,
+    pub(in crate::fit::full) own: Vec<OwnRoot>,
+    /// Factor of Schur's complement.
+    pub(in crate::fit::full) common: Cholesky,
+}
+
+/// The factored part of one session.
+#[derive(Debug, Clone)]
+pub struct OwnRoot {
+    /// Factor of `D_s`.
+    pub(in crate::fit::full) factor: Cholesky,
+    /// `W_s`.
+    pub(in crate::fit::full) across: DMatrix<f64>,
+}
+
+impl SessionSums {
+    /// The sums of no rows.
+    pub fn zero(partition: &Partition) -> Self {
+        let shared = partition.common.len();
+        let own = partition.own.iter().map(|own| OwnSums {
+            information: DMatrix::zeros(own.len(), own.len()),
+            across: DMatrix::zeros(own.len(), shared),
+            moment: DVector::zeros(own.len()),
+        });
+        Self {
+            own: own.collect(),
+            common: Sums::zero(shared),
+            partition: partition.clone(),
+        }
+    }
+
+    /// Adds `share` times the sums of rows of one session, over its own columns, then the shared ones.
+    pub fn add(&mut self, session: usize, sums: &Sums, share: f64) {
+        let OwnSums {
+            information,
+            across,
+            moment,
+        } = &mut self.own[session];
+        let (own, shared) = across.shape();
+        let blocks = &sums.information;
+        add_to(information, &blocks.view((0, 0), (own, own)), share);
+        add_to(across, &blocks.view((0, own), (own, shared)), share);
+        moment.axpy(share, &sums.moment.rows(0, own), 1.0);
+        let common = &mut self.common;
+        let block = blocks.view((own, own), (shared, shared));
+        add_to(&mut common.information, &block, share);
+        let moment = sums.moment.rows(own, shared);
+        common.moment.axpy(share, &moment, 1.0);
+        common.add_squares(sums, share);
+    }
+
+    /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
+    pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
+        let shared = &self.partition.common;
+        let of_shared = scale.select_rows(shared);
+        let places = self.own.par_iter().zip(&self.partition.own);
+        let own = places.map(|(sums, own)| sums.root(&scale.select_rows(own), &of_shared));
+        let own = own.collect::<Option<Vec<OwnRoot>>>()?;
+        let mut matrix = self.common.scaled(&of_shared);
+        add_one(&mut matrix);
+        for some in own.chunks(AT_ONCE) {
+            matrix -= OwnRoot::explained(some, shared.len());
+        }
+        let arrow = Arrow {
+            common: Cholesky::new(matrix)?,
+            own,
+            partition: self.partition.clone(),
+        };
+        let right = self.moment().component_mul(&scale);
+        let whitened = arrow.solve(&right);
+        let quadratic = self.common.square - right.dot(&whitened);
+        let ln_noise = self.common.ln_noise;
+        Some(Posterior {
+            log_evidence: -0.5 * (quadratic + arrow.ln_determinant() + ln_noise),
+            whitened,
+            scale,
+            root: Root::Sessions(arrow),
+        })
+    }
+
+    /// `Φᵀ N⁻¹ y` of all columns, in the order of the model.
+    fn moment(&self) -> DVector<f64> {
+        let own: Vec<_> = self.own.iter().map(|own| own.moment.clone()).collect();
+        self.partition.gathered(&own, &self.common.moment)
+    }
+}
+
+fn add_to(sum: &mut DMatrix<f64>, block: &nalgebra::DMatrixView<'_, f64>, share: f64) {
+    sum.zip_apply(block, |own, other| *own += share * other);
+}
+
+impl OwnSums {
+    /// The factor at prior standard deviations of own and shared columns.
+    fn root(&self, own: &DVector<f64>, shared: &DVector<f64>) -> Option<OwnRoot> {
+        let size = own.len();
+        let mut matrix = DMatrix::from_fn(size, size, |row, column| {
+            own[row] * self.information[(row, column)] * own[column]
+        });
+        add_one(&mut matrix);
+        let factor = Cholesky::new(matrix)?;
+        let mut across = self.across.clone();
+        for (mut column, shared) in across.column_iter_mut().zip(shared) {
+            column.component_mul_assign(own);
+            column *= *shared;
+        }
+        let across = factor.forward(&across, 0);
+        Some(OwnRoot { factor, across })
+    }
+}
+
+impl OwnRoot {
+    /// `Σ Wᵀ W` of some sessions.
+    fn explained(some: &[Self], shared: usize) -> DMatrix<f64> {
+        let rows = some.iter().map(|own| own.across.nrows()).sum();
+        let mut stacked = DMatrix::zeros(rows, shared);
+        let mut first = 0;
+        for own in some {
+            let height = own.across.nrows();
+            stacked.rows_mut(first, height).copy_from(&own.across);
+            first += height;
+        }
+        gram(&stacked.as_view())
+    }
+}
+
+impl Partition {
+    /// One vector in the order of the model from those of the sessions and the shared one.
+    fn gathered(&self, own: &[DVector<f64>], shared: &DVector<f64>) -> DVector<f64> {
+        let mut all = DVector::zeros(self.size());
+        let sessions = self.own.iter().zip(own);
+        for (places, values) in sessions.chain([(&self.common, shared)]) {
+            for (&place, value) in places.iter().zip(values) {
+                all[place] = *value;
+            }
+        }
+        all
+    }
+}
+
+impl Arrow {
+    /// `ln |M|`.
+    pub(super) fn ln_determinant(&self) -> f64 {
+        let own = self.own.iter().map(|own| own.factor.ln_determinant());
+        own.sum::<f64>() + self.common.ln_determinant()
+    }
+
+    /// `M⁻¹ b`, in the order of the model.
+    fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
+        let half = self.half(&DMatrix::from_column_slice(
+            right.len(),
+            1,
+            right.as_slice(),
+        ));
+        self.backward(&half.column(0).into_owned())
+    }
+
+    /// `Rᵀ B` with `R Rᵀ = M⁻¹`: of each session `L_s⁻¹ B_s`, in the places of its columns, then of the shared ones.
+    pub(super) fn half(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut half = DMatrix::zeros(right.nrows(), right.ncols());
+        let mut shared = right.select_rows(&self.partition.common);
+        for (root, places) in self.own.iter().zip(&self.partition.own) {
+            let own = right.select_rows(places);
+            // A prediction in one session has no columns of another.
+            if own.iter().all(|entry| *entry == 0.0) {
+                continue;
+            }
+            let own = root.factor.forward(&own, 0);
+            shared.gemm(-1.0, &root.across.transpose(), &own, 1.0);
+            put_rows(&mut half, places, &own);
+        }
+        put_rows(
+            &mut half,
+            &self.partition.common,
+            &self.common.forward(&shared, 0),
+        );
+        half
+    }
+
+    /// `R b`.
+    pub(in crate::fit::full) fn backward(&self, half: &DVector<f64>) -> DVector<f64> {
+        let shared = self
+            .common
+            .backward(half.select_rows(&self.partition.common));
+        let sessions = self.own.iter().zip(&self.partition.own);
+        let own = sessions.map(|(root, places)| {
+            let rest = half.select_rows(places) - &root.across * &shared;
+            root.factor.backward(rest)
+        });
+        let own: Vec<DVector<f64>> = own.collect();
+        self.partition.gathered(&own, &shared)
+    }
+
+    /// The block of `M⁻¹` of some columns.
+    pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        let half = self.half(&super::chosen(self.partition.size(), columns));
+        gram(&half.as_view())
+    }
+
+    /// `1 − Σ_kk/v_k` of each column: with `K = L_s⁻¹` the variances of a session are those of `Kᵀ K + Kᵀ W S⁻¹ Wᵀ K`.
+    pub(super) fn determined(&self) -> DVector<f64> {
+        let left = |norms: &dyn Fn(usize) -> f64, count: usize| {
+            DVector::from_iterator(count, (0..count).map(|column| 1.0 - norms(column)))
+        };
+        let own = self.own.par_iter().map(|root| {
+            let inverse = root.factor.inverse_lower();
+            let onto = root.across.transpose() * &inverse;
+            let shared = self.common.forward(&onto, 0);
+            let norms = |column: usize| {
+                inverse.column(column).norm_squared() + shared.column(column).norm_squared()
+            };
+            left(&norms, inverse.ncols())
+        });
+        let own: Vec<DVector<f64>> = own.collect();
+        let inverse = self.common.inverse_lower();
+        let norms = |column: usize| inverse.column(column).norm_squared();
+        let shared = left(&norms, inverse.ncols());
+        self.partition.gathered(&own, &shared)
+    }
+
+    /// `S⁻¹`: the covariance of the shared columns.
+    pub(super) fn of_shared(&self) -> DMatrix<f64> {
+        gram(&self.common.inverse_lower().as_view())
+    }
+
+    /// The covariance of a session's own columns, then the shared ones, from that of the shared ones.
+    pub(super) fn of_session(&self, session: usize, shared: &DMatrix<f64>) -> DMatrix<f64> {
+        let root = &self.own[session];
+        let (own, common) = root.across.shape();
+        let inverse = root.factor.inverse_lower();
+        let onto = inverse.transpose() * &root.across;
+        let across = -(&onto * shared);
+        let mut covariance = DMatrix::zeros(own + common, own + common);
+        let of_own = inverse.transpose() * inverse - &across * onto.transpose();
+        covariance.view_mut((0, 0), (own, own)).copy_from(&of_own);
+        let mut corner = covariance.view_mut((0, own), (own, common));
+        corner.copy_from(&across);
+        let mut corner = covariance.view_mut((own, 0), (common, own));
+        corner.copy_from(&across.transpose());
+        let mut corner = covariance.view_mut((own, own), (common, common));
+        corner.copy_from(shared);
+        covariance
+    }
+
+    /// Cholesky factor of M with all columns in the order of the model, which is as large as the square of its columns.
+    pub(super) fn of_columns(&self) -> Cholesky {
+        let size = self.partition.size();
+        let shared = &self.partition.common;
+        let mut information = DMatrix::zeros(size, size);
+        let mut put = |rows: &[usize], columns: &[usize], block: &DMatrix<f64>| {
+            for (column, &into) in columns.iter().enumerate() {
+                for (row, &place) in rows.iter().enumerate() {
+                    information[(place, into)] = block[(row, column)];
+                    information[(into, place)] = block[(row, column)];
+                }
+            }
+        };
+        let mut of_shared = self.common.product();
+        for some in self.own.chunks(AT_ONCE) {
+            of_shared += OwnRoot::explained(some, shared.len());
+        }
+        put(shared, shared, &of_shared);
+        for (root, places) in self.own.iter().zip(&self.partition.own) {
+            put(places, places, &root.factor.product());
+            let across = root.factor.lower().lower_triangle() * &root.across;
+            put(places, shared, &across);
+        }
+        Cholesky::new(information).expect("an arrow that was factored is positive")
+    }
+}
+
+fn put_rows(all: &mut DMatrix<f64>, places: &[usize], rows: &DMatrix<f64>) {
+    for (row, &place) in places.iter().enumerate() {
+        all.row_mut(place).copy_from(&rows.row(row));
+    }
+}
+
+#[cfg(test)]
+mod tests;
