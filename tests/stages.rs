@@ -31,6 +31,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     Some(JoinedSession {
         sampling_plan: None,
         set_up: None,
+        stated_sizes: Vec::new(),
         driven_by: None,
         name: name.to_owned(),
         log_rejects: read.rejects,

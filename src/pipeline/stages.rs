@@ -15,6 +15,7 @@ mod mountings;
 mod observed;
 pub(super) mod scales;
 mod stated;
+mod stated_sizes;
 mod turns;
 mod unseen;
 mod wrong_targets;
@@ -257,6 +258,7 @@ pub fn results<'a>(
         ],
         full: models.full,
         camera_size: estimate.camera_size,
+        stated_sizes: estimate.stated_sizes,
         on_top: models.on_top,
         scales,
         sources: estimate.sources,

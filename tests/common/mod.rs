@@ -116,6 +116,7 @@ pub fn joined(
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
         set_up: None,
+        stated_sizes: Vec::new(),
         driven_by: None,
         joined,
     }
@@ -186,6 +187,7 @@ fn truth_station(row: &csv::StringRecord) -> Station {
                     need(12),
                 )),
                 scatter_rad: 0.0,
+                stated_covariance: None,
             },
         ),
         kept: 20,

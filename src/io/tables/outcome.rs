@@ -8,7 +8,8 @@ use crate::fit::camera_size::CameraSize;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize};
+use crate::fit::stated_size::FoundSize;
+use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize, StatedSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, ReadingKind, SourceId, TargetId, began};
@@ -41,6 +42,9 @@ pub struct JoinedSession {
     pub sampling_plan: Option<String>,
     /// A small disagreement of its logs with the stated set-up; `None` where they agree.
     pub set_up: Option<Finding>,
+    /// The size of the covariances that its readings state, by source, as [`Noise::stated`](crate::fit::Noise); empty before it is
+    /// estimated.
+    pub stated_sizes: Vec<StatedSize>,
 }
 
 impl JoinedSession {
@@ -176,6 +180,8 @@ pub struct Outcome<'a> {
     pub full: Option<FullModel>,
     /// The size of a camera's noise; `None` of other instruments.
     pub camera_size: Option<CameraSize>,
+    /// The size of the covariances that readings state, of each session that trained and source that determine one.
+    pub stated_sizes: Vec<FoundSize>,
     /// Models made from these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
     /// The model of the grids.

@@ -126,6 +126,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
         set_up: None,
+        stated_sizes: Vec::new(),
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
@@ -390,6 +391,7 @@ fn outcome() -> Outcome<'static> {
         ],
         full: Some(full.expect("positive definite")),
         camera_size: None,
+        stated_sizes: Vec::new(),
         on_top: Vec::new(),
         best: Model::Full,
         training: vec![session],
