@@ -23,7 +23,7 @@ use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
-use crate::geometry::Transform;
+use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
 use crate::io::store::Place;
@@ -421,16 +421,22 @@ fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> Str
 
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
 fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
-    let stations = &outcome.training.last()?.joined.stations;
-    let noise = &configuration.stages.noise;
-    let size2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
+    let session = outcome.training.last()?;
+    let noise = (configuration.stages.noise).with_stated(&session.stated_sizes);
+    let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
+    let stations = &session.joined.stations;
     let variances: Vec<f64> = stations
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
             let source = noise.source(reading.source);
-            let instrument = source.uncertainty.covariance(&reading.position()?);
-            Some(size2 * instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
+            let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
+            let stated = reading.value.point()?.stated_covariance;
+            let instrument = match stated {
+                Some(stated) => symmetric(stated) * size2,
+                None => source.uncertainty.covariance(&reading.position()?) * camera2,
+            };
+            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)
