@@ -140,6 +140,10 @@ pub fn read_back(arm: &Arm, recording: &Recording) -> SessionRead {
     if recording.readings.orientations.is_none() {
         "/tracker/point".clone_into(&mut mapping.tracker.topic);
     }
+    if recording.readings.covariances.is_some() {
+        "/tracker/pose_with_covariance".clone_into(&mut mapping.tracker.topic);
+        mapping.tracker.ignore_orientation = recording.readings.orientations.is_none();
+    }
     read(&SessionLogs::of_two(&controller, &tracker), &mapping)
 }
 
