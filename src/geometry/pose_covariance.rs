@@ -3,9 +3,14 @@
 //! The error of a pose is a shift and a small turn about the axes of the frame that the pose is in, not of the body: the order and the
 //! meaning of `geometry_msgs/PoseWithCovariance` (x, y, z, rotation about X, Y, Z of fixed axes).
 
-use nalgebra::{Isometry3, Matrix3, Matrix6};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6};
 
 use super::{symmetric, upper};
+
+/// Entries that belong together differ by at most this share: publishers compute in single precision.
+const ALIKE: f64 = 1e-5;
+/// The least eigenvalue of a correlation matrix that rounding in single precision can leave.
+const LEAST: f64 = -1e-6;
 
 /// The part of a pose's covariance that concerns its orientation.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -98,6 +103,42 @@ pub fn joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
         .fixed_view_mut::<3, 3>(3, 3)
         .copy_from(&turn.matrix());
     whole
+}
+
+/// Whether both parts of a covariance together are one: means of parts that different readings state need not be.
+pub fn is_joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> bool {
+    let whole = joint(position, turn);
+    is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()))
+}
+
+/// Whether a matrix is symmetric and positive semi-definite, but for the rounding of single precision.
+pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
+    let size = matrix.nrows();
+    let is_sound = matrix.iter().all(|entry| entry.is_finite())
+        && matrix.diagonal().iter().all(|own| *own >= 0.0);
+    if !is_sound {
+        return false;
+    }
+    let roots: Vec<f64> = matrix.diagonal().iter().map(|own| own.sqrt()).collect();
+    let places = (0..size).flat_map(|row| (0..size).map(move |column| (row, column)));
+    let is_symmetric = places.clone().all(|(row, column)| {
+        let off = (matrix[(row, column)] - matrix[(column, row)]).abs();
+        off <= ALIKE * roots[row] * roots[column]
+    });
+    // What is exact has no correlation with anything.
+    let is_apart = places.clone().all(|(row, column)| {
+        roots[row] * roots[column] > 0.0 || matrix[(row, column)] == 0.0
+    });
+    let correlation = DMatrix::from_fn(size, size, |row, column| {
+        let (a, b) = (row.min(column), row.max(column));
+        let scale = roots[row] * roots[column];
+        if scale > 0.0 {
+            matrix[(a, b)] / scale
+        } else {
+            f64::from(u8::from(row == column))
+        }
+    });
+    is_symmetric && is_apart && correlation.symmetric_eigenvalues().min() >= LEAST
 }
 
 /// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of small motions.

@@ -5,12 +5,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6};
 
-use crate::geometry::{PoseCovariance, TurnCovariance, pose_covariance, upper};
-
-/// Entries that belong together differ by at most this share: publishers compute in single precision.
-const ALIKE: f64 = 1e-5;
-/// The least eigenvalue of a correlation matrix that rounding in single precision can leave.
-const LEAST: f64 = -1e-6;
+use crate::geometry::pose_covariance::is_covariance;
+use crate::geometry::{PoseCovariance, TurnCovariance, upper};
 
 /// The covariance of one reading as it is stated, row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,36 +154,6 @@ fn dynamic(block: &Matrix3<f64>) -> DMatrix<f64> {
     DMatrix::from_column_slice(3, 3, block.as_slice())
 }
 
-/// Whether a matrix is symmetric and positive semi-definite, but for the rounding of single precision.
-fn is_covariance(matrix: &DMatrix<f64>) -> bool {
-    let size = matrix.nrows();
-    let is_sound = matrix.iter().all(|entry| entry.is_finite())
-        && matrix.diagonal().iter().all(|own| *own >= 0.0);
-    if !is_sound {
-        return false;
-    }
-    let roots: Vec<f64> = matrix.diagonal().iter().map(|own| own.sqrt()).collect();
-    let places = (0..size).flat_map(|row| (0..size).map(move |column| (row, column)));
-    let is_symmetric = places.clone().all(|(row, column)| {
-        let off = (matrix[(row, column)] - matrix[(column, row)]).abs();
-        off <= ALIKE * roots[row] * roots[column]
-    });
-    // What is exact has no correlation with anything.
-    let is_apart = places.clone().all(|(row, column)| {
-        roots[row] * roots[column] > 0.0 || matrix[(row, column)] == 0.0
-    });
-    let correlation = DMatrix::from_fn(size, size, |row, column| {
-        let (a, b) = (row.min(column), row.max(column));
-        let scale = roots[row] * roots[column];
-        if scale > 0.0 {
-            matrix[(a, b)] / scale
-        } else {
-            f64::from(u8::from(row == column))
-        }
-    });
-    is_symmetric && is_apart && correlation.symmetric_eigenvalues().min() >= LEAST
-}
-
 impl Outcomes {
     const NONE: Self = Self {
         read: 0,
@@ -250,12 +216,6 @@ pub fn mean(all: &[PoseCovariance]) -> PoseCovariance {
             with_position: of(&cross),
         }),
     }
-}
-
-/// Whether both parts of a covariance together are one: means of parts that different readings state need not be.
-pub fn is_joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> bool {
-    let whole = pose_covariance::joint(position, turn);
-    is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()))
 }
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vec
 use super::{Source, StatedSize};
 use crate::fit::gauge::Gauge;
 use crate::geometry::{TurnCovariance, pose_covariance, symmetric};
-use crate::ingest::covariances;
 use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
@@ -386,7 +385,7 @@ impl Instrument {
 /// The covariance of a pose from its parts; where these do not belong together, as means over different readings need not, without
 /// that of one with the other.
 fn of_parts(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
-    if covariances::is_joint(position, turn) {
+    if pose_covariance::is_joint(position, turn) {
         return pose_covariance::joint(position, turn);
     }
     let alone = TurnCovariance {
