@@ -27,9 +27,8 @@ pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, Temperatu
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, CovarianceColumns, JointFields,
-    KnownOffset,
-    KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget, MISSING,
-    Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
+    KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget,
+    MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
     ReadingColumns, ReferenceColumns, Seen, StampField, StandsOn, StationsSettings, TableTime,
     TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
 };

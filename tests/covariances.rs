@@ -10,7 +10,9 @@ use std::fmt::Write as _;
 use std::fs;
 
 use assert_cmd::Command;
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3,
+};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{
     self, CameraUncertainty, ErrorBase, FitSettings, Measured, Mounted, Noise, Source,
@@ -76,7 +78,10 @@ impl Draw {
     }
 
     fn normal(&mut self) -> f64 {
-        let (u, v): (f64, f64) = (self.0.random_range(1e-12..1.0), self.0.random_range(0.0..1.0));
+        let (u, v): (f64, f64) = (
+            self.0.random_range(1e-12..1.0),
+            self.0.random_range(0.0..1.0),
+        );
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     }
 
@@ -112,22 +117,30 @@ fn read_by(exact: &Recording, instrument: &Instrument<'_>) -> Recording {
     let (mut off, mut is_missed) = (DVector::zeros(6), false);
     for row in 0..seen.stamps.len() {
         let at = Vector3::from(seen.positions[row]);
-        let before = row.checked_sub(1).map(|row| Vector3::from(seen.positions[row]));
-        let turn = seen.orientations.as_ref().map_or_else(UnitQuaternion::identity, |all| {
-            let [x, y, z, w] = all[row];
-            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
-        });
+        let before = row
+            .checked_sub(1)
+            .map(|row| Vector3::from(seen.positions[row]));
+        let turn = seen
+            .orientations
+            .as_ref()
+            .map_or_else(UnitQuaternion::identity, |all| {
+                let [x, y, z, w] = all[row];
+                UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+            });
         let covariance = (instrument.states)(&Isometry3::from_parts(at.into(), turn));
         if before.is_none_or(|before| (at - before).norm() > STILL_MM) {
             let of = |place: usize| instrument.wrong_by[place / 3];
-            let covariance =
-                DMatrix::from_fn(6, 6, |i, j| of(i) * of(j) * covariance[(i, j)]);
+            let covariance = DMatrix::from_fn(6, 6, |i, j| of(i) * of(j) * covariance[(i, j)]);
             off = draw.of(&covariance);
             is_missed = draw.0.random_range(0.0..1.0) < MISSED;
         }
         let jitter = Vector3::from_fn(|_, _| JITTER_MM * draw.normal());
         let shift = Vector3::new(off[0], off[1], off[2]) + jitter;
-        own.positions[row] = if is_missed { [0.0; 3] } else { (at + shift).into() };
+        own.positions[row] = if is_missed {
+            [0.0; 3]
+        } else {
+            (at + shift).into()
+        };
         if let Some(all) = &mut own.orientations {
             let by = UnitQuaternion::from_scaled_axis(Vector3::new(off[3], off[4], off[5]));
             all[row] = (by * turn).coords.into();
@@ -380,25 +393,42 @@ fn poses_of_a_log_state_all_their_numbers_whole() {
     println!("{own:?}");
     assert!(own.is_apart);
     let (size, error) = (own.size, own.standard_error);
-    assert!((size.position - 3.0).abs() < 3.5 * error.position, "{own:?}");
+    assert!(
+        (size.position - 3.0).abs() < 3.5 * error.position,
+        "{own:?}"
+    );
     // The arm turns a little itself, which counts to the orientations.
     assert!((0.45..0.75).contains(&size.orientation), "{own:?}");
     let kinds = found.training[0].joined.stations.iter();
-    let of_fit = fit::observations(0, &kinds.cloned().collect::<Vec<_>>(), &arm, &noise(ReadingKind::Pose));
-    assert!(of_fit.iter().all(|own| matches!(own.measured, Measured::Pose(..))));
+    let of_fit = fit::observations(
+        0,
+        &kinds.cloned().collect::<Vec<_>>(),
+        &arm,
+        &noise(ReadingKind::Pose),
+    );
+    assert!(
+        of_fit
+            .iter()
+            .all(|own| matches!(own.measured, Measured::Pose(..)))
+    );
 }
 
 /// Mean covariance of the readings between a station's first and last one kept, and the variance of their mean by their scatter.
 fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64; 6]) {
     let own = station.one_reading().expect("paired");
-    let (point, turn) = (own.value.point().expect("a pose"), own.value.turn().expect("a pose"));
+    let (point, turn) = (
+        own.value.point().expect("a pose"),
+        own.value.turn().expect("a pose"),
+    );
     let rows: Vec<usize> = (0..readings.stamps.len())
         .filter(|&row| (own.first..=own.last).contains(&readings.stamps[row]))
         .filter(|&row| readings.positions[row].iter().any(|x| *x != 0.0))
         .collect();
     let stated = readings.covariances.as_ref().expect("stated");
     let whole = rows.iter().filter_map(|&row| stated[row].whole());
-    let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| (sum + own, n + 1.0));
+    let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| {
+        (sum + own, n + 1.0)
+    });
     let kept = own.kept as f64;
     let [x, y, z] = point.scatter_mm.map(|own| own * own / kept);
     let turned = turn.scatter_rad.powi(2) / kept;
@@ -420,7 +450,9 @@ fn table(session: &JoinedSession) -> String {
             _ => {}
         }
         let joints = station.joints.iter().copied();
-        let numbers = joints.chain(point.position.coords.iter().copied()).chain(stated);
+        let numbers = joints
+            .chain(point.position.coords.iter().copied())
+            .chain(stated);
         let numbers: Vec<String> = numbers.map(|number| format!("{number:.12}")).collect();
         writeln!(text, "{}", numbers.join(",")).expect("a string");
     }
@@ -474,9 +506,14 @@ lake = "lake"
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();
     println!("{results}{messages}");
     assert!(matches!(output.status.code(), Some(0 | 3)), "{messages}");
-    let line = results.lines().find(|line| line.contains("times what they state"));
+    let line = results
+        .lines()
+        .find(|line| line.contains("times what they state"));
     let line = line.expect("the size of what is stated");
-    let size = line.split(" is ").nth(1).and_then(|rest| rest.split(' ').next());
+    let size = line
+        .split(" is ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
     let size: f64 = size.and_then(|size| size.parse().ok()).expect("a number");
     assert!((size - 3.0).abs() < 0.7, "{line}");
     // Three covariances that are none are counted by their reason, and published.
@@ -489,7 +526,11 @@ lake = "lake"
     let counts = batch.column_by_name("counts").expect("counts");
     let counts = arrow::util::display::array_value_to_string(counts, 0).expect("text");
     println!("{counts}");
-    for reason in ["all_zero", "first_entry_minus_one", "not_positive_semidefinite"] {
+    for reason in [
+        "all_zero",
+        "first_entry_minus_one",
+        "not_positive_semidefinite",
+    ] {
         assert!(counts.contains(reason), "{reason}: {counts}");
     }
 }

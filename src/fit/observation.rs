@@ -182,7 +182,9 @@ pub struct Source {
 impl Source {
     /// Whether its orientations have a stated uncertainty.
     pub fn states_orientations(&self) -> bool {
-        self.uncertainty.orientation_rad(&Point3::origin()).is_some()
+        self.uncertainty
+            .orientation_rad(&Point3::origin())
+            .is_some()
     }
 }
 

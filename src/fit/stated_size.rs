@@ -314,9 +314,9 @@ impl At {
             Factors::Apart => 2,
         };
         let mut largest: f64 = 0.0;
-        for place in 0..logarithms {
-            let change = step[place].clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
-            self.logarithms[place] += change;
+        for (own, step) in self.logarithms.iter_mut().zip(step.iter()).take(logarithms) {
+            let change = step.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
+            *own += change;
             largest = largest.max(change.abs());
         }
         if let Some(change) = step.get(logarithms) {
@@ -356,7 +356,11 @@ mod tests {
             let far = 1.0 + (place % 7) as f64 / 2.0;
             let root = DMatrix::from_fn(6, 6, |i, j| {
                 let size = if i < 3 { 0.02 * far } else { 1e-4 };
-                size * if i == j { 1.0 } else { 0.3 * ((i + 2 * j + place) as f64).sin() }
+                size * if i == j {
+                    1.0
+                } else {
+                    0.3 * ((i + 2 * j + place) as f64).sin()
+                }
             });
             let white = DVector::from_fn(6, |_, _| noise.normal());
             let mut residual = &root * white;
@@ -389,7 +393,10 @@ mod tests {
             count += 1.0;
         }
         // Mean squares of standardised errors of 60 sessions: 1 ± 0.18.
-        assert!(off.iter().all(|own| (own / count - 1.0).abs() < 0.5), "{off:?}");
+        assert!(
+            off.iter().all(|own| (own / count - 1.0).abs() < 0.5),
+            "{off:?}"
+        );
     }
 
     #[test]

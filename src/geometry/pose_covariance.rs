@@ -99,9 +99,7 @@ pub fn joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
     whole
         .fixed_view_mut::<3, 3>(3, 0)
         .copy_from(&cross.transpose());
-    whole
-        .fixed_view_mut::<3, 3>(3, 3)
-        .copy_from(&turn.matrix());
+    whole.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn.matrix());
     whole
 }
 
@@ -126,9 +124,9 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
         off <= ALIKE * roots[row] * roots[column]
     });
     // What is exact has no correlation with anything.
-    let is_apart = places.clone().all(|(row, column)| {
-        roots[row] * roots[column] > 0.0 || matrix[(row, column)] == 0.0
-    });
+    let is_apart = places
+        .clone()
+        .all(|(row, column)| roots[row] * roots[column] > 0.0 || matrix[(row, column)] == 0.0);
     let correlation = DMatrix::from_fn(size, size, |row, column| {
         let (a, b) = (row.min(column), row.max(column));
         let scale = roots[row] * roots[column];
@@ -189,7 +187,9 @@ mod tests {
         let at = pose().inverse();
         let column = |k: usize| {
             let step = if k < 3 { 1e-3 } else { 1e-6 };
-            let ahead = moved(&Vector6::from_fn(|row, _| if row == k { step } else { 0.0 }));
+            let ahead = moved(&Vector6::from_fn(
+                |row, _| if row == k { step } else { 0.0 },
+            ));
             let shift = (ahead.translation.vector - at.translation.vector) / step;
             let turn = (ahead.rotation * at.rotation.inverse()).scaled_axis() / step;
             Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)

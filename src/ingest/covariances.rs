@@ -86,11 +86,7 @@ impl LoggedCovariance {
     }
 
     /// What can be used of it, in the units that it is stated in; the orientation's part only where `with_orientation`.
-    pub fn judged(
-        &self,
-        with_orientation: bool,
-        counts: &mut CovarianceCounts,
-    ) -> PoseCovariance {
+    pub fn judged(&self, with_orientation: bool, counts: &mut CovarianceCounts) -> PoseCovariance {
         let position = counts.position.counted(position_of(self));
         let whole = self.whole().filter(|_| with_orientation);
         let turn = whole.and_then(|whole| {
@@ -118,7 +114,7 @@ fn position_of(logged: &LoggedCovariance) -> Result<[f64; 6], Unusable> {
 
 /// The orientation's part; `has_position` says whether the position's can be used, otherwise the orientation's stands alone.
 fn turn_of(whole: &Matrix6<f64>, has_position: bool) -> Result<TurnCovariance, Unusable> {
-    if whole[(0, 0)] == -1.0 {
+    if is_minus_one(whole[(0, 0)]) {
         return Err(Unusable::MinusOne);
     }
     let own: Matrix3<f64> = whole.fixed_view::<3, 3>(3, 3).into_owned();
@@ -133,7 +129,8 @@ fn turn_of(whole: &Matrix6<f64>, has_position: bool) -> Result<TurnCovariance, U
     };
     // An orientation that is exact about some axis has no weight.
     let has_turn = is_covariance(&dynamic(&own)) && own.cholesky().is_some();
-    let is_whole = !has_position || is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()));
+    let is_whole =
+        !has_position || is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()));
     (has_turn && is_whole)
         .then_some(turn)
         .ok_or(Unusable::NotPositive)
@@ -144,10 +141,14 @@ fn unknown(block: &Matrix3<f64>) -> Result<(), Unusable> {
     if block.iter().all(|entry| *entry == 0.0) {
         return Err(Unusable::AllZero);
     }
-    if block[(0, 0)] == -1.0 {
+    if is_minus_one(block[(0, 0)]) {
         return Err(Unusable::MinusOne);
     }
     Ok(())
+}
+
+fn is_minus_one(entry: f64) -> bool {
+    entry.to_bits() == (-1.0_f64).to_bits()
 }
 
 fn dynamic(block: &Matrix3<f64>) -> DMatrix<f64> {
@@ -162,9 +163,7 @@ impl Outcomes {
 
     fn counted<T>(&mut self, judged: Result<T, Unusable>) -> Option<T> {
         self.read += 1;
-        judged
-            .map_err(|why| self.unusable[why as usize] += 1)
-            .ok()
+        judged.map_err(|why| self.unusable[why as usize] += 1).ok()
     }
 }
 
@@ -181,7 +180,9 @@ impl CovarianceCounts {
         all.filter(|(own, _)| own.read > 0)
             .flat_map(|(own, names)| {
                 let [zero, minus_one, not_positive] = own.unusable;
-                names.into_iter().zip([own.read, zero, minus_one, not_positive])
+                names
+                    .into_iter()
+                    .zip([own.read, zero, minus_one, not_positive])
             })
     }
 }
@@ -190,7 +191,9 @@ impl CovarianceCounts {
 #[must_use]
 pub fn in_units(own: &PoseCovariance, to_mm: f64, to_rad: f64) -> PoseCovariance {
     PoseCovariance {
-        position: own.position.map(|own| own.map(|entry| to_mm * to_mm * entry)),
+        position: own
+            .position
+            .map(|own| own.map(|entry| to_mm * to_mm * entry)),
         turn: own.turn.map(|turn| TurnCovariance {
             own: turn.own.map(|entry| to_rad * to_rad * entry),
             with_position: turn.with_position.map(|entry| to_mm * to_rad * entry),
@@ -247,16 +250,23 @@ mod tests {
         let turn = found.turn.expect("stated");
         assert_eq!(turn.own, [4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6]);
         // The row of x, the column of the rotation about Y.
-        assert_eq!(turn.with_position, [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(
+            turn.with_position,
+            [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        );
         assert_eq!(
             counts,
             [("position_covariances", 1), ("orientation_covariances", 1)]
         );
         // m² → mm², m·rad → mm·rad, rad² stays.
         let mm = in_units(&found, 1000.0, 1.0);
-        assert_eq!(mm.position.expect("stated")[0], 1.0);
         let turn = mm.turn.expect("stated");
-        assert_eq!((turn.own[0], turn.with_position[1]), (4e-6, 1e-3));
+        let found = (
+            mm.position.expect("stated")[0],
+            turn.own[0],
+            turn.with_position[1],
+        );
+        assert_eq!(found, (1.0, 4e-6, 1e-3));
         // Without orientations nobody asks for their part.
         let mut counts = CovarianceCounts::default();
         let found = LoggedCovariance::Pose(rows(0.5)).judged(false, &mut counts);
@@ -285,15 +295,28 @@ mod tests {
             let (found, counts) = judged(rows);
             assert_eq!(found, PoseCovariance::default());
             let reasons: Vec<&str> = counts.iter().map(|(name, _)| *name).collect();
-            assert!(both(why).iter().all(|name| reasons.contains(&&**name)), "{reasons:?}");
+            assert!(
+                both(why).iter().all(|name| reasons.contains(&&**name)),
+                "{reasons:?}"
+            );
         }
-        for (entry, why) in [(0.0, "all_zero"), (-1.0, "minus_one"), (-2e-6, "not_positive")] {
+        for (entry, why) in [
+            (0.0, "all_zero"),
+            (-1.0, "minus_one"),
+            (-2e-6, "not_positive"),
+        ] {
             let (found, counts) = judged(part(3, entry));
             assert!(found.position.is_some() && found.turn.is_none());
-            assert!(counts.iter().any(|(name, _)| *name == both(why)[1]), "{counts:?}");
+            assert!(
+                counts.iter().any(|(name, _)| *name == both(why)[1]),
+                "{counts:?}"
+            );
             let (found, counts) = judged(part(0, entry));
             assert_eq!(found.position, None);
-            assert!(counts.iter().any(|(name, _)| *name == both(why)[0]), "{counts:?}");
+            assert!(
+                counts.iter().any(|(name, _)| *name == both(why)[0]),
+                "{counts:?}"
+            );
         }
         // A correlation above 1, one side that is not the other's, a turn that is exact about one axis, NaN among the turns.
         let mut one_sided = rows(0.5);
@@ -304,8 +327,14 @@ mod tests {
         nan[28] = f64::NAN;
         for rows in [rows(1.1), one_sided, exact, nan] {
             let (found, counts) = judged(rows);
-            assert!(found.position.is_some() && found.turn.is_none(), "{found:?}");
-            assert!(counts.contains(&("orientation_covariances_not_positive", 1)), "{counts:?}");
+            assert!(
+                found.position.is_some() && found.turn.is_none(),
+                "{found:?}"
+            );
+            assert!(
+                counts.contains(&("orientation_covariances_not_positive", 1)),
+                "{counts:?}"
+            );
         }
         // On the edge, in single precision.
         #[expect(clippy::cast_possible_truncation, reason = "what a publisher does")]
@@ -321,9 +350,15 @@ mod tests {
         };
         let all = [at(1.0), at(3.0), at(0.0)];
         let found = mean(&all);
-        assert_eq!(found.position.expect("two")[0], 2e-6);
         let turn = found.turn.expect("two");
-        assert_eq!((turn.own[0], turn.with_position[1]), (8e-6, 2e-6));
+        let own = [
+            found.position.expect("two")[0],
+            turn.own[0],
+            turn.with_position[1],
+        ];
+        for (own, expected) in own.into_iter().zip([2e-6, 8e-6, 2e-6]) {
+            assert!((own / expected - 1.0).abs() < 1e-12, "{own} {expected}");
+        }
         assert_eq!(mean(&all[2..]), PoseCovariance::default());
     }
 }

@@ -20,7 +20,9 @@ mod cdr;
 mod topic;
 
 use cdr::Cdr;
-use topic::{Topic, covariance_topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic};
+use topic::{
+    Topic, covariance_topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic,
+};
 
 /// Time from a message's stamp to its logging, ns.
 const LATENCY_NS: u64 = 200_000;

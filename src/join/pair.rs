@@ -218,10 +218,13 @@ impl Evidence<'_> {
             let used: Vec<_> = used.iter().map(|row| orientations[place(row)]).collect();
             mean_orientation(&used)
         });
-        let stated = all.covariances.as_ref().map_or_else(PoseCovariance::default, |stated| {
-            let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
-            covariances::mean(&used)
-        });
+        let stated = all
+            .covariances
+            .as_ref()
+            .map_or_else(PoseCovariance::default, |stated| {
+                let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
+                covariances::mean(&used)
+            });
         let (first, last) = (seen.stamp(used[0]), seen.stamp(used[used.len() - 1]));
         let point = MeanPoint {
             position: Point3::from(mean),

@@ -422,7 +422,8 @@ fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> Str
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
 fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
     let session = outcome.training.last()?;
-    let noise = (configuration.stages.noise).with_stated(&session.stated_sizes);
+    let stated = &session.stated_sizes;
+    let noise = configuration.stages.noise.with_stated(stated);
     let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
     let stations = &session.joined.stations;
     let variances: Vec<f64> = stations

@@ -240,16 +240,26 @@ fn every_common_type_is_read_in_both_byte_orders() {
         );
         // xx xy xz yy yz zz of the row-major 6 × 6 matrix, m² → mm²; rows x y z, columns of rotations, m·rad → mm·rad; rad².
         let at = |places: &[usize], unit: f64| -> Vec<f64> {
-            places.iter().map(|place| covariance[*place] * unit).collect()
+            places
+                .iter()
+                .map(|place| covariance[*place] * unit)
+                .collect()
         };
         let own = found.readings.covariances.expect("stated")[0];
         let turn = own.turn.expect("stated");
         let near = |found: &[f64], expected: &[f64]| {
             let pairs = found.iter().zip(expected);
-            found.len() == expected.len() && pairs.into_iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-12)
+            found.len() == expected.len()
+                && pairs.into_iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-12)
         };
-        assert!(near(&own.position.expect("stated"), &at(&[0, 1, 2, 7, 8, 14], 1e6)));
-        assert!(near(&turn.with_position, &at(&[3, 4, 5, 9, 10, 11, 15, 16, 17], 1e3)));
+        assert!(near(
+            &own.position.expect("stated"),
+            &at(&[0, 1, 2, 7, 8, 14], 1e6)
+        ));
+        assert!(near(
+            &turn.with_position,
+            &at(&[3, 4, 5, 9, 10, 11, 15, 16, 17], 1e3)
+        ));
         assert!(near(&turn.own, &at(&[21, 22, 23, 28, 29, 35], 1.0)));
         assert_eq!(found.counts["readings.orientation_covariances"], 1);
         assert_eq!(found.temperatures.celsius, [21.5]);

@@ -136,7 +136,9 @@ impl CameraUncertainty {
         for (from, stated) in parts {
             let Some(stated) = stated else { continue };
             let stated = turn * stated * turn.transpose() * self.size.powi(2);
-            covariance.fixed_view_mut::<3, 3>(from, from).copy_from(&stated);
+            covariance
+                .fixed_view_mut::<3, 3>(from, from)
+                .copy_from(&stated);
             covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
             covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
         }

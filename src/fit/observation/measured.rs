@@ -210,9 +210,7 @@ impl Measured {
         };
         match self {
             Self::Point(own) => Self::Point(point(own)),
-            Self::Pose(own, turn) => {
-                Self::Pose(point(own), turn.widened(by))
-            }
+            Self::Pose(own, turn) => Self::Pose(point(own), turn.widened(by)),
             Self::Distance(own) => Self::Distance(length(own)),
             Self::Height(own) => Self::Height(length(own)),
         }
@@ -315,11 +313,15 @@ pub fn stated_of(reading: &Reading, source: &Source) -> Option<DMatrix<f64>> {
         return None;
     }
     // What is not stated is known beside it.
-    let position = point.stated_covariance.map_or_else(Matrix3::zeros, symmetric);
+    let position = point
+        .stated_covariance
+        .map_or_else(Matrix3::zeros, symmetric);
     let whole = of_parts(&position, &stated_turn.unwrap_or_default());
     let has_turn = turn.is_some() && (stated_turn.is_some() || source.states_orientations());
     let rows = if has_turn { 6 } else { 3 };
-    Some(DMatrix::from_fn(rows, rows, |row, column| whole[(row, column)]))
+    Some(DMatrix::from_fn(rows, rows, |row, column| {
+        whole[(row, column)]
+    }))
 }
 
 /// Covariance of an instrument and of the mean of its samples at a reading.

@@ -294,7 +294,9 @@ pub enum OrientationError {
     #[error("sd of an orientation has one column, or three")]
     Deviations,
     /// A number of columns that no covariance has.
-    #[error("covariance of an orientation has six columns: xx, xy, xz, yy, yz, zz of the rotation about the axes of the instrument's frame")]
+    #[error(
+        "covariance of an orientation has six columns: xx, xy, xz, yy, yz, zz of the rotation about the axes of the instrument's frame"
+    )]
     Covariance,
 }
 
@@ -483,7 +485,10 @@ mod tests {
         );
         assert!(told("rotation_vector = [\"a\", \"b\", \"c\"]").contains("with unit"));
         assert!(read("[measured]\nposition = [\"x\", \"y\"]\nunit = \"mm\"\n").is_err());
-        assert!(told("rotation_vector = [\"a\", \"b\", \"c\"], unit = \"rad\", covariance = [\"d\"]").contains("six columns"));
+        assert!(
+            told("rotation_vector = [\"a\", \"b\", \"c\"], unit = \"rad\", covariance = [\"d\"]")
+                .contains("six columns")
+        );
         let of = |columns: usize| {
             let names = vec!["\"c\""; columns].join(", ");
             read(&format!(

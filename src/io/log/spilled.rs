@@ -45,8 +45,7 @@ struct Form {
 
 impl Form {
     const fn row_bytes(self) -> usize {
-        let numbers =
-            4 + 4 * self.orientations as usize + COVARIANCE * self.covariances as usize;
+        let numbers = 4 + 4 * self.orientations as usize + COVARIANCE * self.covariances as usize;
         numbers * NUMBER
     }
 }

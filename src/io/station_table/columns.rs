@@ -2,8 +2,8 @@
 
 use super::StationTableErrorKind;
 use crate::ingest::{
-    CovarianceColumns, LengthColumns, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
-    StationsSettings,
+    CovarianceColumns, LengthColumns, OrientationColumns, OrientationForm, PoseColumns,
+    ReadingColumns, StationsSettings,
 };
 use crate::io::measured_table::{Cell, MeasuredTable};
 

@@ -68,7 +68,10 @@ fn stated_covariances(sessions: &[&JoinedSession]) -> Vec<StageCount> {
         let found = sessions.iter().filter_map(|own| own.counts.get(&name));
         found.sum()
     };
-    let kinds = ["stated position covariances", "stated orientation covariances"];
+    let kinds = [
+        "stated position covariances",
+        "stated orientation covariances",
+    ];
     let of = |(of, names): (&'static str, [&str; 4])| {
         let [read, zero, minus_one, not_positive] = names.map(sum);
         (read > 0).then(|| StageCount {

@@ -244,7 +244,10 @@ fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Ta
             table
                 .group(COVARIANCE, covariances.iter().map(|own| own.position))
                 .column(own, turns.clone().map(|own| own.map(orientation_rows)))
-                .column(cross, turns.map(|own| own.map(|own| own.with_position.to_vec())))
+                .column(
+                    cross,
+                    turns.map(|own| own.map(|own| own.with_position.to_vec())),
+                )
         }
     };
     Ok(placed(table, positions, orientations.as_deref()).finish()?)

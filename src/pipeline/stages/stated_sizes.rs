@@ -43,12 +43,19 @@ pub(super) fn sized(
         let seen = observations_of(arm, &*training, settings);
         let geometric =
             fit::identify(arm, &seen, training.len(), Freedom::Geometry, &settings.fit)?;
-        let sizes: Vec<Vec<StatedSize>> =
-            training.iter().map(|own| own.stated_sizes.clone()).collect();
-        found = stated_size::found(arm, &seen, &geometric, (&of, &|own: &Observation| {
-            let own = sizes[own.session].get(own.source.0).copied();
-            own.unwrap_or(StatedSize::ONE)
-        }));
+        let sizes: Vec<Vec<StatedSize>> = training
+            .iter()
+            .map(|own| own.stated_sizes.clone())
+            .collect();
+        found = stated_size::found(
+            arm,
+            &seen,
+            &geometric,
+            (&of, &|own: &Observation| {
+                let own = sizes[own.session].get(own.source.0).copied();
+                own.unwrap_or(StatedSize::ONE)
+            }),
+        );
         give(training, test, settings, &found);
     }
     Ok(found)
