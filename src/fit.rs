@@ -48,6 +48,7 @@ pub mod slips;
 pub mod solve;
 pub mod sources;
 pub mod start;
+pub mod stated_size;
 pub mod stored;
 mod tool_errors;
 pub mod visits;
@@ -70,7 +71,8 @@ pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
 pub use observation::{
     CameraUncertainty, Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint, Mounted,
-    Noise, Observation, Source, TrackerUncertainty, Uncertainty, add_commands, observations,
+    Noise, Observation, Source, StatedSize, TrackerUncertainty, Uncertainty, add_commands,
+    observations,
 };
 pub use problem::{
     Freedom, KnownDistance, KnownGauge, KnownTarget, Owner, Prior, Problem, TargetDistance, Unknown,

@@ -4,6 +4,7 @@
 //! through [`Transform::claim`] and [`Position::claim`], which state what is claimed.
 
 pub mod placement;
+pub mod pose_covariance;
 mod rotation_order;
 mod symmetric;
 pub mod typed;
@@ -13,6 +14,7 @@ use std::marker::PhantomData;
 use std::ops::Mul;
 
 pub use placement::{EulerOrder, Placement, PlacementError};
+pub use pose_covariance::{PoseCovariance, TurnCovariance};
 pub use rotation_order::{NoOrder, RotationOrder};
 pub use symmetric::{symmetric, upper};
 

@@ -11,6 +11,7 @@
 //!    ([`InOrder`]).
 
 mod angles;
+pub mod covariances;
 mod decoded;
 mod in_order;
 mod pose_samples;
@@ -20,13 +21,14 @@ mod settings;
 mod summary;
 
 pub use angles::JointAngles;
+pub use covariances::LoggedCovariance;
 pub use decoded::{DecodedJoints, DecodedPoses, DecodedTemperatures};
 pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, TemperatureBuffer};
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
-    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, KnownOffset,
-    KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget, MISSING,
-    Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
+    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, CovarianceColumns, JointFields,
+    KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget,
+    MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
     ReadingColumns, ReferenceColumns, Seen, StampField, StandsOn, StationsSettings, TableTime,
     TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
 };

@@ -257,6 +257,7 @@ fn value(pose: &Isometry3<f64>) -> Value {
     let turn = MeanOrientation {
         orientation: pose.rotation,
         scatter_rad: 0.0,
+        stated_covariance: None,
     };
     Value::Pose(point, turn)
 }

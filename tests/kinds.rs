@@ -170,6 +170,7 @@ impl Session {
                     orientation: UnitQuaternion::from_scaled_axis(self.normal.vector(TURN_RAD))
                         * pose.rotation,
                     scatter_rad: 0.0,
+                    stated_covariance: None,
                 };
                 add(0, 0, Value::Pose(point(place), turn));
             }
@@ -298,6 +299,7 @@ fn noise(kind: Kind) -> Noise {
     Noise {
         sources: [source(first)].into_iter().chain(more).collect(),
         repeatability_mm: 1e-4,
+        stated: Vec::new(),
     }
 }
 

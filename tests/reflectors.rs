@@ -141,6 +141,7 @@ fn six_dof(session: &JoinedSession) -> JoinedSession {
             let turn = MeanOrientation {
                 orientation: turn * seen.rotation,
                 scatter_rad: 0.0,
+                stated_covariance: None,
             };
             *own = reading(own, 0, Value::Pose(point(position), turn));
         }

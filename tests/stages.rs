@@ -32,6 +32,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
         sampling_plan: None,
         set_up: None,
         slips: Vec::new(),
+        stated_sizes: Vec::new(),
         driven_by: None,
         name: name.to_owned(),
         log_rejects: read.rejects,

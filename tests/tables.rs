@@ -8,6 +8,7 @@ use std::sync::{Arc, Barrier};
 
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
+use posegrid::geometry::PoseCovariance;
 use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake, OpenRun, rows_of};
 use posegrid::io::log::JointSink as _;
@@ -511,7 +512,13 @@ fn other_samples() -> JoinInput {
             stamps: vec![Stamp::from_ns(5), Stamp::from_ns(5)],
             positions: vec![[0.5; 3]; 2],
             orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]; 2]),
-            covariances: Some(vec![[1e-4; 6]; 2]),
+            covariances: Some(vec![
+                PoseCovariance {
+                    position: Some([1e-4; 6]),
+                    turn: None,
+                };
+                2
+            ]),
         }),
         others: Vec::new(),
         references: Vec::new(),

@@ -53,8 +53,7 @@ pub fn found(
         Freedom::Geometry,
         &Prior::default(),
     );
-    let at = offsets(&problem, calibration);
-    let chains = problem.held(&at);
+    let chains = problem.held(&calibration.geometry_alone(&problem));
     let row = |own: &Observation| {
         let end = chains.of(own.channel()).view(&own.axes).end;
         Row {
@@ -69,15 +68,16 @@ pub fn found(
     (rows.len() >= 10).then(|| scored(&rows, counted)).flatten()
 }
 
-/// The calibration's geometry around its own frames, as offsets of a problem that starts from them.
-fn offsets(problem: &Problem<'_>, calibration: &Calibration) -> DVector<f64> {
-    let mut offsets = DVector::zeros(problem.unknowns().len());
-    let geometry = calibration.geometry.iter();
-    for (place, own) in geometry.enumerate() {
-        // The arm's parameters are the first unknowns, in the order of its chain.
-        offsets[place] = *own;
+impl Calibration {
+    /// Its geometry around its own frames, as offsets of a problem that starts from them.
+    pub(super) fn geometry_alone(&self, problem: &Problem<'_>) -> DVector<f64> {
+        let mut offsets = DVector::zeros(problem.unknowns().len());
+        for (place, own) in self.geometry.iter().enumerate() {
+            // The arm's parameters are the first unknowns, in the order of its chain.
+            offsets[place] = *own;
+        }
+        offsets
     }
-    offsets
 }
 
 /// Fisher's scoring on the variances (k, s²) of `k C + s² I`, with squares of residuals raised by `counted`.

@@ -15,12 +15,13 @@ use serde::{Deserialize, Serialize};
 
 use super::commanded::{Commanded, SettlingError};
 use super::frames::{Channel, MeasuredFlange};
+use crate::geometry::{PoseCovariance, TurnCovariance};
 use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
 
 pub use camera::{CameraUncertainty, Mounted};
-pub use measured::{Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint};
+pub use measured::{Measured, MeasuredLength, MeasuredOrientation, MeasuredPoint, stated_of};
 
 /// A tracker's uncertainty as its data sheet states it: limits, to be divided by `divisor` for a standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -181,6 +182,15 @@ pub struct Source {
     pub uncertainty: Uncertainty,
 }
 
+impl Source {
+    /// Whether its orientations have a stated uncertainty.
+    pub fn states_orientations(&self) -> bool {
+        self.uncertainty
+            .orientation_rad(&Point3::origin())
+            .is_some()
+    }
+}
+
 /// The uncertainties of the measurement that the readings do not show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
@@ -188,6 +198,46 @@ pub struct Noise {
     pub sources: Vec<Source>,
     /// The arm's repeatability per axis as a standard deviation, mm.
     pub repeatability_mm: f64,
+    /// The size of the covariances that readings of each source state, in the order of [`SourceId`]; of sources behind the last it is
+    /// as stated.
+    pub stated: Vec<StatedSize>,
+}
+
+/// Factors on the standard deviations that readings state of themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StatedSize {
+    /// Of positions.
+    pub position: f64,
+    /// Of orientations.
+    pub orientation: f64,
+}
+
+impl StatedSize {
+    /// As stated.
+    pub const ONE: Self = Self {
+        position: 1.0,
+        orientation: 1.0,
+    };
+
+    /// A stated covariance with these factors.
+    #[must_use]
+    pub fn applied(&self, stated: &PoseCovariance) -> PoseCovariance {
+        let Self {
+            position,
+            orientation,
+        } = *self;
+        PoseCovariance {
+            position: stated
+                .position
+                .map(|own| own.map(|entry| position * position * entry)),
+            turn: stated.turn.map(|own| TurnCovariance {
+                own: own.own.map(|entry| orientation * orientation * entry),
+                with_position: own
+                    .with_position
+                    .map(|entry| position * orientation * entry),
+            }),
+        }
+    }
 }
 
 impl Noise {
@@ -196,6 +246,7 @@ impl Noise {
         Self {
             sources: vec![source],
             repeatability_mm,
+            stated: Vec::new(),
         }
     }
 
@@ -205,6 +256,21 @@ impl Noise {
     /// When there is no such source.
     pub fn source(&self, source: SourceId) -> &Source {
         &self.sources[source.0]
+    }
+
+    /// The size of what readings of `source` state.
+    pub fn stated_size(&self, source: SourceId) -> StatedSize {
+        let own = self.stated.get(source.0).copied();
+        own.unwrap_or(StatedSize::ONE)
+    }
+
+    /// This noise with these sizes of what readings state.
+    #[must_use]
+    pub fn with_stated(&self, stated: &[StatedSize]) -> Self {
+        Self {
+            stated: stated.to_vec(),
+            ..self.clone()
+        }
     }
 
     /// Whether orientations are fitted where they were read.
@@ -231,7 +297,11 @@ pub fn observations(
             station: station.number,
             pose: station.number,
             axes: arm.axes(&station.joints),
-            measured: Measured::of(reading, source, noise.repeatability_mm),
+            measured: Measured::of(
+                reading,
+                (source, noise.stated_size(reading.source)),
+                noise.repeatability_mm,
+            ),
             settling_error: None,
             flange: None,
             follows_references: reading

@@ -86,6 +86,7 @@ fn station(arm: &Arm, number: usize) -> Station {
         let turn = MeanOrientation {
             orientation: pose.rotation,
             scatter_rad: 0.0,
+            stated_covariance: None,
         };
         Reading {
             source,
@@ -129,6 +130,7 @@ fn noise() -> Noise {
             source(ReadingKind::Pose, Some(50e-6)),
         ],
         repeatability_mm: 0.03,
+        stated: Vec::new(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The rows of one block of a log as columns, before units and checks, in the order of the file.
 
-use super::JointAngles;
+use super::{JointAngles, LoggedCovariance};
 
 /// Joint angles in the unit of the log; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,8 +20,8 @@ pub struct DecodedPoses {
     pub positions: Vec<[f64; 3]>,
     /// Quaternion x y z w as logged; absent where the message type has none.
     pub orientations: Option<Vec<[f64; 4]>>,
-    /// Covariance xx xy xz yy yz zz of the position, in the log's unit squared; absent where the message type has none.
-    pub covariances: Option<Vec<[f64; 6]>>,
+    /// Covariances as logged, in the log's unit of length and rad; absent where the message type has none.
+    pub covariances: Option<Vec<LoggedCovariance>>,
 }
 
 /// Temperatures; columns of equal length.

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use thiserror::Error;
 
+use crate::geometry::PoseCovariance;
 use crate::units::{Controller, Stamp, Tracker};
 
 /// Poses or points over the time of a clock; columns of equal length.
@@ -17,8 +18,8 @@ pub struct PoseSamples<C> {
     pub positions: Vec<[f64; 3]>,
     /// Unit quaternions x y z w; absent where the messages have no orientations.
     pub orientations: Option<Vec<[f64; 4]>>,
-    /// Covariances xx xy xz yy yz zz of the positions, mm²; absent where the messages state none.
-    pub covariances: Option<Vec<[f64; 6]>>,
+    /// Covariances that the messages state, mm and rad; absent where they have none.
+    pub covariances: Option<Vec<PoseCovariance>>,
 }
 
 /// Commanded tool poses, as the controller stated them: poses of the tool point in the command frame. They have no

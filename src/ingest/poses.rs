@@ -1,9 +1,10 @@
 //! Poses and points: faults of a row, and conversion to the crate's units.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
+use super::LoggedCovariance;
 use super::rows::RowFault;
-use crate::geometry::{symmetric, upper};
+use crate::geometry::PoseCovariance;
 
 /// The count of quaternions that were not of unit length.
 pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
@@ -12,10 +13,10 @@ pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
 pub(super) fn fault(
     position: [f64; 3],
     quaternion: Option<&[f64; 4]>,
-    covariance: Option<&[f64; 6]>,
+    covariance: Option<&LoggedCovariance>,
 ) -> Option<RowFault> {
-    let mut numbers = position.iter().chain(covariance.into_iter().flatten());
-    if !numbers.all(|x| x.is_finite()) {
+    let is_finite = covariance.is_none_or(LoggedCovariance::is_finite);
+    if !is_finite || !position.iter().all(|x| x.is_finite()) {
         return Some(RowFault::Position);
     }
     let quaternion = quaternion?;
@@ -65,22 +66,23 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
     Some(norm)
 }
 
-/// Inverts a pose: position, unit quaternion x y z w, and the covariance of the position, which is turned. A position of zeros stays.
+/// Inverts a pose: position, unit quaternion x y z w, and the covariance that is stated of it. A position of zeros stays.
 pub(super) fn invert(
     position: &mut [f64; 3],
     quaternion: &mut [f64; 4],
-    covariance: Option<&mut [f64; 6]>,
+    covariance: Option<&mut PoseCovariance>,
 ) {
     if position.iter().all(|&x| x == 0.0) {
         return;
     }
     let [x, y, z, w] = *quaternion;
-    let back = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).inverse();
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let pose = Isometry3::from_parts(Vector3::from(*position).into(), turn);
+    let back = turn.inverse();
     *position = (back * -Vector3::from(*position)).into();
     *quaternion = back.coords.into();
     if let Some(own) = covariance {
-        let turn = back.to_rotation_matrix();
-        *own = upper(&(turn.matrix() * symmetric(*own) * turn.matrix().transpose()));
+        *own = own.inverted(&pose);
     }
 }
 
@@ -91,19 +93,24 @@ mod tests {
     #[test]
     fn a_pose_inverted_twice_is_itself_and_zeros_stay() {
         let (mut position, mut quaternion) = ([100.0, -20.0, 900.0], [0.5, -0.5, 0.5, 0.5]);
-        let mut covariance = [1.0, 0.1, 0.2, 2.0, 0.3, 3.0];
+        let mut covariance = PoseCovariance {
+            position: Some([1.0, 0.1, 0.2, 2.0, 0.3, 3.0]),
+            turn: None,
+        };
         let before = (position, quaternion, covariance);
         invert(&mut position, &mut quaternion, Some(&mut covariance));
         // The quaternion turns axes into each other: here x to y, y to −z, z to −x, or a cycle like it; lengths stay.
         let norm = |v: [f64; 3]| Vector3::from(v).norm();
         assert!((norm(position) - norm(before.0)).abs() < 1e-9);
         assert!((Vector3::from(position) - Vector3::from(before.0)).norm() > 1.0);
-        assert!((covariance[0] + covariance[3] + covariance[5] - 6.0).abs() < 1e-12);
+        let turned = covariance.position.expect("stated");
+        assert!((turned[0] + turned[3] + turned[5] - 6.0).abs() < 1e-12);
         invert(&mut position, &mut quaternion, Some(&mut covariance));
         for (a, b) in position.iter().zip(before.0) {
             assert!((a - b).abs() < 1e-9);
         }
-        for (a, b) in covariance.iter().zip(before.2) {
+        let own = |own: PoseCovariance| own.position.expect("stated");
+        for (a, b) in own(covariance).into_iter().zip(own(before.2)) {
             assert!((a - b).abs() < 1e-12);
         }
         let mut missing = [0.0; 3];

@@ -22,8 +22,8 @@ pub use fields::{
 pub use lengths::{KnownOffset, KnownPlace, LengthColumns, LengthRead};
 pub use logged::{LoggedReference, LoggedTarget, Seen, TargetName};
 pub use stations::{
-    MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
-    StandsOn, StationsSettings, TableTime, TimeColumn,
+    CovarianceColumns, MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
+    ReferenceColumns, StandsOn, StationsSettings, TableTime, TimeColumn,
 };
 
 /// `[controller]`: joint angles.

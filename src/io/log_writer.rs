@@ -1,16 +1,18 @@
 //! Log writer: a recording → the two MCAP logs that a cell would have written, in ROS 2 CDR.
 //!
 //! Inputs: a [`Recording`] in the crate's units and the joints' names. Outputs: `controller.mcap` with `/joint_states`
-//! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose` or `/tracker/point` and `/tracker/temperature`; metres,
-//! radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
+//! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose`, `/tracker/point` or, where readings state covariances,
+//! `/tracker/pose_with_covariance`, and `/tracker/temperature`; metres, radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use mcap::WriteOptions;
 use mcap::records::{MessageHeader, Metadata};
+use nalgebra::Matrix3;
 use thiserror::Error;
 
+use crate::geometry::{PoseCovariance, pose_covariance, symmetric};
 use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
 use crate::units::MM_PER_M;
 
@@ -18,7 +20,9 @@ mod cdr;
 mod topic;
 
 use cdr::Cdr;
-use topic::{Topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic};
+use topic::{
+    Topic, covariance_topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic,
+};
 
 /// Time from a message's stamp to its logging, ns.
 const LATENCY_NS: u64 = 200_000;
@@ -133,7 +137,9 @@ impl TrackerLog<'_> {
         if !self.targets.is_empty() {
             return named_messages(targets_topic(), self.targets);
         }
-        let topic = if self.readings.orientations.is_some() {
+        let topic = if self.readings.covariances.is_some() {
+            covariance_topic()
+        } else if self.readings.orientations.is_some() {
             pose_topic("/tracker/pose")
         } else {
             point_topic()
@@ -235,8 +241,14 @@ fn reading_messages(
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded(topic, stamp.ns(), "tracker", |cdr| {
             push_point(cdr, &readings.positions[row]);
-            if let Some(orientations) = &readings.orientations {
-                push_quaternion(cdr, &orientations[row]);
+            let orientations = readings.orientations.as_ref();
+            match (orientations, &readings.covariances) {
+                (Some(all), _) => push_quaternion(cdr, &all[row]),
+                (None, Some(_)) => push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]),
+                (None, None) => {}
+            }
+            if let Some(covariances) = &readings.covariances {
+                push_covariance(cdr, &covariances[row]);
             }
             Ok(())
         })
@@ -281,6 +293,16 @@ fn push_point(cdr: &mut Cdr, position_mm: &[f64; 3]) {
 fn push_quaternion(cdr: &mut Cdr, quaternion: &[f64; 4]) {
     for q in quaternion {
         cdr.f64(*q);
+    }
+}
+
+/// All 36 numbers, row by row, m² to rad²; zeros, which say that it is not known, of a part that is not stated.
+fn push_covariance(cdr: &mut Cdr, stated: &PoseCovariance) {
+    let position = stated.position.map_or_else(Matrix3::zeros, symmetric);
+    let whole = pose_covariance::joint(&position, &stated.turn.unwrap_or_default());
+    let in_m = |place: usize| if place < 3 { MM_PER_M.recip() } else { 1.0 };
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
+        cdr.f64(whole[(row, column)] * in_m(row) * in_m(column));
     }
 }
 

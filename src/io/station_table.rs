@@ -22,6 +22,7 @@ use std::path::Path;
 use super::input::Bound;
 use super::measured_table::{self, Cell, Form, MeasuredTable};
 use crate::ingest::StationsSettings;
+use crate::ingest::covariances::CovarianceCounts;
 use crate::join::tabled::Rows;
 use columns::Columns;
 
@@ -35,6 +36,8 @@ pub struct StationTable {
     pub rows: Rows,
     /// Number of rows read, those left out among them.
     pub read: u64,
+    /// Covariances that its rows state, by what became of them.
+    pub covariances: CovarianceCounts,
     /// What was found of the table's form.
     pub remarks: Vec<String>,
 }

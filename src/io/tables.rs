@@ -225,11 +225,16 @@ impl RunRows {
             &outcome.starts(),
         );
         let targets = &outcome.targets.names;
+        let trained = outcome.training.iter().map(|own| own.name.as_str());
+        let trained: Vec<&str> = trained.collect();
         Ok(Self {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
-            sources: Row::table(sources::rows(&outcome.sources), key)?,
+            sources: Row::table(
+                sources::rows(&outcome.sources, &outcome.stated_sizes, &trained),
+                key,
+            )?,
             references: Row::table(references::places(outcome), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
             residuals: Row::table(residuals::rows(&outcome.residuals, targets), key)?,

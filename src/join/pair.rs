@@ -19,7 +19,8 @@ use super::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
 use super::reading::{MeanOrientation, MeanPoint, Reading, SourceId, TargetId, Value};
 use super::readings::{Readings, Seen};
 use super::{JoinError, JoinSettings, Pairing, Unmeasured};
-use crate::ingest::TemperatureSamples;
+use crate::geometry::PoseCovariance;
+use crate::ingest::{TemperatureSamples, covariances};
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// The geometry gate is at least this many median distances, for arms worse than it assumes.
@@ -244,20 +245,24 @@ impl Evidence<'_> {
             let used: Vec<_> = used.iter().map(|row| orientations[place(row)]).collect();
             mean_orientation(&used)
         });
-        let stated = |stated: &Vec<[f64; 6]>| {
-            let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
-            mean_covariance(&used)
-        };
+        let stated = all
+            .covariances
+            .as_ref()
+            .map_or_else(PoseCovariance::default, |stated| {
+                let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
+                covariances::mean(&used)
+            });
         let (first, last) = (seen.stamp(used[0]), seen.stamp(used[used.len() - 1]));
         let point = MeanPoint {
             position: Point3::from(mean),
             scatter_mm: scatter.into(),
-            stated_covariance: all.covariances.as_ref().map(stated),
+            stated_covariance: stated.position,
             motion_covariance: None,
         };
         let turn = |(orientation, scatter_rad)| MeanOrientation {
             orientation,
             scatter_rad,
+            stated_covariance: stated.turn,
         };
         Reading {
             source: SourceId::ONLY,
@@ -270,11 +275,6 @@ impl Evidence<'_> {
             temperature_c: nearest(self.temperatures, first.plus_ns(last.since_ns(first) / 2)),
         }
     }
-}
-
-fn mean_covariance(stated: &[[f64; 6]]) -> [f64; 6] {
-    let mean = |term: usize| stated.iter().map(|of| of[term]).sum::<f64>() / stated.len() as f64;
-    std::array::from_fn(mean)
 }
 
 /// The temperature nearest in time; of two equally near the earlier one.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Station;
-use crate::geometry::{symmetric, upper};
+use crate::geometry::{PoseCovariance, TurnCovariance, symmetric, upper};
 use crate::units::{Stamp, Tracker};
 
 /// An instrument's index among the sources of its session, from 0.
@@ -108,6 +108,8 @@ pub struct MeanOrientation {
     pub orientation: UnitQuaternion<f64>,
     /// Standard deviation of a single sample (rotation vector norm per axis, root mean square), rad.
     pub scatter_rad: f64,
+    /// Mean of the instrument's own stated covariance of the orientation, alone and with the position; absent where it states none.
+    pub stated_covariance: Option<TurnCovariance>,
 }
 
 /// Distances by which the readings of a station were assigned to targets by geometry.
@@ -117,6 +119,16 @@ pub struct Assigned {
     pub misfit_mm: f64,
     /// That of the best other assignment of the same readings, mm.
     pub runner_up_mm: f64,
+}
+
+impl MeanPoint {
+    /// The covariance that the instrument states of the pose with this position and that orientation.
+    pub const fn stated_with(&self, turn: &MeanOrientation) -> PoseCovariance {
+        PoseCovariance {
+            position: self.stated_covariance,
+            turn: turn.stated_covariance,
+        }
+    }
 }
 
 impl Value {
@@ -130,13 +142,14 @@ impl Value {
 
     /// The inverse of a pose: of the target's in the camera's frame the camera's in the target's. `None` of a point.
     ///
-    /// Scatter of the orientation moves the inverse's position at the end of the ray; a stated covariance is turned alone, because it is
-    /// the position's.
+    /// Scatter of the orientation moves the inverse's position at the end of the ray, and so does its stated covariance; one of the
+    /// position alone is turned.
     pub fn inverted(&self) -> Option<Self> {
         let Self::Pose(point, turn) = self else {
             return None;
         };
         let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
+        let stated = point.stated_with(turn).inverted(&pose);
         let inverse = pose.inverse();
         let back = *inverse.rotation.to_rotation_matrix().matrix();
         let turned = |own: Matrix3<f64>| back * own * back.transpose();
@@ -146,15 +159,14 @@ impl Value {
         let point = MeanPoint {
             position: Point3::from(inverse.translation.vector),
             scatter_mm: [0, 1, 2].map(|axis| scatter[(axis, axis)].max(0.0).sqrt()),
-            stated_covariance: point
-                .stated_covariance
-                .map(|own| upper(&turned(symmetric(own)))),
+            stated_covariance: stated.position,
             motion_covariance: point
                 .motion_covariance
                 .map(|own| upper(&turned(symmetric(own)))),
         };
         let turn = MeanOrientation {
             orientation: inverse.rotation,
+            stated_covariance: stated.turn,
             ..*turn
         };
         Some(Self::Pose(point, turn))

@@ -164,6 +164,7 @@ impl PipelineFile {
         Noise {
             sources: sources.collect(),
             repeatability_mm: self.fit.geometric.repeatability_mm,
+            stated: Vec::new(),
         }
     }
 }

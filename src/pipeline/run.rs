@@ -23,7 +23,7 @@ use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
-use crate::geometry::Transform;
+use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
 use crate::io::store::Place;
@@ -421,19 +421,23 @@ fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> Str
 
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
 fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
-    let stations = &outcome.training.last()?.joined.stations;
-    let noise = &configuration.stages.noise;
-    let size2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
+    let session = outcome.training.last()?;
+    let stated = &session.stated_sizes;
+    let noise = configuration.stages.noise.with_stated(stated);
+    let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
+    let stations = &session.joined.stations;
     let variances: Vec<f64> = stations
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
-            let position = reading.position()?;
-            let instrument = noise
-                .source(reading.source)
-                .uncertainty
-                .covariance(&position);
-            Some(size2 * instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
+            let (position, stated) = (reading.position()?, reading.value.point()?.stated_covariance);
+            let source = noise.source(reading.source);
+            let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
+            let instrument = match stated {
+                Some(stated) => symmetric(stated) * size2,
+                None => source.uncertainty.covariance(&position) * camera2,
+            };
+            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)

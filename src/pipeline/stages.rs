@@ -16,6 +16,7 @@ mod observed;
 pub(super) mod scales;
 mod slips;
 mod stated;
+mod stated_sizes;
 mod turns;
 mod unseen;
 mod wrong_targets;
@@ -258,6 +259,7 @@ pub fn results<'a>(
         ],
         full: models.full,
         camera_size: estimate.camera_size,
+        stated_sizes: estimate.stated_sizes,
         on_top: models.on_top,
         scales,
         sources: estimate.sources,

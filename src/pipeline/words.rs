@@ -6,6 +6,7 @@ use super::stages::scales;
 use crate::figures::median;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
+use crate::fit::stated_size::FoundSize;
 use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::io::tables::residuals::target_name;
 use crate::join::{Assigned, Pairing, Station, TargetId};
@@ -23,7 +24,8 @@ pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
         .chain(sessions_of(outcome).filter_map(assigned_words))
         .chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
-    named.chain(more).collect()
+    let stated = stated_words(outcome).collect::<Vec<String>>();
+    named.chain(stated).chain(more).collect()
 }
 
 /// The results that the summary leaves out.
@@ -39,6 +41,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(camera_words(outcome));
+    words.extend(stated_words(outcome));
     words.extend(scales::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
@@ -78,6 +81,28 @@ fn camera_words(outcome: &Outcome<'_>) -> Option<String> {
          camera's",
         found.size, found.size_se, found.readings, found.beside_mm
     ))
+}
+
+/// The size of the covariances that readings state, for each session and source that determine one.
+fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
+    let words = |own: &FoundSize| {
+        let session = &outcome.training[own.session].name;
+        let (size, error) = (&own.size, &own.standard_error);
+        let turns = if own.is_apart {
+            format!(
+                " of positions, {:.2} ± {:.2} times of orientations",
+                size.orientation, error.orientation
+            )
+        } else {
+            String::new()
+        };
+        format!(
+            "{session}: the noise of its readings is {:.2} ± {:.2} times what they state of themselves{turns}, by likelihood over {} \
+             readings, beside {:.3} mm per axis of the arm",
+            size.position, error.position, own.readings, own.beside_mm
+        )
+    };
+    outcome.stated_sizes.iter().map(words)
 }
 
 /// The judgement of each judge, where a test session is one; and of the sessions of a pool that were left out in turn.

@@ -335,6 +335,7 @@ impl Simulated {
         let turned = turned.map(|(orientation, scatter_rad)| MeanOrientation {
             orientation,
             scatter_rad,
+            stated_covariance: None,
         });
         Some(Reading {
             source: SourceId::ONLY,

@@ -105,6 +105,7 @@ fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Sta
     let turn = MeanOrientation {
         orientation: mean.orientation,
         scatter_rad: mean.scatter.1,
+        stated_covariance: None,
     };
     let reading = truth.measured.then(|| Reading {
         source: SourceId::ONLY,

@@ -118,6 +118,7 @@ pub fn joined(
         sampling_plan: None,
         set_up: None,
         slips: Vec::new(),
+        stated_sizes: Vec::new(),
         driven_by: None,
         joined,
     }
@@ -140,6 +141,10 @@ pub fn read_back(arm: &Arm, recording: &Recording) -> SessionRead {
     let mut mapping = mapping(arm);
     if recording.readings.orientations.is_none() {
         "/tracker/point".clone_into(&mut mapping.tracker.topic);
+    }
+    if recording.readings.covariances.is_some() {
+        "/tracker/pose_with_covariance".clone_into(&mut mapping.tracker.topic);
+        mapping.tracker.ignore_orientation = recording.readings.orientations.is_none();
     }
     read(&SessionLogs::of_two(&controller, &tracker), &mapping)
 }
@@ -188,6 +193,7 @@ fn truth_station(row: &csv::StringRecord) -> Station {
                     need(12),
                 )),
                 scatter_rad: 0.0,
+                stated_covariance: None,
             },
         ),
         kept: 20,

@@ -212,7 +212,11 @@ fn every_common_type_is_read_in_both_byte_orders() {
         let pose = log.channel("/pose_with_covariance", "PoseWithCovarianceStamped");
         let temperature = log.channel("/temperature", "Temperature");
         let mut covariance = [0.0; 36];
-        (0..36).for_each(|i| covariance[i] = i as f64);
+        for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
+            // Every entry different, the diagonal large.
+            let entry = 0.01 * (row.min(column) * 6 + row.max(column)) as f64;
+            covariance[6 * row + column] = entry + if row == column { 3.0 } else { 0.0 };
+        }
         let message = Cdr::new(little)
             .stamp(-1)
             .numbers(&[1.0, 2.0, 3.0, 0.0, 0.6, 0.0, 0.8])
@@ -234,9 +238,30 @@ fn every_common_type_is_read_in_both_byte_orders() {
             found.readings.orientations.expect("poses")[0],
             [0.0, 0.6, 0.0, 0.8]
         );
-        // xx xy xz yy yz zz of the row-major 6 × 6 matrix, m² → mm²
-        let expected = [0.0, 1.0, 2.0, 7.0, 8.0, 14.0].map(|x| x * 1e6);
-        assert_eq!(found.readings.covariances.expect("stated")[0], expected);
+        // xx xy xz yy yz zz of the row-major 6 × 6 matrix, m² → mm²; rows x y z, columns of rotations, m·rad → mm·rad; rad².
+        let at = |places: &[usize], unit: f64| -> Vec<f64> {
+            places
+                .iter()
+                .map(|place| covariance[*place] * unit)
+                .collect()
+        };
+        let own = found.readings.covariances.expect("stated")[0];
+        let turn = own.turn.expect("stated");
+        let near = |found: &[f64], expected: &[f64]| {
+            let pairs = found.iter().zip(expected);
+            found.len() == expected.len()
+                && pairs.into_iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-12)
+        };
+        assert!(near(
+            &own.position.expect("stated"),
+            &at(&[0, 1, 2, 7, 8, 14], 1e6)
+        ));
+        assert!(near(
+            &turn.with_position,
+            &at(&[3, 4, 5, 9, 10, 11, 15, 16, 17], 1e3)
+        ));
+        assert!(near(&turn.own, &at(&[21, 22, 23, 28, 29, 35], 1.0)));
+        assert_eq!(found.counts["readings.orientation_covariances"], 1);
         assert_eq!(found.temperatures.celsius, [21.5]);
         assert_eq!(found.temperatures.stamps[0].ns(), 7);
     }

@@ -106,7 +106,8 @@ fn rows_of_poses<C>(source: &'static str, of: &PoseSamples<C>) -> impl Iterator<
             numbers[3..7].copy_from_slice(&orientations[row].map(Some));
         }
         if let Some(covariances) = &of.covariances {
-            numbers[7..13].copy_from_slice(&covariances[row].map(Some));
+            let position = covariances[row].position;
+            numbers[7..13].copy_from_slice(&position.map_or([None; 6], |own| own.map(Some)));
         }
         Row {
             source,

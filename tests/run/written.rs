@@ -172,7 +172,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("reference_motion.", OF_TABLES),
     ("stations.motion_cov_", OF_TABLES),
     ("readings.motion_cov_", OF_TABLES),
-    ("readings.stated_cov_", NO_COVARIANCE),
+    ("readings.stated_", NO_COVARIANCE),
     ("readings.length_", NO_LENGTHS),
     (
         "rejects.line",
@@ -197,15 +197,15 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("calibrations.joint_units", ALL_TURN),
     ("compensation.joint_units", ALL_TURN),
     ("sampling_plan.joint_units", ALL_TURN),
-    ("logs.stated_cov_", NO_COVARIANCE),
-    ("stations.stated_cov_", NO_COVARIANCE),
+    ("logs.stated_", NO_COVARIANCE),
+    ("stations.stated_", NO_COVARIANCE),
     ("stations.assigned_", NAMED),
 ];
 const NAMED: &str = "tests/run/unnamed.rs: the readings of these cells are of one target";
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
 const NO_LENGTHS: &str = "tests/run/lengths.rs: these cells have a tracker alone, and these are of instruments of one length";
-const NO_COVARIANCE: &str = "the simulated tracker states none; tests/logs/encodings reads them, tests/tables.rs writes them";
+const NO_COVARIANCE: &str = "the simulated tracker states none; tests/covariances.rs has them from logs and tables to the fit";
 
 /// What was found in the files read so far.
 #[derive(Default)]

@@ -111,6 +111,7 @@ impl Truth {
         let turn = MeanOrientation {
             orientation: seen.rotation * UnitQuaternion::from_scaled_axis(noise(9) * NOISE_RAD),
             scatter_rad: 0.0,
+            stated_covariance: None,
         };
         Station {
             number: place,
@@ -155,6 +156,7 @@ impl Truth {
                 .into(),
             }],
             repeatability_mm: 0.0,
+            stated: Vec::new(),
         };
         observations(0, &stations, &self.arm, &noise)
     }

@@ -9,6 +9,9 @@
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::pose_covariance::inverted;
+use crate::geometry::{PoseCovariance, symmetric};
+
 /// A camera with a flat, square target, by numbers that its calibration and the target's drawing state.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -98,27 +101,48 @@ impl CameraUncertainty {
     }
 
     /// Covariance of a reading's pose as it is used in a fit, mm² and rad²: that of the target in the camera's frame or, of a camera on
-    /// the flange, that of the camera in the target's frame. `stated` is the position's covariance where the reading states one.
-    pub fn of_reading(&self, pose: &Isometry3<f64>, stated: Option<Matrix3<f64>>) -> Matrix6<f64> {
+    /// the flange, that of the camera in the target's frame. What the reading states of it, `stated`, takes the place of the camera's.
+    pub fn of_reading(&self, pose: &Isometry3<f64>, stated: &PoseCovariance) -> Matrix6<f64> {
+        if let Some(whole) = stated.whole() {
+            return whole * self.size.powi(2);
+        }
         let camera_from_target = match self.mounted {
             Mounted::Fixed => *pose,
             Mounted::Flange => pose.inverse(),
         };
-        let mut covariance = self.of_pose(&camera_from_target);
-        if let Some(stated) = stated {
-            let turn = match self.mounted {
-                Mounted::Fixed => Matrix3::identity(),
-                Mounted::Flange => *camera_from_target.rotation.to_rotation_matrix().matrix(),
-            };
-            let stated = turn * stated * turn.transpose() * self.size.powi(2);
-            covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&stated);
-            covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
-            covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
-        }
+        let covariance = self.with_part(&camera_from_target, stated);
         match self.mounted {
             Mounted::Fixed => covariance,
             Mounted::Flange => inverted(&covariance, &camera_from_target),
         }
+    }
+
+    /// Covariance of a pose of the target in the camera's frame, with the part that the reading states in its place: of that nothing
+    /// says how it goes with the other.
+    fn with_part(
+        &self,
+        camera_from_target: &Isometry3<f64>,
+        stated: &PoseCovariance,
+    ) -> Matrix6<f64> {
+        let mut covariance = self.of_pose(camera_from_target);
+        let turn = match self.mounted {
+            Mounted::Fixed => Matrix3::identity(),
+            Mounted::Flange => *camera_from_target.rotation.to_rotation_matrix().matrix(),
+        };
+        let parts = [
+            (0, stated.position.map(symmetric)),
+            (3, stated.turn.map(|own| own.matrix())),
+        ];
+        for (from, stated) in parts {
+            let Some(stated) = stated else { continue };
+            let stated = turn * stated * turn.transpose() * self.size.powi(2);
+            covariance
+                .fixed_view_mut::<3, 3>(from, from)
+                .copy_from(&stated);
+            covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
+            covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
+        }
+        covariance
     }
 
     /// Standard uncertainty of the orientation per axis of a target that is seen at 45°, rad: root mean square of the three axes.
@@ -181,17 +205,6 @@ impl CameraUncertainty {
     fn thinned(&self) -> f64 {
         f64::from(self.corners.clamp(2, MOST_CORNERS)) / f64::from(self.corners.max(2))
     }
-}
-
-/// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of small motions.
-fn inverted(covariance: &Matrix6<f64>, pose: &Isometry3<f64>) -> Matrix6<f64> {
-    let back = *pose.rotation.inverse().to_rotation_matrix().matrix();
-    let mut adjoint = Matrix6::zeros();
-    adjoint.fixed_view_mut::<3, 3>(0, 0).copy_from(&-back);
-    adjoint.fixed_view_mut::<3, 3>(3, 3).copy_from(&-back);
-    let lever = -back * pose.translation.vector.cross_matrix();
-    adjoint.fixed_view_mut::<3, 3>(0, 3).copy_from(&lever);
-    adjoint * covariance * adjoint.transpose()
 }
 
 /// Direction of the ray to a position.
@@ -350,7 +363,7 @@ mod tests {
                 ..CAMERA
             },
         );
-        let carried = camera.of_reading(&truth.inverse(), None);
+        let carried = camera.of_reading(&truth.inverse(), &PoseCovariance::default());
         let factor = camera.of_pose(&truth).cholesky().expect("positive").l();
         // Numerically: each column of the factor as a small motion, the change of the inverse.
         let scale = 1e-4;
@@ -376,7 +389,13 @@ mod tests {
             }
         }
         // A stated covariance replaces that of the position; a tilt still moves the camera at the end of the ray.
-        let stated = camera.of_reading(&truth.inverse(), Some(Matrix3::identity() * 1e-8));
+        let stated = camera.of_reading(
+            &truth.inverse(),
+            &PoseCovariance {
+                position: Some([1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8]),
+                turn: None,
+            },
+        );
         assert!(stated[(0, 0)] > 1e-4, "{stated}");
     }
 

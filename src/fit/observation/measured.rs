@@ -7,9 +7,9 @@
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
-use super::Source;
+use super::{Source, StatedSize};
 use crate::fit::gauge::Gauge;
-use crate::geometry::symmetric;
+use crate::geometry::{TurnCovariance, pose_covariance, symmetric};
 use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
@@ -99,9 +99,13 @@ pub struct JointCovariance {
 impl Measured {
     /// The values of a reading of `source` that a fit uses: no orientation from a source of points, or from one without a
     /// stated uncertainty of orientations.
-    pub(in crate::fit) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
+    pub(in crate::fit) fn of(
+        reading: &Reading,
+        (source, size): (&Source, StatedSize),
+        repeatability_mm: f64,
+    ) -> Self {
         let place = |point: &MeanPoint, turn: Option<&MeanOrientation>| {
-            let instrument = Instrument::of(point, turn, reading, source);
+            let instrument = Instrument::of(point, turn, reading, (source, size));
             let point = MeasuredPoint::of(point, &instrument, repeatability_mm);
             (point, instrument)
         };
@@ -206,10 +210,7 @@ impl Measured {
         };
         match self {
             Self::Point(own) => Self::Point(point(own)),
-            Self::Pose(own, turn) => {
-                let sd_rad = turn.sd_rad * by;
-                Self::Pose(point(own), MeasuredOrientation { sd_rad, ..turn })
-            }
+            Self::Pose(own, turn) => Self::Pose(point(own), turn.widened(by)),
             Self::Distance(own) => Self::Distance(length(own)),
             Self::Height(own) => Self::Height(length(own)),
         }
@@ -298,6 +299,31 @@ impl MeasuredLength {
     }
 }
 
+/// The covariance that a reading states of its own rows, mm² and rad²: as it is used in a fit, with factors of 1. `None` where it states
+/// none, and of a camera, whose own size covers what its readings state.
+pub fn stated_of(reading: &Reading, source: &Source) -> Option<DMatrix<f64>> {
+    let point = reading.value.point()?;
+    if source.uncertainty.camera().is_some() {
+        return None;
+    }
+    let turn = reading.value.turn();
+    let turn = turn.filter(|_| source.reads == ReadingKind::Pose);
+    let stated_turn = turn.and_then(|turn| turn.stated_covariance);
+    if point.stated_covariance.is_none() && stated_turn.is_none() {
+        return None;
+    }
+    // What is not stated is known beside it.
+    let position = point
+        .stated_covariance
+        .map_or_else(Matrix3::zeros, symmetric);
+    let whole = of_parts(&position, &stated_turn.unwrap_or_default());
+    let has_turn = turn.is_some() && (stated_turn.is_some() || source.states_orientations());
+    let rows = if has_turn { 6 } else { 3 };
+    Some(DMatrix::from_fn(rows, rows, |row, column| {
+        whole[(row, column)]
+    }))
+}
+
 /// Covariance of an instrument and of the mean of its samples at a reading.
 #[expect(
     clippy::large_enum_variant,
@@ -315,7 +341,7 @@ impl Instrument {
         point: &MeanPoint,
         turn: Option<&MeanOrientation>,
         reading: &Reading,
-        source: &Source,
+        (source, size): (&Source, StatedSize),
     ) -> Self {
         let kept = reading.kept.max(1) as f64;
         let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);
@@ -323,27 +349,31 @@ impl Instrument {
             + point
                 .motion_covariance
                 .map_or_else(Matrix3::zeros, symmetric);
-        let stated = point.stated_covariance.map(symmetric);
-        match (turn, source.uncertainty.camera()) {
+        let modelled = || source.uncertainty.covariance(&point.position);
+        let mut whole = match (turn, source.uncertainty.camera()) {
             (Some(turn), Some(camera)) => {
                 let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
-                let mut covariance = camera.of_reading(&pose, stated);
-                let mut position = covariance.fixed_view_mut::<3, 3>(0, 0);
-                position += added;
-                for axis in 3..6 {
-                    covariance[(axis, axis)] += turn.scatter_rad.powi(2) / kept;
-                }
-                Self::Pose(covariance)
+                camera.of_reading(&pose, &point.stated_with(turn))
+            }
+            (Some(turn), None) if turn.stated_covariance.is_some() => {
+                let stated = size.applied(&point.stated_with(turn));
+                let position = stated.position.map_or_else(modelled, symmetric);
+                of_parts(&position, &stated.turn.unwrap_or_default())
             }
             (_, camera) => {
-                let sized = |stated: Matrix3<f64>| match camera {
-                    None => stated,
-                    Some(camera) => stated * camera.size.powi(2),
-                };
-                let modelled = || source.uncertainty.covariance(&point.position);
-                Self::Point(stated.map_or_else(modelled, sized) + added)
+                let size = camera.map_or(size.position, |camera| camera.size);
+                let stated = point.stated_covariance.map(symmetric);
+                let position = stated.map_or_else(modelled, |own| own * size.powi(2));
+                return Self::Point(position + added);
             }
+        };
+        let mut position = whole.fixed_view_mut::<3, 3>(0, 0);
+        position += added;
+        let scatter_rad = turn.map_or(0.0, |turn| turn.scatter_rad);
+        for axis in 3..6 {
+            whole[(axis, axis)] += scatter_rad.powi(2) / kept;
         }
+        Self::Pose(whole)
     }
 
     fn of_position(&self) -> Matrix3<f64> {
@@ -352,6 +382,19 @@ impl Instrument {
             Self::Pose(covariance) => covariance.fixed_view::<3, 3>(0, 0).into_owned(),
         }
     }
+}
+
+/// The covariance of a pose from its parts; where these do not belong together, as means over different readings need not, without
+/// that of one with the other.
+fn of_parts(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
+    if pose_covariance::is_joint(position, turn) {
+        return pose_covariance::joint(position, turn);
+    }
+    let alone = TurnCovariance {
+        with_position: [0.0; 9],
+        ..*turn
+    };
+    pose_covariance::joint(position, &alone)
 }
 
 impl MeasuredPoint {
@@ -400,11 +443,11 @@ impl MeasuredOrientation {
         source: &Source,
     ) -> Option<Self> {
         if let Instrument::Pose(covariance) = instrument {
-            let joint = JointCovariance::of(covariance, point)?;
-            return Some(Self {
+            let sd_rad = (covariance.fixed_view::<3, 3>(3, 3).trace() / 3.0).sqrt();
+            return (sd_rad > 0.0).then(|| Self {
                 orientation: turn.orientation,
-                sd_rad: (covariance.fixed_view::<3, 3>(3, 3).trace() / 3.0).sqrt(),
-                joint: Some(joint),
+                sd_rad,
+                joint: JointCovariance::of(covariance, point),
             });
         }
         let instrument = source.uncertainty.orientation_rad(&point.position)?;
@@ -414,6 +457,20 @@ impl MeasuredOrientation {
             sd_rad: instrument.mul_add(instrument, of_mean).sqrt(),
             joint: None,
         })
+    }
+
+    /// This orientation beside a position, all standard deviations multiplied by `by`.
+    fn widened(self, by: f64) -> Self {
+        let joint = self.joint.map(|own| JointCovariance {
+            instrument: own.instrument * (by * by),
+            from_position: own.from_position / by,
+            own: own.own / by,
+        });
+        Self {
+            sd_rad: self.sd_rad * by,
+            joint,
+            ..self
+        }
     }
 
     /// Whitened rows of the orientation from the position's residual (mm) and its own (rad).

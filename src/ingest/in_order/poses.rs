@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
+use super::super::covariances::{self, CovarianceCounts};
 use super::super::poses;
 use super::super::rows::{Place, RowFault, Rows};
 use super::super::{
     CommandedSettings, DecodedPoses, LengthUnit, PoseSamples, SpanClock, TrackerSettings,
 };
 use super::{Buffer, reordered};
+use crate::geometry::PoseCovariance;
 use crate::units::Stamp;
 
 /// Poses or points, in mm.
@@ -24,7 +26,9 @@ pub struct PoseBuffer {
     positions: Vec<[f64; 3]>,
     /// Unit quaternions x y z w; `None` when the messages have none.
     orientations: Option<Vec<[f64; 4]>>,
-    covariances: Option<Vec<[f64; 6]>>,
+    covariances: Option<Vec<PoseCovariance>>,
+    /// Stated covariances by what became of them.
+    counted: CovarianceCounts,
     /// Whether messages have orientations and covariances; `None` before the first block.
     kind: Option<(bool, bool)>,
     not_unit: u64,
@@ -60,6 +64,7 @@ impl PoseBuffer {
             positions: Vec::new(),
             orientations: None,
             covariances: None,
+            counted: CovarianceCounts::NONE,
             kind: None,
             not_unit: 0,
         }
@@ -148,9 +153,14 @@ impl Buffer for PoseBuffer {
         if let Some(more) = &block.covariances
             && self.wants_covariances
         {
-            let all = self.covariances.get_or_insert_default();
-            rows.append(more, all);
-            poses::scale(&mut all[before..], to_mm * to_mm);
+            let mut kept = Vec::with_capacity(rows.kept);
+            rows.append(more, &mut kept);
+            let with_orientation = self.orientations.is_some();
+            let own = kept.iter().map(|logged| {
+                let own = logged.judged(with_orientation, &mut self.counted);
+                covariances::in_units(&own, to_mm, 1.0)
+            });
+            self.covariances.get_or_insert_default().extend(own);
         }
         if self.inverted {
             self.invert_from(before);
@@ -187,6 +197,6 @@ impl Buffer for PoseBuffer {
     fn further_counts(&self) -> Vec<(&'static str, u64)> {
         let oriented = self.kind.is_some_and(|(orientations, _)| orientations);
         let not_unit = oriented.then_some((poses::NOT_UNIT, self.not_unit));
-        not_unit.into_iter().collect()
+        not_unit.into_iter().chain(self.counted.named()).collect()
     }
 }

@@ -136,15 +136,57 @@ pub struct ReadingColumns {
     /// Standard deviations of x, y and z, in the same unit: of a single sample where `samples` is given, otherwise of the reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<[String; 3]>,
-    /// Covariance xx, xy, xz, yy, yz, zz in the square of that unit; it replaces the instrument's uncertainty.
+    /// Covariance of the position in the square of that unit, or of the whole pose; it replaces the instrument's uncertainty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub covariance: Option<[String; 6]>,
+    pub covariance: Option<CovarianceColumns>,
     /// Number of samples in the reading. Absent: one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<String>,
     /// The orientation of the target; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<OrientationColumns>,
+}
+
+/// Columns of a covariance: the six on and above the diagonal of a position's, row by row; or the 21 of a pose's (x, y, z and the rotation
+/// about the axes x, y, z of the instrument's frame), or all its 36.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
+pub struct CovarianceColumns(Vec<String>);
+
+/// A number of columns that no covariance has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error(
+    "a covariance has 6 columns (xx, xy, xz, yy, yz, zz of a position), or 21 (on and above the diagonal of x, y, z and three rotations, \
+     row by row), or 36 (all of it); found {0}"
+)]
+pub struct CovarianceError(usize);
+
+impl CovarianceColumns {
+    /// The columns, in order.
+    pub fn columns(&self) -> &[String] {
+        &self.0
+    }
+
+    /// Whether it has the orientation's part.
+    pub fn is_of_pose(&self) -> bool {
+        self.0.len() > 6
+    }
+}
+
+impl TryFrom<Vec<String>> for CovarianceColumns {
+    type Error = CovarianceError;
+    fn try_from(columns: Vec<String>) -> Result<Self, CovarianceError> {
+        match columns.len() {
+            6 | 21 | 36 => Ok(Self(columns)),
+            other => Err(CovarianceError(other)),
+        }
+    }
+}
+
+impl From<CovarianceColumns> for Vec<String> {
+    fn from(columns: CovarianceColumns) -> Self {
+        columns.0
+    }
 }
 
 /// A reference reflector: its name, what it stands on, and its columns.
@@ -199,6 +241,9 @@ pub struct OrientationColumns {
     pub form: OrientationForm,
     /// Standard deviation about each axis, one column or three, in the unit of the angles (rad of a quaternion or matrix).
     pub sd: Vec<String>,
+    /// Covariance xx, xy, xz, yy, yz, zz of the rotation about the axes of the instrument's frame, in the square of that unit; it replaces
+    /// the instrument's uncertainty. Empty where there is none.
+    pub covariance: Vec<String>,
 }
 
 /// Form of an orientation.
@@ -232,6 +277,8 @@ struct OrientationKeys {
     unit: Option<AngleUnit>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     sd: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    covariance: Vec<String>,
 }
 
 /// Keys of an orientation that do not fit together.
@@ -246,6 +293,11 @@ pub enum OrientationError {
     /// Neither one nor three columns.
     #[error("sd of an orientation has one column, or three")]
     Deviations,
+    /// A number of columns that no covariance has.
+    #[error(
+        "covariance of an orientation has six columns: xx, xy, xz, yy, yz, zz of the rotation about the axes of the instrument's frame"
+    )]
+    Covariance,
 }
 
 impl TryFrom<OrientationKeys> for OrientationColumns {
@@ -275,7 +327,14 @@ impl TryFrom<OrientationKeys> for OrientationColumns {
         if !matches!(keys.sd.len(), 0 | 1 | 3) {
             return Err(OrientationError::Deviations);
         }
-        Ok(Self { form, sd: keys.sd })
+        if !matches!(keys.covariance.len(), 0 | 6) {
+            return Err(OrientationError::Covariance);
+        }
+        Ok(Self {
+            form,
+            sd: keys.sd,
+            covariance: keys.covariance,
+        })
     }
 }
 
@@ -283,6 +342,7 @@ impl From<OrientationColumns> for OrientationKeys {
     fn from(columns: OrientationColumns) -> Self {
         let mut keys = Self {
             sd: columns.sd,
+            covariance: columns.covariance,
             ..Self::default()
         };
         match columns.form {
@@ -394,6 +454,7 @@ mod tests {
         for orientation in [
             "quaternion_xyzw = [\"a\", \"b\", \"c\", \"d\"]",
             "angles = [\"a\", \"b\", \"c\"], order = \"moving-xyz\", unit = \"deg\", sd = [\"e\"]",
+            "rotation_vector = [\"a\", \"b\", \"c\"], unit = \"deg\", covariance = [\"e\", \"f\", \"g\", \"h\", \"i\", \"j\"]",
             "rotation_vector = [\"a\", \"b\", \"c\"], unit = \"rad\"",
             "matrix = [\"a\", \"b\", \"c\", \"d\", \"e\", \"f\", \"g\", \"h\", \"i\"]",
         ] {
@@ -424,5 +485,17 @@ mod tests {
         );
         assert!(told("rotation_vector = [\"a\", \"b\", \"c\"]").contains("with unit"));
         assert!(read("[measured]\nposition = [\"x\", \"y\"]\nunit = \"mm\"\n").is_err());
+        assert!(
+            told("rotation_vector = [\"a\", \"b\", \"c\"], unit = \"rad\", covariance = [\"d\"]")
+                .contains("six columns")
+        );
+        let of = |columns: usize| {
+            let names = vec!["\"c\""; columns].join(", ");
+            read(&format!(
+                "[measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\ncovariance = [{names}]\n"
+            ))
+        };
+        assert!(of(6).is_ok() && of(21).is_ok() && of(36).is_ok());
+        assert!(of(9).unwrap_err().contains("found 9"));
     }
 }

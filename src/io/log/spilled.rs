@@ -10,12 +10,15 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use super::LogError;
+use crate::geometry::{PoseCovariance, TurnCovariance};
 use crate::ingest::{PoseSamples, Poses, PosesError};
 use crate::io::system;
 use crate::units::Stamp;
 
 /// Bytes that are kept in memory before they are written.
 const IN_MEMORY: usize = 4 << 20;
+/// Numbers of a covariance: six of the position, six of the orientation, nine of both together.
+const COVARIANCE: usize = 21;
 /// Bytes of a number.
 const NUMBER: usize = 8;
 
@@ -42,7 +45,7 @@ struct Form {
 
 impl Form {
     const fn row_bytes(self) -> usize {
-        let numbers = 4 + 4 * self.orientations as usize + 6 * self.covariances as usize;
+        let numbers = 4 + 4 * self.orientations as usize + COVARIANCE * self.covariances as usize;
         numbers * NUMBER
     }
 }
@@ -79,10 +82,10 @@ impl<C> SpilledPoses<C> {
         for (row, stamp) in poses.stamps.iter().enumerate() {
             self.latest.extend_from_slice(&stamp.ns().to_le_bytes());
             let orientation = poses.orientations.as_ref().map(|all| all[row]);
-            let covariance = poses.covariances.as_ref().map(|all| all[row]);
-            let numbers = poses.positions[row].into_iter();
-            let numbers = numbers.chain(orientation.into_iter().flatten());
-            for number in numbers.chain(covariance.into_iter().flatten()) {
+            let covariance = poses.covariances.as_ref().map(|all| numbers(&all[row]));
+            let position = poses.positions[row].into_iter();
+            let pose = position.chain(orientation.into_iter().flatten());
+            for number in pose.chain(covariance.into_iter().flatten()) {
                 self.latest.extend_from_slice(&number.to_le_bytes());
             }
         }
@@ -145,7 +148,8 @@ impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
             if self.form.covariances {
                 let first = if self.form.orientations { 8 } else { 4 };
                 let covariances = found.covariances.get_or_insert_default();
-                covariances.push(std::array::from_fn(|term| number(first + term)));
+                let own = std::array::from_fn(|term| number(first + term));
+                covariances.push(covariance(&own));
             }
         }
         Ok(found)
@@ -153,6 +157,36 @@ impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
 
     fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError> {
         Ok(self.read(row..row + 1)?.stamps[0])
+    }
+}
+
+/// The numbers of a covariance as a row has them: of a part that is not known no numbers.
+fn numbers(own: &PoseCovariance) -> [f64; COVARIANCE] {
+    let mut numbers = [f64::NAN; COVARIANCE];
+    if let Some(position) = own.position {
+        numbers[..6].copy_from_slice(&position);
+    }
+    if let Some(turn) = own.turn {
+        numbers[6..12].copy_from_slice(&turn.own);
+        numbers[12..].copy_from_slice(&turn.with_position);
+    }
+    numbers
+}
+
+/// The covariance that has these numbers.
+fn covariance(numbers: &[f64; COVARIANCE]) -> PoseCovariance {
+    fn part<const N: usize>(of: &[f64]) -> Option<[f64; N]> {
+        of.try_into().ok().filter(|own: &[f64; N]| !own[0].is_nan())
+    }
+    let turn = |own| {
+        Some(TurnCovariance {
+            own,
+            with_position: part(&numbers[12..])?,
+        })
+    };
+    PoseCovariance {
+        position: part(&numbers[..6]),
+        turn: part(&numbers[6..12]).and_then(turn),
     }
 }
 
@@ -198,7 +232,7 @@ mod tests {
     /// Readings in which every number is different.
     fn readings(rows: Range<i32>, orientations: bool, covariances: bool) -> TargetReadings {
         fn column<const N: usize>(rows: &Range<i32>, first: usize) -> Vec<[f64; N]> {
-            let number = |row: i32, place: usize| f64::from(row).mul_add(20.0, place as f64) / 7.0;
+            let number = |row: i32, place: usize| f64::from(row).mul_add(40.0, place as f64) / 7.0;
             let row = |row| std::array::from_fn(|place| number(row, first + place));
             rows.clone().map(row).collect()
         }
@@ -209,7 +243,18 @@ mod tests {
                 .collect(),
             positions: column(&rows, 1),
             orientations: orientations.then(|| column(&rows, 4)),
-            covariances: covariances.then(|| column(&rows, 8)),
+            covariances: covariances.then(|| {
+                let all = column::<COVARIANCE>(&rows, 8);
+                let own = rows.clone().zip(&all).map(|(row, all)| {
+                    let own = super::covariance(all);
+                    // Some without a part.
+                    PoseCovariance {
+                        position: own.position.filter(|_| row % 3 > 0),
+                        turn: own.turn.filter(|_| row % 5 > 0),
+                    }
+                });
+                own.collect()
+            }),
         }
     }
 

@@ -56,6 +56,23 @@ pub(super) fn pose_topic(name: &'static str) -> Topic {
     }
 }
 
+/// Poses that state their covariance; positions alone have no rotation, and `ignore_orientation` leaves it out.
+pub(super) fn covariance_topic() -> Topic {
+    let covariance = "\
+================================================================================
+MSG: geometry_msgs/PoseWithCovariance
+geometry_msgs/Pose pose
+float64[36] covariance
+";
+    Topic {
+        name: "/tracker/pose_with_covariance",
+        schema: "geometry_msgs/msg/PoseWithCovarianceStamped",
+        definition: format!(
+            "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n{HEADER}{covariance}{POSE}{POINT}"
+        ),
+    }
+}
+
 pub(super) fn point_topic() -> Topic {
     Topic {
         name: "/tracker/point",

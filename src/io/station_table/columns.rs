@@ -2,8 +2,8 @@
 
 use super::StationTableErrorKind;
 use crate::ingest::{
-    LengthColumns, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
-    StationsSettings,
+    CovarianceColumns, LengthColumns, OrientationColumns, OrientationForm, PoseColumns,
+    ReadingColumns, StationsSettings,
 };
 use crate::io::measured_table::{Cell, MeasuredTable};
 
@@ -81,6 +81,8 @@ pub struct Measured {
     pub samples: Option<Sum>,
     /// Standard deviations of the orientation.
     pub orientation_sd: Vec<Sum>,
+    /// Its covariance.
+    pub orientation_covariance: Vec<Sum>,
 }
 
 type Found<T> = Result<T, StationTableErrorKind>;
@@ -153,9 +155,11 @@ impl Measured {
         let covariance = own
             .covariance
             .as_ref()
-            .map_or(&[][..], |covariance| covariance);
+            .map_or(&[][..], CovarianceColumns::columns);
         let samples = own.samples.as_ref();
-        let turn_sd = own.orientation.as_ref().map_or(&[][..], |turn| &turn.sd);
+        let turn = own.orientation.as_ref();
+        let turn_sd = turn.map_or(&[][..], |turn| &turn.sd);
+        let turn_covariance = turn.map_or(&[][..], |turn| &turn.covariance);
         Ok(Self {
             pose: Pose::find(table, "measured", &own.position, own.orientation.as_ref())?,
             sd: sums(table, "measured.sd", sd)?,
@@ -164,6 +168,11 @@ impl Measured {
                 .map(|own| Sum::find(table, "measured.samples", own))
                 .transpose()?,
             orientation_sd: sums(table, "measured.orientation.sd", turn_sd)?,
+            orientation_covariance: sums(
+                table,
+                "measured.orientation.covariance",
+                turn_covariance,
+            )?,
         })
     }
 }

@@ -8,9 +8,11 @@ use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::columns::{Columns, Length, Measured, Pose, Sum, Value as Cellular};
 use super::{StationTable, name};
+use crate::geometry::{PoseCovariance, symmetric};
+use crate::ingest::covariances::{self, CovarianceCounts};
 use crate::ingest::{
-    AngleUnit, LengthColumns, LengthRead, LengthUnit, OrientationColumns, OrientationForm,
-    StationsSettings, TableTime,
+    AngleUnit, LengthColumns, LengthRead, LengthUnit, LoggedCovariance, OrientationColumns,
+    OrientationForm, ReadingColumns, StationsSettings, TableTime,
 };
 use crate::io::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
@@ -29,6 +31,7 @@ struct Reader<'a> {
     file: String,
     /// Rows with readings of references alone.
     apart: Vec<ApartRow>,
+    covariances: CovarianceCounts,
     rejects: Vec<RowReject>,
 }
 
@@ -68,6 +71,7 @@ pub(super) fn rows(
         slides,
         file,
         apart: Vec::new(),
+        covariances: CovarianceCounts::NONE,
         rejects: Vec::new(),
     };
     let broken = broken(table, settings);
@@ -80,6 +84,7 @@ pub(super) fn rows(
         Some(target) => reader.long(own, target),
     };
     StationTable {
+        covariances: reader.covariances,
         rows: Rows {
             file: reader.file,
             rows,
@@ -446,7 +451,7 @@ impl Reader<'_> {
     }
 
     fn reading(
-        &self,
+        &mut self,
         row: usize,
         place: usize,
         columns: &Measured,
@@ -456,25 +461,62 @@ impl Reader<'_> {
         let (to_mm, samples) = (settings.unit.to_mm(), self.samples(columns, row)?);
         let sd = columns.sd.iter().map(|sum| self.deviation(sum, row));
         let sd = sd.collect::<Result<Vec<f64>, Fault>>()?;
-        let covariance = columns
-            .covariance
-            .iter()
-            .map(|sum| Ok(to_mm * to_mm * self.value(sum, row)?));
-        let covariance = covariance.collect::<Result<Vec<f64>, Fault>>()?;
-        let point = MeanPoint {
-            position,
-            scatter_mm: <[f64; 3]>::try_from(&sd[..])
-                .map_or([0.0; 3], |sd| sd.map(|sd| to_mm * sd)),
-            stated_covariance: <[f64; 6]>::try_from(&covariance[..]).ok(),
-            motion_covariance: None,
-        };
         let turn = match (&columns.pose.orientation, &settings.orientation) {
             (Some(sums), Some(form)) => {
                 if_there(self.turn(sums, &columns.orientation_sd, row, form))?
             }
             _ => None,
         };
+        let stated = self.stated(columns, row, settings, turn.is_some())?;
+        let turn = turn.map(|turn| MeanOrientation {
+            stated_covariance: stated.turn,
+            ..turn
+        });
+        let point = MeanPoint {
+            position,
+            scatter_mm: <[f64; 3]>::try_from(&sd[..])
+                .map_or([0.0; 3], |sd| sd.map(|sd| to_mm * sd)),
+            stated_covariance: stated.position,
+            motion_covariance: None,
+        };
         Ok((Value::of(point, turn), samples))
+    }
+
+    /// The covariance that a row states of its reading, mm and rad.
+    fn stated(
+        &mut self,
+        columns: &Measured,
+        row: usize,
+        settings: &ReadingColumns,
+        has_turn: bool,
+    ) -> Result<PoseCovariance, Fault> {
+        let entries = self.entries(&columns.covariance, row)?;
+        let logged = logged(&entries);
+        let counts = &mut self.covariances;
+        let mut stated = logged.map_or_else(PoseCovariance::default, |logged| {
+            logged.judged(has_turn, counts)
+        });
+        let own = self.entries(&columns.orientation_covariance, row)?;
+        if let (Ok(own), true) = (<[f64; 6]>::try_from(own), has_turn) {
+            stated.turn = covariances::judged_turn(&symmetric(own), &mut self.covariances);
+        }
+        let turn = settings.orientation.as_ref();
+        let to_rad = turn.map_or(1.0, |turn| to_rad(&turn.form));
+        Ok(covariances::in_units(
+            &stated,
+            settings.unit.to_mm(),
+            to_rad,
+        ))
+    }
+
+    /// The entries of a covariance; zeros, which say that it is not known, where all cells are blank.
+    fn entries(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {
+        let found = sums.iter().map(|sum| if_there(self.value(sum, row)));
+        let found = found.collect::<Result<Vec<Option<f64>>, Fault>>()?;
+        if found.iter().all(Option::is_none) {
+            return Ok(vec![0.0; sums.len()]);
+        }
+        sums.iter().map(|sum| self.value(sum, row)).collect()
     }
 
     /// Number of samples in a reading.
@@ -526,10 +568,7 @@ impl Reader<'_> {
         row: usize,
         columns: &OrientationColumns,
     ) -> Result<MeanOrientation, Fault> {
-        let to_rad = match columns.form {
-            OrientationForm::Angles(_, _, unit) | OrientationForm::Vector(_, unit) => unit.to_rad(),
-            OrientationForm::Quaternion(_) | OrientationForm::Matrix(_) => AngleUnit::Rad.to_rad(),
-        };
+        let to_rad = to_rad(&columns.form);
         let squares = deviations
             .iter()
             .map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
@@ -538,6 +577,7 @@ impl Reader<'_> {
         Ok(MeanOrientation {
             orientation: self.orientation(sums, row, columns)?,
             scatter_rad: to_rad * mean.sqrt(),
+            stated_covariance: None,
         })
     }
 
@@ -613,6 +653,33 @@ impl Fault {
             is_missing: true,
             ..Self::in_column(column, reason)
         }
+    }
+}
+
+/// Radians in the unit of an orientation's angles; those of a quaternion or matrix are in rad.
+const fn to_rad(form: &OrientationForm) -> f64 {
+    match form {
+        OrientationForm::Angles(_, _, unit) | OrientationForm::Vector(_, unit) => unit.to_rad(),
+        OrientationForm::Quaternion(_) | OrientationForm::Matrix(_) => AngleUnit::Rad.to_rad(),
+    }
+}
+
+/// The covariance of six, 21 or 36 entries; `None` of none.
+fn logged(entries: &[f64]) -> Option<LoggedCovariance> {
+    match entries.len() {
+        6 => {
+            let own = symmetric(entries.try_into().ok()?);
+            Some(LoggedCovariance::Position(std::array::from_fn(|place| {
+                own[(place / 3, place % 3)]
+            })))
+        }
+        21 => Some(LoggedCovariance::Pose(std::array::from_fn(|place| {
+            let (a, b) = (place / 6, place % 6);
+            let (row, column) = (a.min(b), a.max(b));
+            // Entries before a row on and above the diagonal: 6 + 5 + ….
+            entries[row * (11 - row) / 2 + column]
+        }))),
+        _ => Some(LoggedCovariance::Pose(entries.try_into().ok()?)),
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::stations::Unpaired;
 use super::validity;
+use crate::ingest::covariances::COUNTED;
 use crate::io::table::Word as _;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Pairing, ReadingCounts};
@@ -14,6 +15,7 @@ use crate::report::Model;
 pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
     let sessions: Vec<&JoinedSession> = outcome.training.iter().chain(&outcome.test).collect();
     let mut counts = messages(&sessions);
+    counts.extend(stated_covariances(&sessions));
     counts.push(readings(&sessions));
     counts.push(dwells(&sessions));
     counts.extend(fit(outcome));
@@ -56,6 +58,35 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
         })
     };
     STREAMS.into_iter().filter_map(stream).collect()
+}
+
+/// Covariances that readings state of their positions and of their orientations: of one that is not used the instrument's stated
+/// uncertainty takes the place.
+fn stated_covariances(sessions: &[&JoinedSession]) -> Vec<StageCount> {
+    let sum = |name: &str| -> u64 {
+        let name = format!("readings.{name}");
+        let found = sessions.iter().filter_map(|own| own.counts.get(&name));
+        found.sum()
+    };
+    let kinds = [
+        "stated position covariances",
+        "stated orientation covariances",
+    ];
+    let of = |(of, names): (&'static str, [&str; 4])| {
+        let [read, zero, minus_one, not_positive] = names.map(sum);
+        (read > 0).then(|| StageCount {
+            stage: "ingest",
+            of,
+            read,
+            kept: read - zero - minus_one - not_positive,
+            rejected: nonzero([
+                ("all_zero", zero),
+                ("first_entry_minus_one", minus_one),
+                ("not_positive_semidefinite", not_positive),
+            ]),
+        })
+    };
+    kinds.into_iter().zip(COUNTED).filter_map(of).collect()
 }
 
 fn readings(sessions: &[&JoinedSession]) -> StageCount {

@@ -8,6 +8,7 @@
 //! those against the schema, as the rows of every table are.
 
 use super::PublishError;
+use super::words::orientation_rows;
 use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use crate::io::lake::{OpenRun, OpenTable, WholeTable};
 use crate::io::log::JointSink;
@@ -27,6 +28,11 @@ const COVARIANCE: [&str; 6] = [
     "stated_cov_yy_mm2",
     "stated_cov_yz_mm2",
     "stated_cov_zz_mm2",
+];
+
+const TURN_COVARIANCE: [&str; 2] = [
+    "stated_orientation_cov_rad2",
+    "stated_position_orientation_cov_mm_rad",
 ];
 
 type Rows = std::ops::Range<usize>;
@@ -184,7 +190,8 @@ fn command_rows(
 ) -> Result<Table, PublishError> {
     let table = columns(key, Source::Command, rows, in_ns(&commands.stamps))?
         .absent(["joints_rad", "temperature_c"])
-        .absent(COVARIANCE);
+        .absent(COVARIANCE)
+        .absent(TURN_COVARIANCE);
     let orientations = commands.orientations.as_deref();
     Ok(placed(table, &commands.positions, orientations).finish()?)
 }
@@ -215,6 +222,7 @@ fn joint_rows(
         .absent(POSITION)
         .absent(ORIENTATION)
         .absent(COVARIANCE)
+        .absent(TURN_COVARIANCE)
         .absent(["temperature_c"]);
     Ok(table.finish()?)
 }
@@ -229,8 +237,18 @@ fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Ta
     let table =
         columns(key, Source::Target, rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
     let table = match covariances {
-        None => table.absent(COVARIANCE),
-        Some(covariances) => table.group(COVARIANCE, covariances.iter().copied()),
+        None => table.absent(COVARIANCE).absent(TURN_COVARIANCE),
+        Some(covariances) => {
+            let [own, cross] = TURN_COVARIANCE;
+            let turns = covariances.iter().map(|own| own.turn);
+            table
+                .group(COVARIANCE, covariances.iter().map(|own| own.position))
+                .column(own, turns.clone().map(|own| own.map(orientation_rows)))
+                .column(
+                    cross,
+                    turns.map(|own| own.map(|own| own.with_position.to_vec())),
+                )
+        }
     };
     Ok(placed(table, positions, orientations.as_deref()).finish()?)
 }
@@ -246,7 +264,8 @@ fn temperature_rows(
         .absent(["joints_rad"])
         .absent(POSITION)
         .absent(ORIENTATION)
-        .absent(COVARIANCE);
+        .absent(COVARIANCE)
+        .absent(TURN_COVARIANCE);
     Ok(table.finish()?)
 }
 
@@ -261,6 +280,7 @@ fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::geometry::{PoseCovariance, TurnCovariance};
     use crate::io::table::{Row as _, row};
     use crate::units::{Controller, Tracker};
 
@@ -281,6 +301,8 @@ pub(super) mod tests {
                 stated_cov_yz_mm2,
                 stated_cov_zz_mm2,
             ]: Option<[f64; 6]>,
+            stated_orientation_cov_rad2: Option<Vec<f64>>,
+            stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
             temperature_c: Option<f64>,
         }
     }
@@ -293,6 +315,8 @@ pub(super) mod tests {
         position: None,
         orientation: None,
         stated_cov_mm2: None,
+        stated_orientation_cov_rad2: None,
+        stated_position_orientation_cov_mm_rad: None,
         temperature_c: None,
     };
 
@@ -331,15 +355,26 @@ pub(super) mod tests {
         let readings = TargetReadings {
             stamps: vec![Stamp::<Tracker>::from_ns(8)],
             positions: vec![[4.0, 5.0, 6.0]],
-            orientations: None,
-            covariances: Some(vec![[1e-4, 0.0, 0.0, 1e-4, 0.0, 2e-4]]),
+            orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]]),
+            covariances: Some(vec![PoseCovariance {
+                position: Some([1e-4, 0.0, 0.0, 1e-4, 0.0, 2e-4]),
+                turn: Some(TurnCovariance {
+                    own: [1.0, 0.1, 0.2, 3.0, 0.3, 4.0],
+                    with_position: [0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5],
+                }),
+            }]),
         };
         let expected = LogRow {
             source: Source::Target,
             sample: 2,
             stamp_ns: 8,
             position: Some([4.0, 5.0, 6.0]),
+            orientation: Some([0.0, 0.0, 0.0, 1.0]),
             stated_cov_mm2: Some([1e-4, 0.0, 0.0, 1e-4, 0.0, 2e-4]),
+            stated_orientation_cov_rad2: Some(vec![1.0, 0.1, 0.2, 0.1, 3.0, 0.3, 0.2, 0.3, 4.0]),
+            stated_position_orientation_cov_mm_rad: Some(vec![
+                0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5,
+            ]),
             ..NOTHING
         };
         assert_eq!(read(target_rows(&readings, 2..3, &key)), [expected]);

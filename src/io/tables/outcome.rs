@@ -8,7 +8,8 @@ use crate::fit::camera_size::CameraSize;
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize};
+use crate::fit::stated_size::FoundSize;
+use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize, StatedSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, ReadingKind, SourceId, TargetId, began};
@@ -43,6 +44,9 @@ pub struct JoinedSession {
     pub set_up: Option<Finding>,
     /// Slips of its instruments of one length, and what follows, as lines for a person; empty before the estimate.
     pub slips: Vec<String>,
+    /// The size of the covariances that its readings state, by source, as [`Noise::stated`](crate::fit::Noise); empty before it is
+    /// estimated.
+    pub stated_sizes: Vec<StatedSize>,
 }
 
 impl JoinedSession {
@@ -178,6 +182,8 @@ pub struct Outcome<'a> {
     pub full: Option<FullModel>,
     /// The size of a camera's noise; `None` of other instruments.
     pub camera_size: Option<CameraSize>,
+    /// The size of the covariances that readings state, of each session that trained and source that determine one.
+    pub stated_sizes: Vec<FoundSize>,
     /// Models made from these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
     /// The model of the grids.

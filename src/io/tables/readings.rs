@@ -5,7 +5,8 @@ use thiserror::Error;
 
 use super::sources::SourceReads;
 use super::stations::Unpaired;
-use super::words::xyzw;
+use super::words::{orientation_rows, xyzw};
+use crate::geometry::TurnCovariance;
 use crate::io::table::row;
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
@@ -58,6 +59,10 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
+        /// Covariance that the instrument states of the orientation, a rotation vector, rad²: three rows of three, one after another.
+        stated_orientation_cov_rad2: Option<Vec<f64>>,
+        /// Its covariance with the position, mm·rad: rows of x, y and z.
+        stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
         /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
         motion_cov_mm2 as [
             motion_cov_xx_mm2,
@@ -142,6 +147,7 @@ fn of_dwell(station: &Station) -> Vec<ReadingRow> {
 fn with_reading(dwell: &ReadingRow, number: usize, reading: &Reading) -> ReadingRow {
     let (point, turn) = (reading.value.point(), reading.value.turn());
     let length = reading.value.length();
+    let stated = turn.and_then(|own| own.stated_covariance);
     ReadingRow {
         reading: number,
         source_index: Some(reading.source.0),
@@ -152,6 +158,8 @@ fn with_reading(dwell: &ReadingRow, number: usize, reading: &Reading) -> Reading
         scatter_mm: point.map(|own| own.scatter_mm),
         scatter_orientation_rad: turn.map(|own| own.scatter_rad),
         stated_cov_mm2: point.and_then(|own| own.stated_covariance),
+        stated_orientation_cov_rad2: stated.map(orientation_rows),
+        stated_position_orientation_cov_mm_rad: stated.map(|own| own.with_position.to_vec()),
         motion_cov_mm2: point.and_then(|own| own.motion_covariance),
         length_mm: length.map(|own| own.mm),
         length_sd_mm: length.map(|own| own.sd_mm),
@@ -232,6 +240,7 @@ fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> 
         Ok(MeanOrientation {
             orientation: turn_of(row.turn.ok_or_else(|| of("qx"))?),
             scatter_rad: scatter.ok_or_else(|| of("scatter_orientation_rad"))?,
+            stated_covariance: stated_turn(row).map_err(of)?,
         })
     };
     let length = || {
@@ -255,6 +264,29 @@ fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> 
         last: Stamp::from_ns(row.last_ns.ok_or_else(|| of("last_ns"))?),
         temperature_c: row.temperature_c,
     })
+}
+
+/// The orientation's part of a stated covariance; an error with the column that has a wrong number of entries.
+fn stated_turn(row: &ReadingRow) -> Result<Option<TurnCovariance>, &'static str> {
+    let (own, cross) = (
+        &row.stated_orientation_cov_rad2,
+        &row.stated_position_orientation_cov_mm_rad,
+    );
+    let Some(own) = own else {
+        return Ok(None);
+    };
+    let own: [f64; 9] = own[..]
+        .try_into()
+        .map_err(|_| "stated_orientation_cov_rad2")?;
+    let cross = cross.as_deref().unwrap_or_default();
+    let cross: [f64; 9] = cross
+        .try_into()
+        .map_err(|_| "stated_position_orientation_cov_mm_rad")?;
+    let [xx, xy, xz, _, yy, yz, _, _, zz] = own;
+    Ok(Some(TurnCovariance {
+        own: [xx, xy, xz, yy, yz, zz],
+        with_position: cross,
+    }))
 }
 
 /// The quaternion as it was written: normalised anew it would differ in its last bits.

@@ -1,6 +1,7 @@
 //! `sources`: the instruments of a run, the size of each one's noise, and its share of the information.
 
 use super::outcome::Source;
+use crate::fit::stated_size::FoundSize;
 use crate::fit::{Gauge, sources};
 use crate::io::table::{row, words};
 use crate::join::{ReadingKind, SourceId};
@@ -27,6 +28,16 @@ row! {
         noise_factor: Option<f64>,
         /// Its standard error.
         noise_factor_se: Option<f64>,
+        /// Sessions whose readings determine the size of the covariances that they state.
+        sized_sessions: Vec<String>,
+        /// Factor on the standard deviations that they state of positions, for each of these sessions.
+        stated_sizes: Vec<f64>,
+        /// Its standard error.
+        stated_size_ses: Vec<f64>,
+        /// Factor on those that they state of orientations; empty where they state none.
+        stated_orientation_sizes: Vec<f64>,
+        /// Its standard error.
+        stated_orientation_size_ses: Vec<f64>,
         /// Numbers less those that the unknowns took.
         redundancy: Option<f64>,
         /// Its share of the information on the unknowns.
@@ -76,11 +87,39 @@ impl From<ReadingKind> for SourceReads {
     }
 }
 
-/// The rows of all sources in all models; none where one instrument measured, whose share is all there is.
-pub fn rows(all: &[Source]) -> Vec<SourceRow> {
+/// The rows of all sources in all models; none where one instrument measured, whose share is all there is, and its readings do not show
+/// the size of what they state. `sessions` are those that trained.
+pub fn rows(all: &[Source], sized: &[FoundSize], sessions: &[&str]) -> Vec<SourceRow> {
     let several = all.iter().any(|own| own.size.source != SourceId::ONLY);
-    let all = if several { all } else { &[] };
-    all.iter().map(|own| of_source(own, all)).collect()
+    let all = if several || !sized.is_empty() {
+        all
+    } else {
+        &[]
+    };
+    let row = |own: &Source| {
+        let sized = sized.iter().filter(|of| of.source == own.size.source);
+        with_sizes(of_source(own, all), sized, sessions)
+    };
+    all.iter().map(row).collect()
+}
+
+/// A row with the sizes of what the source's readings state.
+fn with_sizes<'f>(
+    mut row: SourceRow,
+    sized: impl Iterator<Item = &'f FoundSize>,
+    sessions: &[&str],
+) -> SourceRow {
+    for own in sized {
+        row.sized_sessions.push(sessions[own.session].to_owned());
+        row.stated_sizes.push(own.size.position);
+        row.stated_size_ses.push(own.standard_error.position);
+        if own.has_orientations {
+            row.stated_orientation_sizes.push(own.size.orientation);
+            row.stated_orientation_size_ses
+                .push(own.standard_error.orientation);
+        }
+    }
+    row
 }
 
 fn of_source(own: &Source, all: &[Source]) -> SourceRow {
@@ -103,6 +142,11 @@ fn of_source(own: &Source, all: &[Source]) -> SourceRow {
         stated_sd_mm: size.stated_mm,
         noise_factor: own.factor,
         noise_factor_se: size.factor_error().filter(|_| own.is_fitted),
+        sized_sessions: Vec::new(),
+        stated_sizes: Vec::new(),
+        stated_size_ses: Vec::new(),
+        stated_orientation_sizes: Vec::new(),
+        stated_orientation_size_ses: Vec::new(),
         redundancy: fitted(size.redundancy),
         information_share: fitted(size.share),
         prior_share: fitted((1.0 - sources::shares(&sizes)).max(0.0)),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::words::xyzw;
+use super::words::{orientation_rows, xyzw};
 use crate::fit::commanded::SettlingError;
 use crate::fit::saved::axes_from_joints;
 use crate::io::table::{row, words};
@@ -60,6 +60,10 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
+        /// Covariance that the tracker states of the orientation, a rotation vector, rad²: three rows of three, one after another.
+        stated_orientation_cov_rad2: Option<Vec<f64>>,
+        /// Its covariance with the position, mm·rad: rows of x, y and z.
+        stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
         /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
         motion_cov_mm2 as [
             motion_cov_xx_mm2,
@@ -182,6 +186,7 @@ fn measured(station: &Station) -> StationRow {
     let reading = station.one_reading();
     let point = reading.and_then(|reading| reading.value.point());
     let turn = reading.and_then(|reading| reading.value.turn());
+    let stated = turn.and_then(|turn| turn.stated_covariance);
     StationRow {
         station: station.number,
         verdict: (&station.pairing).into(),
@@ -202,6 +207,8 @@ fn measured(station: &Station) -> StationRow {
         scatter_mm: point.map(|point| point.scatter_mm),
         scatter_orientation_rad: turn.map(|turn| turn.scatter_rad),
         stated_cov_mm2: point.and_then(|point| point.stated_covariance),
+        stated_orientation_cov_rad2: stated.map(orientation_rows),
+        stated_position_orientation_cov_mm_rad: stated.map(|own| own.with_position.to_vec()),
         motion_cov_mm2: point.and_then(|point| point.motion_covariance),
         assigned_mm: None,
         assigned_runner_up_mm: None,

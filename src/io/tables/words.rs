@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::fit::Identifiability;
 use crate::fit::scale::ScaleVerdict;
+use crate::geometry::TurnCovariance;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
 use crate::io::table::{Word, words};
@@ -219,6 +220,12 @@ pub(in crate::io) fn counted(units: Option<&[String]>) -> Vec<f64> {
 /// The quaternion x y z w.
 pub(in crate::io) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     rotation.coords.into()
+}
+
+/// The orientation's own covariance that a reading states, rad²: three rows of three.
+pub(super) fn orientation_rows(stated: TurnCovariance) -> Vec<f64> {
+    let own = stated.matrix();
+    own.transpose().iter().copied().collect()
 }
 
 /// The position x y z, mm, and the quaternion x y z w.

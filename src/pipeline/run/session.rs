@@ -7,6 +7,7 @@ use nalgebra::Isometry3;
 use super::{RunError, mounting};
 use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
+use crate::ingest::covariances::CovarianceCounts;
 use crate::ingest::{Mapping, StationsSettings};
 use crate::io::input::Bound;
 use crate::io::lake::OpenRun;
@@ -229,7 +230,7 @@ fn of_table(
     let joined = tabled(rows, &configuration.arm, &configuration.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
     Ok(JoinedSession {
-        counts: row_counts(read.read, &joined),
+        counts: row_counts((read.read, read.covariances), &joined),
         set_up,
         ..with_commands(configuration, files, joined)?
     })
@@ -259,7 +260,10 @@ fn with_targets(
 }
 
 /// Rows read, kept and rejected, as the messages of a log are counted.
-fn row_counts(read: u64, joined: &Joined) -> BTreeMap<String, u64> {
+fn row_counts(
+    (read, covariances): (u64, CovarianceCounts),
+    joined: &Joined,
+) -> BTreeMap<String, u64> {
     let rejected = |kind: RowItem| {
         let rejects = joined.row_rejects.iter();
         rejects.filter(|own| own.kind == kind).count() as u64
@@ -287,7 +291,9 @@ fn row_counts(read: u64, joined: &Joined) -> BTreeMap<String, u64> {
                 (format!("{name}.rejected"), rejected),
             ]
         });
-    counts.collect()
+    let stated = covariances.named();
+    let stated = stated.map(|(name, count)| (format!("readings.{name}"), count));
+    counts.chain(stated).collect()
 }
 
 /// A session with the commands of its stations and the targets that drove it.
@@ -322,6 +328,7 @@ fn commanded_in(
         joined,
         set_up: None,
         slips: Vec::new(),
+        stated_sizes: Vec::new(),
     }
 }
 

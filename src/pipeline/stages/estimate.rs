@@ -7,10 +7,11 @@ use super::cameras;
 use super::flanges::Flanges;
 use super::judged::{leaves_sessions_out, sessions_left_out, train_folds};
 use super::observed::Observed;
-use super::{StageError, StageSettings, lengths, slips, wrong_targets};
+use super::{StageError, StageSettings, lengths, slips, stated_sizes, wrong_targets};
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
+use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
 use crate::fit::{self, Models, TrainingSettings};
 use crate::io::tables::estimates::StoredTrainings;
@@ -31,6 +32,8 @@ pub struct Estimate {
     pub(super) settings: StageSettings,
     /// The size of a camera's noise.
     pub(super) camera_size: Option<CameraSize>,
+    /// The size of the covariances that readings state.
+    pub(super) stated_sizes: Vec<FoundSize>,
     /// The instruments of each model.
     pub(super) sources: Vec<Source>,
     /// Their lengths by each model.
@@ -63,6 +66,7 @@ pub fn estimate(
     let settings = &slips::taken_apart(arm, &mut training, settings);
     lengths::leave_out_wrong(arm, &mut training, settings);
     let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
+    let stated_sizes = stated_sizes::sized(arm, &mut training, &mut test, settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let (sessions, train) = (training.len(), training_settings(settings));
     let (models, folds, left_out) = if let Some(stored) = stored {
@@ -102,6 +106,7 @@ pub fn estimate(
         flanges,
         settings,
         camera_size: *camera_size,
+        stated_sizes,
         sources,
         length_residuals,
     })

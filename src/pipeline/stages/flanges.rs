@@ -127,9 +127,13 @@ impl Derived {
             session: session.name.clone(),
             ..ShownFlange::default()
         };
+        // What stands for several readings has the sizes of what these state in it.
+        let noise = settings
+            .noise
+            .with_stated(&std::mem::take(&mut session.stated_sizes));
         let stations = session.joined.stations.iter_mut();
         for station in stations.filter(|station| !station.measured().is_empty()) {
-            let one = OneReading::of(station, frames, &settings.noise);
+            let one = OneReading::of(station, frames, &noise);
             match &one {
                 Some(OneReading::Pose(_, sd_rad)) => {
                     shown.poses += 1;

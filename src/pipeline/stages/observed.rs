@@ -105,7 +105,8 @@ pub(super) fn observations(
     settings: &StageSettings,
 ) -> Vec<Observation> {
     let stations = &session.joined.stations;
-    let mut observations = fit::observations(place, stations, arm, &settings.noise);
+    let noise = settings.noise.with_stated(&session.stated_sizes);
+    let mut observations = fit::observations(place, stations, arm, &noise);
     fit::add_commands(&mut observations, stations, &session.commanded);
     let day = session.started().map(WallTime::day);
     for observation in &mut observations {

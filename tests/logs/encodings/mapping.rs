@@ -60,16 +60,20 @@ fn log(joint_state: impl Fn(u64) -> String) -> Vec<u8> {
             .double(1, i as f64)
             .fixed_32(2, bits)
             .varint(3, 5);
-        let packed: Vec<u8> = (1..9).flat_map(|k| f64::from(k).to_le_bytes()).collect();
+        let packed = COVARIANCE[..8].iter().flat_map(|own| own.to_le_bytes());
+        let packed: Vec<u8> = packed.collect();
         let shot = Proto::default()
             .message(7, &when)
             .message(300, &place)
             .bytes(5, &packed)
-            .double(5, 9.0);
+            .double(5, COVARIANCE[8]);
         log.write(laser, i, &shot.0);
     }
     log.done()
 }
+
+/// Row by row.
+const COVARIANCE: [f64; 9] = [9.0, 1.0, 2.0, 1.0, 8.0, 3.0, 2.0, 3.0, 7.0];
 
 fn joint_state(i: u64) -> String {
     let axes = format!("[{{\"angle\": {i}e-1}}, {{}}]");
@@ -92,9 +96,11 @@ fn any_message_is_read_by_field_paths() {
     assert_eq!(found.joints.angles.row(3), [-3.25, 0.3]);
     assert_eq!(found.readings.stamps[3].ns(), 5_000_000_003);
     assert_eq!(found.readings.positions[3], [3.0, 0.5, -3.0]);
-    // xx xy xz yy yz zz of 1…9 row by row.
+    // xx xy xz yy yz zz of nine row by row.
     let covariances = found.readings.covariances.expect("named");
-    assert_eq!(covariances[3], [1.0, 2.0, 3.0, 5.0, 6.0, 9.0]);
+    let expected = [9.0, 1.0, 2.0, 8.0, 3.0, 7.0];
+    assert_eq!(covariances[3].position, Some(expected));
+    assert_eq!(covariances[3].turn, None);
 }
 
 #[test]

@@ -9,7 +9,8 @@ use super::Stream;
 use super::elements::{ElementColumns, Names, is_named};
 use super::layout::{Meaning, Recipe, StampValues};
 use crate::ingest::{
-    DecodedJoints, DecodedPoses, DecodedTemperatures, TargetName, TimeSource, TimeUnit,
+    DecodedJoints, DecodedPoses, DecodedTemperatures, LoggedCovariance, TargetName, TimeSource,
+    TimeUnit,
 };
 use crate::io::log::block::Tally;
 use crate::io::log::record::MessageRecord;
@@ -439,7 +440,7 @@ fn push_pose(
     };
     let covariance = if covariance {
         let slot = first + if orientation { 7 } else { 3 };
-        Some(position_covariance(values, slot)?)
+        Some(logged_covariance(values, slot)?)
     } else {
         None
     };
@@ -452,7 +453,7 @@ fn push_row(
     stamp: i64,
     position: [f64; 3],
     quaternion: Option<[f64; 4]>,
-    covariance: Option<[f64; 6]>,
+    covariance: Option<LoggedCovariance>,
 ) {
     if let Some(covariance) = covariance {
         poses.covariances.get_or_insert_default().push(covariance);
@@ -464,17 +465,24 @@ fn push_row(
     poses.stamps.push(stamp);
 }
 
-/// xx xy xz yy yz zz out of rows of three, or of rows of six: x y z and three rotations.
-fn position_covariance(values: Values<'_>, slot: usize) -> Result<[f64; 6], RowFault> {
+/// Rows of three, or of rows of six: x y z and three rotations.
+fn logged_covariance(values: Values<'_>, slot: usize) -> Result<LoggedCovariance, RowFault> {
     let covariance = values.get(slot).numbers().ok_or(RowFault::NoArray(slot))?;
-    let upper = match covariance.len() {
-        9 => [0, 1, 2, 4, 5, 8],
-        36 => [0, 1, 2, 7, 8, 14],
-        _ => return Err(RowFault::Covariance),
-    };
-    let mut found = [0.0; 6];
-    for (found, place) in found.iter_mut().zip(upper) {
-        *found = covariance.get(place).ok_or(RowFault::NoNumber(slot))?;
+    let entry = |place: usize| covariance.get(place).ok_or(RowFault::NoNumber(slot));
+    match covariance.len() {
+        9 => all(entry).map(LoggedCovariance::Position),
+        36 => all(entry).map(LoggedCovariance::Pose),
+        _ => Err(RowFault::Covariance),
+    }
+}
+
+/// The first `N` entries.
+fn all<const N: usize>(
+    entry: impl Fn(usize) -> Result<f64, RowFault>,
+) -> Result<[f64; N], RowFault> {
+    let mut found = [0.0; N];
+    for (place, found) in found.iter_mut().enumerate() {
+        *found = entry(place)?;
     }
     Ok(found)
 }

@@ -127,6 +127,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
         sampling_plan: None,
         set_up: None,
         slips: Vec::new(),
+        stated_sizes: Vec::new(),
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
@@ -398,6 +399,7 @@ fn outcome() -> Outcome<'static> {
         ],
         full: Some(full.expect("positive definite")),
         camera_size: None,
+        stated_sizes: Vec::new(),
         on_top: Vec::new(),
         best: Model::Full,
         training: vec![session],

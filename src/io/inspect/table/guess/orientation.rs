@@ -72,6 +72,7 @@ impl Work<'_> {
         OrientationColumns {
             form,
             sd: sd.map(|sd| sd.map(name).into()).unwrap_or_default(),
+            covariance: Vec::new(),
         }
     }
 }
