@@ -67,15 +67,12 @@ impl Sought {
     ) -> Result<Configuration, ConfigurationError> {
         let files = files::read(path, overrides.robot.as_deref())?;
         let key = (path.to_owned(), overrides.robot.clone());
-        let (tree, found) = match self.found.get(&key) {
-            Some(found) => found.clone(),
-            None => {
-                let tree = files.tree()?;
-                let found = look(path, &tree, &files.sessions().named(), &files.file)?;
-                self.found.insert(key, (tree.clone(), found.clone()));
-                (tree, found)
-            }
-        };
+        if !self.found.contains_key(&key) {
+            let tree = files.tree()?;
+            let found = look(path, &tree, &files.sessions().named(), &files.file)?;
+            self.found.insert(key.clone(), (tree, found));
+        }
+        let (tree, found) = self.found[&key].clone();
         Configuration::of(path, files, tree, Some(found), overrides)
     }
 }
