@@ -71,7 +71,7 @@
 //!   session of several ([`fit::full::next::Mounting`]), and shows what further reflectors and instruments would buy ([`plan::instruments`]).
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
-//!   `schemas/` (`accuracy`, `residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
+//!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
 //!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
 //! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type

@@ -15,6 +15,7 @@ use posegrid::io::log::JointSink as _;
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Row as _, Table};
 use posegrid::io::tables::PublishError;
+use posegrid::io::tables::estimates::EstimateRow;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
@@ -22,7 +23,7 @@ use posegrid::io::tables::words::{CorrectingTable, TableVerdict, VerdictOf};
 use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
-use posegrid::manifest::{RunKey, Work, canonical};
+use posegrid::manifest::{RunKey, Work, Written, canonical};
 use posegrid::units::{Stamp, WallTime};
 
 /// Names that a log may hold and no reader should trip over.
@@ -139,6 +140,34 @@ fn write_joined(lake: &Lake, key: &RunKey) {
     assert_eq!(open.commit(&row.table).unwrap(), Commit::Done);
 }
 
+/// Writes a sample of an estimate.
+fn write_estimate(lake: &Lake, key: &RunKey) {
+    let open = lake.start_estimate(key).unwrap();
+    let mut open = open.expect("the lake is new");
+    let residuals = schema::find("estimate_residuals").unwrap();
+    open.publish(&sample(residuals, key)).unwrap();
+    let written = open.written();
+    let row = EstimateRow {
+        version: "0.1.0".to_owned(),
+        platform: "x86_64-linux".to_owned(),
+        cpu_features: Vec::new(),
+        session_names: vec![key.session.clone()],
+        session_runs: vec!["00".to_owned()],
+        robot_digest: "00".to_owned(),
+        settings: "{}".to_owned(),
+        settings_digest: "00".to_owned(),
+        models: "{}".to_owned(),
+        fold_models: Vec::new(),
+        left_out: "[]".to_owned(),
+        table_names: Some(written.iter().map(Written::name).collect()),
+        table_rows: Some(written.iter().map(|file| file.rows).collect()),
+        table_digests: Some(written.iter().map(|file| file.digest.clone()).collect()),
+        row_digest: None,
+    };
+    let row = EstimateRow::table(vec![row], key).unwrap();
+    assert_eq!(open.commit(&row.table).unwrap(), Commit::Done);
+}
+
 /// What was corrected with a table of that run; records are no part of it.
 fn correction() -> Correction {
     Correction {
@@ -156,8 +185,8 @@ fn correction() -> Correction {
 }
 
 /// Files of the sample lake beside the tables of its run: the run's row, the record of a correction, a session as joined
-/// (two files), an estimate.
-const OTHER_FILES: usize = 5;
+/// (two files), an estimate (two files).
+const OTHER_FILES: usize = 6;
 
 /// Writes a sample of every published table as one committed run.
 fn write_sample_lake(root: &Path) -> Lake {
@@ -173,11 +202,7 @@ fn write_sample_lake(root: &Path) -> Lake {
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
     assert!(lake.record(&correction()).unwrap());
     write_joined(&lake, &key);
-    let estimate = lake.start_estimate(&key).unwrap();
-    let estimate = estimate.expect("the lake is new");
-    let estimates = schema::find("estimates").unwrap();
-    let committed = estimate.commit(&sample(estimates, &key)).unwrap();
-    assert_eq!(committed, Commit::Done);
+    write_estimate(&lake, &key);
     lake
 }
 

@@ -1,8 +1,9 @@
 //! `posegrid plan`: before measuring, which step, which poses, and what accuracy to expect.
 //!
 //! Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 there is no plan, or it
-//! cannot be written; 2 the pipeline file is bad.
+//! cannot be written; 2 the pipeline file is bad. Of the plans of several robots (`fleet`) 1 outranks 3.
 
+mod fleet;
 mod locate;
 
 use std::fmt::Write as _;
@@ -35,6 +36,9 @@ error model. The plan goes into the lake as the tables sampling_plan and plan_fi
 Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
   posegrid plan pipelines/plan-kr210.toml --csv poses.csv
 
+Every robot of a pipeline file with several, each with its own [plan]; what is wrong with one stays with it
+  posegrid plan fleet.toml --csv 'poses-{robot}.csv'
+
 While the session is measured, with its logs so far in [input]: is that enough?
   posegrid plan pipelines/plan-kr210.toml --measured monday
 
@@ -42,17 +46,18 @@ After a remount, when only base and reflector are new: twelve poses that find th
   posegrid plan pipelines/plan-kr210.toml --locate 12 --csv poses.csv
 
 Exit codes: 0 the plan is shown to meet the tolerance, what is measured is enough, or errors after --locate are expected within
-the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.")]
+the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.
+Of several robots 1 outranks 3.")]
 pub struct PlanArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
-    /// The robot, where the pipeline file has several
+    /// The robot, where the pipeline file has several and not all of them are meant
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// The folder of the published tables, instead of the pipeline file's
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
-    /// Write the poses as CSV too, joint angles in degrees: a new file
+    /// Write the poses as CSV too, joint angles in degrees: a new file; {robot} in its name stands for the robot
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// A session, by its folder's name, while it is being measured: whether its stations so far are enough, or
@@ -72,6 +77,8 @@ enum PlanCommandError {
     Planning(#[from] Box<PlanningError>),
     #[error("{} exists already; choose another --csv, or remove it first", .0.display())]
     Exists(PathBuf),
+    #[error("--csv {} is one file for several robots: put {{robot}} into its name, or name one robot with --robot", .0.display())]
+    OneFile(PathBuf),
     #[error(transparent)]
     Lake(#[from] LakeError),
     #[error("{}: {}", path.display(), source.told())]
@@ -101,7 +108,7 @@ impl CsvCause {
 impl PlanCommandError {
     const fn exit_code(&self) -> u8 {
         match self {
-            Self::Exists(_) => BAD_USAGE,
+            Self::Exists(_) | Self::OneFile(_) => BAD_USAGE,
             Self::Planning(error) if error.is_usage() => BAD_USAGE,
             Self::Planning(_) | Self::Lake(_) | Self::Write { .. } => NO_RESULT,
         }
@@ -118,7 +125,11 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     let ended = match (&args.measured, args.locate) {
         (Some(session), _) => so_far(args, session, bars),
         (None, Some(count)) => locate::located(args, usize::from(count)),
-        (None, None) => made(args, bars).map(|(planned, words)| (planned.is_met, words)),
+        (None, None) => match fleet::robots(args) {
+            Ok(robots) if robots.is_empty() => made(args, bars),
+            Ok(robots) => return fleet::all(args, &robots, bars),
+            Err(error) => Err(error),
+        },
     };
     match ended {
         Ok((is_met, words)) => {
@@ -133,7 +144,8 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     }
 }
 
-fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandError> {
+/// Makes the plan of one robot; whether it meets the tolerance, and a text that says so.
+fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
     new_csv(args)?;
     let planning = load(args)?;
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
@@ -149,7 +161,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
         })?;
     }
     let words = words(&planned, &planning, args);
-    Ok((planned, words))
+    Ok((planned.is_met, words))
 }
 
 /// Refuses a file for the poses that is there already.

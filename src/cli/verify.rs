@@ -6,6 +6,7 @@
 mod files;
 mod words;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
@@ -20,8 +21,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    EstimateVerified, JoinedVerified, PastRun, Register, RowList, Selected, Selection, Verdict,
-    Verified, VerifyError, account, clean, estimates, joined, row_contradictions, select, verify,
+    PastRun, Register, RowList, Selected, Selection, Sought, StageVerified, Verdict, Verified,
+    VerifyError, account, clean, estimates, joined, row_contradictions, select, verify,
 };
 use crate::progress::Progress;
 
@@ -36,7 +37,8 @@ Examples:
   posegrid verify lake --pipeline cell3.toml --expect rows.txt
 
 For each run: its row in runs against its own digest, its file and the rows that replaced it; the digest of every file it
-wrote; the runs that it depends on, such as the one whose table drove its session; the digests of its inputs, found through
+wrote; the sessions as joined and the estimate that it started from, and the runs that it depends on, such as the one whose
+table drove its session; the digests of its inputs, found through
 the pipeline file, and its settings; and where these are the same, the run recomputed into a temporary folder and compared,
 bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
 lake is only read. A run that another replaced, and of which only its row in `runs` is left, counts as removed.
@@ -129,14 +131,12 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
         return list(&selected, &lake, &args.names, bars);
     }
     clean();
-    let verdicts = all(&selected, &lake, bars)?;
-    let joined = sessions_as_joined(&lake, args, bars)?;
-    let estimates = all_estimates(&lake, args, bars)?;
+    let mut sought = Sought::new(&args.pipeline);
+    let (verdicts, shown) = all(&selected, &mut sought, &lake, bars)?;
+    let stages = all_stages(&lake, &mut sought, &shown, args, bars)?;
     let account = account(&lake, &selected, &args.names)?;
     let mut lines = files::lines(&account, args.names.is_empty());
-    let mut belongs = !account.is_mismatch()
-        && !joined.iter().any(JoinedVerified::is_mismatch)
-        && !estimates.iter().any(EstimateVerified::is_mismatch);
+    let mut belongs = !account.is_mismatch() && !stages.iter().any(StageVerified::is_mismatch);
     if let Some(expected) = expected {
         let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
         lines.extend(files::against_list(&unexpected, newer));
@@ -147,31 +147,28 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     Ok(exit_code(&verdicts, belongs))
 }
 
-/// Verifies the sessions as joined, and prints what was found.
-fn sessions_as_joined(
+/// Verifies the results of stages by themselves, and prints what was found; `shown` are the estimates that runs showed already.
+fn all_stages(
     lake: &Lake,
+    sought: &mut Sought,
+    shown: &BTreeSet<String>,
     args: &VerifyArgs,
     bars: &Bars,
-) -> Result<Vec<JoinedVerified>, Ended> {
-    let progress = bars.of("joined");
-    let found = joined(lake, &args.pipeline, &args.names, &progress).map_err(VerifyError::from)?;
-    if let Some(text) = words::joined(&found) {
+) -> Result<Vec<StageVerified>, Ended> {
+    let progress = bars.of("stages");
+    let joined = joined(lake, sought, &args.names, &progress).map_err(VerifyError::from)?;
+    let estimates =
+        estimates(lake, sought, &args.names, shown, &progress).map_err(VerifyError::from)?;
+    let of_runs = estimates.iter().filter_map(|own| own.key.as_ref());
+    let of_runs = of_runs.filter(|key| shown.contains(&key.run)).count();
+    let told = [
+        words::joined(&joined),
+        words::estimates(&estimates, of_runs),
+    ];
+    for text in told.into_iter().flatten() {
         messages::result(text, bars)?;
     }
-    Ok(found)
-}
-
-/// Verifies the estimates, and prints what was found.
-fn all_estimates(
-    lake: &Lake,
-    args: &VerifyArgs,
-    bars: &Bars,
-) -> Result<Vec<EstimateVerified>, Ended> {
-    let found = estimates(lake, &args.names).map_err(VerifyError::from)?;
-    if let Some(text) = words::estimates(&found) {
-        messages::result(text, bars)?;
-    }
-    Ok(found)
+    Ok([joined, estimates].concat())
 }
 
 /// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.
@@ -193,23 +190,36 @@ fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Resu
     Ok(code)
 }
 
-/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there.
-fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<Vec<Verdict>, Undelivered> {
+/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates that
+/// runs showed.
+fn all(
+    selected: &Selected,
+    sought: &mut Sought,
+    lake: &Lake,
+    bars: &Bars,
+) -> Result<(Vec<Verdict>, BTreeSet<String>), Undelivered> {
     let progress = bars.of("verify");
     progress.begin("runs", selected.runs.len() as u64);
-    let mut verdicts = Vec::new();
+    let (mut verdicts, mut shown) = (Vec::new(), BTreeSet::new());
     for run in &selected.runs {
-        let (verdict, text) = one(run, &selected.register, lake, bars);
+        let found = (&selected.register, &mut *sought);
+        let (verdict, estimate, text) = one(run, found, lake, bars);
         messages::result(text, bars)?;
         verdicts.push(verdict);
+        shown.extend(estimate);
         progress.advance(1);
     }
     progress.end();
-    Ok(verdicts)
+    Ok((verdicts, shown))
 }
 
-/// Verifies one run; whatever goes wrong with it stays with it.
-fn one(run: &PastRun, register: &Register, lake: &Lake, bars: &Bars) -> (Verdict, String) {
+/// Verifies one run; whatever goes wrong with it stays with it. Gives its verdict, the estimate that it shows, and both in words.
+fn one(
+    run: &PastRun,
+    found: (&Register, &mut Sought),
+    lake: &Lake,
+    bars: &Bars,
+) -> (Verdict, Option<String>, String) {
     let claim = match &run.claim {
         Ok(claim) => claim,
         Err(wrong) => {
@@ -220,20 +230,20 @@ fn one(run: &PastRun, register: &Register, lake: &Lake, bars: &Bars) -> (Verdict
                 Verdict::NotRecomputed(reason)
             };
             let text = words::line(&run.place.display().to_string(), &verdict);
-            return (verdict, text);
+            return (verdict, None, text);
         }
     };
     let progress = bars.of(&Printable(&claim.key.session).to_string());
-    let attempt = AssertUnwindSafe(|| verify(run, claim, register, lake, &progress));
+    let attempt = AssertUnwindSafe(|| verify(run, claim, found, lake, &progress));
     if let Ok(verified) = panic::catch_unwind(attempt) {
         let verdict = verified.verdict();
         let text = paragraph(&verified, &verdict);
-        return (verdict, text);
+        return (verdict, verified.shows().cloned(), text);
     }
     let reason = "a defect of posegrid, logged above; please report it".to_owned();
     let verdict = Verdict::NotRecomputed(reason);
     let text = words::line(&words::name(&claim.key), &verdict);
-    (verdict, text)
+    (verdict, None, text)
 }
 
 fn paragraph(verified: &Verified, verdict: &Verdict) -> String {

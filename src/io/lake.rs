@@ -74,7 +74,7 @@ pub const ESTIMATES: &str = "estimates";
 pub fn rows_of(table: &str) -> &'static str {
     match table {
         JOINED | "readings" => JOINED,
-        ESTIMATES => ESTIMATES,
+        ESTIMATES | "estimate_residuals" => ESTIMATES,
         _ => RUNS,
     }
 }

@@ -5,8 +5,7 @@
 //! 3. `rows`: rows become joint angles, commands and readings in rad, mm and ns. What cannot be used is left out with its line,
 //!    its column and the reason: read = kept + rejected.
 //!
-//! A table may hold several sessions in a column: [`sessions`] names them, and [`of_session`] are the rows of one, which its run
-//! follows from.
+//! A table may name robots and sessions in columns: [`named`] lists them, and [`own_text`] are the rows of one, which its run follows from.
 
 mod columns;
 mod error;
@@ -42,19 +41,27 @@ pub struct StationTable {
     pub remarks: Vec<String>,
 }
 
-/// The rows of the stations in the table at `path`, those of `session` where the table has a column of sessions; `slides` says of each
-/// joint whether it slides, in mm.
+/// The robot and the session that a row names; each is absent where `[stations]` names no column of it.
+#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Whose {
+    /// The robot.
+    pub robot: Option<String>,
+    /// The session.
+    pub session: Option<String>,
+}
+
+/// The rows of the stations in the table at `path` that are of this robot and session; `slides` says of each joint whether it slides, in mm.
 pub fn read(
     path: &Path,
     settings: &StationsSettings,
-    session: Option<&str>,
+    whose: &Whose,
     slides: &[bool],
     bound: Bound,
 ) -> Result<StationTable, StationTableError> {
     let table = open(path, settings, bound)?;
     let at = |kind: StationTableErrorKind| kind.at(path);
     let columns = Columns::find(&table, settings).map_err(at)?;
-    let own = own_rows(&table, settings, session).map_err(at)?;
+    let own = own_rows(&table, settings, whose).map_err(at)?;
     let file = path
         .file_name()
         .unwrap_or_default()
@@ -73,40 +80,38 @@ pub fn read(
     })
 }
 
-/// The names in the column of sessions, by name, and the rows that name none, by line.
-pub fn sessions(
+/// The robots and sessions that rows name, in order, and the rows that lack one of both names, by line.
+pub fn named(
     path: &Path,
     settings: &StationsSettings,
     bound: Bound,
-) -> Result<(Vec<String>, Vec<u64>), StationTableError> {
+) -> Result<(BTreeSet<Whose>, Vec<u64>), StationTableError> {
     let table = open(path, settings, bound)?;
-    let Some(column) = session_column(&table, settings).map_err(|kind| kind.at(path))? else {
-        return Ok((Vec::new(), Vec::new()));
-    };
-    let mut names: BTreeSet<String> = BTreeSet::new();
+    let columns = NameColumns::of(&table, settings).map_err(|kind| kind.at(path))?;
+    let mut names = BTreeSet::new();
     let mut nameless: Vec<u64> = table.left_out().iter().map(|row| row.line).collect();
     for row in 0..table.row_count() {
-        match name(table.cell(row, column)) {
-            Some(name) => {
-                names.insert(name);
+        match columns.whose(&table, row) {
+            Some(whose) => {
+                names.insert(whose);
             }
             None => nameless.push(table.line(row)),
         }
     }
     nameless.sort_unstable();
-    Ok((names.into_iter().collect(), nameless))
+    Ok((names, nameless))
 }
 
-/// The columns and cells of a session's own rows as text, which the digest of its input is made of: rows of other sessions, and the
-/// form of the file, change nothing of it.
-pub fn of_session(
+/// The columns and cells of own rows as text, which the digest of a session's input is made of: rows of other robots and sessions, and
+/// the form of the file, change nothing of it.
+pub fn own_text(
     path: &Path,
     settings: &StationsSettings,
-    session: &str,
+    whose: &Whose,
     bound: Bound,
 ) -> Result<String, StationTableError> {
     let table = open(path, settings, bound)?;
-    let own = own_rows(&table, settings, Some(session)).map_err(|kind| kind.at(path))?;
+    let own = own_rows(&table, settings, whose).map_err(|kind| kind.at(path))?;
     let mut text = table.columns().join("\u{1f}");
     for row in own {
         text.push('\u{1e}');
@@ -139,29 +144,60 @@ fn open(
         .map_err(|error| StationTableError::Table(Box::new(error)))
 }
 
-fn session_column(
-    table: &MeasuredTable,
-    settings: &StationsSettings,
-) -> Result<Option<usize>, StationTableErrorKind> {
-    let named = settings.session.as_ref();
-    named
-        .map(|column| columns::one(table, "session", column))
-        .transpose()
+/// The columns that name robots and sessions.
+struct NameColumns {
+    robot: Option<usize>,
+    session: Option<usize>,
 }
 
-/// Numbers of the rows of a session; all of them where it names none.
+impl NameColumns {
+    fn of(
+        table: &MeasuredTable,
+        settings: &StationsSettings,
+    ) -> Result<Self, StationTableErrorKind> {
+        let column = |key, named: &Option<String>| {
+            let named = named.as_ref();
+            named
+                .map(|column| columns::one(table, key, column))
+                .transpose()
+        };
+        Ok(Self {
+            robot: column("robot", &settings.robot)?,
+            session: column("session", &settings.session)?,
+        })
+    }
+
+    /// The robot and the session of a row; `None` where it lacks one.
+    fn whose(&self, table: &MeasuredTable, row: usize) -> Option<Whose> {
+        let named = |column: usize| name(table.cell(row, column));
+        Some(Whose {
+            robot: match self.robot {
+                Some(column) => Some(named(column)?),
+                None => None,
+            },
+            session: match self.session {
+                Some(column) => Some(named(column)?),
+                None => None,
+            },
+        })
+    }
+}
+
+/// Numbers of the rows of a robot and session; a name that is absent is that of every row.
 fn own_rows(
     table: &MeasuredTable,
     settings: &StationsSettings,
-    session: Option<&str>,
+    whose: &Whose,
 ) -> Result<Vec<usize>, StationTableErrorKind> {
-    let all = 0..table.row_count();
-    match (session_column(table, settings)?, session) {
-        (Some(column), Some(session)) => Ok(all
-            .filter(|&row| name(table.cell(row, column)).as_deref() == Some(session))
-            .collect()),
-        _ => Ok(all.collect()),
-    }
+    let columns = NameColumns::of(table, settings)?;
+    let is_own = |column: Option<usize>, wanted: &Option<String>, row| match (column, wanted) {
+        (Some(column), Some(_)) => name(table.cell(row, column)) == *wanted,
+        _ => true,
+    };
+    let own = |row: &usize| {
+        is_own(columns.robot, &whose.robot, *row) && is_own(columns.session, &whose.session, *row)
+    };
+    Ok((0..table.row_count()).filter(own).collect())
 }
 
 /// A cell as the name of a session, station or target; `None` where it is blank.

@@ -311,6 +311,8 @@ pub enum RobotsBy {
     FileName,
     /// The logs' metadata record `session` names it under `robot`.
     Metadata,
+    /// Rows of tables name it in the column `[stations] robot`.
+    Column,
 }
 
 /// The way in which files belong to sessions.

@@ -4,7 +4,8 @@
 //! 1. The robots are read from `[[robots]]`, or from the table that `[input] robots` names ([`Robots`]).
 //! 2. The file of each robot is the common one with the robot's settings put into it; it makes a [`Configuration`] as a file of its own
 //!    does, with the same names of runs.
-//! 3. Sessions belong to robots by folder, by file name or by the logs' metadata; those of no robot wait, with the reason (`strangers`).
+//! 3. Sessions belong to robots by folder, by file name, by the logs' metadata or by a column of tables; those of no robot wait, with the
+//!    reason (`strangers`).
 //! 4. What is wrong with one robot stays with it.
 
 mod recorded;
@@ -173,7 +174,7 @@ enum Searched {
     Own,
     /// In this tree, to be searched robot by robot.
     Tree(Tree),
-    /// Found in this tree by the robots that their logs name.
+    /// Found in this tree by the robots that their logs or tables name.
     Recorded(Tree, ByRobot),
 }
 
@@ -227,7 +228,7 @@ impl Loader<'_> {
         let told = match self.robots.by {
             RobotsBy::Folder => within.folders_of_no_robot()?,
             RobotsBy::FileName => within.files_of_no_robot()?,
-            RobotsBy::Metadata => {
+            RobotsBy::Metadata | RobotsBy::Column => {
                 let (by_robot, told) = ByRobot::found(&within)?;
                 return Ok((Searched::Recorded(tree, by_robot), told));
             }

@@ -16,6 +16,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
+use super::configuration::files::Source;
 use super::configuration::{ConfigurationError, ConfigurationErrorKind, files, placed, usable};
 use super::file::PipelineFile;
 use super::run::{self, RunError, input};
@@ -101,9 +102,31 @@ impl PlanningError {
     pub const fn is_usage(&self) -> bool {
         matches!(self, Self::File(_) | Self::Known(_))
     }
+
+    /// Whether the machine or the storage failed, so that the same may work later.
+    pub fn is_fault(&self) -> bool {
+        match self {
+            Self::File(error) => error.is_worth_a_retry(),
+            Self::Input(error) => error.is_fault(),
+            Self::Lake(error) | Self::Publish(PublishError::Lake(error)) => error.is_fault(),
+            _ => false,
+        }
+    }
 }
 
 impl Planning {
+    /// Names of the robots of the pipeline file at `path`; empty where it is of one.
+    pub fn robots(path: &Path) -> Result<Vec<String>, PlanningError> {
+        let robots = Source::read(path)?.robots;
+        let names = robots.iter().flat_map(|own| own.names().map(str::to_owned));
+        Ok(names.collect())
+    }
+
+    /// The key of the plan that it makes: the same file, robot file and version give the same.
+    pub fn key(&self) -> RunKey {
+        self.work.key()
+    }
+
     /// Reads and checks the pipeline file at `path`, of one robot where it has several.
     pub fn load(
         path: &Path,

@@ -39,7 +39,7 @@ use crate::progress::Progress;
 use crate::report::{Angles, Split};
 
 pub use error::RunError;
-pub(super) use inputs::{input, work};
+pub(super) use inputs::{input, is_of_session, work};
 use joined::Joiner;
 pub(super) use joined::joined_work;
 pub use known::Known;

@@ -41,7 +41,7 @@ use estimate::training_settings;
 pub use estimate::{Estimate, estimate};
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
-use judged::{Judged, TestSession, raw_command};
+use judged::{TestSession, raw_command, unseen_sessions};
 use unseen::Judges;
 
 /// The settings of the stages.
@@ -177,17 +177,11 @@ pub fn results<'a>(
     let (trained, flanges, settings) = (estimate.trained, estimate.flanges, &estimate.settings);
     let (observed, models, folds) = (estimate.observed, trained.models, trained.folds);
     let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
-    let judged = Judged {
-        observed: &observed,
-        models: &models,
-        folds: &folds,
-        training: &training,
-    };
     let locator = Locator::new(&models, arm, settings.locate, &train);
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
-    let residuals = judged.residuals(&tested, &locator, trained.sessions_left_out)?;
-    let residuals = mountings::of_one_mounting(residuals);
-    let mut residuals = lengths::of_positions(residuals, &observed);
+    let unseen = mountings::of_one_mounting(unseen_sessions(&models, &tested, &locator)?);
+    let mut residuals = estimate.residuals;
+    residuals.extend(lengths::of_positions(unseen, &observed));
     let last = training.len() - 1;
     let frames = models.base_target.frames.iter().map(Frames::main);
     let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;

@@ -2,7 +2,9 @@
 //!
 //! A task is named by the state of its inputs ([`Known::state`]), so that listing opens no log, and doing it twice is doing it once: the
 //! run's row is created or was there, and the bytes are the same. What was done is kept in the lake's index, a file for each task, since
-//! tasks at once have no lock.
+//! tasks at once have no lock. A plan before measuring is a task too ([`plans`]), named by its run.
+
+pub mod plans;
 
 use std::path::PathBuf;
 
@@ -25,13 +27,13 @@ const MEGABYTES: [f64; 2] = [400.0, 200.0];
 /// A piece of work, as it is listed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
-    /// The state of its inputs: another content, setting or version is another task.
+    /// The state of its inputs, or the run of a plan: another content, setting or version is another task.
     pub id: String,
     /// The version that listed it.
     pub version: String,
     /// The robot; `None` where the logs' metadata name it.
     pub robot: Option<String>,
-    /// The session of its tables, or `pooled`.
+    /// The session of its tables, `pooled`, or `plan`.
     pub session: String,
     /// Sessions that it learns from.
     pub learns_from: Vec<String>,
@@ -141,12 +143,7 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
         state.as_deref() == Some(id)
     };
     let Some(own) = fleet.pieces().into_iter().find(is_it) else {
-        let reason = "there is no such work: files or settings changed since it was listed, or another version listed it; list the tasks again";
-        return Ended {
-            robot: None,
-            session: None,
-            ..failed(id, None, How::Failed, reason.to_owned())
-        };
+        return no_such(id);
     };
     if let Some(done) = known.told(id) {
         return ended(id, &done);
@@ -168,6 +165,12 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
             failed(id, Some(own), how, error.to_string())
         }
     }
+}
+
+/// How a task ended that nothing makes.
+fn no_such(id: &str) -> Ended {
+    let reason = "there is no such work: files or settings changed since it was listed, or another version listed it; list the tasks again";
+    failed(id, None, How::Failed, reason.to_owned())
 }
 
 fn ended(id: &str, done: &Done) -> Ended {

@@ -10,13 +10,15 @@
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
 //!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]).
+//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]). The row of
+//! a run is held against those that it names: the chain of stages (`chain`).
 //!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
 //! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
 //! list kept elsewhere ([`RowList`]). Every file under the lake is also counted ([`FilesOfLake`]).
 
 mod altered;
+mod chain;
 mod cited;
 mod claim;
 mod estimated;
@@ -28,7 +30,9 @@ mod register;
 mod row;
 mod selection;
 mod settings;
+mod sought;
 mod source;
+mod stage;
 mod verdict;
 
 use std::path::{Path, PathBuf};
@@ -43,15 +47,17 @@ use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
-pub use estimated::{EstimateVerified, estimates};
+pub use estimated::estimates;
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
-pub use joined::{Anew, JoinedVerified, joined};
+pub use joined::joined;
 pub use list::{ListError, ListedRow, RowList, Unexpected};
 pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
 pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
+pub use sought::Sought;
 use source::{NoSource, Source};
+pub use stage::{Anew, StageVerified};
 pub use verdict::Verdict;
 
 /// The reason why nothing can be verified.
@@ -146,6 +152,12 @@ impl Verified {
     pub fn verdict(&self) -> Verdict {
         verdict::verdict(self)
     }
+
+    /// The estimate that it shows: what the run was recomputed with was trained anew, and compared with it. `None` where there is none.
+    pub fn shows(&self) -> Option<&String> {
+        let estimate = self.claim.estimate.as_ref();
+        estimate.filter(|_| matches!(self.recomputed, Recomputed::Yes { .. }))
+    }
 }
 
 /// Contradictions of a row of `runs` with itself, its place, its file or a later row, as text.
@@ -158,11 +170,11 @@ pub fn row_contradictions(
     row::contradictions(run, claim, register, lake)
 }
 
-/// Verifies one run, whose row is `claim`; `register` has every run of the lake.
+/// Verifies one run, whose row is `claim`; `register` has every run of the lake, and `sought` the sessions that pipeline files find.
 pub fn verify(
     run: &PastRun,
     claim: &Claim,
-    register: &Register,
+    (register, sought): (&Register, &mut Sought),
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Verified {
@@ -177,7 +189,10 @@ pub fn verify(
         recomputed: Recomputed::OtherWork,
     };
     verified.recomputed = match &run.pipeline {
-        Some(pipeline) => recomputed(&mut verified, pipeline, register, lake, progress),
+        Some(pipeline) => {
+            let found = (register, sought);
+            recomputed(&mut verified, pipeline, found, lake, progress)
+        }
         None => Recomputed::No(format!(
             "it was made by the pipeline file {:?}: give that file with --pipeline",
             claim.pipeline
@@ -189,7 +204,7 @@ pub fn verify(
 fn recomputed(
     verified: &mut Verified,
     pipeline: &Path,
-    register: &Register,
+    (register, sought): (&Register, &mut Sought),
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Recomputed {
@@ -201,7 +216,7 @@ fn recomputed(
     let known_arm = cited::known_arm(&claim, register);
     let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
     let known_arm = known_arm.as_ref().and_then(Place::as_path);
-    let source = Source::find(&claim, pipeline, known_arm, temporary.path());
+    let source = Source::find(&claim, (pipeline, sought), known_arm, temporary.path());
     let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
         Ok((work, source)) => (source, work),
         Err(NoSource::Missing(lost, reason)) => {

@@ -10,7 +10,7 @@ use std::path::Path;
 use posegrid::ingest::StationsSettings;
 use posegrid::io::input::Bound;
 use posegrid::io::measured_table::{Form, read};
-use posegrid::io::station_table;
+use posegrid::io::station_table::{self, Whose};
 use posegrid::join::JoinSettings;
 use posegrid::join::tabled::tabled;
 use posegrid::kinematics::{Arm, RobotFile};
@@ -60,7 +60,7 @@ fn to_stations(folder: &Path, rows: usize, rounds: usize) {
         let (mut reading, mut joining) = (Vec::new(), Vec::new());
         for _ in 0..rounds {
             let before = cpu_seconds();
-            let table = station_table::read(&path, &settings, None, &[], Bound::TABLE);
+            let table = station_table::read(&path, &settings, &Whose::default(), &[], Bound::TABLE);
             let table = table.expect("a table of stations");
             let between = cpu_seconds();
             let joined = tabled(table.rows, &arm, &JoinSettings::default());

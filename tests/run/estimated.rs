@@ -2,6 +2,10 @@
 
 use std::fs;
 
+use posegrid::io::table::Row as _;
+use posegrid::io::tables::residuals::{EstimateResidualRow, ResidualRow};
+use posegrid::report::{Model, Split};
+
 use super::cell::{Cell, Ended, ended, posegrid, undisturbed};
 use super::same_work::assert_same;
 
@@ -31,7 +35,11 @@ fn a_run_from_an_estimate_has_the_bytes_of_one_that_trains() {
             "1 of 1 estimates: 1 now, 0 before",
         ],
     );
-    assert_eq!(cell.lake().len(), 3, "a session as joined and an estimate");
+    assert_eq!(
+        cell.lake().len(),
+        4,
+        "a session as joined, an estimate and its errors"
+    );
     cell.run(&["--until", "estimate"])
         .expect(0, &["done-before  mon: ", "0 now, 1 before"]);
     fs::remove_dir_all(cell.path("sessions")).expect("writable");
@@ -40,6 +48,15 @@ fn a_run_from_an_estimate_has_the_bytes_of_one_that_trains() {
     let mut expected = undisturbed().lake();
     expected.retain(|path, _| path.contains("/mon/"));
     assert_same(&cell.lake(), &expected);
+    // Without any log the estimate is trained anew from the session as joined.
+    let pipeline = cell.pipeline().to_string_lossy().into_owned();
+    let estimate = estimates(&cell)[0].clone();
+    let estimate = estimate.rsplit('/').next().expect("a file");
+    let name = estimate.trim_end_matches(".parquet");
+    verified(&cell, &[name, "--pipeline", &pipeline]).expect(
+        0,
+        &["estimates: 1 in the lake, 1 as written, 0 changed; 1 trained anew and the same, 0 by runs that were recomputed"],
+    );
 }
 
 #[test]
@@ -76,6 +93,9 @@ fn an_estimate_that_was_changed_is_trained_again_or_refused() {
         .expect(1, &["mon", "the estimate", "cannot be used"]);
     cell.run(&[])
         .expect(0, &["1 of 1 within 0.5 mm", "it is trained again"]);
+    let errors = cell.table_file("estimate_residuals", "mon");
+    fs::remove_file(&errors).expect("there");
+    verified(&cell, &["mon"]).expect(1, &["mon estimate", "estimate_residuals: ", "1 changed"]);
 }
 
 #[test]
@@ -94,9 +114,28 @@ fn a_pool_from_its_estimate_has_the_bytes_of_one_that_trains() {
         "{:?}",
         first.messages
     );
+    errors_are_those_of_the_run(&cell);
     fs::rename(cell.path("lake"), cell.path("whole")).expect("writable");
     cell.run(&["--until", "estimate"])
         .expect(0, &["1 of 1 estimates: 1 now, 0 before"]);
     cell.run(&["--from", "table"]).expect(first.code, &[]);
     assert_same(&cell.lake(), &whole);
+}
+
+/// Asserts that an estimate's errors of its stations are those that its run has of them.
+fn errors_are_those_of_the_run(cell: &Cell) {
+    let own = EstimateResidualRow::read(&cell.table("estimate_residuals", "pooled"));
+    let own: Vec<ResidualRow> = own.into_iter().map(|row| row.0).collect();
+    let of_run = ResidualRow::read(&cell.table("residuals", "pooled"));
+    let of_models = |row: &ResidualRow| ![Model::RawCommand, Model::Table].contains(&row.model);
+    let of_run: Vec<ResidualRow> = of_run.into_iter().filter(of_models).collect();
+    assert_eq!(own, of_run);
+    let held_out = |session: &str| {
+        let own = own.iter().filter(|row| row.of_session == session);
+        let own = own.filter(|row| row.model == Model::Full && row.split == Split::Blocks);
+        own.filter(|row| row.fold.is_some() && row.predicted_cov_mm2.is_some())
+            .count()
+    };
+    assert!(held_out("mon") >= 40 && held_out("tue") >= 40);
+    assert!(own.iter().any(|row| row.split == Split::Session));
 }

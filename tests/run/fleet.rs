@@ -113,7 +113,11 @@ fn what_is_wrong_with_one_robot_stays_with_it() {
     let plan = posegrid().arg("plan").arg(cell.pipeline()).output();
     Ended::from(plan.expect("started")).expect(
         2,
-        &["is of several robots: name one of them with --robot: kr210-demo, second"],
+        &[
+            "robot kr210-demo\nno plan: ",
+            "robot second\nno plan: ",
+            "[plan]",
+        ],
     );
 }
 

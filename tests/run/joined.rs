@@ -109,3 +109,34 @@ fn sessions_as_joined_are_verified_by_themselves() {
         &["sessions as joined: 1 in the lake, 1 as written, 0 changed; 1 joined anew and the same"],
     );
 }
+
+#[test]
+fn a_session_whose_name_begins_anothers_path_has_one_result_in_a_pool_and_alone() {
+    let flags = ["--random", "40"];
+    let cell = Cell::new()
+        .with(
+            "# sessions",
+            "sessions_by = \"metadata\"\ncontroller = \"*controller.mcap\"\ntracker = \"*tracker.mcap\"\npool = \"all\"",
+        )
+        .with_simulated("a", &flags)
+        .with_simulated("a/b", &flags);
+    for side in ["controller.mcap", "tracker.mcap"] {
+        for (session, to) in [("a/b", "second"), ("a", "first")] {
+            let from = cell.session(session).join(side);
+            let to = cell.path(&format!("sessions/{to}_{side}"));
+            fs::rename(from, to).expect("writable");
+        }
+    }
+    let first = cell.run(&[]);
+    first.expect(first.code, &["done", "pooled"]);
+    cell.run(&["--until", "session"]).expect(
+        0,
+        &["done-before  a: ", "done-before  a/b: ", "0 now, 2 before"],
+    );
+    // The pool from what the lake has of them is the same work.
+    fs::remove_dir_all(cell.path("sessions")).expect("writable");
+    let before = cell.lake();
+    cell.run(&["--from", "table"])
+        .expect(first.code, &["done-before  pooled"]);
+    assert_same(&cell.lake(), &before);
+}

@@ -68,6 +68,59 @@ fn a_past_run_takes_the_place_of_the_prior() {
 }
 
 #[test]
+fn plans_of_all_robots_are_made_at_once_or_as_tasks() {
+    let robots = "[[robots]]\nname = \"kr210-demo\"\n\n[[robots]]\nname = \"second\"\n\n[[robots]]\nname = \"third\"\nplan = { home_deg = [0] }\n\n[output]";
+    let cell = planning()
+        .with("[plan.known]\n# of the past\n\n", "")
+        .with("name = \"kr210-demo\"\n", "")
+        .with("[output]", robots);
+    let listed = || {
+        let listed = ended(posegrid().arg("tasks").arg(cell.pipeline()).arg("--plans"));
+        listed.expect(0, &["failed third: ", "home_deg"]);
+        let lines = listed.results.lines();
+        lines.map(str::to_owned).collect::<Vec<String>>()
+    };
+    let tasks = listed();
+    assert_eq!(tasks.len(), 2, "{tasks:?}");
+    let task = tasks
+        .iter()
+        .find(|task| task.contains("\"robot\":\"second\""));
+    let task = task.expect("one of the two").clone() + "\n";
+    let done = || {
+        let mut command = posegrid();
+        ended(
+            command
+                .arg("task")
+                .arg(cell.pipeline())
+                .write_stdin(task.clone()),
+        )
+    };
+    done().expect(
+        0,
+        &["\"ended\":\"done\"", "\"session\":\"plan\"", "\"met\":"],
+    );
+    done().expect(0, &["\"ended\":\"done-before\""]);
+    assert_eq!(listed().len(), 1, "one is left");
+    let one_file = cell.path("poses.csv").to_string_lossy().into_owned();
+    plan(&cell, &["--csv", &one_file]).expect(2, &["put {robot} into its name"]);
+    let files = cell.path("{robot}.csv").to_string_lossy().into_owned();
+    plan(&cell, &["--csv", &files]).expect(
+        1,
+        &[
+            "robot kr210-demo\nuniform grid",
+            "robot second\nthe lake has this plan already",
+            "robot third\nno plan: robot \"third\" ([[robots]] 3)",
+        ],
+    );
+    for robot in ["kr210-demo", "second"] {
+        let poses = fs::read_to_string(cell.path(&format!("{robot}.csv")));
+        assert!(poses.expect("written").lines().count() > 4, "{robot}");
+    }
+    assert!(listed().is_empty());
+    plan(&cell, &["--measured", "mon"]).expect(2, &["name one of them with --robot"]);
+}
+
+#[test]
 fn what_cannot_take_the_place_of_the_prior_is_reported() {
     let with = |known: &str| planning().with("# of the past", known);
     let wrong = |cell: &Cell, texts: &[&str]| plan(cell, &[]).expect(2, texts);

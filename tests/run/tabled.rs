@@ -256,6 +256,59 @@ fn rows_of_several_sessions_stand_in_one_table_and_do_not_disturb_each_other() {
     cell.run(&["wed"]).expect(1, &["wed"]);
 }
 
+#[test]
+fn rows_of_several_robots_stand_in_one_table() {
+    let named = |robot: &str, day: &str| -> Vec<String> {
+        let of_day = rows().iter();
+        let of_day = of_day.map(|row| row.replace(";mon", &format!(";{day}")));
+        of_day.map(|row| format!("{row};{robot}")).collect()
+    };
+    let cell = cell()
+        .with(
+            "stations = \"measured.csv\"",
+            "stations = \"all.csv\"\nsessions_by = \"column\"\nrobots_by = \"column\"",
+        )
+        .with(
+            "joint_unit = \"deg\"\n",
+            "joint_unit = \"deg\"\nsession = \"day\"\nrobot = \"arm\"\n",
+        )
+        .with("name = \"kr210-demo\"\n", "")
+        .with(
+            "[output]",
+            "[[robots]]\nname = \"kr210-demo\"\n\n[[robots]]\nname = \"7\"\n\n[output]",
+        );
+    let all = [
+        named("kr210-demo", "mon"),
+        named("stranger", "mon"),
+        named("7", "mon"),
+        named("stranger", "tue"),
+        vec![format!("{};", rows()[0])],
+    ];
+    let text = format!("{HEADER};arm\n{}\n", all.concat().join("\n"));
+    fs::create_dir_all(cell.path("sessions")).expect("writable");
+    fs::write(cell.path("sessions/all.csv"), text).expect("writable");
+    cell.run(&[]).expect(
+        0,
+        &[
+            "done         kr210-demo/mon: within tolerance",
+            "done         7/mon: within tolerance",
+            "waits        stranger: no robot of the pipeline file is called so, as rows of tables state",
+            "1 of its rows name no robot or no session",
+            "2 of 2 within 0.5 mm",
+        ],
+    );
+    // The same work by a pipeline file of the one robot, which reads its rows alone.
+    let cell = cell.with("\nrobots_by = \"column\"", "").with(
+        "[[robots]]\nname = \"kr210-demo\"\n\n[[robots]]\nname = \"7\"\n\n[output]",
+        "[output]",
+    );
+    cell.run(&[])
+        .expect(2, &["[robot] name", "[stations] robot names the column"]);
+    let cell = cell.with("[robot]\n", "[robot]\nname = \"7\"\n");
+    cell.run(&[])
+        .expect(0, &["done-before  mon", "1 of 1 within 0.5 mm"]);
+}
+
 /// What the command says of a pipeline file with a change.
 fn told(from: &str, to: &str) -> Ended {
     let cell = with(&table(rows()));

@@ -410,3 +410,25 @@ fn what_an_interrupted_verify_leaves_is_removed_by_the_next() {
     assert!(command().status().expect("started").success());
     assert_eq!(left(), 0);
 }
+
+#[test]
+fn a_row_that_names_what_its_run_did_not_start_from_is_found() {
+    let cell = copied().with("[tolerance]", "[join]\nmin_readings = 4\n\n[tolerance]");
+    let own = fs::read_dir(cell.path("lake/joined_sessions/kr210-demo/mon")).expect("there");
+    let own = own.last().expect("one").expect("readable").file_name();
+    cell.run(&["mon", "--until", "session"])
+        .expect(0, &["joined       mon: "]);
+    let both = fs::read_dir(cell.path("lake/joined_sessions/kr210-demo/mon")).expect("there");
+    let mut both = both.map(|entry| entry.expect("readable").file_name());
+    let other = both.find(|name| *name != own).expect("another result");
+    let other = other.to_string_lossy().replace(".parquet", "");
+    let row = cell.table_file("runs", "mon");
+    rewrite(&row, |column, array| {
+        (column == "made_of").then(|| texts(array, |_| format!("mon/{other}")))
+    });
+    seal_row(&row);
+    let lake = cell.path("lake").to_string_lossy().into_owned();
+    let told =
+        format!("it states that it started from mon as joined {other}, which is of other settings");
+    ended(posegrid().args(["verify", &lake, "mon"])).expect(3, &["row of runs altered", &told]);
+}

@@ -6,8 +6,8 @@ use crate::cli::messages::Printable;
 use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
-    Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, EstimateVerified, FileOutcome,
-    Found, JoinedVerified, Left, Output, Recomputed, Role, Selected, Verdict, Verified,
+    Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, Left, Output,
+    Recomputed, Role, Selected, StageVerified, Verdict, Verified,
 };
 
 /// A run by robot, session and name.
@@ -51,61 +51,63 @@ const fn word(verdict: &Verdict) -> &'static str {
 }
 
 /// The sessions as joined: a line for each that differs or could not be joined anew, then how many there are; `None` without any.
-pub(super) fn joined(verified: &[JoinedVerified]) -> Option<String> {
-    if verified.is_empty() {
-        return None;
-    }
-    let mut lines: Vec<String> = verified.iter().flat_map(joined_problems).collect();
-    let count = |is: fn(&JoinedVerified) -> bool| verified.iter().filter(|own| is(own)).count();
-    let same = count(|own| own.anew == Some(Anew::Same));
-    let changed = count(JoinedVerified::is_mismatch);
+pub(super) fn joined(verified: &[StageVerified]) -> Option<String> {
+    let (mut lines, counts) = stage(verified, "as joined", "joined")?;
+    let same = same_anew(verified);
     lines.push(format!(
-        "sessions as joined: {} in the lake, {} as written, {changed} changed; {same} joined anew and the same",
-        verified.len(),
-        verified.len() - changed
+        "sessions as joined: {counts}; {same} joined anew and the same"
     ));
     Some(lines.join("\n"))
 }
 
-fn joined_problems(verified: &JoinedVerified) -> Vec<String> {
+/// The estimates likewise; `of_runs` of them were compared with what recomputed runs trained.
+pub(super) fn estimates(verified: &[StageVerified], of_runs: usize) -> Option<String> {
+    let (mut lines, counts) = stage(verified, "estimate", "trained")?;
+    let same = same_anew(verified);
+    lines.push(format!(
+        "estimates: {counts}; {same} trained anew and the same, {of_runs} by runs that were recomputed"
+    ));
+    Some(lines.join("\n"))
+}
+
+fn same_anew(verified: &[StageVerified]) -> usize {
+    let same = |own: &&StageVerified| own.anew == Some(Anew::Same);
+    verified.iter().filter(same).count()
+}
+
+/// The results of a stage: a line for each that was changed, differs, or could not be computed anew, and how many there are.
+fn stage(verified: &[StageVerified], what: &str, done: &str) -> Option<(Vec<String>, String)> {
+    if verified.is_empty() {
+        return None;
+    }
+    let lines = verified
+        .iter()
+        .flat_map(|own| problems(own, what, done))
+        .collect();
+    let changed = verified.iter().filter(|own| own.is_mismatch()).count();
+    let counts = format!(
+        "{} in the lake, {} as written, {changed} changed",
+        verified.len(),
+        verified.len() - changed
+    );
+    Some((lines, counts))
+}
+
+fn problems(verified: &StageVerified, what: &str, done: &str) -> Vec<String> {
     let subject = match &verified.key {
-        Some(key) => format!("{}/{} as joined {}", key.robot, key.session, key.run),
+        Some(key) => format!("{}/{} {what} {}", key.robot, key.session, key.run),
         None => verified.place.display().to_string(),
     };
     let anew = match &verified.anew {
         Some(Anew::Differs(tables)) => {
-            Some(format!("joined anew it differs in {}", tables.join(", ")))
+            Some(format!("{done} anew it differs in {}", tables.join(", ")))
         }
-        Some(Anew::No(reason)) => Some(format!("not joined anew: {reason}")),
+        Some(Anew::No(reason)) => Some(format!("not {done} anew: {reason}")),
         Some(Anew::Same) | None => None,
     };
     let told = verified.problems.iter().cloned().chain(anew);
     told.map(|words| Printable(&format!("{subject}: {words}")).to_string())
         .collect()
-}
-
-/// The estimates: a line for each that was changed, then how many there are; `None` without any.
-pub(super) fn estimates(verified: &[EstimateVerified]) -> Option<String> {
-    if verified.is_empty() {
-        return None;
-    }
-    let problems = |own: &EstimateVerified| {
-        let subject = match &own.key {
-            Some(key) => format!("{}/{} estimate {}", key.robot, key.session, key.run),
-            None => own.place.display().to_string(),
-        };
-        let words = own.problems.iter();
-        let words = words.map(|words| Printable(&format!("{subject}: {words}")).to_string());
-        words.collect::<Vec<_>>()
-    };
-    let mut lines: Vec<String> = verified.iter().flat_map(problems).collect();
-    let changed = verified.iter().filter(|own| own.is_mismatch()).count();
-    lines.push(format!(
-        "estimates: {} in the lake, {} as written, {changed} changed",
-        verified.len(),
-        verified.len() - changed
-    ));
-    Some(lines.join("\n"))
 }
 
 /// The number of runs with each verdict, and of runs that were not looked at.

@@ -40,6 +40,9 @@ pub struct StationsSettings {
     /// Column with the name of a row's session, where one table holds several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
+    /// Column with the name of a row's robot, where one table holds several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot: Option<String>,
     /// Column with the name of a row's station. A long table needs it; elsewhere no two rows may have one name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub station: Option<String>,

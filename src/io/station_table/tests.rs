@@ -25,14 +25,22 @@ impl Table {
 
     fn read(&self, section: &str, session: Option<&str>) -> Result<StationTable, String> {
         let settings = settings(section);
+        let whose = of_session(session);
         read(
             &self.path(),
             &settings,
-            session,
+            &whose,
             &[false, true],
             Bound::TARGETS,
         )
         .map_err(|error| error.to_string())
+    }
+}
+
+fn of_session(session: Option<&str>) -> Whose {
+    Whose {
+        robot: None,
+        session: session.map(str::to_owned),
     }
 }
 
@@ -177,21 +185,14 @@ fn a_session_is_its_own_rows_whatever_stands_beside_them() {
     let more = "day;a;s;x;y;z\nwed;1;2;3;4;5\nmon;1,0;2;3;4;5\nmon;2;2;3;4;7\n";
     let (one, more) = (Table::new(one), Table::new(more));
     let settings = settings(section);
-    let names = |table: &Table| {
-        sessions(&table.path(), &settings, Bound::TARGETS)
-            .unwrap()
-            .0
-    };
-    assert_eq!(
-        (names(&one), names(&more)),
-        (
-            vec!["mon".to_owned(), "tue".to_owned()],
-            vec!["mon".to_owned(), "wed".to_owned()]
-        )
-    );
+    let names = |table: &Table| named(&table.path(), &settings, Bound::TARGETS).unwrap().0;
+    let expected = |names: [&str; 2]| names.map(|name| of_session(Some(name))).into();
+    assert_eq!(names(&one), expected(["mon", "tue"]));
+    assert_eq!(names(&more), expected(["mon", "wed"]));
     assert_eq!(one.read(section, Some("mon")).unwrap().rows.rows.len(), 2);
     let own = |table: &Table, session| {
-        of_session(&table.path(), &settings, session, Bound::TARGETS).unwrap()
+        let whose = of_session(Some(session));
+        own_text(&table.path(), &settings, &whose, Bound::TARGETS).unwrap()
     };
     assert_eq!(own(&one, "mon"), own(&more, "mon"));
     assert_ne!(own(&one, "mon"), own(&one, "tue"));
@@ -200,6 +201,32 @@ fn a_session_is_its_own_rows_whatever_stands_beside_them() {
             .unwrap_err()
             .contains("no row of a station")
     );
+}
+
+#[test]
+fn rows_are_those_of_one_robot_and_those_that_name_none_are_told() {
+    let section = "joints = [\"a\", \"s\"]\njoint_unit = \"deg\"\nlength_unit = \"mm\"\nrobot = \"arm\"\n\
+        [measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n";
+    let table = Table::new("arm,a,s,x,y,z\n7,1,2,3,4,5\n8,1,2,3,4,6\n,1,2,3,4,6\n7,2,2,3,4,7\n");
+    let settings = settings(section);
+    let of_robot = |robot: &str| Whose {
+        robot: Some(robot.to_owned()),
+        session: None,
+    };
+    let (names, nameless) = named(&table.path(), &settings, Bound::TARGETS).unwrap();
+    assert_eq!(names, [of_robot("7"), of_robot("8")].into());
+    assert_eq!(nameless, [4]);
+    let rows = |whose: &Whose| {
+        let read = read(
+            &table.path(),
+            &settings,
+            whose,
+            &[false, true],
+            Bound::TARGETS,
+        );
+        read.unwrap().rows.rows.len()
+    };
+    assert_eq!((rows(&of_robot("7")), rows(&Whose::default())), (2, 4));
 }
 
 #[test]
@@ -254,7 +281,14 @@ fn what_is_written_is_read_by_the_section_in_its_head() {
     let table = Table::new(&text);
     let settings: toml::Table = toml::from_str(&section).unwrap();
     let settings: StationsSettings = settings["stations"].clone().try_into().unwrap();
-    let read = read(&table.path(), &settings, None, &[false; 6], Bound::TARGETS).unwrap();
+    let read = read(
+        &table.path(),
+        &settings,
+        &Whose::default(),
+        &[false; 6],
+        Bound::TARGETS,
+    )
+    .unwrap();
     assert_eq!(read.rows.rows.len(), stations.len());
     for (row, station) in read.rows.rows.iter().zip(&stations) {
         let away = row

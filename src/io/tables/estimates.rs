@@ -1,13 +1,15 @@
-//! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist.
+//! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist; `estimate_residuals` has the
+//! errors of its stations.
 
 use thiserror::Error;
 
 use super::PublishError;
+use super::residuals::{self, EstimateResidualRow};
 use super::runs::row_digest;
 use crate::fit::stored::StoredModels;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row as _, Table, row};
-use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, cpu_features, platform};
+use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::report::ResidualSet;
 
 row! {
@@ -35,6 +37,12 @@ row! {
         fold_models: Vec<String>,
         /// Residuals of the sessions left out, as JSON.
         left_out: String,
+        /// Names of the files written, as TABLE/SESSION; `None` in rows of version 1, which have none.
+        table_names: Option<Vec<String>>,
+        /// Rows of the files written, in the order of their names.
+        table_rows: Option<Vec<u64>>,
+        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
+        table_digests: Option<Vec<String>>,
         /// The digest of this row; `None` only while it is made.
         row_digest: Option<String>,
     }
@@ -96,9 +104,24 @@ pub fn inputs<'s>(
         .collect()
 }
 
-/// The table `estimates` of what this work trained.
-pub fn table(trained: &StoredTrainings, work: &Work) -> Result<Table, PublishError> {
-    let row = row(trained, work)?;
+/// The table `estimate_residuals`; `targets` are the names of targets, where there are several.
+pub fn residuals(
+    sets: &[ResidualSet],
+    targets: &[String],
+    key: &RunKey,
+) -> Result<Table, PublishError> {
+    let rows = residuals::rows(sets, targets).into_iter();
+    let rows = rows.map(EstimateResidualRow).collect();
+    Ok(EstimateResidualRow::table(rows, key)?.table)
+}
+
+/// The table `estimates` of what this work trained, whose residuals were written as `written`.
+pub fn table(
+    trained: &StoredTrainings,
+    work: &Work,
+    written: &[Written],
+) -> Result<Table, PublishError> {
+    let row = row(trained, work, written)?;
     let table = |row: EstimateRow| Ok(EstimateRow::table(vec![row], &work.key())?.table);
     let unsigned: Result<Table, PublishError> = table(row.clone());
     table(EstimateRow {
@@ -108,7 +131,11 @@ pub fn table(trained: &StoredTrainings, work: &Work) -> Result<Table, PublishErr
 }
 
 /// The row without its digest.
-fn row(trained: &StoredTrainings, work: &Work) -> Result<EstimateRow, PublishError> {
+fn row(
+    trained: &StoredTrainings,
+    work: &Work,
+    written: &[Written],
+) -> Result<EstimateRow, PublishError> {
     let (robots, sessions): (Vec<&Input>, Vec<&Input>) =
         work.inputs.iter().partition(|input| input.name == ROBOT);
     let folds = trained.folds.iter().map(serde_json::to_string);
@@ -126,6 +153,9 @@ fn row(trained: &StoredTrainings, work: &Work) -> Result<EstimateRow, PublishErr
         models: serde_json::to_string(&trained.models)?,
         fold_models: folds.collect::<Result<_, _>>()?,
         left_out: serde_json::to_string(&trained.sessions_left_out)?,
+        table_names: Some(written.iter().map(Written::name).collect()),
+        table_rows: Some(written.iter().map(|file| file.rows).collect()),
+        table_digests: Some(written.iter().map(|file| file.digest.clone()).collect()),
         row_digest: None,
     })
 }

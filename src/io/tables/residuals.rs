@@ -1,8 +1,11 @@
-//! `residuals`: measured minus predicted target position of every station under every model.
+//! `residuals`: measured minus predicted target position of every station under every model; and `estimate_residuals`, with the same
+//! columns, of the stations of an estimate.
 
 use super::words::Role;
 use crate::geometry::upper;
-use crate::io::table::row;
+#[cfg(test)]
+use crate::io::table::FieldColumn;
+use crate::io::table::{Columns, Row, Table, row};
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
@@ -53,6 +56,28 @@ row! {
         mahalanobis_squared: Option<f64>,
         /// The station's robust weight, in training.
         weight: Option<f64>,
+    }
+}
+
+/// Measured minus predicted at one station of an estimate under one of its models.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EstimateResidualRow(pub ResidualRow);
+
+impl Row for EstimateResidualRow {
+    const TABLE: &'static str = "estimate_residuals";
+
+    fn put(rows: &[Self], columns: Columns) -> Columns {
+        let rows: Vec<ResidualRow> = rows.iter().map(|own| own.0.clone()).collect();
+        ResidualRow::put(&rows, columns)
+    }
+
+    fn read(table: &Table) -> Vec<Self> {
+        ResidualRow::read(table).into_iter().map(Self).collect()
+    }
+
+    #[cfg(test)]
+    fn columns() -> Vec<FieldColumn> {
+        ResidualRow::columns()
     }
 }
 

@@ -98,6 +98,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<readings::ReadingRow>(),
         as_schema::<joined_sessions::JoinedSessionRow>(),
         as_schema::<estimates::EstimateRow>(),
+        as_schema::<residuals::EstimateResidualRow>(),
         as_schema::<StationRow>(),
         as_schema::<RejectRow>(),
         as_schema::<ClockRow>(),

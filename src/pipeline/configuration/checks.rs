@@ -41,6 +41,7 @@ pub(super) fn check(
         .check()
         .map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
     commands(path, file)?;
+    own_rows(path, file)?;
     let states_orientations = match &file.tracker.uncertainty {
         Uncertainty::Tracker(tracker) => tracker.orientation_rad.is_some(),
         Uncertainty::Camera(_) => true,
@@ -53,6 +54,20 @@ pub(super) fn check(
         .at(path));
     }
     Ok(())
+}
+
+/// Checks that the robot has a name where a column of tables names it.
+fn own_rows(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> {
+    let has_column = |own: &StationsSettings| own.robot.is_some();
+    let has_column = file.stations.as_ref().is_some_and(has_column);
+    if file.robot.name.is_some() || !has_column {
+        return Ok(());
+    }
+    let kind = ConfigurationErrorKind::Missing {
+        key: "[robot] name",
+        reason: "[stations] robot names the column of a row's robot: state which one is meant, or all of them under [[robots]]",
+    };
+    Err(kind.at(path))
 }
 
 /// Checks that commands of tables have frames, and that frames of commands have commands.

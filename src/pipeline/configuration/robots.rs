@@ -65,7 +65,7 @@ impl Robots {
             None => RobotsBy::default(),
             Some(Ok(by)) => by,
             Some(Err(_)) => {
-                let wanted = "\"folder\", \"file_name\" or \"metadata\"";
+                let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
                 return Err(wrong(
                     "[input] robots_by",
                     &by.map(ToString::to_string).unwrap_or_default(),
@@ -151,7 +151,7 @@ impl Robots {
                 }
             }
             RobotsBy::FileName => named_after(input, &entry.name),
-            RobotsBy::Metadata => {}
+            RobotsBy::Metadata | RobotsBy::Column => {}
         }
     }
 
@@ -159,6 +159,9 @@ impl Robots {
     pub fn file_of_any(&self, entry: &RobotEntry) -> Table {
         let mut file = self.common.clone();
         put(&entry.settings, &mut file);
+        if let Some(robot) = file.get_mut("robot").and_then(Value::as_table_mut) {
+            robot.remove("name");
+        }
         if let Some(input) = file.get_mut("input").and_then(Value::as_table_mut)
             && self.by == RobotsBy::FileName
         {
@@ -258,7 +261,7 @@ fn of_two<'n>(pattern: &str, names: &[&'n str]) -> Option<(&'n str, &'n str)> {
 /// Checks that a robot's folder is one below that of `[input]`, and its name one that stands in file names.
 fn is_one_below(entry: &RobotEntry, by: RobotsBy) -> Result<(), String> {
     match (by, &entry.folder) {
-        (RobotsBy::FileName | RobotsBy::Metadata, Some(_)) => {
+        (RobotsBy::FileName | RobotsBy::Metadata | RobotsBy::Column, Some(_)) => {
             Err("`folder` is for robots_by = \"folder\"".to_owned())
         }
         (RobotsBy::FileName, None) if entry.name.contains(['*', '?', '{', '}', '/']) => {

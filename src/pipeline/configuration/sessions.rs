@@ -18,6 +18,7 @@ use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
 use crate::ingest::StationsSettings;
 use crate::io::lake::Lake;
 use crate::io::log::SessionLogs;
+use crate::io::station_table::Whose;
 use crate::manifest::{Input, RunKey};
 use crate::pipeline::file::{
     InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, SessionsBy,
@@ -77,8 +78,8 @@ pub struct JoinedBefore {
 pub struct SessionTable {
     /// The file.
     pub path: PathBuf,
-    /// The session's name in the table's column of sessions; `None` where the whole table is of one session.
-    pub session: Option<String>,
+    /// Its robot and its session by the table's columns, where it has columns of them.
+    pub whose: Whose,
 }
 
 /// One session's files.
@@ -184,7 +185,9 @@ pub(in crate::pipeline) fn look(
         name_sessions(path, key, names, input.sessions_by)?;
     }
     by_what_there_is(path, input, stations)?;
-    let found = Found::look(tree, folder, input, stations, file.limits).map_err(|source| {
+    let robot = file.robot.name.as_deref();
+    let found = Found::look(tree, folder, input, (stations, robot), file.limits);
+    let found = found.map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
@@ -196,6 +199,15 @@ pub(in crate::pipeline) fn look(
 }
 
 impl FoundSessions {
+    /// Sessions that were found elsewhere.
+    pub const fn of(sessions: Vec<Session>) -> Self {
+        Self {
+            sessions,
+            left_out: Vec::new(),
+            by: SessionsBy::Folder,
+        }
+    }
+
     /// These sessions alone.
     #[must_use]
     pub fn only(&self, sessions: Vec<Session>) -> Self {
@@ -213,6 +225,7 @@ impl FoundSessions {
             name: name.to_owned(),
             recorded: Err(Why::Bad(self.not_there(name))),
             corrected: None,
+            robot: None,
         })
     }
 
@@ -260,6 +273,7 @@ pub(super) fn list_joined(
             name: name.to_owned(),
             recorded: Err(Why::Bad("the lake does not have it as joined".to_owned())),
             corrected: None,
+            robot: None,
         })
     };
     let candidates = Candidates {

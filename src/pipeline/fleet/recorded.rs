@@ -1,4 +1,4 @@
-//! Sessions by the robots that their logs' metadata names.
+//! Sessions by the robots that their logs' metadata, or the columns of their tables, name.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,6 +9,7 @@ use crate::pipeline::configuration::{
     ConfigurationError, ConfigurationErrorKind, FoundSessions, LeftOut, Recorded, Session, Tree,
     Why, look,
 };
+use crate::pipeline::file::RobotsBy;
 
 /// Found sessions by their robots.
 #[derive(Debug, Clone)]
@@ -18,25 +19,28 @@ pub struct ByRobot {
 }
 
 impl ByRobot {
-    /// Searches the sessions of all robots once, and reads the robot that each names; those of no robot come with the reason.
+    /// Searches the sessions of all robots once, and reads the robot that each names: in its logs' metadata, or in a column of its table.
+    /// Those of no robot come with the reason.
     pub fn found(within: &Within<'_>) -> Result<(Self, Vec<(String, Why)>), ConfigurationError> {
-        let stations = within.file.input.stations.is_some();
-        if stations || !matches!(within.tree, Tree::Folder) {
-            return Err(refused(within, stations));
-        }
+        check(within)?;
         let mut found = look(within.path, within.tree, within.folder, within.file)?;
         let all = std::mem::take(&mut found.sessions);
         let mut sessions: BTreeMap<String, Vec<Session>> = BTreeMap::new();
         let mut told = Vec::new();
         for session in all {
-            match robot_of(&session, within.file.limits) {
+            let robot = match &session.robot {
+                Some(robot) => Ok(robot.clone()),
+                None => robot_of(&session, within.file.limits),
+            };
+            match robot {
                 Ok(robot) if within.robots.names().any(|own| own == robot) => {
                     sessions.entry(robot).or_default().push(session);
                 }
-                Ok(robot) => told.push((session.name, unknown(&robot))),
+                Ok(robot) => told.push(unknown(session, &robot)),
                 Err(why) => told.push((session.name, why)),
             }
         }
+        told.dedup();
         Ok((Self { found, sessions }, told))
     }
 
@@ -52,10 +56,15 @@ impl ByRobot {
     }
 }
 
-fn unknown(robot: &str) -> Why {
-    Why::Waits(format!(
-        "its logs are of {robot:?}, and no robot of the pipeline file is called so"
-    ))
+/// What is told of a session of a robot that is not known: of logs the session, of tables the robot, each once.
+fn unknown(session: Session, robot: &str) -> (String, Why) {
+    let not_known = "no robot of the pipeline file is called so";
+    if session.robot.is_some() {
+        let reason = format!("{not_known}, as rows of tables state: add it to the robots");
+        return (robot.to_owned(), Why::Waits(reason));
+    }
+    let reason = format!("its logs are of {robot:?}, and {not_known}");
+    (session.name, Why::Waits(reason))
 }
 
 /// The robot that a session's logs name, or why they name none.
@@ -93,16 +102,42 @@ fn robot_of(session: &Session, limits: Limits) -> Result<String, Why> {
         .ok_or_else(|| Why::Waits(nothing.to_owned()))
 }
 
-fn refused(within: &Within<'_>, are_tables: bool) -> ConfigurationError {
-    let reason = if are_tables {
-        "tables have no metadata"
-    } else {
-        "it opens every file, and these are on object storage"
+/// Checks that sessions are of a kind, and in a place, that names robots so.
+fn check(within: &Within<'_>) -> Result<(), ConfigurationError> {
+    let (by, are_tables) = (within.robots.by, within.file.input.stations.is_some());
+    let has_column = within
+        .file
+        .stations
+        .as_ref()
+        .is_some_and(|own| own.robot.is_some());
+    let is_here = matches!(within.tree, Tree::Folder);
+    let (found, wanted) = match by {
+        RobotsBy::Column if !are_tables => (
+            "column",
+            "\"folder\", \"file_name\" or \"metadata\": logs have no columns",
+        ),
+        RobotsBy::Column if !has_column => (
+            "column",
+            "with [stations] robot, the column that names a row's robot",
+        ),
+        RobotsBy::Column if !is_here => (
+            "column",
+            "\"folder\" or \"file_name\": it opens every table, and these are on object storage",
+        ),
+        RobotsBy::Metadata if are_tables => (
+            "metadata",
+            "\"folder\", \"file_name\" or \"column\": tables have no metadata",
+        ),
+        RobotsBy::Metadata if !is_here => (
+            "metadata",
+            "\"folder\" or \"file_name\": it opens every file, and these are on object storage",
+        ),
+        _ => return Ok(()),
     };
     let kind = ConfigurationErrorKind::Setting {
         key: "[input] robots_by".to_owned(),
-        found: "\"metadata\"".to_owned(),
-        wanted: format!("\"folder\" or \"file_name\": {reason}"),
+        found: format!("{found:?}"),
+        wanted: wanted.to_owned(),
     };
-    kind.at(within.path)
+    Err(kind.at(within.path))
 }

@@ -111,11 +111,16 @@ impl Estimator<'_> {
         )?)
     }
 
-    /// Publishes what was trained, unless the lake has it.
+    /// Publishes what was trained, and the errors that it leaves, unless the lake has it.
     fn publish(&self, work: &Work, estimate: &Estimate) -> Result<(), PublishError> {
-        if let Some(open) = self.lake.start_estimate(&work.key())? {
-            open.commit(&estimates::table(&estimate.stored(), work)?)?;
-        }
+        let key = work.key();
+        let Some(mut open) = self.lake.start_estimate(&key)? else {
+            return Ok(());
+        };
+        let targets = &self.configuration.stages.fit.target_names;
+        open.publish(&estimates::residuals(estimate.residuals(), targets, &key)?)?;
+        let row = estimates::table(&estimate.stored(), work, open.written())?;
+        open.commit(&row)?;
         Ok(())
     }
 }

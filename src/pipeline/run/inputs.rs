@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::RunError;
 use crate::io::input::{self, Bound};
 use crate::io::log::{SessionLogs, read_metadata};
-use crate::io::station_table;
+use crate::io::station_table::{self, Whose};
 use crate::manifest::{self, Input, ROBOT, Work};
 use crate::pipeline::configuration::{
     Configuration, Reads, Recorded, SessionFiles, SessionTable, WorkPiece,
@@ -63,17 +63,18 @@ fn both_logs(logs: &SessionLogs, name: &str) -> Result<Vec<Input>, RunError> {
     Ok(inputs)
 }
 
-/// A table as an input: the file, or its rows of one session where it has several.
+/// A table as an input: the file, or its rows of one robot and session where it names them.
 fn table_input(
     configuration: &Configuration,
     table: &SessionTable,
     name: &str,
 ) -> Result<Input, RunError> {
-    let (Some(session), Reads::Tables(settings)) = (&table.session, &configuration.reads) else {
-        return input(&table.path, name);
+    let settings = match &configuration.reads {
+        Reads::Tables(settings) if table.whose != Whose::default() => settings,
+        Reads::Tables(_) | Reads::Logs(_) => return input(&table.path, name),
     };
     let bound = Bound::of(configuration.limits);
-    let rows = station_table::of_session(&table.path, settings, session, bound)?;
+    let rows = station_table::own_text(&table.path, settings, &table.whose, bound)?;
     let wrong = |source| RunError::Input {
         path: table.path.clone(),
         source,
@@ -114,7 +115,7 @@ fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
 
 /// Whether an input is of this session: `SESSION/SIDE`, or `SESSION/SIDE/NUMBER` of a split recording. Another session's name may begin
 /// with this one's and a slash.
-pub(super) fn is_of_session(input: &str, session: &str) -> bool {
+pub(in crate::pipeline) fn is_of_session(input: &str, session: &str) -> bool {
     let side = input.strip_prefix(session);
     let Some(side) = side.and_then(|side| side.strip_prefix('/')) else {
         return false;

@@ -334,7 +334,7 @@ fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
     let sides: [(&str, &[PathBuf]); 2] = match &session.recorded {
         Recorded::Logs(logs) => [("controller", &logs.controller), ("tracker", &logs.tracker)],
         Recorded::Table(table) => {
-            texts.push(format!("{:?}", table.session));
+            texts.push(format!("{:?}", table.whose));
             [("stations", std::slice::from_ref(&table.path)), ("", &[])]
         }
         Recorded::Joined(_) => return None,

@@ -208,13 +208,7 @@ fn of_table(
     let joints = configuration.arm.joints().iter();
     let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
     let bound = Bound::of(configuration.limits);
-    let read = station_table::read(
-        &table.path,
-        settings,
-        table.session.as_deref(),
-        &slides,
-        bound,
-    )?;
+    let read = station_table::read(&table.path, settings, &table.whose, &slides, bound)?;
     let mounted = mounted(configuration);
     if let Some(mounted) = mounted {
         mounting::check(&configuration.arm, &files.name, mounted, &read.rows)?;

@@ -5,9 +5,9 @@
 
 use super::cameras;
 use super::flanges::Flanges;
-use super::judged::{leaves_sessions_out, sessions_left_out, train_folds};
+use super::judged::{Judged, leaves_sessions_out, sessions_left_out, train_folds};
 use super::observed::Observed;
-use super::{StageError, StageSettings, lengths, slips, stated_sizes, wrong_targets};
+use super::{StageError, StageSettings, lengths, mountings, slips, stated_sizes, wrong_targets};
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
@@ -26,6 +26,8 @@ use crate::report::ResidualSet;
 pub struct Estimate {
     pub(super) observed: Observed,
     pub(super) trained: Trained,
+    /// Errors of the stations that train: in training, and by the models without their fold or their session.
+    pub(super) residuals: Vec<ResidualSet>,
     /// The sessions with one reading a station.
     pub(super) flanges: Flanges,
     /// The settings of all later stages: those given, with sizes that the sessions show.
@@ -96,13 +98,15 @@ pub fn estimate(
         }
         None => Vec::new(),
     };
+    let trained = Trained {
+        models,
+        folds,
+        sessions_left_out,
+    };
     Ok(Estimate {
+        residuals: residuals(&observed, &trained, &flanges.training),
         observed,
-        trained: Trained {
-            models,
-            folds,
-            sessions_left_out,
-        },
+        trained,
         flanges,
         settings,
         camera_size: *camera_size,
@@ -123,6 +127,11 @@ impl Estimate {
         self.trained.models.geometric.misfit_mm
     }
 
+    /// Errors of the stations that train: in training, and by the models without their fold or their session.
+    pub fn residuals(&self) -> &[ResidualSet] {
+        &self.residuals
+    }
+
     /// What was trained, for a later run to start from.
     pub fn stored(&self) -> StoredTrainings {
         let trained = &self.trained;
@@ -133,6 +142,23 @@ impl Estimate {
             sessions_left_out: trained.sessions_left_out.clone(),
         }
     }
+}
+
+/// The errors that models leave of the sessions that train.
+fn residuals(
+    observed: &Observed,
+    trained: &Trained,
+    training: &[JoinedSession],
+) -> Vec<ResidualSet> {
+    let judged = Judged {
+        observed,
+        models: &trained.models,
+        folds: &trained.folds,
+        training,
+    };
+    let mut residuals = judged.residuals();
+    residuals.extend(trained.sessions_left_out.iter().cloned());
+    lengths::of_positions(mountings::of_one_mounting(residuals), observed)
 }
 
 /// Models on all readings, models of each fold, and residuals of the sessions left out where they are known.

@@ -104,18 +104,11 @@ pub(super) struct Judged<'j> {
 }
 
 impl Judged<'_> {
-    /// All ways in which stations judge models: training stations, blocks and sessions held out, sessions that only judge.
-    pub(super) fn residuals(
-        &self,
-        test: &[TestSession<'_>],
-        locator: &Locator,
-        sessions_left_out: Vec<ResidualSet>,
-    ) -> Result<Vec<ResidualSet>, FitError> {
+    /// The ways in which stations that train judge models: in training, and held out in blocks.
+    pub(super) fn residuals(&self) -> Vec<ResidualSet> {
         let mut residuals = self.own_sessions();
         residuals.extend(self.blocks());
-        residuals.extend(sessions_left_out);
-        residuals.extend(self.unseen_sessions(test, locator)?);
-        Ok(residuals)
+        residuals
     }
 
     /// The residuals at the stations that trained, with the weight of each.
@@ -166,23 +159,23 @@ impl Judged<'_> {
         }
         sets
     }
+}
 
-    /// Sessions that only judge.
-    fn unseen_sessions(
-        &self,
-        test: &[TestSession<'_>],
-        locator: &Locator,
-    ) -> Result<Vec<ResidualSet>, FitError> {
-        let of = |test: &TestSession<'_>| {
-            let stations = Stations {
-                session: &test.session.name,
-                observations: &test.observations,
-            };
-            unseen::unseen_session(self.models, stations, locator, &test.finders)
+/// The ways in which sessions that only judge do so.
+pub(super) fn unseen_sessions(
+    models: &Models,
+    test: &[TestSession<'_>],
+    locator: &Locator,
+) -> Result<Vec<ResidualSet>, SeveralSources> {
+    let of = |test: &TestSession<'_>| {
+        let stations = Stations {
+            session: &test.session.name,
+            observations: &test.observations,
         };
-        let judged: Result<Vec<_>, SeveralSources> = test.iter().map(of).collect();
-        Ok(judged?.into_iter().flatten().collect())
-    }
+        unseen::unseen_session(models, stations, locator, &test.finders)
+    };
+    let judged: Result<Vec<_>, SeveralSources> = test.iter().map(of).collect();
+    Ok(judged?.into_iter().flatten().collect())
 }
 
 /// A session that only judges.

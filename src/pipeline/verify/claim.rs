@@ -30,6 +30,10 @@ pub struct Claim {
     pub settings_digest: String,
     /// Files written.
     pub files: Vec<Written>,
+    /// Sessions as joined that it started from, as SESSION/RUN; `None` of a plan and of earlier versions.
+    pub made_of: Option<Vec<String>>,
+    /// The estimate that it started from; `None` likewise.
+    pub estimate: Option<String>,
     /// The run of the same robot and session that it replaces.
     pub replaces: Option<String>,
     /// The digests that it states of its own content and of the row that it replaces.
@@ -88,6 +92,8 @@ impl Claim {
             settings: row.settings,
             settings_digest: row.settings_digest,
             files: files.map(written).collect(),
+            made_of: row.made_of,
+            estimate: row.estimate,
             replaces: row.replaces,
             row: RowDigests {
                 version,

@@ -1,106 +1,174 @@
-//! Estimates, verified by themselves.
-//!
-//! For each row of `estimates`: its name has to follow from the sessions that train, the robot file, its settings and its version, its
-//! digest from its content, and the lake has to have the sessions as joined that it names. A run that started from it is recomputed from
-//! its inputs, and what is trained then is compared with it (`recompute`).
+//! Estimates, verified by themselves ([`stage`](super::stage)). The lake has to have the sessions as joined that an estimate names. Where a
+//! pipeline file has its settings, and no run that was recomputed has shown it already, it is trained anew from them, without any log.
 
+use std::collections::BTreeSet;
+
+use super::recompute;
+use super::sought::Sought;
+use super::stage::{Anew, StageVerified, Stated, compared, each, of_file};
 use crate::io::lake::{ESTIMATES, JOINED, Lake, LakeError};
 use crate::io::store::Place;
-use crate::io::table::{Row as _, Table};
+use crate::io::table::Row as _;
 use crate::io::tables::estimates::{self, EstimateRow};
-use crate::io::tables::runs::row_digest;
-use crate::manifest::RunKey;
+use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
+use crate::io::tables::readings::ReadingRow;
+use crate::io::tables::residuals::EstimateResidualRow;
+use crate::manifest::{ROBOT, RunKey};
+use crate::pipeline::configuration::{
+    Configuration, JoinedBefore, Recorded, Session, SessionFiles, Tree, WorkPiece,
+};
+use crate::pipeline::run::{estimate_piece, input};
+use crate::progress::Progress;
 
-/// The findings about an estimate.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct EstimateVerified {
-    /// Place of its row.
-    pub place: Place,
-    /// Robot, session and result; `None` where the row cannot be read.
-    pub key: Option<RunKey>,
-    /// Contradictions and changes, as text.
-    pub problems: Vec<String>,
-}
-
-impl EstimateVerified {
-    /// Whether something was changed.
-    pub const fn is_mismatch(&self) -> bool {
-        !self.problems.is_empty()
-    }
-}
-
-/// Verifies the estimates of these names, of sessions or results; of all where there are none.
-pub fn estimates(lake: &Lake, names: &[String]) -> Result<Vec<EstimateVerified>, LakeError> {
-    let mut verified = Vec::new();
-    for (place, row) in lake.estimates()? {
-        let table = row.map_err(|error| error.to_string());
-        let table = table.and_then(|row| {
-            let believed = row.believed(&place.named());
-            believed.map_err(|error| error.to_string())
-        });
-        let (key, problems) = match table {
-            Err(problem) => (None, vec![problem]),
-            Ok(table) => {
-                let key = table.key().cloned();
-                let is_named =
-                    |key: &RunKey| names.contains(&key.session) || names.contains(&key.run);
-                if !names.is_empty() && !key.as_ref().is_some_and(is_named) {
-                    continue;
-                }
-                let problems = of_table(lake, &place, key.as_ref(), &table)?;
-                (key, problems)
-            }
+/// Verifies the estimates of these names, of sessions or results; of all where there are none. Those that are `shown` by runs that were
+/// recomputed are not trained again.
+pub fn estimates(
+    lake: &Lake,
+    sought: &Sought,
+    names: &[String],
+    shown: &BTreeSet<String>,
+    progress: &dyn Progress,
+) -> Result<Vec<StageVerified>, LakeError> {
+    each(lake.estimates()?, names, |place, key, table| {
+        let Some(row) = EstimateRow::read(table).pop() else {
+            return Ok((Vec::new(), None));
         };
-        verified.push(EstimateVerified {
+        if row.session_names.len() != row.session_runs.len() {
+            let problem = "its lists of sessions differ in length".to_owned();
+            return Ok((vec![problem], None));
+        }
+        let own = estimates::inputs(&row.robot_digest, sessions(&row));
+        let stated = Stated {
+            rows: ESTIMATES,
             place,
             key,
-            problems,
-        });
-    }
-    Ok(verified)
+            row: table,
+            work: estimates::work(&key.robot, &key.session, own, row.settings.clone()),
+            version: &row.version,
+            settings_digest: &row.settings_digest,
+            row_digest: row.row_digest.as_ref(),
+        };
+        let mut problems = stated.contradictions(lake);
+        if let (Some(names), Some(digests)) = (&row.table_names, &row.table_digests) {
+            let files = (&names[..], &digests[..]);
+            problems.extend(of_file(lake, key, EstimateResidualRow::TABLE, files));
+        }
+        for (session, run) in sessions(&row) {
+            if !lake.has(JOINED, &RunKey::new(&key.robot, session, run))? {
+                problems.push(format!("the lake does not have {session} as joined {run}"));
+            }
+        }
+        let is_open = problems.is_empty() && !shown.contains(&key.run);
+        let anew = is_open.then(|| anew_of(lake, key, &row, sought, progress));
+        Ok((problems, anew.flatten()))
+    })
 }
 
-/// Contradictions of a row with itself, and with the sessions as joined of its lake.
-fn of_table(
+/// The sessions that train, with their results.
+fn sessions(row: &EstimateRow) -> impl Iterator<Item = (&String, &String)> {
+    row.session_names.iter().zip(&row.session_runs)
+}
+
+/// The estimate trained anew by the first pipeline file with its settings; `None` where none has them.
+fn anew_of(
     lake: &Lake,
-    place: &Place,
-    key: Option<&RunKey>,
-    table: &Table,
-) -> Result<Vec<String>, LakeError> {
-    let rows = EstimateRow::read(table);
-    let (Some(key), [row]) = (key, &rows[..]) else {
-        return Ok(vec!["it has several rows, or states no session".to_owned()]);
+    key: &RunKey,
+    row: &EstimateRow,
+    sought: &Sought,
+    progress: &dyn Progress,
+) -> Option<Anew> {
+    let joined = match all_joined(lake, key, row) {
+        Ok(joined) => joined,
+        Err(reason) => return Some(Anew::No(reason)),
     };
-    let mut problems = Vec::new();
-    if lake.place(ESTIMATES, key)? != *place {
-        problems.push("it is not at the place of its own name".to_owned());
+    let found: Vec<Session> = joined.iter().map(|own| own.session.clone()).collect();
+    let configuration = sought.with_sessions(&key.robot, &found, |configuration| {
+        let robot = input(&configuration.robot_file, ROBOT);
+        configuration.estimate_settings == row.settings
+            && joined
+                .iter()
+                .all(|own| own.settings == configuration.join_settings)
+            && robot.is_ok_and(|robot| robot.digest == row.robot_digest)
+    })?;
+    Some(match trained(lake, key, &joined, configuration, progress) {
+        Ok(anew) => anew,
+        Err(reason) => Anew::No(reason),
+    })
+}
+
+/// A session that trained, as the lake has it.
+struct Joined {
+    session: Session,
+    before: JoinedBefore,
+    /// The settings of its ingest and join.
+    settings: String,
+}
+
+/// The sessions that trained, or why one cannot be read.
+fn all_joined(lake: &Lake, key: &RunKey, row: &EstimateRow) -> Result<Vec<Joined>, String> {
+    let one = |(name, run): (&String, &String)| {
+        let key = RunKey::new(&key.robot, name, run);
+        let table = lake.read(JOINED, &key).map_err(|error| error.to_string())?;
+        let row = JoinedSessionRow::read(&table).pop();
+        let row = row.ok_or_else(|| format!("{name} as joined has no row"))?;
+        let inputs = inputs(&row).ok_or_else(|| format!("{name} as joined is damaged"))?;
+        let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
+        let before = JoinedBefore {
+            key,
+            inputs: inputs.collect(),
+        };
+        Ok(Joined {
+            session: Session {
+                name: name.clone(),
+                recorded: Ok(Recorded::Joined(before.clone())),
+                corrected: None,
+                robot: None,
+            },
+            before,
+            settings: row.settings,
+        })
+    };
+    sessions(row).map(one).collect()
+}
+
+/// Trains an estimate into a temporary lake with its sessions as joined, and compares.
+fn trained(
+    lake: &Lake,
+    key: &RunKey,
+    joined: &[Joined],
+    configuration: Configuration,
+    progress: &dyn Progress,
+) -> Result<Anew, String> {
+    let temporary = recompute::temporary_lake(lake, key)?;
+    for own in joined {
+        let copied = lake.copy_run(
+            &[JOINED, ReadingRow::TABLE],
+            &own.before.key,
+            temporary.path(),
+        );
+        copied.map_err(|error| error.to_string())?;
     }
-    let found = row_digest(table);
-    if row.row_digest.as_ref() != Some(&found) {
-        problems.push(format!(
-            "its content has the digest {found}, and it states another one: it was changed"
-        ));
+    let configuration = Configuration {
+        robot: Some(key.robot.clone()),
+        lake: Place::of(temporary.path()),
+        tree: Tree::Folder,
+        ..configuration
+    };
+    let files = |own: &Joined| SessionFiles {
+        name: own.session.name.clone(),
+        recorded: Recorded::Joined(own.before.clone()),
+        corrected: None,
+    };
+    let piece = WorkPiece {
+        session: key.session.clone(),
+        training: joined.iter().map(files).collect(),
+        test: Vec::new(),
+    };
+    let done = estimate_piece(&configuration, &piece, progress);
+    let done = done.map_err(|error| error.to_string())?;
+    if done.run != key.run {
+        return Err("its sessions, or the version, are not those that it was made with".to_owned());
     }
-    if row.session_names.len() != row.session_runs.len() {
-        problems.push("its lists of sessions differ in length".to_owned());
-        return Ok(problems);
-    }
-    let sessions = || row.session_names.iter().zip(&row.session_runs);
-    let inputs = estimates::inputs(&row.robot_digest, sessions());
-    let work = estimates::work(&key.robot, &key.session, inputs, row.settings.clone());
-    if work.settings_digest() != row.settings_digest {
-        problems.push("its settings do not have the digest that it states".to_owned());
-    }
-    let follows = work.key_by_version(&row.version).run;
-    if follows != key.run {
-        problems.push(format!(
-            "from its sessions, settings and version follows the name {follows}"
-        ));
-    }
-    for (session, run) in sessions() {
-        if !lake.has(JOINED, &RunKey::new(&key.robot, session, run))? {
-            problems.push(format!("the lake does not have {session} as joined {run}"));
-        }
-    }
-    Ok(problems)
+    let tables = [EstimateResidualRow::TABLE, ESTIMATES];
+    Ok(compared(lake, &Lake::new(temporary.path()), &tables, key))
 }

@@ -8,10 +8,12 @@ use tempfile::TempDir;
 use super::cited::DRIVING;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
+use super::stage::OF_THE_MACHINE;
 use super::{Recomputed, Verified};
 use crate::io::lake::{ESTIMATES, Lake, LakeError, PAGES, temporary};
 use crate::io::table::compare::{Comparison, compare};
 use crate::io::table::{Row as _, Table};
+use crate::io::tables::residuals::EstimateResidualRow;
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
@@ -33,16 +35,6 @@ const ROW_ONLY: [&str; 14] = [
     "settings_digest",
     "table_digests",
     "replaced_row_digest",
-    "row_digest",
-];
-
-/// Columns of `estimates` that depend on version and machine, or on digests of what does.
-const OF_THE_MACHINE: [&str; 6] = [
-    "version",
-    "platform",
-    "cpu_features",
-    "session_runs",
-    "settings_digest",
     "row_digest",
 ];
 
@@ -241,33 +233,32 @@ impl Sides<'_> {
         }
     }
 
-    /// The difference of the estimates that both started from; `None` where there is none, or the lake does not have it any more.
-    fn estimate(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
+    /// The differences of the estimates that both started from; none where the lake does not have it any more.
+    fn estimate(&self, computed: &Table) -> Result<Vec<ComparedFile>, LakeError> {
         let key = &self.verified.claim.key;
-        let name = |row: &Table| {
-            RunRow::read(row)
-                .first()
-                .and_then(|row| row.estimate.clone())
+        let computed = RunRow::read(computed).pop().and_then(|row| row.estimate);
+        let (Some(published), Some(computed)) = (&self.verified.claim.estimate, computed) else {
+            return Ok(Vec::new());
         };
-        let published = name(&self.lake.read_as_it_is("runs", key)?.table);
-        let (Some(published), Some(computed)) = (published, name(computed)) else {
-            return Ok(None);
-        };
-        let published = RunKey::new(&key.robot, &key.session, &published);
+        let published = RunKey::new(&key.robot, &key.session, published);
         let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
-        if !self.lake.has(ESTIMATES, &published)? {
-            return Ok(None);
+        let mut differences = Vec::new();
+        for table in [EstimateResidualRow::TABLE, ESTIMATES] {
+            if !self.lake.has(table, &published)? {
+                continue;
+            }
+            let own = self.lake.read_as_it_is(table, &published)?.table;
+            let other = self.computed.read(table, &computed)?;
+            let comparison = self.values(&own, &other, &OF_THE_MACHINE);
+            if comparison.same_values() != Some(0.0) {
+                differences.push(ComparedFile {
+                    name: format!("{table}/{}", key.session),
+                    computed: None,
+                    outcome: FileOutcome::Values(comparison),
+                });
+            }
         }
-        let own = self.lake.read_as_it_is(ESTIMATES, &published)?.table;
-        let other = self.computed.read(ESTIMATES, &computed)?;
-        let comparison = self.values(&own, &other, &OF_THE_MACHINE);
-        Ok(
-            (comparison.same_values() != Some(0.0)).then(|| ComparedFile {
-                name: format!("{ESTIMATES}/{}", key.session),
-                computed: None,
-                outcome: FileOutcome::Values(comparison),
-            }),
-        )
+        Ok(differences)
     }
 
     /// The difference of the rows of `runs`, in the columns that have to agree.

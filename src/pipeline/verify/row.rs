@@ -2,6 +2,7 @@
 
 use std::io::Read as _;
 
+use super::chain;
 use super::claim::Claim;
 use super::register::Register;
 use super::selection::PastRun;
@@ -21,6 +22,7 @@ pub(super) fn contradictions(
     let mut found = of_digests(run, claim);
     found.extend(of_later(claim, register));
     found.extend(of_names(claim));
+    found.extend(chain::contradictions(claim, lake));
     let own = lake.place("runs", &claim.key);
     if own.as_ref().ok() == Some(&run.place) {
         // A row that already differs needs no other proof that its file was rewritten.

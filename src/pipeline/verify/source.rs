@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::altered::Lost;
 use super::claim::Claim;
+use super::sought::Sought;
 use crate::io::input::Bound;
 use crate::io::log::read_metadata;
 use crate::io::targets::driving;
@@ -42,7 +43,7 @@ impl Source {
     /// `known_arm`, where the lake has it.
     pub(super) fn find(
         claim: &Claim,
-        pipeline: &Path,
+        (pipeline, sought): (&Path, &mut Sought),
         known_arm: Option<&Path>,
         lake: &Path,
     ) -> Result<Self, NoSource> {
@@ -63,8 +64,9 @@ impl Source {
             from_joined: false,
             from_estimates: false,
         };
-        let configuration =
-            Configuration::load(pipeline, &overrides).map_err(|error| match error {
+        let configuration = sought
+            .load(pipeline, &overrides)
+            .map_err(|error| match error {
                 ConfigurationError::Session {
                     session, reason, ..
                 } => of_session(&session, &reason),

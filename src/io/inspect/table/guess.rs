@@ -362,6 +362,7 @@ impl<'t> Work<'t> {
                 session: session
                     .as_ref()
                     .map(|(column, _)| self.names[*column].clone()),
+                robot: None,
                 station: long.as_ref().map(|own| self.names[own.station].clone()),
                 target: long.as_ref().map(|own| self.names[own.target].clone()),
                 targets: long.map(|own| own.targets).unwrap_or_default(),

@@ -25,6 +25,8 @@ pub struct Session {
     pub recorded: Result<Recorded, Why>,
     /// The file of corrected targets that drove it.
     pub corrected: Option<PathBuf>,
+    /// The robot that its rows name, where tables have a column of robots.
+    pub robot: Option<String>,
 }
 
 /// Files of one side, or why there are none.
@@ -37,6 +39,8 @@ pub struct Found<'a> {
     folder: &'a Path,
     input: &'a InputSection,
     stations: Option<&'a StationsSettings>,
+    /// The robot whose rows are meant, where tables have a column of robots; `None`: those of all of them.
+    robot: Option<&'a str>,
     limits: Limits,
     /// By name.
     pub sessions: Vec<Session>,
@@ -50,7 +54,7 @@ impl<'a> Found<'a> {
         tree: &'a Tree,
         folder: &'a Path,
         input: &'a InputSection,
-        stations: Option<&'a StationsSettings>,
+        (stations, robot): (Option<&'a StationsSettings>, Option<&'a str>),
         limits: Limits,
     ) -> io::Result<Self> {
         let mut found = Self {
@@ -58,6 +62,7 @@ impl<'a> Found<'a> {
             folder,
             input,
             stations,
+            robot,
             limits,
             sessions: Vec::new(),
             left_out: Vec::new(),
@@ -185,6 +190,7 @@ impl<'a> Found<'a> {
             name,
             recorded: logs.map(Recorded::Logs),
             corrected,
+            robot: None,
         });
     }
 
@@ -205,12 +211,13 @@ impl<'a> Found<'a> {
 
     /// Leaves out sessions with a reserved name, or with a name that two have.
     fn names_are_sound(&mut self) {
-        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        let named = |session: &Session| (session.name.clone(), session.robot.clone());
+        let mut counts: BTreeMap<(String, Option<String>), usize> = BTreeMap::new();
         for session in &self.sessions {
-            *counts.entry(session.name.clone()).or_default() += 1;
+            *counts.entry(named(session)).or_default() += 1;
         }
         self.sessions
-            .dedup_by(|later, first| later.name == first.name);
+            .dedup_by(|later, first| named(later) == named(first));
         for session in &mut self.sessions {
             if session.name == POOLED {
                 let reason =
@@ -218,7 +225,7 @@ impl<'a> Found<'a> {
                 session.recorded = Err(Why::Bad(reason));
             } else if let Err(error) = lake::check_name("session", &session.name) {
                 session.recorded = Err(Why::Bad(error.to_string()));
-            } else if counts[&session.name] > 1 {
+            } else if counts[&named(session)] > 1 {
                 let reason = "two folders have this name, as far as it is text; rename one";
                 session.recorded = Err(Why::Bad(reason.to_owned()));
             }

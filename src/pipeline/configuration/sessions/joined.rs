@@ -113,5 +113,6 @@ fn session((name, results): (String, Vec<Before>)) -> Session {
         name,
         recorded,
         corrected: None,
+        robot: None,
     }
 }

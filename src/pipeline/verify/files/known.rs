@@ -6,6 +6,7 @@ use super::super::selection::Selected;
 use crate::io::lake::{ESTIMATES, JOINED, Lake, LakeError, LakeFile, Stands};
 use crate::io::table::Row as _;
 use crate::io::tables::readings::ReadingRow;
+use crate::io::tables::residuals::EstimateResidualRow;
 
 /// The files that the rows of the lake name.
 pub(super) struct Known {
@@ -63,7 +64,9 @@ impl Known {
             if let Some(key) = row.ok().and_then(|row| row.table.key().cloned())
                 && lake.place(ESTIMATES, &key)? == place
             {
-                known.keys.insert(lake.file_key(ESTIMATES, &key)?);
+                for table in [ESTIMATES, EstimateResidualRow::TABLE] {
+                    known.keys.insert(lake.file_key(table, &key)?);
+                }
             }
         }
         for key in &selected.unread {
