@@ -360,7 +360,7 @@ impl Store for Bucket {
 
     fn remove(&self, key: &str) -> Result<(), StoreError> {
         let object = self.object(key)?;
-        match self.runtime.block_on(self.client.delete(&object)) {
+        match self.runtime.block_on(self.clients.now().delete(&object)) {
             Ok(()) | Err(Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.failure("remove", key, &error)),
         }

@@ -111,6 +111,7 @@ mod tests {
             key: key.to_owned(),
             tag: None,
             bytes: 1,
+            modified: None,
         };
         let tree = Tree::Listed {
             store: Arc::new(Folder::new("nowhere")),
