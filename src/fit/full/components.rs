@@ -2,7 +2,7 @@
 //!
 //! A component has a size `a` and a profile over columns; a column's prior variance is the sum of its components'. The
 //! update is `MacKay`'s fixed point on the marginal likelihood, split among components by their share in each column, with
-//! a weak inverse-gamma prior on `a` (ν₀ observations of a₀). Its fixed points are those of the likelihood's gradient
+//! a weak gamma prior on `a` (shape 1 + ν₀/2, mode at a₀). Its fixed points are those of the likelihood's gradient
 //! `½ (μ_k²/v_k + Σ_kk/v_k − 1)`.
 
 use std::ops::Range;

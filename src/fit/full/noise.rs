@@ -6,9 +6,9 @@
 //! `N = blockdiag(instrument + o² I) + s₀² E Eᵀ + Σ_j s_j² J_j J_jᵀ`, over the station's weight: E is what the readings show of a
 //! translation of the flange, `J_j` of a turn of joint j, and o what readings of several targets have of their own beyond the
 //! instrument's statement. The sizes follow from leave-one-out
-//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated until it converges, with a weak
-//! inverse-gamma prior (ν₀ observations of the expected size `a_k`), like that of the model's parts ([`super::components`]). The stated
-//! variance of a source that reads a length has a factor of its own, found by the same rule.
+//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀ a_k/s_k²) / (s_k² Σ tr(K T_k) + ν₀)`, repeated until it converges, with a weak
+//! inverse-gamma prior (ν₀ observations of the expected size `a_k`): a size far above it costs hardly anything, and none falls to
+//! zero. The stated variance of a source that reads a length has a factor of its own, found by the same rule.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 use serde::{Deserialize, Serialize};
@@ -55,6 +55,16 @@ impl Repeatability {
             own: None,
             lengths: Vec::new(),
         }
+    }
+
+    /// Takes what the geometry leaves per axis (mm) for repeatability of the arm as a whole, until leave-one-out residuals say how
+    /// much of it the other parts explain.
+    ///
+    /// From a small start the parts grow until they explain what no part of the arm repeats, and the noise is then never found: on a
+    /// cable-driven arm (even rows and odd rows judged by each other) ellipsoids of 95 % held 5 and 34 % of the stations, and from
+    /// this start 94 and 96 %.
+    pub fn start_from(&mut self, misfit_mm: f64) {
+        self.position = self.position.max(misfit_mm.powi(2));
     }
 
     /// The covariance of a station's residual at weight 1.
@@ -104,8 +114,8 @@ impl Repeatability {
                 own.add_to(self, &mut found, &mut expected);
             }
             let step = |variance: &mut f64, term: usize, before: f64| {
-                let found = *variance * found[term] + PRIOR;
-                let expected = *variance * (expected[term] + PRIOR / before);
+                let found = *variance * found[term] + PRIOR * before / *variance;
+                let expected = *variance * expected[term] + PRIOR;
                 *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
             };
             step(&mut self.position, Term::POSITION, before.position);
