@@ -771,7 +771,7 @@ fn an_instrument_of_its_own_behind_a_slip_leaves_the_arm_as_it_is() {
         let (sees, _) = kinds()[0].clone();
         let (mut normals, wanted) = (Normals(seed), truth(&sees));
         let errors = drawn_errors(&arm, &mut normals);
-        let mut squares = |observed: &[Observation]| {
+        let squares = |observed: &[Observation]| {
             let found = identify(&arm, observed, 1, Freedom::Geometry, &settings).expect("a fit");
             let (errors, wanted) = (errors.clone(), wanted.clone());
             wrong_by(
