@@ -31,7 +31,7 @@ fn figure(name: FigureName, session: &str, value: f64) -> AccuracyRow {
         base_stations: None,
         target_found: None,
         role: Role::HeldOut,
-        evidence: Moment::Measured,
+        evidence: Moment::Before,
         moment: BeforeAfter::Before,
         point: Point::Measured,
         quantity: FigureKind::PositionError,

@@ -34,7 +34,7 @@ fn count(content: &Content, is: impl Fn(&Newest) -> bool) -> usize {
 }
 
 fn counts(content: &Content) -> [(&'static str, usize); 6] {
-    let of = |verdict| count(content, |newest| newest.verdict == verdict);
+    let of = |own: TableVerdict| count(content, |newest| newest.verdict == own);
     let is_measured = |newest: &Newest| content.is_last_night(newest);
     let changed = count(content, |newest| is_measured(newest) && newest.is_changed());
     let measured = count(content, is_measured);

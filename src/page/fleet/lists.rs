@@ -67,7 +67,7 @@ fn changes(own: &[Measured<'_>]) -> Markup {
             }
         }
     };
-    folded(&head, own, row)
+    folded(&head, &own.iter().map(row).collect::<Vec<_>>())
 }
 
 pub(super) fn not_measured(content: &Content) -> Markup {
@@ -95,7 +95,7 @@ pub(super) fn not_measured(content: &Content) -> Markup {
         @if own.is_empty() && without.is_empty() { p { "Every robot was measured last night." } }
         @if !own.is_empty() {
             p { "Of " (own.len()) " robots the newest session began 24 hours or more before " (content.as_of_text()) ", or has no date." }
-            (folded(&head, &own, row))
+            (folded(&head, &own.iter().map(row).collect::<Vec<_>>()))
         }
         @if !without.is_empty() {
             p.note {
@@ -150,16 +150,17 @@ fn figures(content: &Content, own: &[Measured<'_>]) -> Markup {
             }
         }
     };
-    table(&head, &html! { @for own in own { (row(own)) } })
+    let rows: Vec<Markup> = own.iter().map(row).collect();
+    table(&head, &html! { @for row in &rows { (row) } })
 }
 
 /// A table whose rows after the first [`MOST`] are folded.
-fn folded(head: &Markup, own: &[Measured<'_>], row: impl Fn(&Measured<'_>) -> Markup) -> Markup {
-    let (first, rest) = own.split_at(own.len().min(MOST));
+fn folded(head: &Markup, rows: &[Markup]) -> Markup {
+    let (first, rest) = rows.split_at(rows.len().min(MOST));
     html! {
-        (table(head, &html! { @for own in first { (row(own)) } }))
+        (table(head, &html! { @for row in first { (row) } }))
         @if !rest.is_empty() {
-            details { summary { (rest.len()) " more" } (table(head, &html! { @for own in rest { (row(own)) } })) }
+            details { summary { (rest.len()) " more" } (table(head, &html! { @for row in rest { (row) } })) }
         }
     }
 }
