@@ -188,8 +188,13 @@ def check_table(folder, files):
     return rows
 
 
-# Tables of sessions as joined, which exist by their rows in joined_sessions; all others by their runs' rows in runs.
-JOINED = ("joined_sessions", "readings")
+# Tables of sessions as joined and of estimates, which exist by rows of their own; all others by their runs' rows in runs.
+ROWS_OF = {
+    "joined_sessions": "joined_sessions",
+    "readings": "joined_sessions",
+    "estimates": "estimates",
+    "estimate_residuals": "estimates",
+}
 
 
 def check_runs(lake, folders):
@@ -199,7 +204,7 @@ def check_runs(lake, folders):
     runs = all_of("runs")
     for folder in folders:
         table = all_of(folder.name)
-        rows = all_of("joined_sessions") if folder.name in JOINED else runs
+        rows = all_of(ROWS_OF.get(folder.name, "runs"))
         committed = f"(robot, run) in (select (robot, run) from {rows})"
         orphans = duckdb.sql(f"select distinct robot, run from {table} where not {committed}").fetchall()
         if orphans:

@@ -109,7 +109,8 @@ fn plans_of_all_robots_are_made_at_once_or_as_tasks() {
         &[
             "robot kr210-demo\nuniform grid",
             "robot second\nthe lake has this plan already",
-            "robot third\nno plan: robot \"third\" ([[robots]] 3)",
+            "robot third\nno plan: ",
+            "home_deg",
         ],
     );
     for robot in ["kr210-demo", "second"] {

@@ -117,6 +117,11 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/run/lengths.rs: these cells have a tracker alone, which reads positions",
     ),
     (
+        "estimate_residuals.base_refit",
+        &["first"],
+        "tests/run/estimated.rs: the sessions of the one pool here are found by chosen stations",
+    ),
+    (
         "length_residuals.model",
         &["base_target", "geometric", "full"],
         "tests/run/lengths.rs: these cells have a tracker alone",
@@ -181,6 +186,10 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     (
         "rejects.column",
         "tests/run/tabled.rs: these cells have logs, and columns are of tables of stations",
+    ),
+    (
+        "estimate_residuals.target",
+        "tests/reflectors.rs: these cells have one target, which has no name",
     ),
     (
         "residuals.target",

@@ -1,7 +1,7 @@
 //! The chain of stages behind a run, without computing anything: sessions as joined, then the estimate, then the run.
 //!
 //! A row of `runs` names the sessions as joined and the estimate that the run started from. Each of them that the lake still has has to be of
-//! the run's own inputs, settings and version; one that is gone can be made again, and is no contradiction.
+//! the run's own inputs and settings; one that is gone can be made again, and is no contradiction.
 
 use serde_json::Value;
 
@@ -43,7 +43,7 @@ fn row<R: Row>(lake: &Lake, table: &str, key: &RunKey) -> Option<R> {
     R::read(&table).pop()
 }
 
-/// A session as joined that is not of the run's inputs, settings or version.
+/// A session as joined that is not of the run's inputs or settings.
 fn of_joined(claim: &Claim, key: &RunKey, lake: &Lake) -> Option<String> {
     let row: JoinedSessionRow = row(lake, JOINED, key)?;
     let is_own = |input: &&Input| input.name == ROBOT || is_of_session(&input.name, &key.session);
@@ -59,7 +59,7 @@ fn of_joined(claim: &Claim, key: &RunKey, lake: &Lake) -> Option<String> {
     let what = if of_row != Some(digests(&claim.inputs)) {
         "other inputs"
     } else if differs(claim, &row.version, &row.settings, join_settings) {
-        "other settings or another version"
+        "other settings"
     } else {
         return None;
     };
@@ -69,7 +69,7 @@ fn of_joined(claim: &Claim, key: &RunKey, lake: &Lake) -> Option<String> {
     ))
 }
 
-/// An estimate that is not of the run's sessions, robot file, settings or version.
+/// An estimate that is not of the run's sessions, robot file or settings.
 fn of_estimate(claim: &Claim, training: &[RunKey], lake: &Lake) -> Option<String> {
     let name = claim.estimate.as_ref()?;
     let key = RunKey::new(&claim.key.robot, &claim.key.session, name);
@@ -82,7 +82,7 @@ fn of_estimate(claim: &Claim, training: &[RunKey], lake: &Lake) -> Option<String
     } else if !robots.any(|robot| robot.digest == row.robot_digest) {
         "another robot file"
     } else if differs(claim, &row.version, &row.settings, estimate_settings) {
-        "other settings or another version"
+        "other settings"
     } else {
         return None;
     };
@@ -91,12 +91,12 @@ fn of_estimate(claim: &Claim, training: &[RunKey], lake: &Lake) -> Option<String
     ))
 }
 
-/// Whether a stage's version and settings are not those of a run; what a stage of another version read is not known.
+/// Whether a stage's settings are not those of a run; what a stage of another version read is not known.
 fn differs(claim: &Claim, version: &str, settings: &str, read: fn(&Value) -> Value) -> bool {
-    if version != claim.version {
-        return true;
+    if version != VERSION || claim.version != VERSION {
+        return false;
     }
     let all = serde_json::from_str(&claim.settings).ok();
     let own = all.and_then(|all| canonical(&read(&all)).ok());
-    version == VERSION && own.as_deref() != Some(settings)
+    own.as_deref() != Some(settings)
 }
