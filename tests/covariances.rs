@@ -294,7 +294,7 @@ fn the_size_of_what_a_scanner_states_is_found_from_its_log() {
 fn intervals_hold_where_what_is_stated_is_wrong_by_three_either_way() {
     let arm = arm();
     let of_full = settings(ReadingKind::Point, true);
-    for wrong_by in [1.0, 3.0, 1.0 / 3.0] {
+    for wrong_by in [1.0_f64, 3.0, 1.0 / 3.0] {
         let (mut inside, mut all, mut means) = (0.0, 0, Vec::new());
         for seed in 1..=2 {
             // The noise is the same in all: what is stated of it differs.
