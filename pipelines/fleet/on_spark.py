@@ -49,6 +49,9 @@ def main():
         for batch in batches:
             yield pandas.DataFrame({"row": [json.dumps(tasks.insisted(command, lines[number])) for number in batch["id"]]})
 
+    # Spark's processes print messages to what is standard output then: those are told on stderr, and rows alone on stdout.
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
     spark = session(given.scheduler)
     # A partition for each task: it is what Spark starts again, and copies where it takes long.
     numbers = spark.range(0, len(lines), 1, max(len(lines), 1))
@@ -57,7 +60,7 @@ def main():
     except Exception as error:
         # Spark ended the job, whatever the kind of error: what was done is in the lake, and known when the tasks are listed again.
         rows = [tasks.unfinished(line, "fault", str(error).strip().split("\n")[0]) for line in lines]
-    code = tasks.tell(rows)
+    code = tasks.tell(rows, out)
     spark.stop()
     sys.exit(code)
 

@@ -242,7 +242,9 @@ fn an_outage_from_the_first_request_on_is_reported_and_nothing_is_lost() {
         let ended = Ended::from(command.output().expect("started"));
         ended.expect(code, &["503", "run again: nothing half done counts"]);
     }
-    remote.run(&[]).expect(UNDISTURBED, &["1 done, 0 done before"]);
+    remote
+        .run(&[])
+        .expect(UNDISTURBED, &["1 done, 0 done before"]);
     assert!(remote.lake() == small().lake);
 }
 
@@ -256,7 +258,12 @@ fn a_minute_without_an_answer_is_waited_for() {
     let put = puts(&requests, "");
     let read = requests.iter().position(|line| line.contains(".mcap"));
     let read = read.expect("logs are fetched");
-    for number in [read, put[0], put[put.len() / 2], puts(&requests, "runs/")[0]] {
+    for number in [
+        read,
+        put[0],
+        put[put.len() / 2],
+        puts(&requests, "runs/")[0],
+    ] {
         waits(number, Duration::from_mins(1));
     }
 }

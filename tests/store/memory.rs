@@ -177,7 +177,9 @@ impl Held {
         let objects = self.objects();
         let (mut found, mut folders, mut last) = (String::new(), Vec::new(), None);
         let from = prefix.max(after).to_owned();
-        let mut keys = objects.range(from..).filter(|(key, _)| key.as_str() > after);
+        let mut keys = objects
+            .range(from..)
+            .filter(|(key, _)| key.as_str() > after);
         let mut count = 0;
         let mut is_more = false;
         for (key, bytes) in keys.by_ref().take_while(|(key, _)| key.starts_with(prefix)) {
@@ -205,9 +207,9 @@ impl Held {
                 }
             }
         }
-        let folders = folders.iter().map(|folder| {
-            format!("<CommonPrefixes><Prefix>{folder}</Prefix></CommonPrefixes>")
-        });
+        let folders = folders
+            .iter()
+            .map(|folder| format!("<CommonPrefixes><Prefix>{folder}</Prefix></CommonPrefixes>"));
         let next = last.filter(|_| is_more);
         let next = next.map(|key| format!("<NextContinuationToken>{key}</NextContinuationToken>"));
         let body = format!(
@@ -232,8 +234,7 @@ impl Held {
         if wanted.is_some_and(|wanted| wanted.trim_matches('"') != tag) {
             return plain("412 Precondition Failed");
         }
-        let common =
-            format!("ETag: \"{tag}\"\r\nLast-Modified: Thu, 01 Jan 2026 00:00:00 GMT\r\n");
+        let common = format!("ETag: \"{tag}\"\r\nLast-Modified: Thu, 01 Jan 2026 00:00:00 GMT\r\n");
         if request.method == "HEAD" {
             return Answer {
                 status: "200 OK",
@@ -254,7 +255,10 @@ impl Held {
         let last: usize = last.parse().unwrap_or(usize::MAX).min(bytes.len() - 1);
         Answer {
             status: "206 Partial Content",
-            headers: format!("{common}Content-Range: bytes {first}-{last}/{}\r\n", bytes.len()),
+            headers: format!(
+                "{common}Content-Range: bytes {first}-{last}/{}\r\n",
+                bytes.len()
+            ),
             body: bytes[first..=last].to_vec(),
         }
     }
@@ -287,7 +291,9 @@ impl Held {
             let whole = whole.into_values().collect::<Vec<_>>().concat();
             let tag = tag(&whole);
             self.objects().insert(request.key.clone(), whole);
-            format!("<CompleteMultipartUploadResult><ETag>\"{tag}\"</ETag></CompleteMultipartUploadResult>")
+            format!(
+                "<CompleteMultipartUploadResult><ETag>\"{tag}\"</ETag></CompleteMultipartUploadResult>"
+            )
         };
         Answer {
             status: "200 OK",

@@ -131,7 +131,11 @@ fn a_clock_that_is_off_is_reported_as_such() {
     let changes = [("AWS_ENDPOINT_URL", Some(skewed.url.as_str()))];
     run_with(&remote, &changes).expect(
         1,
-        &["RequestTimeTooSkewed", "set this machine's clock", "run again"],
+        &[
+            "RequestTimeTooSkewed",
+            "set this machine's clock",
+            "run again",
+        ],
     );
     let mut tasks = remote.command(&["tasks", &remote.cell.pipeline().display().to_string()]);
     tasks.env("AWS_ENDPOINT_URL", &skewed.url);

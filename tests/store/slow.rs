@@ -66,7 +66,11 @@ impl Slow {
             .envs(slow.memory.environment())
             .output()
             .expect("started");
-        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stdout));
+        assert!(
+            made.status.success(),
+            "{}",
+            String::from_utf8_lossy(&made.stdout)
+        );
         slow.memory.asked();
         slow
     }
@@ -110,15 +114,24 @@ impl Slow {
 fn told(robots: usize, sessions: usize) -> Slow {
     let slow = Slow::known(robots, sessions);
     let all = robots * sessions;
-    let summary = format!("{all} of {all} within 0.5 mm, 0 without a result: 0 done, {all} done before");
+    let summary =
+        format!("{all} of {all} within 0.5 mm, 0 without a result: 0 done, {all} done before");
     let begun = Instant::now();
     let first = slow.asked_by(&mut slow.command("run"), &[&summary]);
-    println!("{all} sessions: {:.1} s, {} requests", begun.elapsed().as_secs_f64(), first.len());
+    println!(
+        "{all} sessions: {:.1} s, {} requests",
+        begun.elapsed().as_secs_f64(),
+        first.len()
+    );
     slow.is_bounded(&first, sessions);
     // What single tasks did is in the index now.
     let begun = Instant::now();
     let again = slow.asked_by(&mut slow.command("run"), &[&summary]);
-    println!("and again: {:.1} s, {} requests", begun.elapsed().as_secs_f64(), again.len());
+    println!(
+        "and again: {:.1} s, {} requests",
+        begun.elapsed().as_secs_f64(),
+        again.len()
+    );
     slow.is_bounded(&again, 0);
     slow
 }
@@ -164,7 +177,9 @@ fn of_a_process_of_its_own() {
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
         let piece = (own.configuration, own.piece);
-        let state = known.state(own.configuration, own.piece).expect("it has a tag");
+        let state = known
+            .state(own.configuration, own.piece)
+            .expect("it has a tag");
         if done.robot == "kr000" {
             known.keep_alone(&state, piece, &done).expect("writable");
             first.get_or_insert(state);

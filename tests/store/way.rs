@@ -47,16 +47,12 @@ impl Way {
     pub fn out(server: &str, from: usize, length: Duration) -> Self {
         let begun = OnceLock::new();
         Self::with(server, move |number| {
-            let is_out =
-                number >= from && begun.get_or_init(Instant::now).elapsed() < length;
+            let is_out = number >= from && begun.get_or_init(Instant::now).elapsed() < length;
             is_out.then_some(Fault::Refused("503 Slow Down"))
         })
     }
 
-    fn with(
-        server: &str,
-        fault: impl Fn(usize) -> Option<Fault> + Send + Sync + 'static,
-    ) -> Self {
+    fn with(server: &str, fault: impl Fn(usize) -> Option<Fault> + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let url = format!("http://{}", listener.local_addr().expect("bound"));
         let server = server.trim_start_matches("http://").to_owned();

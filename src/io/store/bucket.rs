@@ -179,7 +179,14 @@ impl Bucket {
                 )),
                 ..GetOptions::default()
             };
-            async { self.clients.now().get_opts(&object, options).await?.bytes().await }
+            async {
+                self.clients
+                    .now()
+                    .get_opts(&object, options)
+                    .await?
+                    .bytes()
+                    .await
+            }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
         let mut fetched = 0;
@@ -213,7 +220,11 @@ impl Bucket {
             attributes: [(ATTEMPT, attempt.to_owned())].into_iter().collect(),
             ..PutOptions::default()
         };
-        let put = || self.clients.now().put_opts(object, payload.clone(), options());
+        let put = || {
+            self.clients
+                .now()
+                .put_opts(object, payload.clone(), options())
+        };
         let mut left = RETRIES;
         loop {
             match noted(self.runtime.block_on(put())) {
