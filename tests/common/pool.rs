@@ -92,13 +92,16 @@ impl MeasuredArm {
         seen
     }
 
-    /// Mean error of a model at random poses of the next session's arm, in the base of its session `session`, mm.
-    pub fn error_mm(&mut self, model: &FullModel, session: usize) -> f64 {
-        const POSES: usize = 300;
-        let curves = self.curves.clone();
-        let errors = (0..POSES).map(|_| {
-            let axes = self.axes();
-            let place = self.place(&curves, &axes);
+    /// Random poses, axis variables each.
+    pub fn poses(&mut self, count: usize) -> Vec<Vec<f64>> {
+        (0..count).map(|_| self.axes()).collect()
+    }
+
+    /// Mean error of a model at these poses of the next session's arm, in the base of its session `session`, mm.
+    pub fn error_mm(&self, model: &FullModel, session: usize, poses: &[Vec<f64>]) -> f64 {
+        let errors = poses.iter().map(|axes| {
+            let place = self.place(&self.curves, axes);
+            let axes = axes.clone();
             let seen = Observation::planned(0, axes, place, Matrix3::identity());
             let query = Query {
                 session,
@@ -108,7 +111,7 @@ impl MeasuredArm {
             };
             (model.position(&query) - place).norm()
         });
-        errors.sum::<f64>() / POSES as f64
+        errors.sum::<f64>() / poses.len() as f64
     }
 
     fn axes(&mut self) -> Vec<f64> {
