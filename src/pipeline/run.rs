@@ -430,7 +430,10 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
-            let (position, stated) = (reading.position()?, reading.value.point()?.stated_covariance);
+            let (position, stated) = (
+                reading.position()?,
+                reading.value.point()?.stated_covariance,
+            );
             let source = noise.source(reading.source);
             let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
             let instrument = match stated {

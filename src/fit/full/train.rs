@@ -76,7 +76,9 @@ pub fn train(
 ) -> Option<Settled> {
     let mut state = State::new(problem, start, settings, up.is_some());
     let expected = state.repeatability.clone();
-    state.repeatability.start_from(problem.misfit_mm(&state.offsets));
+    state
+        .repeatability
+        .start_from(problem.misfit_mm(&state.offsets));
     for (round, &steps) in STEPS.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
