@@ -297,9 +297,9 @@ fn replaced_files_stay_for_a_day() {
         let then = SystemTime::now() - Duration::from_hours(24 * days);
         file.expect("there").set_modified(then).expect("set");
     };
-    generations(folder.path())
-        .keys()
-        .for_each(|name| old(name, 3));
+    for name in generations(folder.path()).keys() {
+        old(name, 3);
+    }
     old("states/00000001.jsonl", 3);
     old("states/00000002.jsonl", 2);
     publish(&lake, "a", "thu", Some(3));

@@ -98,11 +98,11 @@ impl Normal {
     }
 }
 
-fn reading(of: &Reading, target: usize, value: Value) -> Reading {
+fn reading(of: &Reading, target: usize, value: &Value) -> Reading {
     Reading {
         source: SourceId::ONLY,
         target: TargetId(target),
-        value,
+        value: *value,
         ..of.clone()
     }
 }
@@ -143,7 +143,7 @@ fn six_dof(session: &JoinedSession) -> JoinedSession {
                 scatter_rad: 0.0,
                 stated_covariance: None,
             };
-            *own = reading(own, 0, Value::Pose(point(position), turn));
+            *own = reading(own, 0, &Value::Pose(point(position), turn));
         }
     }
     session
@@ -162,7 +162,7 @@ fn reflectors(
         };
         let seen = |target: usize| {
             let position = pose(&own) * Point3::from(PLACES[target]) + noise.vector(NOISE_MM);
-            reading(&own, target, Value::Point(point(position)))
+            reading(&own, target, &Value::Point(point(position)))
         };
         let all: Vec<Reading> = (0..3).map(seen).collect();
         let kept = all

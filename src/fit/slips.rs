@@ -252,7 +252,9 @@ fn brought_in(left: &[Left]) -> DVector<f64> {
 /// Orthonormal columns of a parabola over so many readings.
 fn trend(count: usize) -> DMatrix<f64> {
     let at = |row: usize| 2.0 * row as f64 / (count - 1) as f64 - 1.0;
-    let columns = DMatrix::from_fn(count, TREND, |row, power| at(row).powi(power as i32));
+    let columns = DMatrix::from_fn(count, TREND, |row, power| {
+        std::iter::repeat_n(at(row), power).product()
+    });
     columns.qr().q()
 }
 

@@ -88,10 +88,8 @@ pub fn found(
     arm: &Arm,
     observations: &[Observation],
     calibration: &Calibration,
-    (stated, applied): (
-        &dyn Fn(&Observation) -> Option<DMatrix<f64>>,
-        &dyn Fn(&Observation) -> StatedSize,
-    ),
+    stated: impl Fn(&Observation) -> Option<DMatrix<f64>>,
+    applied: impl Fn(&Observation) -> StatedSize,
 ) -> Vec<FoundSize> {
     let problem = Problem::new(
         observations,

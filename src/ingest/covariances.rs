@@ -236,24 +236,23 @@ mod tests {
         rows
     }
 
-    fn judged(rows: [f64; 36]) -> (PoseCovariance, Vec<(&'static str, u64)>) {
+    fn judged(rows: &[f64; 36]) -> (PoseCovariance, Vec<(&'static str, u64)>) {
         let mut counts = CovarianceCounts::default();
-        let found = LoggedCovariance::Pose(rows).judged(true, &mut counts);
+        let found = LoggedCovariance::Pose(*rows).judged(true, &mut counts);
         let some = counts.named().filter(|(_, count)| *count > 0);
         (found, some.collect())
     }
 
     #[test]
     fn a_covariance_is_read_whole_in_the_order_of_ros() {
-        let (found, counts) = judged(rows(0.5));
+        let (found, counts) = judged(&rows(0.5));
         assert_eq!(found.position, Some([1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6]));
-        let turn = found.turn.expect("stated");
-        assert_eq!(turn.own, [4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6]);
-        // The row of x, the column of the rotation about Y.
-        assert_eq!(
-            turn.with_position,
-            [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        );
+        let turn = TurnCovariance {
+            own: [4e-6, 0.0, 0.0, 4e-6, 0.0, 4e-6],
+            // The row of x, the column of the rotation about Y.
+            with_position: [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        };
+        assert_eq!(found.turn, Some(turn));
         assert_eq!(
             counts,
             [("position_covariances", 1), ("orientation_covariances", 1)]
@@ -292,7 +291,7 @@ mod tests {
         let mut minus_one = rows(0.0);
         minus_one[0] = -1.0;
         for (rows, why) in [([0.0; 36], "all_zero"), (minus_one, "minus_one")] {
-            let (found, counts) = judged(rows);
+            let (found, counts) = judged(&rows);
             assert_eq!(found, PoseCovariance::default());
             let reasons: Vec<&str> = counts.iter().map(|(name, _)| *name).collect();
             assert!(
@@ -305,13 +304,13 @@ mod tests {
             (-1.0, "minus_one"),
             (-2e-6, "not_positive"),
         ] {
-            let (found, counts) = judged(part(3, entry));
+            let (found, counts) = judged(&part(3, entry));
             assert!(found.position.is_some() && found.turn.is_none());
             assert!(
                 counts.iter().any(|(name, _)| *name == both(why)[1]),
                 "{counts:?}"
             );
-            let (found, counts) = judged(part(0, entry));
+            let (found, counts) = judged(&part(0, entry));
             assert_eq!(found.position, None);
             assert!(
                 counts.iter().any(|(name, _)| *name == both(why)[0]),
@@ -326,7 +325,7 @@ mod tests {
         let mut nan = rows(0.0);
         nan[28] = f64::NAN;
         for rows in [rows(1.1), one_sided, exact, nan] {
-            let (found, counts) = judged(rows);
+            let (found, counts) = judged(&rows);
             assert!(
                 found.position.is_some() && found.turn.is_none(),
                 "{found:?}"
@@ -339,7 +338,7 @@ mod tests {
         // On the edge, in single precision.
         #[expect(clippy::cast_possible_truncation, reason = "what a publisher does")]
         let single = rows(1.0).map(|entry| f64::from(entry as f32));
-        assert!(judged(single).0.turn.is_some());
+        assert!(judged(&single).0.turn.is_some());
     }
 
     #[test]

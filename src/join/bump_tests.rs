@@ -1,6 +1,8 @@
 //! Bumps of the instrument that are larger than the gate of the join, on synthetic sessions with known truth: with three references, with
 //! one, and without any.
 
+use std::cmp::Ordering;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -205,12 +207,10 @@ fn a_bump_that_no_reference_tells_is_named_and_the_larger_part_is_joined() {
         else {
             panic!("{at}, {mm} mm, {deg} deg: {:?}", joined.elsewhere);
         };
-        let smaller = if at > STATIONS - at {
-            [at, STATIONS - 1]
-        } else if at < STATIONS - at {
-            [0, at - 1]
-        } else {
-            stations
+        let smaller = match at.cmp(&(STATIONS - at)) {
+            Ordering::Greater => [at, STATIONS - 1],
+            Ordering::Less => [0, at - 1],
+            Ordering::Equal => stations,
         };
         assert_eq!(stations, smaller, "{mm} mm");
         assert!((turn_rad.to_degrees() - deg).abs() < 0.2, "{turn_rad}");

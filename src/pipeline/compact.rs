@@ -125,7 +125,7 @@ fn attempt(
     let state = lake.compact_state()?;
     let mut months = known(lake, &state, damaged);
     let mut done = Compacted::default();
-    compare(lake, listed, &mut months, &mut done, progress);
+    compare(lake, &listed, &mut months, &mut done, progress);
     let mut files = Vec::new();
     for (month, own) in months {
         if own.is_unchanged() {
@@ -164,13 +164,15 @@ fn known(lake: &Lake, state: &CompactState, damaged: &BTreeSet<String>) -> BTree
 /// Finds what is gone from each month, and reads what is new.
 fn compare(
     lake: &Lake,
-    listed: Vec<Listed>,
+    listed: &[Listed],
     months: &mut BTreeMap<String, Month>,
     done: &mut Compacted,
     progress: &dyn Progress,
 ) {
     let there: BTreeSet<&str> = listed.iter().map(|file| file.key.as_str()).collect();
-    months.values_mut().for_each(|own| own.find_gone(&there));
+    for own in months.values_mut() {
+        own.find_gone(&there);
+    }
     let known = |file: &Listed| months.values().any(|own| own.keys.contains(&file.key));
     let new: Vec<Listed> = listed.iter().filter(|file| !known(file)).cloned().collect();
     progress.begin("runs", new.len() as u64);

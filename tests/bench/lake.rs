@@ -76,7 +76,8 @@ impl Template {
         let name = format!("robot-{robot:03}");
         let run = blake3::hash(format!("{name}/{session}").as_bytes()).to_hex()[..32].to_owned();
         let key = RunKey::new(name, &session, run);
-        let started_s = BEGIN_S + DAY_S * night as i64 + APART_S * robot as i64;
+        let [night_i, robot_i] = [night, robot].map(|own| i64::try_from(own).expect("few"));
+        let started_s = BEGIN_S + DAY_S * night_i + APART_S * robot_i;
         let started = WallTime::of_us(1_000_000 * started_s);
         let factor = 0.8 + 0.4 * phase(robot, 7) + 0.05 * phase(robot * 31 + night, 11);
         let accuracy = self.accuracy(&key, started, factor);

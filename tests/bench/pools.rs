@@ -47,7 +47,7 @@ fn main() {
         let more = pool.map(|pool| grown(&measured.arm, &pool, &next, &start, &settings));
         let more_s = more.map_or(0.0, |_| began.elapsed().as_secs_f64());
         let (columns, count) = (model.layout().size(), seen.len());
-        let each = wall_s / sessions as f64;
+        let each = wall_s / f64::from(sessions);
         let peak = peak_mb();
         println!(
             "{sessions:>8} {count:>9} {columns:>9} {wall_s:>8.2} {each:>11.3} {more_s:>10.2} {peak:>8.0}"

@@ -3,6 +3,7 @@
 //! It knows what posegrid asks for: listings, reads of ranges, conditional puts and uploads in parts. Signatures are not checked.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
@@ -198,7 +199,8 @@ impl Held {
                 }
                 _ => {
                     count += 1;
-                    found += &format!(
+                    let _ = write!(
+                        found,
                         "<Contents><Key>{key}</Key><LastModified>2026-01-01T00:00:00.000Z</LastModified>\
                          <ETag>\"{}\"</ETag><Size>{}</Size></Contents>",
                         tag(bytes),

@@ -36,7 +36,7 @@ pub enum Block {
         /// The joint, from 0.
         joint: usize,
     },
-    /// Change of one joint's curve over one step of years, in all sessions before it ([`super::ageing`]).
+    /// Change of one joint's curve over one step of years, in all sessions before it.
     Ageing {
         /// The joint, from 0.
         joint: usize,

@@ -11,7 +11,7 @@
 //! exists once its file does: of several processes that create one number exactly one succeeds. A reader takes the state with the
 //! highest number and the files that it names, and so sees each row once. What is here may be removed at any time, and is then made again.
 //!
-//! Files that the newest state does not name are kept for [`KEPT`] after the state that replaced them: a reader that began before has that
+//! Files that the newest state does not name are kept for `KEPT` after the state that replaced them: a reader that began before has that
 //! long to end.
 
 use std::collections::BTreeSet;
@@ -127,7 +127,8 @@ impl Lake {
         month: &str,
     ) -> Result<CompactFile, LakeError> {
         let folder = format!("{COMPACT}/{KEYS}/{month}");
-        let text: String = keys.iter().map(|key| format!("{key}\n")).collect();
+        let lines = keys.iter().flat_map(|key| [key.as_str(), "\n"]);
+        let text: String = lines.collect();
         let place = self.written_at(&folder);
         let packed = zstd::encode_all(text.as_bytes(), LEVEL);
         let packed = packed.map_err(folder_error("write", &place))?;
@@ -183,7 +184,7 @@ impl Lake {
         Some(text.lines().map(str::to_owned).collect())
     }
 
-    /// Removes files that neither the newest state nor one that was replaced less than [`KEPT`] ago names; returns their number.
+    /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their number.
     pub fn remove_replaced(&self) -> Result<usize, LakeError> {
         let mut states: Vec<(u64, Listed)> = Vec::new();
         let listed = self.store.list(COMPACT, 1..=2)?;

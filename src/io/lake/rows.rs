@@ -46,7 +46,7 @@ impl Lake {
     }
 
     /// Calls `work` where parallel iterators have as many threads as this lake is read with: one for each processor in a folder, and
-    /// [`WAITING`] on object storage, where most of the time is waiting for answers.
+    /// `WAITING` on object storage, where most of the time is waiting for answers.
     pub fn read_with<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         let pool = ThreadPoolBuilder::new().num_threads(WAITING);
         match (self.folder(), pool.build()) {

@@ -388,11 +388,12 @@ impl Told {
     }
 }
 
+/// A first and a last moment.
+type Span = (Stamp<Tracker>, Stamp<Tracker>);
+
 /// The first and the last moment of references; `None` without any.
-fn span(
-    references: &[(usize, &ReferenceReadings)],
-) -> Result<Option<(Stamp<Tracker>, Stamp<Tracker>)>, JoinError> {
-    let mut span: Option<(Stamp<Tracker>, Stamp<Tracker>)> = None;
+fn span(references: &[(usize, &ReferenceReadings)]) -> Result<Option<Span>, JoinError> {
+    let mut span: Option<Span> = None;
     for (_, own) in references {
         let ends = (
             own.readings.stamp(0)?,

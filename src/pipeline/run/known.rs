@@ -499,7 +499,7 @@ mod tests {
             "of another content, with the size and time of the first"
         );
         // Copied from a machine whose clock is an hour ahead, with its times.
-        let ahead = SystemTime::now() + Duration::from_secs(3600);
+        let ahead = SystemTime::now() + Duration::from_hours(1);
         file.set_modified(ahead).expect("writable");
         std::thread::sleep(SETTLED + Duration::from_millis(50));
         assert!(is_settled(&Tree::Folder, &path));

@@ -133,7 +133,7 @@ fn add_source(part: &Part<'_>, instrument: &str, settings: &mut StageSettings) -
         ..fit.gauges[part.source.0]
     });
     let noise = &mut settings.noise.sources;
-    noise.push(noise[part.source.0].clone());
+    noise.push(noise[part.source.0]);
     SourceId(sources)
 }
 

@@ -47,15 +47,10 @@ pub(super) fn sized(
             .iter()
             .map(|own| own.stated_sizes.clone())
             .collect();
-        found = stated_size::found(
-            arm,
-            &seen,
-            &geometric,
-            (&of, &|own: &Observation| {
-                let own = sizes[own.session].get(own.source.0).copied();
-                own.unwrap_or(StatedSize::ONE)
-            }),
-        );
+        found = stated_size::found(arm, &seen, &geometric, of, |own: &Observation| {
+            let own = sizes[own.session].get(own.source.0).copied();
+            own.unwrap_or(StatedSize::ONE)
+        });
         give(training, test, settings, &found);
     }
     Ok(found)

@@ -217,21 +217,18 @@ fn guessed(
     } else {
         LengthRead::Distance
     };
-    let (reads, unit) = match tried {
-        [best, others @ ..] => {
-            doubts.push(by_arm(best, others));
-            (best.reads, best.unit)
-        }
-        [] => {
-            let unit = unit_by_size(summary);
-            doubts.push(format!(
+    let (reads, unit) = if let [best, others @ ..] = tried {
+        doubts.push(by_arm(best, others));
+        (best.reads, best.unit)
+    } else {
+        let unit = unit_by_size(summary);
+        doubts.push(format!(
                 "no arm tells it: {} by its name, in {} by its {}; \"distance\" is from an anchor, \"height\" above a plane",
                 by_name.word(),
                 unit_word(unit),
                 if summary.named.unit.is_some() { "name" } else { "size" },
             ));
-            (by_name, unit)
-        }
+        (by_name, unit)
     };
     if sd.is_none() {
         doubts.push(format!(

@@ -246,7 +246,7 @@ impl Reader {
         }
         for (place, (position, orientation)) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_row(poses, stamp, position, orientation, None);
+            push_row(poses, stamp, position, orientation);
         }
         Ok(())
     }
@@ -438,13 +438,12 @@ fn push_pose(
     } else {
         None
     };
-    let covariance = if covariance {
+    if covariance {
         let slot = first + if orientation { 7 } else { 3 };
-        Some(logged_covariance(values, slot)?)
-    } else {
-        None
-    };
-    push_row(poses, stamp, position, quaternion, covariance);
+        let own = logged_covariance(values, slot)?;
+        poses.covariances.get_or_insert_default().push(own);
+    }
+    push_row(poses, stamp, position, quaternion);
     Ok(())
 }
 
@@ -453,11 +452,7 @@ fn push_row(
     stamp: i64,
     position: [f64; 3],
     quaternion: Option<[f64; 4]>,
-    covariance: Option<LoggedCovariance>,
 ) {
-    if let Some(covariance) = covariance {
-        poses.covariances.get_or_insert_default().push(covariance);
-    }
     if let Some(quaternion) = quaternion {
         poses.orientations.get_or_insert_default().push(quaternion);
     }

@@ -314,7 +314,7 @@ mod tests {
         let looks: Vec<Look> = (0..STATIONS).map(look).collect();
         let at = looks.iter().enumerate().map(|(station, own)| LookAt {
             line: station as u64 + 1,
-            at_ns: 60_000_000_000 * station as i64,
+            at_ns: 60_000_000_000 * i64::try_from(station).expect("few stations"),
             station: Some(station),
             seen: own.seen.len(),
         });
