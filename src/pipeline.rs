@@ -12,7 +12,6 @@ pub mod history;
 pub mod keys;
 pub mod planning;
 mod promise;
-pub mod publish;
 pub mod robot_entry;
 pub mod robot_file;
 pub mod run;

@@ -254,7 +254,7 @@ fn held_out(outcome: &Outcome<'_>) -> (f64, usize, f64) {
     let own = outcome.accuracy.iter().find(|own| {
         let subject = &own.subject;
         (subject.model, subject.split, subject.angles)
-            == (Model::Full, Split::Blocks, Angles::Reported)
+            == (Model::Full, Split::Blocks, Angles::Weighted)
     });
     let own = own.expect("held-out blocks");
     let inside = own.coverage.expect("a covariance").inside;

@@ -80,13 +80,13 @@ fn list() -> String {
             ""
         };
         format!(
-            "{:<17} v{}  one row per {}{read}\n",
+            "{:<18} v{}  one row per {}{read}\n",
             schema.table, schema.version, schema.one_row_per
         )
     };
-    let keys = |file: &str| format!("{file:<17}     every key of a {file} file (read)\n");
+    let keys = |file: &str| format!("{file:<18}     every key of a {file} file (read)\n");
     let tables = schema::all().iter().map(line);
-    let views = format!("{VIEWS:<17}     SQL of the views current_runs and sessions, for DuckDB\n");
+    let views = format!("{VIEWS:<18}     SQL of the views current_runs and sessions, for DuckDB\n");
     tables.chain(keys::FILES.map(keys)).chain([views]).collect()
 }
 
@@ -162,7 +162,7 @@ mod tests {
             schema::all().len() + keys::FILES.len() + 1
         );
         assert!(
-            text.contains("\nstations          v5  one row per dwell of the arm\n"),
+            text.contains("\nstations           v6  one row per dwell of the arm\n"),
             "{text}"
         );
     }

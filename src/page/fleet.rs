@@ -32,10 +32,10 @@ const SECTIONS: [Maker<Content>; 6] = [
 /// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
-        title: format!("Fleet · {} robots", content.robots.len()),
+        title: format!("Fleet · {}", content::how_many(content.robots.len())),
         header: header::header(content),
         sections: shell::sections(&SECTIONS, content),
-        footer: html! { "posegrid " (content.version) " · fleet of " (content.robots.len()) " robots" },
+        footer: html! { "posegrid " (content.version) " · fleet of " (content::how_many(content.robots.len())) },
     })
 }
 

@@ -10,6 +10,7 @@ mod inputs;
 mod joined;
 mod known;
 mod mounting;
+pub mod publish;
 mod session;
 
 use nalgebra::Isometry3;
@@ -18,7 +19,6 @@ use super::compared::compared;
 use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
-use super::publish::publish;
 use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
 use super::{damage, driven, stages};
@@ -43,6 +43,7 @@ pub(super) use inputs::{input, is_of_session, work};
 use joined::Joiner;
 pub(super) use joined::joined_work;
 pub use known::Known;
+use publish::publish;
 pub(super) use session::session;
 
 /// The result of a finished piece of work.

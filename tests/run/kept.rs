@@ -28,7 +28,9 @@ fn later(cell: &Cell, session: &str, first: &str) -> String {
 /// Paths in the lake of what a run wrote, its row in `runs` left out.
 fn files_of(cell: &Cell, run: &str) -> Vec<PathBuf> {
     let all = cell.lake().into_keys();
-    let own = all.filter(|path| path.contains(run) && !path.starts_with("runs/"));
+    let own = all.filter(|path| {
+        path.contains(run) && !path.starts_with("runs/") && !path.starts_with(".history/")
+    });
     own.map(|path| cell.path("lake").join(path)).collect()
 }
 

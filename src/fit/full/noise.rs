@@ -5,9 +5,9 @@
 //! each reading's own. With the rows of all readings of a station one below the other,
 //! `N = blockdiag(instrument + o² I) + s₀² E Eᵀ + Σ_j s_j² J_j J_jᵀ`, over the station's weight: E is what the readings show of a
 //! translation of the flange, `J_j` of a turn of joint j, and o what readings of several targets have of their own beyond the
-//! instrument's statement. The sizes follow from leave-one-out
-//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀ a_k/s_k²) / (s_k² Σ tr(K T_k) + ν₀)`, repeated until it converges, with a weak
-//! inverse-gamma prior (ν₀ observations of the expected size `a_k`): a size far above it costs hardly anything, and none falls to
+//! instrument's statement. The sizes follow from leave-one-out residuals:
+//! `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀ min(1, a_k/s_k²)) / (s_k² Σ tr(K T_k) + ν₀ min(1, s_k²/a_k))`, repeated until it converges. Its
+//! prior pulls to the expected size `a_k` with no more than ν₀ observations, from below and from above: none falls to
 //! zero. The stated variance of a source that reads a length has a factor of its own, found by the same rule.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
@@ -114,8 +114,8 @@ impl Repeatability {
                 own.add_to(self, &mut found, &mut expected);
             }
             let step = |variance: &mut f64, term: usize, before: f64| {
-                let found = *variance * found[term] + PRIOR * before / *variance;
-                let expected = *variance * expected[term] + PRIOR;
+                let found = *variance * found[term] + PRIOR * (before / *variance).min(1.0);
+                let expected = *variance * expected[term] + PRIOR * (*variance / before).min(1.0);
                 *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
             };
             step(&mut self.position, Term::POSITION, before.position);

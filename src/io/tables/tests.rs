@@ -22,7 +22,7 @@ use crate::io::table::Word as _;
 use crate::io::targets::{CorrectedRow, TargetRow};
 use crate::manifest::{Work, canonical};
 use crate::page::Statements;
-use crate::pipeline::publish::publish;
+use crate::pipeline::run::publish::publish;
 use crate::report;
 use crate::units::{Stamp, WallTime};
 use example::{ARM, OUTCOME, SESSION, context};

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::content::Content;
+use super::content::{Content, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::words::verdict;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
@@ -45,7 +45,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         figure {
             (chart.svg())
-            figcaption { "Newest sessions of " (ratios.len()) " robots, the smallest bound over its tolerance first." }
+            figcaption { "Newest sessions of " (how_many(ratios.len())) ", the smallest bound over its tolerance first." }
         }
     })
 }

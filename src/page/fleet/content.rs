@@ -98,3 +98,12 @@ impl Newest {
         self.moved.is_some() || !self.out_of_control.is_empty()
     }
 }
+
+/// A number of robots, in words.
+pub(super) fn how_many(robots: usize) -> String {
+    if robots == 1 {
+        "1 robot".to_owned()
+    } else {
+        format!("{robots} robots")
+    }
+}

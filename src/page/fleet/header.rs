@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Newest};
+use super::content::{Content, Newest, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::verdict::fact;
 use crate::page::words::whole;
@@ -11,7 +11,7 @@ pub(super) fn header(content: &Content) -> Markup {
     let (class, sign, headline) = status(content);
     html! {
         header {
-            p.which { "Fleet · " (content.robots.len()) " robots" }
+            p.which { "Fleet · " (how_many(content.robots.len())) }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
             p.lead { (as_of(content)) }
             dl.facts { @for (name, count) in counts(content) { (fact(name, &html! { (whole(count as u64)) }, &html! {})) } }
@@ -53,12 +53,11 @@ fn status(content: &Content) -> (&'static str, &'static str, String) {
     let all = content.robots.len();
     let [met, not_met, ..] = counts(content).map(|(_, count)| count);
     if not_met > 0 {
-        let robots = if not_met == 1 {
-            "robot does"
-        } else {
-            "robots do"
-        };
-        let headline = format!("{not_met} of {all} {robots} not meet the tolerance");
+        let verb = if not_met == 1 { "does" } else { "do" };
+        let headline = format!(
+            "{not_met} of {} {verb} not meet the tolerance",
+            how_many(all)
+        );
         ("not-met", "✗", headline)
     } else if met < all {
         let headline = format!("{met} of {all} robots are shown to meet the tolerance");

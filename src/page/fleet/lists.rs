@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 
 use maud::{Markup, html};
 
-use super::content::{Content, Newest, Robot};
+use super::content::{Content, Newest, Robot, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::history::figure_name;
 use crate::page::shell::table;
@@ -27,7 +27,7 @@ pub(super) fn worst(content: &Content) -> Option<Markup> {
     sort_by_ratio(&mut own);
     own.truncate(WORST);
     Some(html! {
-        p { "The " (own.len()) " robots whose bound is the largest over their tolerance." }
+        p { "The " (how_many(own.len())) " whose bound is the largest over their tolerance." }
         (figures(content, &own))
     })
 }
@@ -41,7 +41,7 @@ pub(super) fn moved(content: &Content) -> Markup {
         .partition(|(_, newest)| content.is_last_night(newest));
     html! {
         @if last.is_empty() { p { "Nothing moved last night, and no figure left its control limits." } }
-        @else { p { "Last night, of " (last.len()) " robots:" } (changes(&last)) }
+        @else { p { "Last night, of " (how_many(last.len())) ":" } (changes(&last)) }
         @if !earlier.is_empty() {
             h3 { "Before last night, in the robot's newest session" }
             (changes(&earlier))
@@ -94,7 +94,7 @@ pub(super) fn not_measured(content: &Content) -> Markup {
     html! {
         @if own.is_empty() && without.is_empty() { p { "Every robot was measured last night." } }
         @if !own.is_empty() {
-            p { "Of " (own.len()) " robots the newest session began 24 hours or more before " (content.as_of_text()) ", or has no date." }
+            p { "Of " (how_many(own.len())) " the newest session began 24 hours or more before " (content.as_of_text()) ", or has no date." }
             (folded(&head, &own.iter().map(row).collect::<Vec<_>>()))
         }
         @if !without.is_empty() {
@@ -123,7 +123,7 @@ pub(super) fn all(content: &Content) -> Markup {
     html! {
         @for (own, robots) in groups.iter().filter(|(_, robots)| !robots.is_empty()) {
             h3 { (capital(verdict(*own))) ": " (robots.len()) }
-            @if robots.len() > MOST { details { summary { (robots.len()) " robots" } (figures(content, robots)) } }
+            @if robots.len() > MOST { details { summary { (how_many(robots.len())) } (figures(content, robots)) } }
             @else { (figures(content, robots)) }
         }
     }

@@ -90,6 +90,9 @@ pub(super) enum Kind {
 
 /// The robots of a lake, in the order of their folders.
 pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotRows>, HistoryError> {
+    if lake.folder().is_some_and(|folder| !folder.is_dir()) {
+        return Err(HistoryError::NoLake(lake.root()));
+    }
     let mut robots: Vec<RobotRows> = Vec::new();
     for file in lake.run_files()? {
         let folder = file.key.split('/').nth(1).unwrap_or_default();
