@@ -425,7 +425,9 @@ fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64
         .filter(|&row| readings.positions[row].iter().any(|x| *x != 0.0))
         .collect();
     let stated = readings.covariances.as_ref().expect("stated");
+    // One that is none does not count.
     let whole = rows.iter().filter_map(|&row| stated[row].whole());
+    let whole = whole.filter(|own| own.cholesky().is_some());
     let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| {
         (sum + own, n + 1.0)
     });
@@ -483,7 +485,8 @@ position = ["x", "y", "z"]
 unit = "mm"
 covariance = ["xx", "xy", "xz", "yy", "yz", "zz"]
 [tracker]
-uncertainty = { range_um = 300, range_um_per_m = 0, transverse_um = 60, transverse_um_per_m = 0, divisor = 1 }
+# For readings whose own covariance is none: what the scanner really does at three metres.
+uncertainty = { range_um = 2700, range_um_per_m = 0, transverse_um = 180, transverse_um_per_m = 0, divisor = 1 }
 [fit.full]
 enabled = false
 [grid]

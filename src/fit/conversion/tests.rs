@@ -1,5 +1,7 @@
 //! One arm in every convention: fitted to the same stations it predicts the same, and its errors are carried from one to the other.
 
+use std::ops::Range;
+
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::*;
@@ -135,9 +137,12 @@ impl Truth {
     }
 
     pub(crate) fn observed(&self, poses: bool) -> Vec<Observation> {
-        let stations: Vec<Station> = (0..STATIONS)
-            .map(|place| self.station(place, poses))
-            .collect();
+        self.observed_at(0..STATIONS, poses)
+    }
+
+    /// The stations of these places; those from [`STATIONS`] on are at other poses.
+    pub(crate) fn observed_at(&self, places: Range<usize>, poses: bool) -> Vec<Observation> {
+        let stations: Vec<Station> = places.map(|place| self.station(place, poses)).collect();
         let noise = Noise {
             sources: vec![Source {
                 reads: if poses {

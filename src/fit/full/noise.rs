@@ -317,3 +317,53 @@ impl NoiseEvidence {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Residuals of `count` points of an exact instrument whose arm repeats with this standard deviation per axis, mm.
+    fn residuals(count: usize, sd_mm: f64) -> Vec<NoiseEvidence> {
+        let one = |place: usize| NoiseEvidence {
+            // Squares of mean 1: one of three axes, in turn, is off by √3 of the standard deviation.
+            residual: DVector::from_fn(3, |row, _| {
+                if row == place % 3 {
+                    3.0_f64.sqrt() * sd_mm
+                } else {
+                    0.0
+                }
+            }),
+            open: DMatrix::zeros(3, 3),
+            station: StationNoise {
+                readings: vec![ReadingNoise {
+                    instrument: DMatrix::identity(3, 3) * 1e-12,
+                    of_length: None,
+                }],
+                common: DMatrix::identity(3, 3),
+                joints: Vec::new(),
+            },
+            weight: 1.0,
+            information: 1.0,
+        };
+        (0..count).map(one).collect()
+    }
+
+    fn found_mm(count: usize, sd_mm: f64) -> f64 {
+        let expected = Repeatability::expected(&FullSettings::default(), &[]);
+        let mut sizes = expected.clone();
+        sizes.update(&residuals(count, sd_mm), &expected);
+        sizes.position.sqrt()
+    }
+
+    #[test]
+    fn a_repeatability_far_from_the_expected_one_is_found() {
+        // Two observations of 0.02 mm beside the squares of 3 × 100: 1 mm is found but for a thousandth or so.
+        for sd_mm in [0.02, 0.2, 1.0] {
+            let found = found_mm(100, sd_mm);
+            assert!((found / sd_mm - 1.0).abs() < 0.01, "{found} of {sd_mm}");
+        }
+        // Smaller ones are drawn up, not to zero.
+        let found = found_mm(100, 0.002);
+        assert!((0.002..0.004).contains(&found), "{found}");
+    }
+}
