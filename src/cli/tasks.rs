@@ -230,7 +230,7 @@ fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
     Ok((task.id, task.robot))
 }
 
-/// What is known of the fleet's lake; `None` where it cannot be read, which is reported.
+/// Finished work in the fleet's lake; `None` where it cannot be read, which is reported.
 fn known(fleet: &Fleet, read: impl Fn(Lake) -> Result<Known, LakeError>) -> Option<Known> {
     let known = Lake::at(&fleet.lake).and_then(read);
     known

@@ -9,8 +9,8 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::Calibration;
+use super::geometry_left::Residuals;
 use super::observation::Observation;
-use super::problem::{Freedom, Prior, Problem};
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
@@ -46,38 +46,16 @@ pub fn found(
     calibration: &Calibration,
     source: SourceId,
 ) -> Option<CameraSize> {
-    let problem = Problem::new(
-        observations,
-        arm.chain(),
-        &calibration.frames,
-        Freedom::Geometry,
-        &Prior::default(),
-    );
-    let chains = problem.held(&calibration.geometry_alone(&problem));
-    let row = |own: &Observation| {
-        let end = chains.of(own.channel()).view(&own.axes).end;
-        Row {
-            residual: DVector::from_vec(own.measured.residual(&end, None)),
-            camera: own.measured.instrument(),
-        }
+    let left = Residuals::of(arm, observations, calibration);
+    let row = |own: &Observation| Row {
+        residual: left.residual(own),
+        camera: own.measured.instrument(),
     };
     let own = observations.iter().filter(|own| own.source == source);
     let rows: Vec<Row> = own.map(row).collect();
-    let all = problem.row_count() as f64;
-    let counted = (all / (all - calibration.structure.rank as f64).max(1.0)).max(1.0);
-    (rows.len() >= 10).then(|| scored(&rows, counted)).flatten()
-}
-
-impl Calibration {
-    /// Its geometry around its own frames, as offsets of a problem that starts from them.
-    pub(super) fn geometry_alone(&self, problem: &Problem<'_>) -> DVector<f64> {
-        let mut offsets = DVector::zeros(problem.unknowns().len());
-        for (place, own) in self.geometry.iter().enumerate() {
-            // The arm's parameters are the first unknowns, in the order of its chain.
-            offsets[place] = *own;
-        }
-        offsets
-    }
+    (rows.len() >= 10)
+        .then(|| scored(&rows, left.counted))
+        .flatten()
 }
 
 /// Fisher's scoring on the variances (k, s²) of `k C + s² I`, with squares of residuals raised by `counted`.

@@ -15,8 +15,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Calibration;
+use super::geometry_left::Residuals;
 use super::observation::{Observation, StatedSize};
-use super::problem::{Freedom, Prior, Problem};
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
@@ -58,9 +58,9 @@ pub struct FoundSize {
 #[derive(Debug, Clone)]
 struct Row {
     residual: DVector<f64>,
-    /// What it states.
+    /// Covariance that it states, mm² and rad².
     stated: DMatrix<f64>,
-    /// What is known beside it.
+    /// Covariance that is known beside it, mm² and rad².
     beside: DMatrix<f64>,
     weight: f64,
 }
@@ -91,25 +91,15 @@ pub fn found(
     stated: impl Fn(&Observation) -> Option<DMatrix<f64>>,
     applied: impl Fn(&Observation) -> StatedSize,
 ) -> Vec<FoundSize> {
-    let problem = Problem::new(
-        observations,
-        arm.chain(),
-        &calibration.frames,
-        Freedom::Geometry,
-        &Prior::default(),
-    );
-    let chains = problem.held(&calibration.geometry_alone(&problem));
-    let all = problem.row_count() as f64;
-    let counted = (all / (all - calibration.structure.rank as f64).max(1.0)).max(1.0);
+    let left = Residuals::of(arm, observations, calibration);
     let row = |(own, weight): (&Observation, &f64)| {
-        let end = chains.of(own.channel()).view(&own.axes).end;
         let whole = own.measured.instrument();
         let stated = stated(own).filter(|own| own.nrows() == whole.nrows())?;
         let row = Row {
-            residual: DVector::from_vec(own.measured.residual(&end, None)),
+            residual: left.residual(own),
             beside: whole - with_factors(&stated, applied(own)),
             stated,
-            weight: weight * counted,
+            weight: weight * left.counted,
         };
         Some(((own.session, own.source), row))
     };
@@ -213,7 +203,7 @@ fn scored(rows: &[Row], factors: Factors) -> Option<(At, [f64; 2])> {
     None
 }
 
-/// The inverse of an information matrix on scaled columns; `None` where parameters cannot be told apart.
+/// The inverse of an information matrix on scaled columns; `None` where parameters are confounded.
 fn conditioned(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scales = information.diagonal().map(f64::sqrt);
     if scales.iter().any(|scale| *scale <= 0.0) {

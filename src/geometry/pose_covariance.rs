@@ -24,9 +24,9 @@ pub struct TurnCovariance {
 /// The covariance that a reading states of its pose, as far as it states one.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PoseCovariance {
-    /// Of the position, mm²: xx xy xz yy yz zz; `None` where it is not known.
+    /// Covariance of the position, mm²: xx xy xz yy yz zz; `None` where it is not known.
     pub position: Option<[f64; 6]>,
-    /// Of the orientation; `None` where it is not known, or where there is no orientation.
+    /// Covariance of the orientation, alone and with the position; `None` where it is not known, or where there is no orientation.
     pub turn: Option<TurnCovariance>,
 }
 
@@ -62,7 +62,7 @@ impl TurnCovariance {
 }
 
 impl PoseCovariance {
-    /// Of the position (mm) and the rotation vector (rad) together.
+    /// The parts of a covariance of position (mm) and rotation vector (rad) together.
     pub fn of(whole: &Matrix6<f64>) -> Self {
         Self {
             position: Some(upper(&whole.fixed_view::<3, 3>(0, 0).into_owned())),

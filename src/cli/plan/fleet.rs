@@ -52,7 +52,7 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
     of_all(&codes)
 }
 
-/// What is asked for of one robot.
+/// The arguments for one robot.
 fn of(args: &PlanArgs, robot: &str) -> PlanArgs {
     let named = |csv: &PathBuf| PathBuf::from(csv.to_string_lossy().replace(ROBOT_PLACE, robot));
     PlanArgs {

@@ -66,7 +66,7 @@ impl PoolSums {
         })
     }
 
-    /// What is of the whole model.
+    /// Takes evidence of parts, settling errors and weights from the full error model.
     pub(super) fn of_model(&mut self, model: &FullModel) {
         self.parts.clone_from(&model.parts);
         self.approach.clone_from(&model.approach);

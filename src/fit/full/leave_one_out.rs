@@ -109,11 +109,11 @@ pub(super) fn leave_one_out(
 /// The covariance of the columns that a session sees, block by block.
 struct Explaining<'s> {
     seen: &'s Seen,
-    /// Of the plain columns.
+    /// Covariance of the plain columns with each other.
     plain: DMatrix<f64>,
-    /// Of the plain columns with each joint's shapes.
+    /// Covariance of the plain columns with the shapes of each joint.
     with_plain: Vec<DMatrix<f64>>,
-    /// Of the shapes of two joints.
+    /// Covariance of the shapes of two joints, by the pair.
     of_joints: Vec<((usize, usize), DMatrix<f64>)>,
 }
 

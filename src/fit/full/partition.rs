@@ -40,7 +40,7 @@ impl Block {
 }
 
 impl Block {
-    /// The same block of the session behind `last`; `None` unless it is of that one alone.
+    /// This block as the session after `last` has it; `None` unless it belongs to `last` alone.
     pub(super) fn of_next(self, last: usize) -> Option<Self> {
         if self.session() != Some(last) {
             return None;

@@ -115,8 +115,8 @@ impl Evidence {
     /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a
     /// matrix indefinite.
     ///
-    /// Of the columns' own covariance where it is small. A pool has thousands of columns of one part, and there the posterior without
-    /// them costs less.
+    /// A small part's follows from the covariance of its own columns. A pool has thousands of columns of one part, and there the
+    /// posterior without them costs less.
     pub(super) fn gain_of(&self, posterior: &Posterior, columns: &[usize]) -> Option<f64> {
         let Self::Sessions(sums) = self else {
             return posterior.gain_of(columns);

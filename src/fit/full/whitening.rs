@@ -72,7 +72,7 @@ pub(super) fn sums_of(
 
 /// The whitened rows of one station, as [`Row`] has them.
 struct Whitened {
-    /// Of the plain columns.
+    /// Rows of the plain columns.
     plain: DMatrix<f64>,
     /// The motion of the rows by each joint.
     joints: DMatrix<f64>,
@@ -119,7 +119,7 @@ struct Summing<'s> {
     stations: &'s [Whitened],
     /// The numbers of each joint's shapes: a column for each station.
     shapes: Vec<DMatrix<f64>>,
-    /// The same, a row for each station.
+    /// `shapes` transposed: a row for each station.
     by_station: Vec<DMatrix<f64>>,
 }
 

@@ -187,7 +187,7 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
 }
 
 /// The columns that identify a row, enumerations as the positions of their words; without enumerations that are the same in
-/// every row, since no two rows differ by them. Rows of several runs are told apart by robot, session and run first.
+/// every row, since no two rows differ by them. Robot, session and run distinguish rows of several runs first.
 fn row_names(schema: &TableSchema, key: Option<&RunKey>, batch: &RecordBatch) -> Vec<ArrayRef> {
     let order = || schema.order.iter().map(String::as_str);
     let of_several = key.is_none() && schema.role == Role::Published;

@@ -59,7 +59,7 @@ pub struct LookAt {
 pub struct ReadReference {
     /// Its name.
     pub name: String,
-    /// What it stands on.
+    /// Body that the reference stands on: base or floor.
     pub on: StandsOn,
     /// Number of looks at which it was read.
     pub looks: usize,

@@ -56,7 +56,7 @@ impl ByRobot {
     }
 }
 
-/// What is told of a session of a robot that is not known: of logs the session, of tables the robot, each once.
+/// Name and reason by which an unknown robot is reported: the session where it has logs, the robot where it has tables, each once.
 fn unknown(session: Session, robot: &str) -> (String, Why) {
     let not_known = "no robot of the pipeline file is called so";
     if session.robot.is_some() {

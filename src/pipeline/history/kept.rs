@@ -112,7 +112,7 @@ impl Kept {
         Self::of(tables, of, clock.origin_ns, &key.session).ok()
     }
 
-    /// What is kept of a run whose row states these digests of its files.
+    /// Reads the kept figures of a run whose row states these digests of its files; `None` where there are none or they are of others.
     pub(super) fn read(lake: &Lake, key: &RunKey, of: &[String; 2]) -> Option<Self> {
         let bytes = lake.history_figures(key)?;
         let kept: Self = serde_json::from_str(unsealed(&bytes)?).ok()?;

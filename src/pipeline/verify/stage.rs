@@ -37,7 +37,7 @@ pub struct StageVerified {
 /// A result computed anew.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Anew {
-    /// The same, byte for byte or, by another machine, in its values.
+    /// It is equal: byte for byte, or in its values where another machine made it.
     Same,
     /// It differs in these tables.
     Differs(Vec<String>),
