@@ -23,6 +23,7 @@ pub mod frames;
 pub mod full;
 mod gap;
 pub mod gauge;
+mod geometry_left;
 pub mod holdout;
 pub mod identifiability;
 #[cfg(test)]
