@@ -13,6 +13,7 @@ pub mod truth;
 
 mod curve;
 mod identified;
+mod instrument;
 mod poses;
 mod random;
 mod stations;
@@ -148,6 +149,7 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
     check(arm, settings)?;
     let errors = ArmErrors::draw(arm, settings);
     let commanded = poses::commanded(arm, settings)?;
+    let settings = &instrument::placed(settings, &commanded);
     let timeline = Timeline::plan(arm, settings, &errors, &commanded);
     check_samples(settings, timeline.end_s())?;
     let view = tracker::View::new(arm, settings, &errors, &timeline);
@@ -272,6 +274,7 @@ fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
     within(&rates, 0.01, 10_000.0, "between 0.01 and 10000 Hz")?;
     within(&positive, 1e-3, 1e6, "between 0.001 and a million")?;
     within(&shares, 0.0, 1.0, "between 0 and 1")?;
+    check_instrument(settings)?;
     let scale = [("scale", settings.tracker.scale)];
     within(&scale, -0.1, 0.1, "between -0.1 and 0.1")?;
     within(
@@ -297,6 +300,32 @@ fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
         1e5,
         "between -100000 and 100000",
     )
+}
+
+fn check_instrument(settings: &SimulateSettings) -> Result<(), SimulateError> {
+    const MOST: &str = "between 0.000001 and a million";
+    let positive = |named: &[(&'static str, f64)]| within(named, 1e-6, 1e6, MOST);
+    positive(&[("understated", settings.understated)])?;
+    match &settings.instrument {
+        settings::Instrument::Tracker => Ok(()),
+        settings::Instrument::Scanner(own) => positive(&[
+            ("along_mm", own.along_mm),
+            ("across_mm", own.across_mm),
+            ("distance_mm", own.distance_mm),
+        ]),
+        settings::Instrument::Camera(own) => {
+            positive(&[
+                ("focal_px", own.focal_px),
+                ("noise_px", own.noise_px),
+                ("target_mm", own.target_mm),
+                ("distance_mm", own.distance_mm),
+            ])?;
+            let corners = [("corners", f64::from(own.corners))];
+            within(&corners, 2.0, 100.0, "between 2 and 100")?;
+            let flipped = [("flipped_share", own.flipped_share)];
+            within(&flipped, 0.0, 1.0, "between 0 and 1")
+        }
+    }
 }
 
 fn within(

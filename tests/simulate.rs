@@ -150,6 +150,12 @@ fn bad_usage_says_what_to_do() {
         ("--dwell-s 0", "dwell_s = 0"),
         ("--dwell-s 999999", "samples of joints"),
         ("--clock-offset-s 1e300", "offset_s"),
+        ("--camera 1500,0.2,240", "give 4"),
+        ("--camera 1500,0.2,240,2.5", "give a whole number"),
+        ("--camera 1500,0.2,240,1", "between 2 and 100"),
+        ("--camera 1500,0,240,5", "noise_px = 0"),
+        ("--scanner 0.1,0.02 --six-dof", "cannot be used with"),
+        ("--on-flange", "--camera"),
         (
             "--clock-offset-s 1e9",
             "choose another clock origin or offset",
@@ -208,4 +214,105 @@ fn a_folder_that_cannot_be_made_is_named() {
         error.contains("file/out") && error.contains("a part of its path is a file"),
         "{error}"
     );
+}
+
+/// A pipeline that reads one simulated session: its logs, or its table by the section in the head of that.
+fn pipeline(folder: &Path, session: &str, tracker: &str, from_table: bool, poses: bool) -> PathBuf {
+    let mut lines = vec![
+        "[robot]".to_owned(),
+        format!(
+            "file = \"{}/pipelines/robots/kr210-r2700-extra.toml\"",
+            root().display()
+        ),
+        "name = \"kr\"\n[input]\nfolder = \".\"".to_owned(),
+        format!("sessions = [\"{session}\"]"),
+    ];
+    if from_table {
+        let table = fs::read_to_string(folder.join(session).join("stations.csv")).expect("written");
+        lines.push("stations = \"stations.csv\"".to_owned());
+        let head = table.lines().filter_map(|line| line.strip_prefix("# "));
+        let head = head.skip(1).filter(|line| !line.starts_with("commanded"));
+        lines.extend(head.map(str::to_owned));
+        lines.push("[tracker]".to_owned());
+    } else {
+        lines.push(
+            "[controller]\ntopic = \"/joint_states\"\ntime = \"header\"\nunit = \"rad\"\n[tracker]\n\
+             topic = \"/tracker/pose_with_covariance\"\ntime = \"header\"\nunit = \"m\""
+                .to_owned(),
+        );
+        lines.extend((!poses).then(|| "ignore_orientation = true".to_owned()));
+    }
+    let kind = if from_table { "table" } else { "log" };
+    lines.push(format!("{tracker}\n[fit]\norientations = {poses}"));
+    lines.push(
+        "[fit.full]\nenabled = false\n[grid]\nsteps_mm = [400]\n[tolerance]\nmm = 3\nshare = 0.95\nconfidence = 0.95"
+            .to_owned(),
+    );
+    lines.push(format!("[output]\nlake = \"lake-{session}-{kind}\""));
+    let path = folder.join(format!("{session}-{kind}.toml"));
+    fs::write(&path, lines.join("\n")).expect("writable");
+    path
+}
+
+/// What `posegrid run --verbose` says of the size of the noise: the factor on what is stated, and its standard error.
+fn size(pipeline: &Path) -> (f64, f64) {
+    let run = assert_cmd::Command::new(env!("CARGO_BIN_EXE_posegrid"))
+        .args(["run", "--verbose"])
+        .arg(pipeline)
+        .output()
+        .expect("started");
+    let said = String::from_utf8_lossy(&run.stdout);
+    let line = said.lines().find(|line| line.contains("times what"));
+    let line = line.unwrap_or_else(|| panic!("{said}\n{}", String::from_utf8_lossy(&run.stderr)));
+    let before = line.split(" times what").next().unwrap_or_default();
+    let words: Vec<&str> = before.split_whitespace().rev().take(3).collect();
+    let number = |word: &str| word.parse().unwrap_or_else(|_| panic!("{line}"));
+    (number(words[2]), number(words[0]))
+}
+
+#[test]
+fn the_noise_of_other_instruments_is_found_in_their_logs_and_tables() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let camera = "camera = { focal_px = 1500, noise_px = 0.2, target_mm = 240, corners = 5, looks_along = [0, 0, 1]";
+    let cases = [
+        (
+            "scan",
+            "--scanner 0.1,0.02 --understated 2",
+            "uncertainty = { range_um = 300, range_um_per_m = 0, transverse_um = 60, transverse_um_per_m = 0, divisor = 1 }".to_owned(),
+            2.0,
+        ),
+        (
+            "cell",
+            "--camera 1500,0.2,240,5 --understated 1.5",
+            format!("{camera} }}"),
+            1.5,
+        ),
+        (
+            "flange",
+            "--camera 1500,0.2,240,5 --on-flange",
+            format!("{camera}, mounted = \"flange\" }}"),
+            1.0,
+        ),
+    ];
+    for (name, flags, tracker, understated) in cases {
+        let words = words(
+            &folder.path().join(name),
+            &format!(
+                "{flags} --table --session {name} --random-joints 150 --spread-deg 20 --arm 7 --seed 6"
+            ),
+        );
+        simulate(words.iter().map(String::as_str)).expect("in reach");
+        // Half of the variance is shared by all readings of a station, the other half is that of their mean.
+        let expected = understated * (0.5_f64 + 0.5 / 47.0).sqrt();
+        for from_table in [false, true] {
+            let poses = name != "scan";
+            let path = pipeline(folder.path(), name, &tracker, from_table, poses);
+            let (size, se) = size(&path);
+            println!("{name}: {size} ± {se}, expected {expected:.3}");
+            assert!(
+                (size - expected).abs() < 3.0 * se,
+                "{name}: {size} ± {se}, expected {expected:.3}"
+            );
+        }
+    }
 }

@@ -28,8 +28,10 @@ use crate::simulate::{
 };
 
 mod flags;
+mod instrument;
 
 use flags::{ErrorFlags, Five, PoseFlags, Triple, five, triple};
+use instrument::InstrumentFlags;
 
 /// Make a synthetic session with known truth, as the two MCAP logs of a cell.
 #[derive(Debug, Clone, Args)]
@@ -94,6 +96,8 @@ pub struct SimulateArgs {
     reference: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
+    #[command(flatten)]
+    instrument: InstrumentFlags,
     #[command(flatten)]
     errors: ErrorFlags,
 }
@@ -261,7 +265,8 @@ impl SimulateArgs {
     ) -> Result<SimulateSettings, SimulateError> {
         let home = self.poses.home(arm)?;
         let places = |cell: &_| self.poses.places(arm, cell, listed);
-        let settings = self.errors.settings(self.seed, home, places)?;
+        let mut settings = self.errors.settings(self.seed, home, places)?;
+        self.instrument.change(&mut settings);
         Ok(SimulateSettings {
             arm_seed: self.arm,
             ..settings
@@ -274,8 +279,8 @@ impl SimulateArgs {
             .iter()
             .map(|joint| joint.name.as_str())
             .collect();
-        let session = self.session_record(arm);
         let Simulated { recording, truth } = simulated;
+        let session = self.session_record(arm, truth.settings.instrument.name());
         let [controller, tracker, json, stations] = FILES.map(|file| self.out.join(file));
         written(&controller, |sink| {
             let logged = logged(arm, recording);
@@ -396,14 +401,14 @@ impl SimulateArgs {
     }
 
     /// The metadata record that names robot, model and session.
-    fn session_record(&self, arm: &Arm) -> BTreeMap<String, String> {
+    fn session_record(&self, arm: &Arm, instrument: &str) -> BTreeMap<String, String> {
         let stem = self.robot.file_stem().unwrap_or_default().to_string_lossy();
         let robot = self.robot_name.clone().unwrap_or_else(|| stem.into_owned());
         let pairs = [
             ("robot", robot),
             ("model", arm.model().to_owned()),
             ("session", self.session.clone()),
-            ("tracker", "simulated laser tracker".to_owned()),
+            ("tracker", format!("simulated {instrument}")),
             ("length_unit", "m".to_owned()),
             ("source", self.source()),
         ];

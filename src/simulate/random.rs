@@ -67,6 +67,8 @@ pub enum Ingredient {
     Turns = 27,
     /// Noise of single readings of references.
     ReferenceReadings = 28,
+    /// Noise of corners in images.
+    Image = 29,
 }
 
 /// One stream of random numbers.

@@ -24,6 +24,12 @@ pub struct SimulateSettings {
     pub cell: Cell,
     /// The laser tracker.
     pub tracker: TrackerErrors,
+    /// The instrument: a laser tracker, or another one in its place.
+    #[serde(skip_serializing_if = "Instrument::is_tracker")]
+    pub instrument: Instrument,
+    /// Factor by which the standard deviations that readings state are too small.
+    #[serde(skip_serializing_if = "is_one")]
+    pub understated: f64,
     /// The tracker's clock relative to the controller's.
     pub clocks: Clocks,
     /// Moves, dwells and sampling.
@@ -161,8 +167,72 @@ pub struct TrackerErrors {
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
 fn is_zero(scale: &f64) -> bool {
     *scale == 0.0
+}
+
+/// The instrument of a session.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Instrument {
+    /// The laser tracker of [`TrackerErrors`].
+    #[default]
+    Tracker,
+    /// A stationary scanner.
+    Scanner(ScannerSettings),
+    /// A camera.
+    Camera(CameraSettings),
+}
+
+impl Instrument {
+    /// Whether it is a laser tracker.
+    pub const fn is_tracker(&self) -> bool {
+        matches!(self, Self::Tracker)
+    }
+
+    /// Its name, for the logs.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Tracker => "laser tracker",
+            Self::Scanner(_) => "scanner",
+            Self::Camera(_) => "camera",
+        }
+    }
+}
+
+/// A stationary scanner (structured light, a laser line) that reads points and states their covariances.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ScannerSettings {
+    /// Standard deviation along the line of sight at 1 m, mm; it grows with the square of the distance.
+    pub along_mm: f64,
+    /// Standard deviation across it at 1 m, mm; it grows with the distance.
+    pub across_mm: f64,
+    /// Distance from the middle of the poses, mm.
+    pub distance_mm: f64,
+}
+
+/// A camera that sees a flat, square target and states the covariance of its pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraSettings {
+    /// Focal length, pixels.
+    pub focal_px: f64,
+    /// Standard deviation of a corner in the image along each axis, for a target seen from the front, pixels.
+    pub noise_px: f64,
+    /// Distance between the outermost corners along an edge of the target, mm.
+    pub target_mm: f64,
+    /// Number of corners along an edge.
+    pub corners: u32,
+    /// Whether the camera is on the flange and the target in the cell.
+    pub on_flange: bool,
+    /// Distance of camera and target in the middle of the poses, mm.
+    pub distance_mm: f64,
+    /// Share of stations at which the second solution of a flat target is read.
+    pub flipped_share: f64,
 }
 
 /// `tracker − t₀ = (1 + drift)(controller − t₀) + offset`, t₀ the first joint sample.
@@ -212,6 +282,8 @@ impl SimulateSettings {
             },
             cell: Cell::default(),
             tracker: TrackerErrors::none(),
+            instrument: Instrument::Tracker,
+            understated: 1.0,
             clocks: Clocks {
                 origin_ns: 1_700_000_000_000_000_000,
                 offset_s: 0.0,

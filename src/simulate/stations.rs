@@ -6,8 +6,8 @@ use super::Simulated;
 use super::random::{Ingredient, Stream};
 use super::tracker::{logged_position, off};
 use super::truth::TrueStation;
-use crate::geometry::isometry_from_rpy;
-use crate::ingest::{LengthRead, TargetReadings};
+use crate::geometry::{PoseCovariance, isometry_from_rpy};
+use crate::ingest::{LengthRead, TargetReadings, covariances};
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
     Unmeasured, Value,
@@ -321,21 +321,28 @@ impl Simulated {
         let place = Point3::from(truth.tracker_from_target.translation.vector * scale);
         let kept: Vec<usize> = (from..to)
             .filter(|&i| readings.stamps[i].since_ns(start) >= SETTLING_NS)
-            .filter(|&i| (Point3::from(readings.positions[i]) - place).norm() < 1.0)
+            .filter(|&i| self.is_sound(&readings.positions[i], &place))
             .collect();
         let (&first, &last) = (kept.first()?, kept.last()?);
         let mean = mean(readings, &kept);
-        let turned = turned(readings, &kept, &truth.tracker_from_target.rotation);
+        let stated = readings.covariances.as_ref().map(|all| {
+            let kept: Vec<PoseCovariance> = kept.iter().map(|&i| all[i]).collect();
+            covariances::mean(&kept)
+        });
+        let stated = stated.unwrap_or_default();
+        let exact = self.truth.settings.instrument;
+        let exact = exact.exact(&truth.tracker_from_target).rotation;
+        let turned = turned(readings, &kept, &exact);
         let point = MeanPoint {
             position: Point3::from(mean),
             scatter_mm: scatter(readings, &kept, &mean),
-            stated_covariance: None,
+            stated_covariance: stated.position,
             motion_covariance: None,
         };
         let turned = turned.map(|(orientation, scatter_rad)| MeanOrientation {
             orientation,
             scatter_rad,
-            stated_covariance: None,
+            stated_covariance: stated.turn,
         });
         Some(Reading {
             source: SourceId::ONLY,
@@ -347,6 +354,15 @@ impl Simulated {
             last: readings.stamps[last],
             temperature_c: self.temperature(readings.stamps[last]),
         })
+    }
+
+    /// Whether a reading is of the target where it is: a tracker's within 1 mm, any other that was not lost.
+    fn is_sound(&self, read: &[f64; 3], place: &Point3<f64>) -> bool {
+        if self.truth.settings.instrument.is_tracker() {
+            (Point3::from(*read) - place).norm() < 1.0
+        } else {
+            read.iter().any(|own| *own != 0.0)
+        }
     }
 
     fn temperature(&self, stamp: Stamp<Tracker>) -> Option<f64> {

@@ -9,8 +9,9 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
+use super::instrument::Views;
 use super::random::{Ingredient, Stream};
-use super::settings::{SimulateSettings, TrackerErrors};
+use super::settings::{Instrument, SimulateSettings, TrackerErrors};
 use super::timeline::{Timeline, ns};
 use super::true_arm::ArmErrors;
 use super::visits::Mean;
@@ -78,6 +79,7 @@ pub(super) struct View<'a> {
     drift: [[f64; 3]; 3],
     /// Per stop: the part of the noise that all its readings share, in units of its standard deviation.
     placement: Vec<[Vector3<f64>; 2]>,
+    views: Views,
     pub(super) lost: Vec<bool>,
 }
 
@@ -94,7 +96,8 @@ impl<'a> View<'a> {
         let mut drift = Stream::new(settings.seed, Ingredient::BaseDrift);
         let mut placement = Stream::new(settings.seed, Ingredient::Placement);
         let mut lost = Stream::new(settings.seed, Ingredient::LostBeam);
-        Self {
+        let mut image = Stream::new(settings.seed, Ingredient::Image);
+        let mut view = Self {
             arm,
             settings,
             errors,
@@ -112,9 +115,20 @@ impl<'a> View<'a> {
             placement: (0..stops)
                 .map(|_| [placement.normal3(), placement.normal3()])
                 .collect(),
+            views: Views::draw(&settings.instrument, stops, &mut image),
             lost: (0..stops)
                 .map(|_| lost.uniform() < settings.tracker.lost_share)
                 .collect(),
+        };
+        view.lose_unseen();
+        view
+    }
+
+    /// Counts stops at which the instrument does not find the target as lost.
+    fn lose_unseen(&mut self) {
+        for (number, stop) in self.timeline.stops.iter().enumerate() {
+            let pose = self.tracker_from_target(stop.start_s.midpoint(stop.end_s));
+            self.lost[number] |= !self.settings.instrument.sees(&pose);
         }
     }
 
@@ -156,20 +170,26 @@ impl<'a> View<'a> {
         let mut outliers = Stream::new(self.settings.seed, Ingredient::Outliers);
         let mut readings = TargetReadings::default();
         let mut orientations = Vec::new();
+        let mut covariances = Vec::new();
+        let (instrument, understated) = (&self.settings.instrument, self.settings.understated);
         let mut counts = TrueReadingCounts::default();
         for stamp in self.stamps(self.settings.motion.reading_rate_hz) {
             let Some(reading) = self.reading(stamp, &mut noise, &mut outliers) else {
                 break;
             };
             counts.count(&reading);
+            let is_lost = matches!(reading, Reading::Lost);
             if let Some(pose) = reading.logged(self.settings.tracker.lost_as_zeros) {
                 readings.stamps.push(stamp);
                 readings
                     .positions
                     .push(logged_position(&pose.translation.vector));
                 orientations.push(logged_quaternion(&pose.rotation));
+                let stated = instrument.stated(&pose, understated);
+                covariances.push(stated.filter(|_| !is_lost).unwrap_or_default());
             }
         }
+        readings.covariances = (!instrument.is_tracker()).then_some(covariances);
         readings.orientations = self.settings.cell.six_dof.then_some(orientations);
         (readings, counts)
     }
@@ -185,14 +205,17 @@ impl<'a> View<'a> {
         let stop = self.timeline.stop_at(t_s)?;
         let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
         let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
-        let pose = self.observed(t_s, stop, noise);
-        Some(if self.lost[stop] {
-            Reading::Lost
-        } else if is_outlier {
-            Reading::Outlier(Translation3::from(jump) * pose)
-        } else {
-            Reading::Seen(pose)
-        })
+        let truth = self.tracker_from_target(t_s);
+        let pose = self.observed(&truth, stop, noise);
+        Some(
+            if self.lost[stop] || !self.settings.instrument.sees(&truth) {
+                Reading::Lost
+            } else if is_outlier {
+                Reading::Outlier(Translation3::from(jump) * pose)
+            } else {
+                Reading::Seen(pose)
+            },
+        )
     }
 
     /// One temperature for each stop, at the end of its dwell.
@@ -251,8 +274,28 @@ impl<'a> View<'a> {
     }
 
     /// The target's pose in the tracker frame with the noise of one reading.
-    fn observed(&self, t_s: f64, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
-        let pose = self.tracker_from_target(t_s);
+    fn observed(&self, pose: &Isometry3<f64>, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
+        match &self.settings.instrument {
+            Instrument::Tracker => self.tracked(pose, stop, noise),
+            Instrument::Scanner(own) => {
+                let beam = pose.translation.vector;
+                let position = (self.placement[stop][0] + noise.normal3()) * FRAC_1_SQRT_2;
+                let off = along_and_across(&beam, &position, own.sds_mm(beam.norm()));
+                Translation3::from(off) * pose
+            }
+            Instrument::Camera(own) => {
+                let drawn = noise.normals(own.draws(), 1.0);
+                if !self.settings.instrument.sees(pose) {
+                    return *pose;
+                }
+                let (noise, is_flipped) = self.views.noise(stop, &drawn);
+                own.read(pose, &noise, is_flipped)
+            }
+        }
+    }
+
+    /// What a laser tracker reads of a pose.
+    fn tracked(&self, pose: &Isometry3<f64>, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
         let [placed, turned] = self.placement[stop];
         let position = (placed + noise.normal3()) * FRAC_1_SQRT_2;
         let rotation = (turned + noise.normal3()) * FRAC_1_SQRT_2;
@@ -272,17 +315,18 @@ pub(super) fn off(
     normal: &Vector3<f64>,
     tracker: &TrackerErrors,
 ) -> Vector3<f64> {
-    beam * tracker.scale + along_and_across(beam, normal, tracker)
+    let distance = beam.norm();
+    let radial = (tracker.radial_mm + tracker.radial_per_mm * distance) / tracker.divisor;
+    beam * tracker.scale + along_and_across(beam, normal, [radial, tracker.across_mm(distance)])
 }
 
-/// Three standard normal numbers as noise along the beam (the first) and across it, mm.
+/// Three standard normal numbers as noise along the beam (the first) and across it, of these standard deviations, mm.
 fn along_and_across(
     beam: &Vector3<f64>,
     normal: &Vector3<f64>,
-    tracker: &TrackerErrors,
+    [radial, transverse]: [f64; 2],
 ) -> Vector3<f64> {
-    let distance = beam.norm();
-    let along = beam / distance.max(f64::MIN_POSITIVE);
+    let along = beam / beam.norm().max(f64::MIN_POSITIVE);
     // Any direction other than the beam's gives two axes across it.
     let other = if along.z.abs() < 0.9 {
         Vector3::z()
@@ -291,8 +335,6 @@ fn along_and_across(
     };
     let right = along.cross(&other).normalize();
     let up = right.cross(&along);
-    let radial = (tracker.radial_mm + tracker.radial_per_mm * distance) / tracker.divisor;
-    let transverse = tracker.across_mm(distance);
     along * (radial * normal.x) + (right * normal.y + up * normal.z) * transverse
 }
 

@@ -295,7 +295,7 @@ fn set(setting: &mut f64, flag: Option<f64>, unit: f64) {
 
 /// Numbers separated by commas.
 #[derive(Debug, Clone)]
-struct List(Vec<f64>);
+pub(super) struct List(pub(super) Vec<f64>);
 
 /// Three numbers separated by commas.
 #[derive(Debug, Clone, Copy)]
@@ -305,14 +305,14 @@ pub(super) struct Triple(pub(super) [f64; 3]);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Five(pub(super) [f64; 5]);
 
-fn finite(text: &str) -> Result<f64, String> {
+pub(super) fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
         _ => Err(format!("{text:?} is not a finite number")),
     }
 }
 
-fn list(text: &str) -> Result<List, String> {
+pub(super) fn list(text: &str) -> Result<List, String> {
     let numbers: Result<_, _> = text.split(',').map(finite).collect();
     numbers.map(List)
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use nalgebra::Point3;
 
+use crate::geometry::{pose_covariance, symmetric};
 use crate::ingest::LengthRead;
 use crate::join::{MeanOrientation, Reading, SourceId, Station, TargetId};
 use crate::kinematics::{Arm, Joint};
@@ -56,15 +57,16 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     if !turns.is_empty() {
         return unnamed(stations, arm, &read);
     }
-    let turned = turned(stations, targets.len());
-    let mut text = section(arm, &read, &turned);
+    let parts = parts(stations, targets.len());
+    let mut text = section(arm, &read, &parts);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
-    let readings = targets.iter().zip(&turned).flat_map(|(target, turned)| {
-        let orientation = turned.then(|| of_orientation(target));
+    let readings = targets.iter().zip(&parts).flat_map(|(target, parts)| {
+        let orientation = parts.turned.then(|| of_orientation(target));
         of_target(target)
             .into_iter()
             .chain(orientation.into_iter().flatten())
+            .chain(parts.of_covariance(target))
     });
     let header: Vec<String> = ["station".to_owned()]
         .into_iter()
@@ -78,7 +80,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
     for (place, station) in stations.iter().enumerate() {
-        let mut cells = row(station, arm, &turned, lengths.len());
+        let mut cells = row(station, arm, &parts, lengths.len());
         let own = references.get(place).map_or(&[][..], |own| own);
         cells.extend(
             own.iter()
@@ -130,13 +132,57 @@ fn of_orientation(target: &str) -> [String; 5] {
     ["qx", "qy", "qz", "qw", "sd_turn"].map(|own| format!("{target}_{own}"))
 }
 
-/// Whether each target was read with an orientation.
-fn turned(stations: &[Station], targets: usize) -> Vec<bool> {
-    let readings = || stations.iter().flat_map(Station::measured);
-    let of = |target: usize| {
-        readings().any(|own| own.target == TargetId(target) && own.value.turn().is_some())
-    };
-    (0..targets).map(of).collect()
+/// What readings of a target have beside its position.
+#[derive(Debug, Clone, Copy, Default)]
+struct Parts {
+    /// An orientation.
+    turned: bool,
+    /// Number of entries of a covariance: 6 of a position, 36 of a pose, 0 without one.
+    covariance: usize,
+}
+
+impl Parts {
+    /// The columns of its covariance.
+    fn of_covariance(self, target: &str) -> impl Iterator<Item = String> {
+        (1..=self.covariance).map(move |entry| format!("{target}_cov_{entry}"))
+    }
+
+    /// The cells of its covariance: xx xy xz yy yz zz, or all entries row by row; blank where none is stated.
+    fn covariance(self, reading: Option<&Reading>) -> Vec<String> {
+        let stated = reading.and_then(|own| Some((own.value.point()?.stated_covariance?, own)));
+        let entries: Option<Vec<f64>> = stated.and_then(|(position, own)| {
+            if self.covariance == 6 {
+                return Some(position.to_vec());
+            }
+            let turn = own.value.turn()?.stated_covariance?;
+            let whole = pose_covariance::joint(&symmetric(position), &turn);
+            Some(whole.transpose().iter().copied().collect())
+        });
+        match entries {
+            Some(entries) => entries.iter().map(|own| format!("{own:.9e}")).collect(),
+            None => vec![String::new(); self.covariance],
+        }
+    }
+}
+
+/// What readings of each target have beside positions.
+fn parts(stations: &[Station], targets: usize) -> Vec<Parts> {
+    let mut parts = vec![Parts::default(); targets];
+    for reading in stations.iter().flat_map(Station::measured) {
+        let Some(own) = parts.get_mut(reading.target.0) else {
+            continue;
+        };
+        let (point, turn) = (reading.value.point(), reading.value.turn());
+        own.turned |= turn.is_some();
+        let has_point = point.is_some_and(|point| point.stated_covariance.is_some());
+        let has_turn = turn.is_some_and(|turn| turn.stated_covariance.is_some());
+        own.covariance = own.covariance.max(match (has_point, has_turn) {
+            (true, true) => 36,
+            (true, false) => 6,
+            (false, _) => 0,
+        });
+    }
+    parts
 }
 
 /// Columns of a reference's position.
@@ -144,8 +190,8 @@ fn of_reference(name: &str) -> [String; 3] {
     ["x", "y", "z"].map(|own| format!("{name}_{own}"))
 }
 
-/// The section that reads the table, as comments; `turned` says which targets have orientations.
-fn section(arm: &Arm, read: &Read<'_>, turned: &[bool]) -> String {
+/// The section that reads the table, as comments.
+fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
     let (targets, lengths) = (read.targets, read.lengths);
     let list = |names: &[String]| {
         format!(
@@ -198,8 +244,12 @@ fn section(arm: &Arm, read: &Read<'_>, turned: &[bool]) -> String {
         lines.push("unit = \"mm\"".to_owned());
         lines.push(format!("sd = {}", list(&columns[3..6])));
         lines.push(format!("samples = {:?}", columns[6]));
-        let orientation = turned.get(place).filter(|turned| **turned);
-        lines.extend(orientation.map(|_| {
+        let parts = parts.get(place).copied().unwrap_or_default();
+        let covariance: Vec<String> = parts.of_covariance(target).collect();
+        if !covariance.is_empty() {
+            lines.push(format!("covariance = {}", list(&covariance)));
+        }
+        lines.extend(parts.turned.then(|| {
             let [quaternion @ .., sd] = of_orientation(target);
             format!(
                 "orientation = {{ quaternion_xyzw = {}, sd = [{sd:?}] }}",
@@ -233,7 +283,7 @@ fn section(arm: &Arm, read: &Read<'_>, turned: &[bool]) -> String {
 }
 
 /// The cells of a station but for its references.
-fn row(station: &Station, arm: &Arm, turned: &[bool], lengths: usize) -> Vec<String> {
+fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<String> {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
     let temperature = station
@@ -244,17 +294,18 @@ fn row(station: &Station, arm: &Arm, turned: &[bool], lengths: usize) -> Vec<Str
     cells.extend(joints);
     cells.push(temperature.map_or_else(String::new, |celsius| celsius.to_string()));
     cells.extend(command(station));
-    for (target, turned) in turned.iter().enumerate() {
+    for (target, parts) in parts.iter().enumerate() {
         let target = TargetId(target);
         let reading = station
             .measured()
             .iter()
             .find(|reading| reading.target == target && reading.value.point().is_some());
         cells.extend(reading.map_or_else(|| std::array::from_fn(|_| String::new()), measured));
-        if *turned {
+        if parts.turned {
             let turn = reading.and_then(|reading| reading.value.turn());
             cells.extend(turn.map_or_else(|| std::array::from_fn(|_| String::new()), orientation));
         }
+        cells.extend(parts.covariance(reading));
     }
     for source in (1..=lengths).map(SourceId) {
         let mut own = station.measured().iter();
