@@ -345,10 +345,9 @@ impl Instrument {
     ) -> Self {
         let kept = reading.kept.max(1) as f64;
         let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);
-        let added = Matrix3::from_diagonal(&scatter.into())
-            + point
-                .motion_covariance
-                .map_or_else(Matrix3::zeros, symmetric);
+        let moving = point
+            .motion_covariance
+            .map_or_else(Matrix3::zeros, symmetric);
         let modelled = || source.uncertainty.covariance(&point.position);
         let mut whole = match (turn, source.uncertainty.camera()) {
             (Some(turn), Some(camera)) => {
@@ -362,17 +361,19 @@ impl Instrument {
             }
             (_, camera) => {
                 let size = camera.map_or(size.position, |camera| camera.size);
-                let stated = point.stated_covariance.map(symmetric);
-                let position = stated.map_or_else(modelled, |own| own * size.powi(2));
-                return Self::Point(position + added);
+                let position = match point.stated_covariance.map(symmetric) {
+                    Some(own) => scattered(&(own * size.powi(2)), scatter),
+                    None => modelled() + Matrix3::from_diagonal(&scatter.into()),
+                };
+                return Self::Point(position + moving);
             }
         };
-        let mut position = whole.fixed_view_mut::<3, 3>(0, 0);
-        position += added;
         let scatter_rad = turn.map_or(0.0, |turn| turn.scatter_rad);
-        for axis in 3..6 {
-            whole[(axis, axis)] += scatter_rad.powi(2) / kept;
+        for (from, scatter) in [(0, scatter), (3, [scatter_rad.powi(2) / kept; 3])] {
+            scatter_block(&mut whole, from, scatter);
         }
+        let mut position = whole.fixed_view_mut::<3, 3>(0, 0);
+        position += moving;
         Self::Pose(whole)
     }
 
@@ -381,6 +382,38 @@ impl Instrument {
             Self::Point(covariance) => *covariance,
             Self::Pose(covariance) => covariance.fixed_view::<3, 3>(0, 0).into_owned(),
         }
+    }
+}
+
+/// Factor on the variances of a covariance block that adds the variances of a scatter, summed over the axes, in the block's own shape;
+/// `None` where the block is zero.
+fn by_scatter(block: &Matrix3<f64>, scatter: [f64; 3]) -> Option<f64> {
+    let all = block.trace();
+    (all > 0.0).then(|| 1.0 + scatter.iter().sum::<f64>() / all)
+}
+
+/// A stated covariance with the scatter of the mean of its samples. Readings that state a covariance scatter along its axes: a variance
+/// along the axes of the frame would be far too large where the noise is small.
+fn scattered(stated: &Matrix3<f64>, scatter: [f64; 3]) -> Matrix3<f64> {
+    by_scatter(stated, scatter).map_or_else(
+        || Matrix3::from_diagonal(&scatter.into()),
+        |factor| stated * factor,
+    )
+}
+
+/// Adds the scatter of the mean to a block of a pose's covariance, which stays as it is correlated with the other.
+fn scatter_block(whole: &mut Matrix6<f64>, from: usize, scatter: [f64; 3]) {
+    let block: Matrix3<f64> = whole.fixed_view::<3, 3>(from, from).into_owned();
+    let Some(factor) = by_scatter(&block, scatter) else {
+        for (axis, variance) in scatter.into_iter().enumerate() {
+            whole[(from + axis, from + axis)] += variance;
+        }
+        return;
+    };
+    let root = factor.sqrt();
+    for own in from..from + 3 {
+        whole.row_mut(own).scale_mut(root);
+        whole.column_mut(own).scale_mut(root);
     }
 }
 
