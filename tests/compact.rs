@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::thread;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use assert_cmd::Command;
 use posegrid::io::lake::{CompactFile, KEYS, Lake};
@@ -17,6 +17,7 @@ use posegrid::pipeline::compact::{Compacted, compact};
 use posegrid::progress::Quiet;
 use posegrid::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use posegrid::units::WallTime;
+use rayon::prelude::*;
 
 /// 2026-01-31 22:00, UTC, and a day, in microseconds.
 const BEGIN_US: i64 = 1_769_896_800_000_000;
@@ -58,6 +59,18 @@ fn figure(name: FigureName, session: &str, value: f64) -> AccuracyRow {
 
 /// Publishes a run of a robot on a day after the first; without a date where there is none.
 fn publish(lake: &Lake, robot: &str, session: &str, day: Option<i64>) -> RunKey {
+    let rows = [FigureName::Mean, FigureName::P95].map(|name| figure(name, session, 0.5));
+    publish_figures(lake, robot, session, day, rows.to_vec())
+}
+
+/// Publishes a run with these figures.
+fn publish_figures(
+    lake: &Lake,
+    robot: &str,
+    session: &str,
+    day: Option<i64>,
+    rows: Vec<AccuracyRow>,
+) -> RunKey {
     let work = Work {
         robot: robot.to_owned(),
         session: session.to_owned(),
@@ -69,8 +82,7 @@ fn publish(lake: &Lake, robot: &str, session: &str, day: Option<i64>) -> RunKey 
     };
     let key = work.key();
     let mut run = lake.start(&key).expect("a lake").expect("a new run");
-    let rows = [FigureName::Mean, FigureName::P95].map(|name| figure(name, session, 0.5));
-    let accuracy = AccuracyRow::table(rows.to_vec(), &key).expect("a table");
+    let accuracy = AccuracyRow::table(rows, &key).expect("a table");
     run.publish(&accuracy.table).expect("written");
     let ending = Ending {
         verdict: TableVerdict::Met,
@@ -309,4 +321,95 @@ fn replaced_files_stay_for_a_day() {
     assert_eq!(generations(folder.path()).len(), 9 + 3);
     let keys = done.files.iter().filter(|file| file.table == KEYS);
     assert_eq!(keys.map(|file| file.runs).sum::<u64>(), 7);
+}
+
+/// 240 figures, as many as a session with a few steps has: before and after, of four models, held out and in training.
+fn figures(session: &str, day: i64) -> Vec<AccuracyRow> {
+    let models = [
+        Model::BaseTarget,
+        Model::Geometric,
+        Model::Full,
+        Model::Table,
+    ];
+    let names = [
+        FigureName::Mean,
+        FigureName::Rms,
+        FigureName::P95,
+        FigureName::Max,
+        FigureName::P99,
+    ];
+    let mut rows = Vec::new();
+    for (place, model) in models.into_iter().enumerate() {
+        for role in [Role::HeldOut, Role::Training] {
+            for split in [Split::Blocks, Split::Session] {
+                for base_refit in [BaseRefit::None, BaseRefit::Chosen, BaseRefit::All] {
+                    for name in names {
+                        let value = 0.5 / (1.0 + place as f64) + 1e-4 * day as f64;
+                        rows.push(AccuracyRow {
+                            model,
+                            role,
+                            split,
+                            base_refit,
+                            moment: if place == 0 {
+                                BeforeAfter::Before
+                            } else {
+                                BeforeAfter::After
+                            },
+                            ..figure(name, session, value)
+                        });
+                    }
+                }
+            }
+        }
+    }
+    rows
+}
+
+#[test]
+#[ignore = "73,000 sessions, a quarter of an hour and 2 GB of disk; see src/guide/proofs.md"]
+fn a_year_of_200_robots_is_compacted_and_asked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lake = Lake::new(folder.path());
+    let begun = Instant::now();
+    let robots: Vec<usize> = (0..200).collect();
+    robots.par_iter().for_each(|robot| {
+        for day in 0..365 {
+            let session = format!("day-{day:03}");
+            let figures = figures(&session, day);
+            publish_figures(&lake, &format!("r{robot:03}"), &session, Some(day), figures);
+        }
+    });
+    println!("73,000 runs published in {:.0?}", begun.elapsed());
+    let told = |what: &str, lake: &Lake| {
+        let begun = Instant::now();
+        let done = compacted(lake);
+        println!("{what}: {} runs in {:.1?}", done.added, begun.elapsed());
+        done
+    };
+    assert_eq!(told("compact", &lake).added, 73_000);
+    assert_eq!(told("nothing new", &lake).added, 0);
+    robots.par_iter().for_each(|robot| {
+        let figures = figures("day-365", 365);
+        publish_figures(
+            &lake,
+            &format!("r{robot:03}"),
+            "day-365",
+            Some(365),
+            figures,
+        );
+    });
+    let done = told("one more night", &lake);
+    assert_eq!((done.added, done.runs), (200, 73_200));
+    // Three files for each of the thirteen months that it spans, or a few more.
+    assert!(done.files.len() <= 42, "{} files", done.files.len());
+    let python = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/ci-venv/bin/python");
+    let asked = std::process::Command::new(python)
+        .args([
+            concat!(env!("CARGO_MANIFEST_DIR"), "/tests/readers/read_compact.py"),
+            env!("CARGO_BIN_EXE_posegrid"),
+        ])
+        .arg(folder.path())
+        .arg("--only-time")
+        .status();
+    assert!(asked.expect("target/ci-venv of .ci/run").success());
 }
