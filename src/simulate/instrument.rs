@@ -127,18 +127,12 @@ impl CameraSettings {
 
     fn sees(&self, camera_from_board: &Isometry3<f64>) -> bool {
         camera_from_board.translation.vector.z > LEAST_DEPTH_MM + self.target_mm
-            && self.cosine(camera_from_board) > LEAST_COSINE
-    }
-
-    /// Cosine of the slant at which the target is seen.
-    fn cosine(&self, camera_from_board: &Isometry3<f64>) -> f64 {
-        let ray = camera_from_board.translation.vector.normalize();
-        (camera_from_board.rotation * Vector3::z()).dot(&ray).abs()
+            && cosine(camera_from_board) > LEAST_COSINE
     }
 
     /// Noise of a corner in the image, pixels: one that is seen at a slant is found worse.
     fn noise_px(&self, camera_from_board: &Isometry3<f64>) -> f64 {
-        self.noise_px / self.cosine(camera_from_board).max(LEAST_COSINE)
+        self.noise_px / cosine(camera_from_board).max(LEAST_COSINE)
     }
 
     /// Corners in the target's frame, mm.
@@ -245,6 +239,12 @@ impl CameraSettings {
         let step = normal.cholesky()?.solve(&right).component_mul(&unit);
         Some((step, normal))
     }
+}
+
+/// Cosine of the slant at which a target is seen.
+fn cosine(camera_from_board: &Isometry3<f64>) -> f64 {
+    let ray = camera_from_board.translation.vector.normalize();
+    (camera_from_board.rotation * Vector3::z()).dot(&ray).abs()
 }
 
 /// A pose after a step of position and rotation vector, no further than [`LARGEST_TURN_RAD`].

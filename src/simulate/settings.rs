@@ -168,7 +168,7 @@ pub struct TrackerErrors {
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
 fn is_one(factor: &f64) -> bool {
-    *factor == 1.0
+    factor.to_bits() == 1.0_f64.to_bits()
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
