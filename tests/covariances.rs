@@ -362,19 +362,19 @@ fn poses_of_a_log_state_all_their_numbers_whole() {
     assert_eq!(counts["readings.orientation_covariances_not_positive"], 1);
     assert_eq!(counts["readings.orientation_covariances_minus_one"], 0);
 
-    // Each station has the mean of what its readings state, and the fit has it whole, with the scatter of the mean.
+    // Each station has the mean of what its readings state, and the fit has it whole, with the variance of the mean in its shape.
     let stations = &session.joined.stations;
     let seen = fit::observations(0, stations, &arm, &noise(ReadingKind::Pose));
     let mut checked = 0;
     for station in stations.iter().filter(|own| own.one_reading().is_some()) {
-        let (expected, scatter) = expected(station, &recording.readings);
+        let (expected, larger) = expected(station, &recording.readings);
         let own = seen.iter().find(|own| own.station == station.number);
         let own = own.expect("observed").measured.instrument();
         assert_eq!(own.nrows(), 6);
         for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
-            let added = if row == column { scatter[row] } else { 0.0 };
+            let by = (larger[row / 3] * larger[column / 3]).sqrt();
             let size = (expected[(row, row)] * expected[(column, column)]).sqrt();
-            let off = own[(row, column)] - expected[(row, column)] - added;
+            let off = own[(row, column)] - by * expected[(row, column)];
             assert!(off.abs() < 1e-6 * size, "{row} {column} {off}");
         }
         checked += 1;
@@ -413,8 +413,9 @@ fn poses_of_a_log_state_all_their_numbers_whole() {
     );
 }
 
-/// Mean covariance of the readings between a station's first and last one kept, and the variance of their mean by their scatter.
-fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64; 6]) {
+/// Mean covariance of the readings between a station's first and last one kept, and the factors on the variances of position and
+/// orientation that add, over the three axes, the variance of their mean by their scatter.
+fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64; 2]) {
     let own = station.one_reading().expect("paired");
     let (point, turn) = (
         own.value.point().expect("a pose"),
@@ -431,10 +432,15 @@ fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64
     let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| {
         (sum + own, n + 1.0)
     });
+    let mean = sum / count;
     let kept = own.kept as f64;
-    let [x, y, z] = point.scatter_mm.map(|own| own * own / kept);
-    let turned = turn.scatter_rad.powi(2) / kept;
-    (sum / count, [x, y, z, turned, turned, turned])
+    let variances = |from: usize| (from..from + 3).map(|axis| mean[(axis, axis)]).sum::<f64>();
+    let moved = point.scatter_mm.iter().map(|own| own * own).sum::<f64>() / kept;
+    let turned = 3.0 * turn.scatter_rad.powi(2) / kept;
+    (
+        mean,
+        [1.0 + moved / variances(0), 1.0 + turned / variances(3)],
+    )
 }
 
 /// A session as a table: joints, the point and the six numbers of its covariance.
