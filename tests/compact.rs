@@ -350,6 +350,7 @@ fn figures(session: &str, day: i64) -> Vec<AccuracyRow> {
                             role,
                             split,
                             base_refit,
+                            session_started: Some(WallTime::of_us(BEGIN_US + DAY_US * day)),
                             moment: if place == 0 {
                                 BeforeAfter::Before
                             } else {
