@@ -156,6 +156,11 @@ fn bad_usage_says_what_to_do() {
         ("--camera 1500,0,240,5", "noise_px = 0"),
         ("--scanner 0.1,0.02 --six-dof", "cannot be used with"),
         ("--on-flange", "--camera"),
+        ("--understated 2", "--scanner"),
+        (
+            "--scanner 0.1,0.02 --camera 1500,0.2,240,5",
+            "cannot be used with",
+        ),
         (
             "--clock-offset-s 1e9",
             "choose another clock origin or offset",

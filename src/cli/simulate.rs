@@ -187,10 +187,15 @@ impl fmt::Display for SimulatedSession {
         let error = truth.raw_error_mm;
         writeln!(
             f,
-            "{} stations of a {} ({} missed by the beam), {} readings ({} outliers)",
+            "{} stations of a {} ({} {}), {} readings ({} outliers)",
             truth.stations_visited,
             truth.model,
             truth.stations_lost,
+            if truth.settings.instrument.is_tracker() {
+                "missed by the beam"
+            } else {
+                "not seen"
+            },
             truth.readings.seen,
             truth.readings.outliers
         )?;

@@ -12,11 +12,11 @@ use crate::simulate::settings::{CameraSettings, Instrument, ScannerSettings, Sim
 pub(super) struct InstrumentFlags {
     /// A stationary scanner (structured light, a laser line) that reads points and states their covariances: standard deviations along and
     /// across the line of sight at 1 m, mm; the first grows with the square of the distance, the other with the distance
-    #[arg(long, value_name = "ALONG,ACROSS", value_parser = scanner, conflicts_with_all = OF_TRACKERS)]
+    #[arg(long, value_name = "ALONG,ACROSS", value_parser = scanner, group = "instrument", conflicts_with_all = OF_TRACKERS)]
     scanner: Option<Scanner>,
     /// A camera that sees a flat, square target and states its pose's covariance: focal length and noise of a corner, pixels, edge of the
     /// target, mm, and corners along it
-    #[arg(long, value_name = "FOCAL,NOISE,EDGE,CORNERS", value_parser = camera, conflicts_with_all = OF_TRACKERS, conflicts_with = "scanner")]
+    #[arg(long, value_name = "FOCAL,NOISE,EDGE,CORNERS", value_parser = camera, group = "instrument", conflicts_with_all = OF_TRACKERS)]
     camera: Option<Camera>,
     /// The camera is on the flange and the target in the cell
     #[arg(long, requires = "camera")]
@@ -25,10 +25,10 @@ pub(super) struct InstrumentFlags {
     #[arg(long, value_name = "SHARE", value_parser = finite, requires = "camera", default_value_t = 0.0)]
     flipped_share: f64,
     /// Distance of scanner or camera from the middle of the poses, mm
-    #[arg(long, value_name = "MM", value_parser = finite, default_value_t = 1500.0)]
+    #[arg(long, value_name = "MM", value_parser = finite, requires = "instrument", default_value_t = 1500.0)]
     instrument_distance_mm: f64,
     /// Factor by which the standard deviations that scanner or camera state are too small
-    #[arg(long, value_name = "FACTOR", value_parser = finite, default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", value_parser = finite, requires = "instrument", default_value_t = 1.0)]
     understated: f64,
 }
 
