@@ -22,6 +22,7 @@ mod tracker;
 mod true_arm;
 mod visits;
 
+use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::ingest::{CommandSamples, JointAngles, JointSamples, Recording};
@@ -48,6 +49,9 @@ const POSITION_RESOLUTION_MM: f64 = 1e-4;
 const QUATERNION_RESOLUTION: f64 = 1e-9;
 /// Resolution of logged temperatures, °C.
 const TEMPERATURE_RESOLUTION: f64 = 1e-2;
+
+/// Significant digits of true values and of stated covariances; further digits may differ between machines.
+const DIGITS: usize = 10;
 
 /// The most samples of one kind: three weeks at 20 Hz, which fit into memory.
 const MOST_SAMPLES: u32 = 40_000_000;
@@ -221,6 +225,21 @@ fn rounded(value: f64, resolution: f64) -> f64 {
     // Dividing by the whole number 1/resolution gives the double nearest to the decimal, and no −0.
     let per_unit = (1.0 / resolution).round();
     (value * per_unit).round() / per_unit + 0.0
+}
+
+/// `value` to [`DIGITS`] significant digits.
+fn short(value: f64) -> f64 {
+    let text = format!("{value:.*e}", DIGITS - 1);
+    text.parse().expect("a formatted number is a number")
+}
+
+/// An axis that is far from a direction of length 1: z, or x of one that is near z.
+fn far_axis(direction: &Vector3<f64>) -> Vector3<f64> {
+    if direction.z.abs() < 0.9 {
+        Vector3::z()
+    } else {
+        Vector3::x()
+    }
 }
 
 fn check_samples(settings: &SimulateSettings, end_s: f64) -> Result<(), SimulateError> {

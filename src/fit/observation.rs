@@ -2,7 +2,8 @@
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
 //! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
-//! `scatter²/n`. Readings that state their covariance scatter in its shape. The use of each kind of reading in a fit is in [`measured`] and [`rows`].
+//! `scatter²/n`. Readings that state their covariance scatter in its shape. The use of each kind of reading in a fit is in [`measured`]
+//! and [`rows`].
 
 pub mod camera;
 pub mod measured;

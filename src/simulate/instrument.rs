@@ -4,24 +4,26 @@
 //! corners best, by Gauss and Newton: from the truth or, of a flipped view, from the solution beside it. This shares no code with
 //! [`crate::fit`], so that one can be held against the other.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3, Vector6};
-use nalgebra::{Matrix2x3, Rotation3, Vector2};
+use nalgebra::{
+    Isometry3, Matrix2x3, Matrix3, Matrix6, Point3, Rotation3, UnitQuaternion, Vector2, Vector3,
+    Vector6,
+};
 
 use super::poses::Commanded;
 use super::random::Stream;
 use super::settings::{CameraSettings, Instrument, ScannerSettings, SimulateSettings};
+use super::{far_axis, short};
 use crate::geometry::{PoseCovariance, rpy, upper};
 use crate::units::MM_PER_M;
 
-/// A target that is seen at a smaller cosine, or nearer to the camera's plane than this, mm, is not found in the image.
+/// A target that is seen at a smaller cosine of the slant is not found in the image.
 const LEAST_COSINE: f64 = 0.2;
+/// Least depth in front of the camera, beside the target's edge, at which a target is found, mm.
 const LEAST_DEPTH_MM: f64 = 100.0;
-/// Steps of Gauss and Newton, and the largest turn of one, rad: a larger one would leave the solution near which it began.
+/// Steps of Gauss and Newton.
 const STEPS: usize = 20;
+/// Largest turn of one, rad: a larger one would leave the solution near which it began.
 const LARGEST_TURN_RAD: f64 = 0.25;
-/// Significant digits of a stated covariance.
-const DIGITS: usize = 10;
-
 /// The slant at which a flat target in the middle of the poses is seen, rad: tilts of one that is seen from the front are hard to tell.
 const SLANT_RAD: f64 = 0.7;
 
@@ -40,11 +42,7 @@ pub(super) fn placed(settings: &SimulateSettings, commanded: &[Commanded]) -> Si
     let ahead = normal
         .try_normalize(f64::MIN_POSITIVE)
         .unwrap_or_else(Vector3::x);
-    let upright = if ahead.z.abs() < 0.9 {
-        Vector3::z()
-    } else {
-        Vector3::x()
-    };
+    let upright = far_axis(&ahead);
     let across = ahead.cross(&upright).normalize();
     let slanted = UnitQuaternion::from_scaled_axis(across * SLANT_RAD) * ahead;
     // Where the instrument's readings are stated: the camera itself, or the fixed target that one on the flange looks at along its z.
@@ -68,6 +66,11 @@ pub(super) fn placed(settings: &SimulateSettings, commanded: &[Commanded]) -> Si
 }
 
 impl Instrument {
+    /// Whether the target is found wherever it is.
+    pub(super) const fn sees_all(&self) -> bool {
+        matches!(self, Self::Tracker | Self::Scanner(_))
+    }
+
     /// Whether the target is found at its pose in the instrument's frame (of a camera on the flange: in the frame of the fixed target).
     pub(super) fn sees(&self, pose: &Isometry3<f64>) -> bool {
         match self {
@@ -170,7 +173,7 @@ impl CameraSettings {
             .collect();
         let mut found = if is_flipped { beside(&truth) } else { truth };
         for _ in 0..STEPS {
-            let Some((step, _)) = self.step(&found, &corners, &seen) else {
+            let Some(step) = self.step(&found, &corners, &seen) else {
                 break;
             };
             found = moved(&found, &step);
@@ -178,15 +181,18 @@ impl CameraSettings {
         found
     }
 
-    /// Covariance of a target's pose in the camera's frame that was read: of position and rotation about the axes of the camera, mm² and rad².
+    /// Covariance of a target's pose in the camera's frame that was read: of position and rotation about the axes of the camera, mm² and
+    /// rad².
     fn covariance(&self, pose: &Isometry3<f64>) -> Option<Matrix6<f64>> {
-        let corners = self.corners();
-        let seen: Vec<Vector2<f64>> = corners
-            .iter()
-            .map(|corner| self.image(pose, corner).0)
-            .collect();
-        let (_, normal) = self.step(pose, &corners, &seen)?;
         let unit = self.unit();
+        let mut normal = Matrix6::zeros();
+        for corner in self.corners() {
+            for row in self.rows(pose, &corner).1 {
+                normal += row * row.transpose();
+            }
+        }
+        // Rounding can make it indefinite, which is no covariance.
+        normal.cholesky()?;
         let inverse = normal.try_inverse()? * self.noise_px(pose).powi(2);
         Some(Matrix6::from_fn(|i, j| inverse[(i, j)] * unit[i] * unit[j]))
     }
@@ -209,35 +215,46 @@ impl CameraSettings {
         (point, derivative)
     }
 
-    /// The step of Gauss and Newton from a pose, mm and rad, and the normal matrix with rotations in units of [`Self::unit`].
+    /// Image point of a corner, pixels, and its derivatives with the pose, in units of [`Self::unit`]: a row for each axis of the image.
+    fn rows(
+        &self,
+        pose: &Isometry3<f64>,
+        corner: &Vector3<f64>,
+    ) -> (Vector2<f64>, [Vector6<f64>; 2]) {
+        let unit = self.unit();
+        let (point, by_place) = self.image(pose, corner);
+        let lever = pose.rotation * corner;
+        let by_turn = by_place * -lever.cross_matrix();
+        let row = |axis: usize| {
+            let entry = |column: usize| {
+                if column < 3 {
+                    by_place[(axis, column)]
+                } else {
+                    by_turn[(axis, column - 3)]
+                }
+            };
+            Vector6::from_fn(|column, _| entry(column)).component_mul(&unit)
+        };
+        (point, [row(0), row(1)])
+    }
+
+    /// The step of Gauss and Newton from a pose, mm and rad; `None` where the corners do not show a pose.
     fn step(
         &self,
         pose: &Isometry3<f64>,
         corners: &[Vector3<f64>],
         seen: &[Vector2<f64>],
-    ) -> Option<(Vector6<f64>, Matrix6<f64>)> {
-        let unit = self.unit();
+    ) -> Option<Vector6<f64>> {
         let mut normal = Matrix6::zeros();
         let mut right = Vector6::zeros();
         for (corner, seen) in corners.iter().zip(seen) {
-            let (point, by_place) = self.image(pose, corner);
-            let lever = pose.rotation * corner;
-            let by_turn = by_place * -lever.cross_matrix();
-            for axis in 0..2 {
-                let row = Vector6::from_fn(|column, _| {
-                    if column < 3 {
-                        by_place[(axis, column)]
-                    } else {
-                        by_turn[(axis, column - 3)]
-                    }
-                })
-                .component_mul(&unit);
+            let (point, rows) = self.rows(pose, corner);
+            for (axis, row) in rows.iter().enumerate() {
                 normal += row * row.transpose();
                 right += row * (seen[axis] - point[axis]);
             }
         }
-        let step = normal.cholesky()?.solve(&right).component_mul(&unit);
-        Some((step, normal))
+        Some(normal.cholesky()?.solve(&right).component_mul(&self.unit()))
     }
 }
 
@@ -271,12 +288,8 @@ fn beside(truth: &Isometry3<f64>) -> Isometry3<f64> {
     )
 }
 
-/// The covariance to [`DIGITS`] digits: further ones may differ between machines.
+/// The covariance with entries that are the same on all machines.
 fn shortened(own: &PoseCovariance) -> PoseCovariance {
-    let short = |entry: f64| -> f64 {
-        let text = format!("{entry:.*e}", DIGITS - 1);
-        text.parse().expect("a formatted number is a number")
-    };
     let mut own = *own;
     own.position = own.position.map(|entries| entries.map(short));
     if let Some(turn) = &mut own.turn {

@@ -15,7 +15,9 @@ use super::settings::{Instrument, SimulateSettings, TrackerErrors};
 use super::timeline::{Timeline, ns};
 use super::true_arm::ArmErrors;
 use super::visits::Mean;
-use super::{POSITION_RESOLUTION_MM, QUATERNION_RESOLUTION, TEMPERATURE_RESOLUTION, rounded};
+use super::{
+    POSITION_RESOLUTION_MM, QUATERNION_RESOLUTION, TEMPERATURE_RESOLUTION, far_axis, rounded,
+};
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{TargetReadings, TemperatureSamples};
 use crate::kinematics::Arm;
@@ -126,6 +128,9 @@ impl<'a> View<'a> {
 
     /// Counts stops at which the instrument does not find the target as lost.
     fn lose_unseen(&mut self) {
+        if self.settings.instrument.sees_all() {
+            return;
+        }
         for (number, stop) in self.timeline.stops.iter().enumerate() {
             let pose = self.tracker_from_target(stop.start_s.midpoint(stop.end_s));
             self.lost[number] |= !self.settings.instrument.sees(&pose);
@@ -185,8 +190,10 @@ impl<'a> View<'a> {
                     .positions
                     .push(logged_position(&pose.translation.vector));
                 orientations.push(logged_quaternion(&pose.rotation));
-                let stated = instrument.stated(&pose, understated);
-                covariances.push(stated.filter(|_| !is_lost).unwrap_or_default());
+                if !instrument.is_tracker() {
+                    let stated = instrument.stated(&pose, understated);
+                    covariances.push(stated.filter(|_| !is_lost).unwrap_or_default());
+                }
             }
         }
         readings.covariances = (!instrument.is_tracker()).then_some(covariances);
@@ -205,17 +212,12 @@ impl<'a> View<'a> {
         let stop = self.timeline.stop_at(t_s)?;
         let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
         let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
-        let truth = self.tracker_from_target(t_s);
-        let pose = self.observed(&truth, stop, noise);
-        Some(
-            if self.lost[stop] || !self.settings.instrument.sees(&truth) {
-                Reading::Lost
-            } else if is_outlier {
-                Reading::Outlier(Translation3::from(jump) * pose)
-            } else {
-                Reading::Seen(pose)
-            },
-        )
+        let pose = self.observed(&self.tracker_from_target(t_s), stop, noise);
+        Some(match pose.filter(|_| !self.lost[stop]) {
+            None => Reading::Lost,
+            Some(pose) if is_outlier => Reading::Outlier(Translation3::from(jump) * pose),
+            Some(pose) => Reading::Seen(pose),
+        })
     }
 
     /// One temperature for each stop, at the end of its dwell.
@@ -273,23 +275,27 @@ impl<'a> View<'a> {
         )
     }
 
-    /// The target's pose in the tracker frame with the noise of one reading.
-    fn observed(&self, pose: &Isometry3<f64>, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
+    /// One reading of the target at a pose in the instrument's frame; `None` where it is not seen.
+    fn observed(
+        &self,
+        pose: &Isometry3<f64>,
+        stop: usize,
+        noise: &mut Stream,
+    ) -> Option<Isometry3<f64>> {
         match &self.settings.instrument {
-            Instrument::Tracker => self.tracked(pose, stop, noise),
+            Instrument::Tracker => Some(self.tracked(pose, stop, noise)),
             Instrument::Scanner(own) => {
                 let beam = pose.translation.vector;
                 let position = (self.placement[stop][0] + noise.normal3()) * FRAC_1_SQRT_2;
                 let off = along_and_across(&beam, &position, own.sds_mm(beam.norm()));
-                Translation3::from(off) * pose
+                Some(Translation3::from(off) * pose)
             }
             Instrument::Camera(own) => {
                 let drawn = noise.normals(own.draws(), 1.0);
-                if !self.settings.instrument.sees(pose) {
-                    return *pose;
-                }
-                let (noise, is_flipped) = self.views.noise(stop, &drawn);
-                own.read(pose, &noise, is_flipped)
+                self.settings.instrument.sees(pose).then(|| {
+                    let (noise, is_flipped) = self.views.noise(stop, &drawn);
+                    own.read(pose, &noise, is_flipped)
+                })
             }
         }
     }
@@ -328,12 +334,7 @@ fn along_and_across(
 ) -> Vector3<f64> {
     let along = beam / beam.norm().max(f64::MIN_POSITIVE);
     // Any direction other than the beam's gives two axes across it.
-    let other = if along.z.abs() < 0.9 {
-        Vector3::z()
-    } else {
-        Vector3::x()
-    };
-    let right = along.cross(&other).normalize();
+    let right = along.cross(&far_axis(&along)).normalize();
     let up = right.cross(&along);
     along * (radial * normal.x) + (right * normal.y + up * normal.z) * transverse
 }

@@ -14,8 +14,6 @@ use crate::units::{ClockModel, Controller, Stamp};
 
 /// Error curves are tabulated at this many angles per joint, from limit to limit.
 const CURVE_POINTS: u32 = 181;
-/// Significant digits of numbers in the JSON; further digits may differ between machines.
-const DIGITS: usize = 10;
 
 /// The true values that a session's logs do not state.
 #[derive(Debug, Clone, Serialize)]
@@ -312,10 +310,7 @@ fn shorten(value: &mut serde_json::Value) {
         serde_json::Value::Object(fields) => fields.values_mut().for_each(shorten),
         serde_json::Value::Number(number) if number.is_f64() => {
             let exact = number.as_f64().expect("just asked");
-            let short: f64 = format!("{exact:.*e}", DIGITS - 1)
-                .parse()
-                .expect("a formatted number is a number");
-            *value = short.into();
+            *value = super::short(exact).into();
         }
         _ => {}
     }

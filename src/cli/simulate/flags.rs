@@ -295,7 +295,7 @@ fn set(setting: &mut f64, flag: Option<f64>, unit: f64) {
 
 /// Numbers separated by commas.
 #[derive(Debug, Clone)]
-pub(super) struct List(pub(super) Vec<f64>);
+struct List(Vec<f64>);
 
 /// Three numbers separated by commas.
 #[derive(Debug, Clone, Copy)]
@@ -312,17 +312,14 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(super) fn list(text: &str) -> Result<List, String> {
+fn list(text: &str) -> Result<List, String> {
     let numbers: Result<_, _> = text.split(',').map(finite).collect();
     numbers.map(List)
 }
 
 /// Five numbers, separated by commas, the last a standard deviation.
 pub(super) fn five(text: &str) -> Result<Five, String> {
-    let List(numbers) = list(text)?;
-    let count = numbers.len();
-    let five = <[f64; 5]>::try_from(numbers)
-        .map_err(|_| format!("{count} numbers; give five, separated by commas"))?;
+    let five = numbers(text, "five")?;
     if five[4] > 0.0 {
         Ok(Five(five))
     } else {
@@ -332,9 +329,13 @@ pub(super) fn five(text: &str) -> Result<Five, String> {
 
 /// Three numbers, separated by commas.
 pub(super) fn triple(text: &str) -> Result<Triple, String> {
+    numbers(text, "three").map(Triple)
+}
+
+/// `N` numbers, separated by commas; `wanted` is N as the message says it.
+pub(super) fn numbers<const N: usize>(text: &str, wanted: &str) -> Result<[f64; N], String> {
     let List(numbers) = list(text)?;
     let count = numbers.len();
-    <[f64; 3]>::try_from(numbers)
-        .map(Triple)
-        .map_err(|_| format!("{count} numbers; give three, separated by commas"))
+    <[f64; N]>::try_from(numbers)
+        .map_err(|_| format!("{count} numbers; give {wanted}, separated by commas"))
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::flags::{finite, list};
+use super::flags::{finite, numbers};
 use crate::simulate::settings::{CameraSettings, Instrument, ScannerSettings, SimulateSettings};
 
 /// The instrument.
@@ -74,7 +74,7 @@ impl InstrumentFlags {
 struct Scanner([f64; 2]);
 
 fn scanner(text: &str) -> Result<Scanner, String> {
-    numbers(text).map(Scanner)
+    numbers(text, "2").map(Scanner)
 }
 
 /// A camera and its target.
@@ -87,7 +87,7 @@ struct Camera {
 }
 
 fn camera(text: &str) -> Result<Camera, String> {
-    let [focal_px, noise_px, edge_mm, _] = numbers(text)?;
+    let [focal_px, noise_px, edge_mm, _] = numbers(text, "4")?;
     let corners = text.rsplit(',').next().unwrap_or_default().trim();
     Ok(Camera {
         focal_px,
@@ -97,12 +97,4 @@ fn camera(text: &str) -> Result<Camera, String> {
             .parse()
             .map_err(|_| format!("{corners} corners: give a whole number"))?,
     })
-}
-
-/// As many numbers, separated by commas.
-fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let numbers = list(text)?.0;
-    let count = numbers.len();
-    <[f64; N]>::try_from(numbers)
-        .map_err(|_| format!("{count} numbers; give {N}, separated by commas"))
 }
