@@ -27,10 +27,11 @@ pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, Temperatu
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, CovarianceColumns, JointFields,
-    KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthUnit, LoggedReference, LoggedTarget,
-    MISSING, Mapping, NumberStamp, OrientationColumns, OrientationForm, PoseColumns, PoseFields,
-    ReadingColumns, ReferenceColumns, Seen, StampField, StandsOn, StationsSettings, TableTime,
-    TargetName, TimeColumn, TimeSource, TimeUnit, TrackerSettings, WrongFields,
+    KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthSource, LengthUnit, LoggedLength,
+    LoggedReference, LoggedTarget, MISSING, Mapping, NumberStamp, OrientationColumns,
+    OrientationForm, PoseColumns, PoseFields, ReadingColumns, ReferenceColumns, Seen, StampField,
+    StandsOn, StationsSettings, TableTime, TargetName, TimeColumn, TimeSource, TimeUnit,
+    TrackerSettings, WrongFields, is_length,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};
@@ -68,6 +69,15 @@ pub struct TemperatureSamples {
     pub stamps: Vec<Stamp<Tracker>>,
     /// Temperature of each sample, °C.
     pub celsius: Vec<f64>,
+}
+
+/// Readings of an instrument of one length; columns of equal length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LengthSamples {
+    /// Tracker time, not decreasing.
+    pub stamps: Vec<Stamp<Tracker>>,
+    /// Length of each sample, mm.
+    pub lengths_mm: Vec<f64>,
 }
 
 /// The kind of loss that a reject of a log stands for.

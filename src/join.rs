@@ -31,6 +31,7 @@ pub mod dwell;
 mod error;
 #[cfg(test)]
 mod fault_tests;
+mod logged_lengths;
 mod logged_references;
 pub mod moved;
 pub mod observe;
@@ -73,6 +74,7 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
 pub use began::{Began, began};
 pub use error::JoinError;
+pub use logged_lengths::LengthReadings;
 pub use reading::{
     Assigned, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources,
     SourceId, TargetId, Value, one_source,
@@ -290,6 +292,8 @@ pub struct JoinInput {
     pub others: Vec<Box<dyn Poses<Tracker>>>,
     /// Those of references on floor or base; empty where there are none.
     pub references: Vec<ReferenceReadings>,
+    /// Those of instruments of one length; empty where there are none.
+    pub lengths: Vec<LengthReadings>,
     /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }
@@ -353,7 +357,10 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     for rows in readings.missing() {
         dispositions.set(rows, Disposition::Missing);
     }
-    let (mut counts, mut rejects) = (dispositions.counts(), dispositions.rejects(&readings)?);
+    let (mut counts, mut rejects) = (
+        dispositions.counts(),
+        dispositions.rejects(|row| readings.stamp(row))?,
+    );
     let found = others::Found {
         arm: &seen.arm,
         temperatures: &input.temperatures,
@@ -383,7 +390,17 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
             settle_s: evidence.settle_s,
         },
     };
-    logged_references::followed(targets.restored(joined), &input.references, settings)
+    with_references_and_lengths(targets.restored(joined), input, settings)
+}
+
+/// The session with its references followed, and with the lengths at its stations.
+fn with_references_and_lengths(
+    joined: Joined,
+    input: &JoinInput,
+    settings: &JoinSettings,
+) -> Result<Joined, JoinError> {
+    let followed = logged_references::followed(joined, &input.references, settings)?;
+    logged_lengths::added(followed, input, settings)
 }
 
 /// The stretches of a session at which the instrument or the base stood elsewhere, and their first and last moments.
@@ -483,7 +500,7 @@ pub fn join_unnamed(
             settle_s,
         },
     };
-    logged_references::followed(targets.restored(joined), &input.references, settings)
+    with_references_and_lengths(targets.restored(joined), input, settings)
 }
 
 /// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.
@@ -546,7 +563,7 @@ fn beside_targets(
     for rows in by_target.assigned_rows.iter().chain(left_out) {
         dispositions.set(rows.clone(), Disposition::Kept);
     }
-    let mut rejects = dispositions.rejects(readings)?;
+    let mut rejects = dispositions.rejects(|row| readings.stamp(row))?;
     let left_out = stream::rejects(&by_target.left_out, readings)?;
     let mut counts = dispositions.counts();
     counts.kept = 0;

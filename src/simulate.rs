@@ -14,6 +14,7 @@ pub mod truth;
 mod curve;
 mod identified;
 mod instrument;
+mod lengths;
 mod poses;
 mod random;
 mod stations;
@@ -31,10 +32,11 @@ use crate::units::{Controller, Stamp};
 
 pub use curve::{GearLine, JointCurve};
 pub use identified::{ApproachOffset, AxisError, AxisErrors};
+pub use lengths::{LengthInstrument, LengthTruth};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
 pub use settings::{Poses, SimulateSettings};
-pub use stations::{LengthInstrument, LengthTruth, without_names};
+pub use stations::without_names;
 pub use true_arm::ArmErrors;
 pub use truth::{TrueStation, Truth};
 pub use visits::{Visit, visits};
@@ -45,6 +47,8 @@ use timeline::Timeline;
 const ANGLE_RESOLUTION: f64 = 1e-7;
 /// Resolution of logged positions, mm.
 const POSITION_RESOLUTION_MM: f64 = 1e-4;
+/// Resolution of logged lengths, mm: about that of the messages at two metres.
+const LENGTH_RESOLUTION_MM: f64 = 1e-4;
 /// Resolution of logged quaternion components.
 const QUATERNION_RESOLUTION: f64 = 1e-9;
 /// Resolution of logged temperatures, °C.

@@ -726,6 +726,7 @@ fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> 
         readings: &recording.readings,
         targets: &named,
         references: &[],
+        lengths: &[],
         temperatures: &recording.temperatures,
     };
     log.write(create(&tracker), &nothing).expect("room");

@@ -547,6 +547,7 @@ fn other_samples() -> JoinInput {
         }),
         others: Vec::new(),
         references: Vec::new(),
+        lengths: Vec::new(),
         temperatures: TemperatureSamples {
             stamps: vec![Stamp::from_ns(6)],
             celsius: vec![20.5],

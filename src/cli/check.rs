@@ -269,6 +269,12 @@ fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
         named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
+    for own in &tracker.lengths {
+        let unit = format!("{:?}", own.unit).to_lowercase();
+        let topic = topic(&own.topic, tracker.time, &unit);
+        let read = format!("{}: {} {topic}", own.name, own.reads.word());
+        named.push(("lengths", read));
+    }
     named
 }
 

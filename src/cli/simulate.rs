@@ -82,13 +82,13 @@ pub struct SimulateArgs {
     /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
     #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference"])]
     unnamed: bool,
-    /// An instrument in that table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
+    /// An instrument in logs and table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
     /// at no distance, mm, and the standard deviation, mm; may be given several times
-    #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
+    #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true)]
     distance_from: Vec<Five>,
-    /// An instrument in that table that reads heights of the reflector above a plane: its normal in the base's frame, its distance from
+    /// An instrument in logs and table that reads heights of the reflector above a plane: its normal in the base's frame, its distance from
     /// the base's origin and the standard deviation, mm; may be given several times
-    #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true, requires = "table")]
+    #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true)]
     height_above: Vec<Five>,
     /// A reference reflector on the robot's base in logs and table, read at each station, at this place in the base's frame, mm: it moves
     /// with the base, as --base-drift-mm and --bump-mm have it; may be given several times
@@ -303,6 +303,7 @@ impl SimulateArgs {
             targets: &named("T", targets),
             references: &named("B", simulated.reference_readings(&self.reference_places())),
             temperatures: &recording.temperatures,
+            lengths: &named("L", simulated.length_samples(&self.instruments())),
         };
         written(&tracker, |sink| Ok(log.write(sink, &session)?))?;
         written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
@@ -424,7 +425,7 @@ impl SimulateArgs {
 }
 
 /// Readings with names: a letter and their number from 1.
-fn named(letter: &str, readings: Vec<TargetReadings>) -> Vec<(String, TargetReadings)> {
+fn named<T>(letter: &str, readings: Vec<T>) -> Vec<(String, T)> {
     let numbered = (1..).zip(readings);
     numbered
         .map(|(number, own): (usize, _)| (format!("{letter}{number}"), own))

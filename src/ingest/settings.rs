@@ -19,7 +19,9 @@ use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
 };
-pub use lengths::{KnownOffset, KnownPlace, LengthColumns, LengthRead};
+pub use lengths::{
+    KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthSource, LoggedLength, is_length,
+};
 pub use logged::{LoggedReference, LoggedTarget, Seen, TargetName};
 pub use stations::{
     CovarianceColumns, MISSING, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
@@ -63,7 +65,7 @@ pub struct CommandedSettings {
 }
 
 /// `[tracker]`: readings of the measured target, in the tracker's log.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "TrackerFile")]
 pub struct TrackerSettings {
     /// Topic of the readings.
@@ -93,6 +95,9 @@ pub struct TrackerSettings {
     /// Reference reflectors on floor or base, which should not move.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<LoggedReference>,
+    /// Instruments of one length whose readings are in the tracker's log, by its clock.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lengths: Vec<LoggedLength>,
     /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
     /// states it.
     #[serde(skip_serializing)]
@@ -133,7 +138,7 @@ pub enum LengthUnit {
 }
 
 /// All settings needed to read the samples of a session from its logs.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
     /// `[controller]`.
     pub controller: ControllerSettings,
@@ -230,6 +235,8 @@ pub(crate) struct TrackerFile {
     pub(crate) targets_by_geometry: Vec<String>,
     #[serde(default)]
     pub(crate) references: Vec<LoggedReference>,
+    #[serde(default)]
+    pub(crate) lengths: Vec<LoggedLength>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -316,6 +323,7 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             targets: file.targets,
             targets_by_geometry: file.targets_by_geometry,
             references: file.references,
+            lengths: file.lengths,
             eye_in_hand: false,
         })
     }

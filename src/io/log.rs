@@ -271,6 +271,8 @@ fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
             .iter()
             .map(|t| wanted(Stream::Temperatures, t, tracker.time)),
     );
+    let lengths = tracker.length_topics().into_iter();
+    of_tracker.extend(lengths.map(|topic| wanted(Stream::Lengths, topic, tracker.time)));
     (of_controller, of_tracker)
 }
 
@@ -282,6 +284,7 @@ impl Stream {
             Self::Commands => "commands",
             Self::Readings => "readings",
             Self::Temperatures => "temperatures",
+            Self::Lengths => "lengths",
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Inputs: a [`Recording`] in the crate's units and the joints' names. Outputs: `controller.mcap` with `/joint_states`
 //! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose`, `/tracker/point` or, where readings state covariances,
-//! `/tracker/pose_with_covariance`, and `/tracker/temperature`; metres, radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
+//! `/tracker/pose_with_covariance`, `/tracker/temperature`, and `/lengths/NAME` of each instrument of one length; metres, radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -13,7 +13,9 @@ use nalgebra::Matrix3;
 use thiserror::Error;
 
 use crate::geometry::{PoseCovariance, pose_covariance, symmetric};
-use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
+use crate::ingest::{
+    CommandSamples, JointSamples, LengthSamples, Recording, TargetReadings, TemperatureSamples,
+};
 use crate::units::MM_PER_M;
 
 mod cdr;
@@ -21,7 +23,8 @@ mod topic;
 
 use cdr::Cdr;
 use topic::{
-    Topic, covariance_topic, joint_topic, point_topic, pose_topic, targets_topic, temperature_topic,
+    Topic, covariance_topic, joint_topic, length_topic, point_topic, pose_topic, targets_topic,
+    temperature_topic,
 };
 
 /// Time from a message's stamp to its logging, ns.
@@ -43,7 +46,7 @@ pub enum LogWriteError {
     )]
     Stamp {
         /// Name of the topic.
-        topic: &'static str,
+        topic: String,
         /// The stamp, ns since 1970.
         ns: i64,
     },
@@ -51,7 +54,7 @@ pub enum LogWriteError {
     #[error("{topic}: a message has {found} values, the format counts at most 4294967295")]
     TooLong {
         /// Name of the topic.
-        topic: &'static str,
+        topic: String,
         /// Number of values.
         found: usize,
     },
@@ -90,6 +93,7 @@ pub fn write_tracker_log<W: Write + Seek>(
         targets: &[],
         references: &[],
         temperatures: &recording.temperatures,
+        lengths: &[],
     };
     log.write(sink, session)
 }
@@ -106,6 +110,8 @@ pub struct TrackerLog<'a> {
     pub references: &'a [(String, TargetReadings)],
     /// Temperatures.
     pub temperatures: &'a TemperatureSamples,
+    /// Readings of instruments of one length with their names; empty without any.
+    pub lengths: &'a [(String, LengthSamples)],
 }
 
 impl TrackerLog<'_> {
@@ -122,13 +128,18 @@ impl TrackerLog<'_> {
         let mut topics = vec![self.of_targets()?];
         if !self.references.is_empty() {
             let topic = Topic {
-                name: "/tracker/references",
+                name: "/tracker/references".to_owned(),
                 ..targets_topic()
             };
             topics.push(named_messages(topic, self.references)?);
         }
         let temperatures = temperature_messages(self.temperatures)?;
         topics.push((temperature_topic(), temperatures));
+        for (name, own) in self.lengths {
+            let topic = length_topic(name);
+            let messages = length_messages(&topic.name, own)?;
+            topics.push((topic, messages));
+        }
         log.write_in_time_order(topics)
     }
 
@@ -144,7 +155,7 @@ impl TrackerLog<'_> {
         } else {
             point_topic()
         };
-        let readings = reading_messages(topic.name, self.readings)?;
+        let readings = reading_messages(&topic.name, self.readings)?;
         Ok((topic, readings))
     }
 }
@@ -156,7 +167,7 @@ fn named_messages(
 ) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
     let mut messages = Vec::new();
     for (name, own) in all {
-        messages.extend(transform_messages(topic.name, name, own)?);
+        messages.extend(transform_messages(&topic.name, name, own)?);
     }
     Ok((topic, messages))
 }
@@ -169,12 +180,15 @@ struct Encoded {
 
 /// Starts a message with its header and gives it to `fill`.
 fn encoded(
-    topic: &'static str,
+    topic: &str,
     ns: i64,
     frame: &str,
     fill: impl FnOnce(&mut Cdr) -> Result<(), LogWriteError>,
 ) -> Result<Encoded, LogWriteError> {
-    let unfit = LogWriteError::Stamp { topic, ns };
+    let unfit = LogWriteError::Stamp {
+        topic: topic.to_owned(),
+        ns,
+    };
     let Ok(unsigned) = u64::try_from(ns) else {
         return Err(unfit);
     };
@@ -234,10 +248,7 @@ fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>, LogWriteE
     commands.stamps.iter().enumerate().map(message).collect()
 }
 
-fn reading_messages(
-    topic: &'static str,
-    readings: &TargetReadings,
-) -> Result<Vec<Encoded>, LogWriteError> {
+fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encoded>, LogWriteError> {
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded(topic, stamp.ns(), "tracker", |cdr| {
             push_point(cdr, &readings.positions[row]);
@@ -257,7 +268,7 @@ fn reading_messages(
 }
 
 fn transform_messages(
-    topic: &'static str,
+    topic: &str,
     name: &str,
     readings: &TargetReadings,
 ) -> Result<Vec<Encoded>, LogWriteError> {
@@ -281,6 +292,26 @@ fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded
         })
     };
     let samples = temperatures.stamps.iter().zip(&temperatures.celsius);
+    samples.map(message).collect()
+}
+
+fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>, LogWriteError> {
+    let message = |(stamp, &mm): (&crate::units::Stamp<_>, &f64)| {
+        encoded(topic, stamp.ns(), "tracker", |cdr| {
+            // Neither sound nor light, and no limits of its range.
+            cdr.u8(0);
+            cdr.f32(0.0);
+            cdr.f32(0.0);
+            cdr.f32(f32::MAX);
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "the message's own resolution"
+            )]
+            cdr.f32((mm / MM_PER_M) as f32);
+            Ok(())
+        })
+    };
+    let samples = lengths.stamps.iter().zip(&lengths.lengths_mm);
     samples.map(message).collect()
 }
 
@@ -341,7 +372,7 @@ impl<W: Write + Seek> Log<W> {
                 .add_schema(topic.schema, "ros2msg", definition)?;
             let channel = self
                 .writer
-                .add_channel(schema, topic.name, "cdr", &BTreeMap::new())?;
+                .add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
             messages.extend(encoded.into_iter().map(|message| (message, channel)));
         }
         // A stable sort keeps the order of the topics.

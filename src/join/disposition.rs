@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::readings::Readings;
 use super::{JoinError, JoinReject, ReadingCounts};
+use crate::units::{Stamp, Tracker};
 
 /// The class of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -143,14 +143,17 @@ impl Dispositions {
         counts
     }
 
-    /// One reject for each run of readings with the same disposition that were not kept.
-    pub fn rejects(&self, readings: &Readings<'_>) -> Result<Vec<JoinReject>, JoinError> {
+    /// One reject for each run of readings with the same disposition that were not kept; `stamp` is that of a row.
+    pub fn rejects(
+        &self,
+        stamp: impl Fn(usize) -> Result<Stamp<Tracker>, JoinError>,
+    ) -> Result<Vec<JoinReject>, JoinError> {
         let runs = self.runs().into_iter();
         let rejected = runs.filter(|(_, disposition)| *disposition != Disposition::Kept);
         let reject = |(rows, disposition): (Range<usize>, Disposition)| {
             Ok(JoinReject {
-                start: readings.stamp(rows.start)?,
-                end: readings.stamp(rows.end - 1)?,
+                start: stamp(rows.start)?,
+                end: stamp(rows.end - 1)?,
                 readings: rows.len() as u64,
                 is_of_reference: false,
                 reason: disposition.reason().to_owned(),

@@ -86,7 +86,7 @@ impl<'a> Other<'a> {
         for rows in self.readings.missing() {
             dispositions.set(rows, Disposition::Missing);
         }
-        let mut rejects = dispositions.rejects(&self.readings)?;
+        let mut rejects = dispositions.rejects(|row| self.readings.stamp(row))?;
         for reject in &mut rejects {
             reject.reason = format!("target {}: {}", self.target.0 + 1, reject.reason);
         }

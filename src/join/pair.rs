@@ -278,7 +278,7 @@ impl Evidence<'_> {
 }
 
 /// The temperature nearest in time; of two equally near the earlier one.
-fn nearest(temperatures: &TemperatureSamples, moment: Stamp<Tracker>) -> Option<f64> {
+pub(super) fn nearest(temperatures: &TemperatureSamples, moment: Stamp<Tracker>) -> Option<f64> {
     let after = temperatures.stamps.partition_point(|&stamp| stamp < moment);
     let distance = |&index: &usize| temperatures.stamps[index].since_ns(moment).saturating_abs();
     [after.checked_sub(1), Some(after)]

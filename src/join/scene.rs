@@ -257,6 +257,7 @@ pub(super) fn join_beside(
         readings: Box::new(recording.readings.clone()),
         others: Vec::new(),
         references,
+        lengths: Vec::new(),
         temperatures: recording.temperatures.clone(),
     };
     join(&input, arm, settings)

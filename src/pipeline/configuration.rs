@@ -395,42 +395,43 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
     }
 }
 
-/// Names of the sources of a table with readings of one length: that of places first.
+/// Names of the sources where some read one length: that of places first.
 fn source_names(file: &PipelineFile) -> Vec<String> {
-    let Some(stations) = file.stations.as_ref().filter(|own| !own.lengths.is_empty()) else {
+    let lengths = file.lengths();
+    if lengths.is_empty() {
         return Vec::new();
-    };
-    let places = (stations.first_length() > 0).then(|| "tracker".to_owned());
-    let lengths = stations.lengths.iter().map(|own| own.name.clone());
+    }
+    let places = (file.first_length() > 0).then(|| "tracker".to_owned());
+    let lengths = lengths.iter().map(|own| own.name.to_owned());
     places.into_iter().chain(lengths).collect()
 }
 
 /// Stated place and offset of each source that reads lengths, in the order of sources; none of that of places.
 fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
-    let Some(stations) = file.stations.as_ref().filter(|own| !own.lengths.is_empty()) else {
+    let lengths = file.lengths();
+    if lengths.is_empty() {
         return Vec::new();
-    };
-    let known = stations.lengths.iter().map(|own| KnownGauge {
+    }
+    let known = lengths.iter().map(|own| KnownGauge {
         place: own.place.map(|place| KnownTarget {
             xyz_mm: place.xyz_mm,
             sd_mm: place.sd_mm,
         }),
         offset: own.offset.map(|offset| (offset.mm, offset.sd_mm)),
     });
-    let before = vec![KnownGauge::default(); stations.first_length()];
+    let before = vec![KnownGauge::default(); file.first_length()];
     before.into_iter().chain(known).collect()
 }
 
 /// Names of the targets of sessions with several, the main one first; empty where there is one.
 pub(in crate::pipeline) fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
-    let logged = |tracker: &TrackerSettings| {
-        let targets = tracker.targets.iter();
-        let named = targets.map(|target| target.name.clone());
-        let unnamed = tracker.targets_by_geometry.iter().cloned();
-        named.chain(unnamed).collect()
-    };
-    let names = names.or_else(|| file.tracker.mapping.as_ref().map(logged));
+    let logged = file
+        .tracker
+        .mapping
+        .as_ref()
+        .map(TrackerSettings::target_names);
+    let names = names.or(logged);
     names.filter(|names| names.len() > 1).unwrap_or_default()
 }
 

@@ -21,9 +21,9 @@ use crate::fit::{
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthRead, LengthUnit, LoggedReference,
-    LoggedTarget, MissingConvention, PoseFields, StationsSettings, TimeSource, TrackerFile,
-    TrackerSettings,
+    CommandedFile, CommandedSettings, ControllerSettings, LengthColumns, LengthRead, LengthSource,
+    LengthUnit, LoggedLength, LoggedReference, LoggedTarget, MissingConvention, PoseFields,
+    StationsSettings, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -145,21 +145,31 @@ impl PipelineFile {
         }
     }
 
+    /// The instruments of one length, in the order of their sources.
+    pub fn lengths(&self) -> Vec<LengthSource<'_>> {
+        let columns = self.stations.iter().flat_map(|own| &own.lengths);
+        let logged = self.tracker.mapping.iter().flat_map(|own| &own.lengths);
+        let columns = columns.map(LengthColumns::source);
+        columns.chain(logged.map(LoggedLength::source)).collect()
+    }
+
+    /// Place among the sources of the first instrument of one length: behind that of places, where there is one.
+    pub fn first_length(&self) -> usize {
+        let stations = self.stations.as_ref();
+        stations.map_or(1, StationsSettings::first_length)
+    }
+
     /// The measurement's uncertainty, for the fit.
     pub fn noise(&self) -> Noise {
         let tracker = self.tracker_source();
-        let lengths = self.stations.iter().flat_map(|own| &own.lengths);
-        let lengths = lengths.map(|own| Source {
+        let lengths = self.lengths().into_iter().map(|own| Source {
             reads: match own.reads {
                 LengthRead::Distance => ReadingKind::Distance,
                 LengthRead::Height => ReadingKind::Height,
             },
             ..tracker
         });
-        let places = self
-            .stations
-            .as_ref()
-            .is_none_or(|own| own.first_length() > 0);
+        let places = self.first_length() > 0;
         let sources = places.then_some(tracker).into_iter().chain(lengths);
         Noise {
             sources: sources.collect(),
@@ -438,6 +448,8 @@ struct TrackerKeys {
     targets_by_geometry: Vec<String>,
     #[serde(default)]
     references: Vec<LoggedReference>,
+    #[serde(default)]
+    lengths: Vec<LoggedLength>,
     uncertainty: Option<TrackerUncertainty>,
     camera: Option<CameraUncertainty>,
     tracker_from_base: Option<TrackerFromBase>,
@@ -676,11 +688,29 @@ pub enum TrackerSectionError {
         "[tracker] has `uncertainty` and `camera`: keep the one of the instrument that measured"
     )]
     Both,
+    /// It states what is in a log, and names no topic.
+    #[error(
+        "[tracker] has `{key}` and no `topic`: {key} are of a log; a table of stations has them in [stations]"
+    )]
+    OfNoLog {
+        /// The key.
+        key: &'static str,
+    },
 }
 
 impl TryFrom<TrackerKeys> for TrackerSection {
     type Error = TrackerSectionError;
     fn try_from(keys: TrackerKeys) -> Result<Self, TrackerSectionError> {
+        let of_logs = [
+            ("targets", keys.targets.is_empty()),
+            ("references", keys.references.is_empty()),
+            ("lengths", keys.lengths.is_empty()),
+        ];
+        if let Some((key, _)) = of_logs.into_iter().find(|(_, is_empty)| !is_empty)
+            && keys.topic.is_none()
+        {
+            return Err(TrackerSectionError::OfNoLog { key });
+        }
         let of_topic = |topic| TrackerFile {
             topic,
             time: keys.time,
@@ -692,6 +722,7 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             targets: keys.targets,
             targets_by_geometry: keys.targets_by_geometry,
             references: keys.references,
+            lengths: keys.lengths,
         };
         Ok(Self {
             mapping: keys

@@ -69,6 +69,8 @@ pub enum Ingredient {
     ReferenceReadings = 28,
     /// Noise of corners in images.
     Image = 29,
+    /// Noise of single samples of instruments of one length.
+    LengthSamples = 30,
 }
 
 /// One stream of random numbers.

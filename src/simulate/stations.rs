@@ -1,97 +1,21 @@
 //! The stations that a perfect join would find in a synthetic session, for tests of the stages after the join.
 
-use nalgebra::{Point3, Quaternion, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::Simulated;
 use super::random::{Ingredient, Stream};
 use super::tracker::{logged_position, off};
 use super::truth::TrueStation;
 use crate::geometry::{PoseCovariance, isometry_from_rpy};
-use crate::ingest::{LengthRead, TargetReadings, covariances};
+use crate::ingest::{TargetReadings, covariances};
 use crate::join::{
-    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
-    Unmeasured, Value,
+    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
+    Value,
 };
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// Readings before this are still settling, ns.
 const SETTLING_NS: i64 = 100_000_000;
-
-/// An instrument that reads one length of the measured target.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LengthInstrument {
-    /// What it reads, and where it is.
-    pub truth: LengthTruth,
-    /// Standard deviation of its readings, mm.
-    pub sd_mm: f64,
-}
-
-/// What an instrument of one length reads, and where it is in the base's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LengthTruth {
-    /// The distance from an anchor.
-    Distance {
-        /// The anchor, mm.
-        anchor: Point3<f64>,
-        /// The reading at no distance, mm.
-        offset_mm: f64,
-    },
-    /// The height above a plane.
-    Height {
-        /// The plane's normal.
-        normal: UnitVector3<f64>,
-        /// Its distance from the base's origin along the normal, mm.
-        height_mm: f64,
-    },
-}
-
-impl LengthTruth {
-    /// The word of what it reads.
-    pub const fn reads(&self) -> LengthRead {
-        match self {
-            Self::Distance { .. } => LengthRead::Distance,
-            Self::Height { .. } => LengthRead::Height,
-        }
-    }
-
-    /// The reading without noise on a target at a place in the base's frame, mm.
-    fn reading_mm(&self, place: &Point3<f64>) -> f64 {
-        match self {
-            Self::Distance { anchor, offset_mm } => (place - anchor).norm() + offset_mm,
-            Self::Height { normal, height_mm } => normal.dot(&place.coords) - height_mm,
-        }
-    }
-}
-
-impl LengthInstrument {
-    /// The reading of a target at `place` with a standard normal number, at the beginning of a station.
-    fn reading(
-        &self,
-        source: SourceId,
-        place: &Point3<f64>,
-        normal: f64,
-        station: &Station,
-    ) -> Reading {
-        let length = MeanLength {
-            mm: self.truth.reading_mm(place) + self.sd_mm * normal,
-            sd_mm: self.sd_mm,
-        };
-        let at = Stamp::from_ns(station.start.ns());
-        Reading {
-            source,
-            target: TargetId::ONLY,
-            value: match self.truth.reads() {
-                LengthRead::Distance => Value::Distance(length),
-                LengthRead::Height => Value::Height(length),
-            },
-            kept: 1,
-            taken: 1,
-            first: at,
-            last: at,
-            temperature_c: None,
-        }
-    }
-}
 
 /// Share of a reflector's part of a dwell that passes at its beginning and end while the beam is on its way.
 const CHANGES: f64 = 0.1;
@@ -223,25 +147,6 @@ impl Simulated {
             }
         }
         in_turn
-    }
-
-    /// Adds the readings of instruments of one length on the measured target, as sources behind the tracker. Anchors and planes stand
-    /// still before the tracker, in the base's frame at the session's start; each reading is lost as often as a station is.
-    pub fn add_lengths(&self, stations: &mut [Station], instruments: &[LengthInstrument]) {
-        let settings = &self.truth.settings;
-        let mut noise = Stream::new(settings.seed, Ingredient::Lengths);
-        for (station, truth) in stations.iter_mut().zip(&self.truth.stations) {
-            let place = Point3::from(truth.base_from_target.translation.vector);
-            for (number, instrument) in instruments.iter().enumerate() {
-                let (normal, drawn) = (noise.normal3().x, noise.uniform());
-                if drawn >= settings.tracker.lost_share {
-                    let source = SourceId(number + 1);
-                    let reading = instrument.reading(source, &place, normal, station);
-                    station.readings.push(reading);
-                    station.pairing = Pairing::Paired;
-                }
-            }
-        }
     }
 
     /// The positions of references on the base at each station, in the tracker's frame, mm; empty without any. They are where the base is

@@ -278,6 +278,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
             references: Vec::new(),
+            lengths: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

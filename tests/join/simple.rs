@@ -34,6 +34,7 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> Jo
         readings: Box::new(poses(&logs.tracker, &mapping.tracker.topic)),
         others: Vec::new(),
         references: Vec::new(),
+        lengths: Vec::new(),
         temperatures: TemperatureSamples { stamps, celsius },
     }
 }

@@ -265,6 +265,7 @@ pub fn mapping() -> Mapping {
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
             references: Vec::new(),
+            lengths: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,
@@ -301,6 +302,8 @@ pub struct WholeSession {
     pub commands: CommandSamples,
     pub readings: TargetReadings,
     pub others: Vec<TargetReadings>,
+    /// Those of instruments of one length, each length as x.
+    pub lengths: Vec<TargetReadings>,
     pub temperatures: TemperatureSamples,
     pub rejects: Vec<LogReject>,
     pub metadata: BTreeMap<String, String>,
@@ -349,6 +352,7 @@ pub fn read_whole(
         temperatures,
         others,
         references: _,
+        lengths,
     } = input;
     let mut angles = JointAngles::of(mapping.joints.len());
     angles.append(&collected.angles);
@@ -363,6 +367,11 @@ pub fn read_whole(
         readings: readings.read(0..readings.count()).expect("spilled before"),
         others: others
             .iter()
+            .map(|own| own.read(0..own.count()).expect("spilled before"))
+            .collect(),
+        lengths: lengths
+            .iter()
+            .map(|own| &own.readings)
             .map(|own| own.read(0..own.count()).expect("spilled before"))
             .collect(),
         temperatures,

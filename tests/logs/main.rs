@@ -9,6 +9,7 @@ mod encodings;
 mod files;
 mod fuzz;
 mod inspect;
+mod lengths;
 mod markers;
 mod mutator;
 mod raw;

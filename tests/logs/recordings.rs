@@ -63,6 +63,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
             targets: Vec::new(),
             targets_by_geometry: Vec::new(),
             references: Vec::new(),
+            lengths: Vec::new(),
             eye_in_hand: false,
             fields: PoseFields::default(),
             frame: None,

@@ -242,6 +242,7 @@ fn what_breaks_the_contract_is_reported_at_the_end_and_leaves_no_file() {
         readings: Box::new(TargetReadings::default()),
         others: Vec::new(),
         references: Vec::new(),
+        lengths: Vec::new(),
         temperatures: TemperatureSamples::default(),
     };
     let error = table.finish(&nothing);

@@ -312,3 +312,100 @@ fn lengths_alone_judge_nothing() {
         run.messages
     );
 }
+
+/// The sections that read the simulated instruments from the tracker's log.
+fn logged_sections() -> String {
+    let distance = DISTANCES.iter().map(|own| ("distance", own[4]));
+    let all = (1..).zip(distance.chain([("height", HEIGHT[4])]));
+    all.map(|(number, (reads, sd_mm)): (usize, _)| {
+        format!(
+            "[[tracker.lengths]]\nname = \"L{number}\"\nreads = \"{reads}\"\ntopic = \"/lengths/L{number}\"\nunit = \"m\"\nsd_mm = {sd_mm}\n\n"
+        )
+    })
+    .collect()
+}
+
+/// A cell that reads the logs of the session of [`simulated`].
+fn logged() -> Cell {
+    let cell = Cell::new();
+    simulated(&cell, "3");
+    fs::create_dir_all(cell.path("sessions")).expect("writable");
+    fs::rename(cell.path("simulated-3"), cell.session("mon")).expect("writable");
+    cell.with("[fit]\n", &format!("{}[fit]\n", logged_sections()))
+}
+
+#[test]
+fn lengths_in_a_log_are_those_of_the_table_of_the_session() {
+    let logs = logged();
+    let run = logs.run(&["--verbose"]);
+    assert_eq!(run.code, 0, "{}{}", run.results, run.messages);
+    let cell = Cell::new();
+    let table = simulated(&cell, "3");
+    let cell = tabled::cell_with(cell, &section(&table));
+    fs::create_dir_all(cell.session("mon")).expect("writable");
+    fs::write(cell.session("mon").join("measured.csv"), &table).expect("writable");
+    assert_eq!(cell.run(&[]).code, 0);
+    let (of_logs, of_table) = (sources(&logs), sources(&cell));
+    assert_eq!(of_logs.len(), of_table.len());
+    for (own, other) in of_logs.iter().zip(&of_table) {
+        assert_eq!((&own.source, &own.reads), (&other.source, &other.reads));
+        // A log has no lost station that its table has not.
+        assert!(
+            own.readings.abs_diff(other.readings) <= 1,
+            "{own:?} {other:?}"
+        );
+        let (Some(own_mm), Some(other_mm)) = (own.held_out_mm, other.held_out_mm) else {
+            continue;
+        };
+        // The samples of a dwell scatter by a fifth of the standard deviation about the table's reading.
+        assert!((own_mm / other_mm - 1.0).abs() < 0.2, "{own:?} {other:?}");
+    }
+    for (own, other) in anchors(&logs).iter().zip(anchors(&cell)) {
+        for (own, other) in own.iter().zip(other) {
+            assert!((own - other).abs() < 1.0, "{own} {other}");
+        }
+    }
+    crate::verify::verify(&logs, &[]).expect(0, &[]);
+    assert_two_steps_as_one(&logs, 0);
+}
+
+#[test]
+fn sections_of_lengths_that_cannot_be_are_refused() {
+    let told = |from: &str, to: &str| {
+        let ended = logged().with(from, to).run(&[]);
+        assert_eq!(ended.code, 2, "{}{}", ended.results, ended.messages);
+        ended.messages
+    };
+    for (from, to, words) in [
+        (
+            "/lengths/L2",
+            "/lengths/L1",
+            "a `field` of each where several share a topic",
+        ),
+        (
+            "/lengths/L2",
+            "/tracker/point",
+            "which is read for positions or temperatures",
+        ),
+        ("name = \"L2\"", "name = \"L1\"", "\"L1\" twice"),
+        (
+            "unit = \"m\"\nsd_mm = 0.05",
+            "unit = \"m\"\nsd_mm = 0",
+            "a standard deviation above zero",
+        ),
+        (
+            "sd_mm = 0.03",
+            "sd_mm = 0.03\ntarget = \"tip\"",
+            "the log has one target",
+        ),
+        (
+            "sd_mm = 0.03",
+            "sd_mm = 0.03\noffset = { mm = 1, sd_mm = 1 }",
+            "only distances have an anchor",
+        ),
+        ("sd_mm = 0.03", "sd_mm = 0.03\ncolumn = \"x\"", "column"),
+    ] {
+        let told = told(from, to);
+        assert!(told.contains(words), "{from:?} -> {to:?}: {told}");
+    }
+}

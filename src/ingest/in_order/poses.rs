@@ -6,7 +6,8 @@ use super::super::covariances::{self, CovarianceCounts};
 use super::super::poses;
 use super::super::rows::{Place, RowFault, Rows};
 use super::super::{
-    CommandedSettings, DecodedPoses, LengthUnit, PoseSamples, SpanClock, TrackerSettings,
+    CommandedSettings, DecodedPoses, LengthUnit, LoggedLength, PoseSamples, SpanClock,
+    TrackerSettings,
 };
 use super::{Buffer, reordered};
 use crate::geometry::PoseCovariance;
@@ -47,6 +48,11 @@ impl PoseBuffer {
             inverted: settings.eye_in_hand,
             ..Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
         }
+    }
+
+    /// An empty buffer of an instrument of one length: each length as x, without y and z.
+    pub const fn lengths(settings: &LoggedLength) -> Self {
+        Self::none(SpanClock::Tracker, settings.unit, (false, false))
     }
 
     const fn none(

@@ -1,8 +1,9 @@
-//! `[[stations.lengths]]`: columns of instruments that read one length of a target, in a table of stations.
+//! `[[stations.lengths]]` and `[[tracker.lengths]]`: instruments that read one length of a target, in a table of stations or in the
+//! tracker's log.
 
 use serde::{Deserialize, Serialize};
 
-use super::{LengthUnit, StandsOn};
+use super::{LengthUnit, StampField, StandsOn};
 
 /// An instrument that reads one length, its column and what is known of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,6 +33,59 @@ pub struct LengthColumns {
     pub place: Option<KnownPlace>,
     /// The reading at no distance; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<KnownOffset>,
+}
+
+/// An instrument that reads one length, its topic in the tracker's log and what is known of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoggedLength {
+    /// The instrument's name.
+    pub name: String,
+    /// Kind of its readings.
+    pub reads: LengthRead,
+    /// Topic of its readings; several instruments may share one.
+    pub topic: String,
+    /// Path of the length in a message; absent: that of a common message type.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// Path of the stamp in a message; absent: that of a common message type, or a usual one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<StampField>,
+    /// Unit of the length.
+    pub unit: LengthUnit,
+    /// Standard deviation of a reading, mm.
+    pub sd_mm: f64,
+    /// Name of the target that it reads; absent: the main one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// The base or the floor, on which its anchor or plane stands; absent where no references on the base show motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<StandsOn>,
+    /// The anchor's place in the base's frame; absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<KnownPlace>,
+    /// The reading at no distance; absent: found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<KnownOffset>,
+}
+
+/// An instrument of one length as a source of readings, wherever they come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LengthSource<'s> {
+    /// Its name.
+    pub name: &'s str,
+    /// Kind of its readings.
+    pub reads: LengthRead,
+    /// Standard deviation of a reading, mm.
+    pub sd_mm: f64,
+    /// Name of the target that it reads; `None`: the main one.
+    pub target: Option<&'s str>,
+    /// What its anchor or plane stands on.
+    pub on: Option<StandsOn>,
+    /// The anchor's place in the base's frame; `None`: found.
+    pub place: Option<KnownPlace>,
+    /// The reading at no distance; `None`: found.
     pub offset: Option<KnownOffset>,
 }
 
@@ -76,10 +130,59 @@ impl LengthRead {
 }
 
 impl LengthColumns {
+    /// What is known of the instrument.
+    pub fn source(&self) -> LengthSource<'_> {
+        LengthSource {
+            name: &self.name,
+            reads: self.reads,
+            sd_mm: self.sd_mm,
+            target: self.target.as_deref(),
+            on: self.on,
+            place: self.place,
+            offset: self.offset,
+        }
+    }
+}
+
+impl LoggedLength {
+    /// What is known of the instrument.
+    pub fn source(&self) -> LengthSource<'_> {
+        LengthSource {
+            name: &self.name,
+            reads: self.reads,
+            sd_mm: self.sd_mm,
+            target: self.target.as_deref(),
+            on: self.on,
+            place: self.place,
+            offset: self.offset,
+        }
+    }
+}
+
+/// Whether a length can be a reading where there is a least one, mm: zeros at a least of zero are missing readings.
+pub fn is_length(least_mm: Option<f64>, mm: f64) -> bool {
+    let is_below = |least_mm: f64| mm < least_mm || (mm == 0.0 && least_mm == 0.0);
+    !least_mm.is_some_and(is_below)
+}
+
+impl LengthSource<'_> {
     /// The least reading that there can be, mm: zero, or below it where such an offset is stated; `None` of heights.
     pub fn least_mm(&self) -> Option<f64> {
         let offset_mm = self.offset.map_or(0.0, |own| own.mm);
         (self.reads == LengthRead::Distance).then_some(offset_mm.min(0.0))
+    }
+
+    /// Whether a length can be a reading of it: one of distances is above the least, where zeros are missing readings.
+    pub fn can_read(&self, mm: f64) -> bool {
+        is_length(self.least_mm(), mm)
+    }
+
+    /// Place of its target among those with these names; `None` where there is no such target.
+    pub fn target_among(&self, names: &[String]) -> Option<usize> {
+        match self.target {
+            None => Some(0),
+            Some(named) => names.iter().position(|own| own == named),
+        }
     }
 }
 
@@ -99,7 +202,7 @@ mod tests {
         let sphere = format!(
             "{bar}sd = \"u\"\non = \"base\"\nplace = {{ xyz_mm = [900, 0, 300], sd_mm = 5 }}\noffset = {{ mm = -12.7, sd_mm = 0.001 }}\n"
         );
-        let least = [bar, &sphere, &face].map(|text| read(text).least_mm());
+        let least = [bar, &sphere, &face].map(|text| read(text).source().least_mm());
         assert_eq!(least, [Some(0.0), Some(-12.7), None]);
         for text in [bar, &sphere, &face] {
             // What is written is read back: a run's name follows from it.

@@ -79,6 +79,31 @@ impl TrackerSettings {
         self.targets.len().max(1)
     }
 
+    /// The targets' names, the main one's first; empty where a single one has none.
+    pub fn target_names(&self) -> Vec<String> {
+        let named = self.targets.iter().map(|own| own.name.clone());
+        let unnamed = self.targets_by_geometry.iter().cloned();
+        named.chain(unnamed).collect()
+    }
+
+    /// Places of the instruments of one length whose readings are on a topic.
+    pub fn lengths_on(&self, topic: &str) -> Vec<usize> {
+        let all = self.lengths.iter().enumerate();
+        let own = all.filter(|(_, own)| own.topic == topic);
+        own.map(|(place, _)| place).collect()
+    }
+
+    /// The topics of instruments of one length, each once.
+    pub fn length_topics(&self) -> Vec<&str> {
+        let mut topics: Vec<&str> = Vec::new();
+        for own in &self.lengths {
+            if !topics.contains(&own.topic.as_str()) {
+                topics.push(&own.topic);
+            }
+        }
+        topics
+    }
+
     /// Everything that readings are of: the targets, the main one first, then the references.
     pub fn seen(&self) -> Vec<Seen<'_>> {
         let unnamed = self.targets.is_empty().then_some(Seen {

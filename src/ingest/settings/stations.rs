@@ -402,10 +402,7 @@ impl StationsSettings {
 
     /// Place among the targets of the one that an instrument of one length reads; `None` where there is no such target.
     pub fn target_of(&self, lengths: &LengthColumns) -> Option<usize> {
-        let Some(named) = &lengths.target else {
-            return Some(0);
-        };
-        self.target_names().iter().position(|own| own == named)
+        lengths.source().target_among(&self.target_names())
     }
 
     /// Place among the sources of the first instrument of one length: behind that of places, where there is one.

@@ -93,6 +93,8 @@ pub struct SessionStreams<'s> {
     /// Those of each target and reference.
     readings: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
     temperatures: Option<OrderedStream<TemperatureBuffer, TemperatureSamples>>,
+    /// Those of each instrument of one length.
+    lengths: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
 }
 
 /// The results of the streams after all logs were read.
@@ -103,6 +105,8 @@ pub struct Ordered {
     /// Those of each target, the main one's first, then those of each reference.
     pub readings: Vec<SpilledPoses<Tracker>>,
     pub temperatures: TemperatureSamples,
+    /// Those of each instrument of one length: the length as x, without y and z.
+    pub lengths: Vec<SpilledPoses<Tracker>>,
 }
 
 impl<'s> SessionStreams<'s> {
@@ -125,11 +129,16 @@ impl<'s> SessionStreams<'s> {
             let in_order = InOrder::new(TemperatureBuffer::default(), topic, TOGETHER, usize::MAX);
             OrderedStream::new(in_order, TemperatureSamples::default())
         });
+        let lengths = tracker.lengths.iter().map(|own| {
+            let in_order = of_poses(PoseBuffer::lengths(own), &own.topic);
+            OrderedStream::new(in_order, SpillingPoses::default())
+        });
         Self {
             joints: OrderedStream::new(of_joints, joints),
             commands,
             readings: readings.collect(),
             temperatures,
+            lengths: lengths.collect(),
         }
     }
 
@@ -143,6 +152,7 @@ impl<'s> SessionStreams<'s> {
                 .temperatures
                 .iter_mut()
                 .for_each(|s| s.begin_file(file)),
+            Stream::Lengths => self.lengths.iter_mut().for_each(|s| s.begin_file(file)),
         }
     }
 
@@ -158,6 +168,9 @@ impl<'s> SessionStreams<'s> {
         if let Some(stream) = &mut self.temperatures {
             stream.take(&mut part.temperatures, extent);
         }
+        for (stream, rows) in self.lengths.iter_mut().zip(&mut part.lengths) {
+            stream.take(rows, extent);
+        }
     }
 
     /// Puts the waiting rows of all streams in order of time.
@@ -170,6 +183,7 @@ impl<'s> SessionStreams<'s> {
         if let Some(stream) = &mut self.temperatures {
             stream.work();
         }
+        self.lengths.iter_mut().for_each(OrderedStream::work);
     }
 
     /// Emits the samples that are still buffered. Poses that found no room on the disk are an error.
@@ -192,11 +206,18 @@ impl<'s> SessionStreams<'s> {
             summaries.push((Stream::Temperatures, summary));
             temperatures = samples;
         }
+        let mut lengths = Vec::with_capacity(self.lengths.len());
+        for stream in self.lengths {
+            let (summary, poses) = stream.finish();
+            summaries.push((Stream::Lengths, summary));
+            lengths.push(poses.finish()?);
+        }
         Ok(Ordered {
             summaries,
             commands,
             readings,
             temperatures,
+            lengths,
         })
     }
 }

@@ -24,7 +24,7 @@ use super::streams::Stream;
 use super::{Limits, LogError};
 use crate::ingest::{BUFFERED, LogReject, Mapping, Poses};
 use crate::join::stationary::{Finder, StationaryRule, stationary_of};
-use crate::join::{JoinInput, ReferenceReadings};
+use crate::join::{JoinInput, LengthReadings, ReferenceReadings};
 use crate::progress::Progress;
 use crate::units::Tracker;
 
@@ -117,6 +117,14 @@ pub fn read_session(
         on: own.on,
         readings: boxed(readings),
     });
+    let lengths = mapping.tracker.lengths.iter().zip(ordered.lengths);
+    let lengths = lengths.map(|(own, readings)| {
+        LengthReadings::of(
+            &own.source(),
+            &mapping.tracker.target_names(),
+            boxed(readings),
+        )
+    });
     Ok(SessionRead {
         input: JoinInput {
             joints,
@@ -124,6 +132,7 @@ pub fn read_session(
             readings: Box::new(main),
             others,
             references: references.collect(),
+            lengths: lengths.collect(),
             temperatures: ordered.temperatures,
         },
         rejects,

@@ -33,15 +33,18 @@ pub enum Stream {
     Commands,
     Readings,
     Temperatures,
+    /// Readings of instruments of one length.
+    Lengths,
 }
 
 impl Stream {
     /// All streams in the order of their numbers.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self::Joints,
         Self::Commands,
         Self::Readings,
         Self::Temperatures,
+        Self::Lengths,
     ];
 }
 
@@ -66,8 +69,8 @@ pub struct Streams<'m, 's> {
     met: BTreeSet<String>,
     /// Readers of messages, by topic, schema and encoding: channels that share these share the reader.
     readers: BTreeMap<(String, u16, String), SharedReader>,
-    /// The fields that are read for each stream.
-    paths: BTreeMap<Stream, Vec<FieldPath>>,
+    /// The fields that are read of each wanted topic.
+    paths: BTreeMap<usize, Vec<FieldPath>>,
     /// Receiver of the rows. It works on them while the next blocks are opened, on another thread.
     session: &'m Mutex<SessionStreams<'s>>,
     pub messages: BTreeMap<Stream, u64>,
@@ -108,6 +111,7 @@ impl<'m, 's> Streams<'m, 's> {
     /// The reader of a wanted channel's messages; a schema is parsed once, however many channels share it.
     fn reader(
         &mut self,
+        place: usize,
         wanted: &Wanted,
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
@@ -128,13 +132,14 @@ impl<'m, 's> Streams<'m, 's> {
             return Ok(Arc::clone(reader));
         }
         let schema = schema.cloned();
-        let reader = Arc::new(self.new_reader(wanted, channel, schema.as_deref())?);
+        let reader = Arc::new(self.new_reader(place, wanted, channel, schema.as_deref())?);
         self.readers.insert(key, (schema, Arc::clone(&reader)));
         Ok(reader)
     }
 
     fn new_reader(
         &self,
+        place: usize,
         wanted: &Wanted,
         channel: &Channel,
         schema: Option<&Schema>,
@@ -164,11 +169,18 @@ impl<'m, 's> Streams<'m, 's> {
             .map_err(at)?
             .ok_or_else(|| unsuitable(schema.leaves()))?;
         Ok(Reader {
+            wanted: place,
             stream: wanted.stream,
             time: wanted.time,
             targets: match wanted.stream {
                 Stream::Readings => self.targets_of(&channel.topic),
-                Stream::Joints | Stream::Commands | Stream::Temperatures => Vec::new(),
+                Stream::Joints | Stream::Commands | Stream::Temperatures | Stream::Lengths => {
+                    Vec::new()
+                }
+            },
+            lengths: match wanted.stream {
+                Stream::Lengths => self.mapping.tracker.lengths_on(&channel.topic),
+                _ => Vec::new(),
             },
             recipe,
         })
@@ -185,10 +197,10 @@ impl<'m, 's> Streams<'m, 's> {
         .collect()
     }
 
-    fn describe(&self, stream: Stream, fault: RowFault) -> String {
+    fn describe(&self, wanted: usize, fault: RowFault) -> String {
         let joint = |place: usize| self.mapping.joints.get(place).map_or("", String::as_str);
         let path = |place: usize| {
-            let paths = self.paths.get(&stream).map_or(&[][..], Vec::as_slice);
+            let paths = self.paths.get(&wanted).map_or(&[][..], Vec::as_slice);
             paths
                 .get(place)
                 .map_or_else(String::new, FieldPath::to_string)
@@ -214,7 +226,9 @@ impl<'m, 's> Streams<'m, 's> {
             }
             RowFault::OtherFrame => format!(
                 "the message is in another frame than {:?}",
-                self.frame(stream)
+                self.wanted
+                    .get(wanted)
+                    .map_or("", |own| self.frame(own.stream))
             ),
             other => other.to_string(),
         }
@@ -242,16 +256,17 @@ impl Visitor for Streams<'_, '_> {
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
     ) -> Result<Decoder, LogError> {
-        let of_topic = |wanted: &&Wanted| wanted.topic == channel.topic;
-        let Some(wanted) = self.wanted.iter().find(of_topic).cloned() else {
+        let of_topic = |wanted: &Wanted| wanted.topic == channel.topic;
+        let Some(place) = self.wanted.iter().position(of_topic) else {
             return Ok(None);
         };
-        let reader = self.reader(&wanted, channel, schema)?;
+        let wanted = self.wanted[place].clone();
+        let reader = self.reader(place, &wanted, channel, schema)?;
         let stream = wanted.stream;
         self.met.insert(wanted.topic.clone());
         self.session().begin_file(stream, &self.file);
         self.paths
-            .entry(stream)
+            .entry(place)
             .or_insert_with(|| reader.recipe.paths.clone());
         Ok(Some(reader))
     }
@@ -262,13 +277,18 @@ impl Visitor for Streams<'_, '_> {
         let rows = reader.rows();
         part.messages[reader.stream as usize] += rows as u64;
         if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
-            let tally = part.faults.entry((reader.stream, fault)).or_default();
+            let tally = part.faults.entry((reader.wanted, fault)).or_default();
             (0..rows).for_each(|_| tally.add(message.log_time));
         }
     }
 
     fn clear(&self, part: &mut Part) {
-        part.clear(self.mapping.joints.len(), self.mapping.tracker.seen().len());
+        let tracker = &self.mapping.tracker;
+        part.clear(
+            self.mapping.joints.len(),
+            tracker.seen().len(),
+            tracker.lengths.len(),
+        );
     }
 
     fn meanwhile(&self) {
@@ -282,19 +302,21 @@ impl Visitor for Streams<'_, '_> {
                 *self.messages.entry(*stream).or_default() += count;
             }
         }
-        for ((stream, fault), tally) in std::mem::take(&mut part.faults) {
-            *self.undecoded.entry(stream).or_default() += tally.messages.unwrap_or(0);
-            let topic = self.wanted.iter().find(|wanted| wanted.stream == stream);
+        for ((place, fault), tally) in std::mem::take(&mut part.faults) {
+            let wanted = self.wanted.get(place);
+            if let Some(wanted) = wanted {
+                *self.undecoded.entry(wanted.stream).or_default() += tally.messages.unwrap_or(0);
+            }
             rejects.push(LogReject {
                 file: self.file.clone(),
-                topic: topic.map(|wanted| wanted.topic.clone()),
+                topic: wanted.map(|wanted| wanted.topic.clone()),
                 byte_start: extent.start,
                 byte_end: extent.end,
                 time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
                 clock: SpanClock::Log,
                 messages: tally.messages,
                 loss: LossKind::Unusable,
-                reason: self.describe(stream, fault),
+                reason: self.describe(place, fault),
             });
         }
     }

@@ -27,19 +27,24 @@ impl Cdr {
         self.bytes.extend(value.to_le_bytes());
     }
 
+    pub(super) fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    pub(super) fn f32(&mut self, value: f32) {
+        self.align(4);
+        self.bytes.extend(value.to_le_bytes());
+    }
+
     pub(super) fn f64(&mut self, value: f64) {
         self.align(8);
         self.bytes.extend(value.to_le_bytes());
     }
 
     /// The number of values that follow.
-    pub(super) fn length(
-        &mut self,
-        topic: &'static str,
-        length: usize,
-    ) -> Result<(), LogWriteError> {
+    pub(super) fn length(&mut self, topic: &str, length: usize) -> Result<(), LogWriteError> {
         let counted = u32::try_from(length).map_err(|_| LogWriteError::TooLong {
-            topic,
+            topic: topic.to_owned(),
             found: length,
         })?;
         self.u32(counted);
@@ -47,7 +52,7 @@ impl Cdr {
     }
 
     /// A string: its length with the closing NUL, then its bytes.
-    pub(super) fn string(&mut self, topic: &'static str, text: &str) -> Result<(), LogWriteError> {
+    pub(super) fn string(&mut self, topic: &str, text: &str) -> Result<(), LogWriteError> {
         self.length(topic, text.len().saturating_add(1))?;
         self.bytes.extend(text.as_bytes());
         self.bytes.push(0);

@@ -32,7 +32,7 @@ float64 w
 
 /// A channel with its schema.
 pub(super) struct Topic {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     pub(super) schema: &'static str,
     pub(super) definition: String,
 }
@@ -40,15 +40,15 @@ pub(super) struct Topic {
 pub(super) fn joint_topic() -> Topic {
     let fields = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
     Topic {
-        name: "/joint_states",
+        name: "/joint_states".to_owned(),
         schema: "sensor_msgs/msg/JointState",
         definition: format!("{fields}{HEADER}"),
     }
 }
 
-pub(super) fn pose_topic(name: &'static str) -> Topic {
+pub(super) fn pose_topic(name: &str) -> Topic {
     Topic {
-        name,
+        name: name.to_owned(),
         schema: "geometry_msgs/msg/PoseStamped",
         definition: format!(
             "std_msgs/Header header\ngeometry_msgs/Pose pose\n{HEADER}{POSE}{POINT}"
@@ -65,7 +65,7 @@ geometry_msgs/Pose pose
 float64[36] covariance
 ";
     Topic {
-        name: "/tracker/pose_with_covariance",
+        name: "/tracker/pose_with_covariance".to_owned(),
         schema: "geometry_msgs/msg/PoseWithCovarianceStamped",
         definition: format!(
             "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n{HEADER}{covariance}{POSE}{POINT}"
@@ -75,7 +75,7 @@ float64[36] covariance
 
 pub(super) fn point_topic() -> Topic {
     Topic {
-        name: "/tracker/point",
+        name: "/tracker/point".to_owned(),
         schema: "geometry_msgs/msg/PointStamped",
         definition: format!("std_msgs/Header header\ngeometry_msgs/Point point\n{HEADER}{POINT}"),
     }
@@ -103,7 +103,7 @@ float64 z
 float64 w
 ";
     Topic {
-        name: "/tracker/targets",
+        name: "/tracker/targets".to_owned(),
         schema: "geometry_msgs/msg/TransformStamped",
         definition: format!(
             "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n{HEADER}{transform}{quaternion}"
@@ -113,10 +113,22 @@ float64 w
 
 pub(super) fn temperature_topic() -> Topic {
     Topic {
-        name: "/tracker/temperature",
+        name: "/tracker/temperature".to_owned(),
         schema: "sensor_msgs/msg/Temperature",
         definition: format!(
             "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n{HEADER}"
+        ),
+    }
+}
+
+/// Readings of an instrument of one length.
+pub(super) fn length_topic(name: &str) -> Topic {
+    Topic {
+        name: format!("/lengths/{name}"),
+        schema: "sensor_msgs/msg/Range",
+        definition: format!(
+            "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n\
+             float32 range\n{HEADER}"
         ),
     }
 }

@@ -437,17 +437,19 @@ impl Reader<'_> {
             )));
         }
         let length = MeanLength { mm, sd_mm };
-        match (own.least_mm(), own.reads) {
-            (Some(least_mm), _) if mm < least_mm || (mm == 0.0 && least_mm == 0.0) => {
-                Err(Fault::of(format!(
-                    "{:?} reads a distance of {mm} mm, which is not above {least_mm} mm: a distance that is read less than it is (of a \
-                     sphere that is touched, minus its radius) needs its offset in [[stations.lengths]]",
-                    own.name
-                )))
-            }
-            (_, LengthRead::Distance) => Ok(Value::Distance(length)),
-            (_, LengthRead::Height) => Ok(Value::Height(length)),
+        let source = own.source();
+        if !source.can_read(mm) {
+            let least_mm = source.least_mm().unwrap_or(0.0);
+            return Err(Fault::of(format!(
+                "{:?} reads a distance of {mm} mm, which is not above {least_mm} mm: a distance that is read less than it is (of a \
+                 sphere that is touched, minus its radius) needs its offset in [[stations.lengths]]",
+                own.name
+            )));
         }
+        Ok(match own.reads {
+            LengthRead::Distance => Value::Distance(length),
+            LengthRead::Height => Value::Height(length),
+        })
     }
 
     fn reading(

@@ -2,7 +2,8 @@
 
 use super::{Stream, Wanted};
 use crate::ingest::{
-    AngleFields, JointFields, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
+    AngleFields, JointFields, LoggedLength, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
+    TrackerSettings,
 };
 use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError, ros2msg};
 
@@ -21,6 +22,8 @@ pub enum Layout {
     Markers,
     /// `sensor_msgs/Temperature`.
     Temperature,
+    /// One length: `sensor_msgs/Range`, or a number alone.
+    Length,
 }
 
 /// A message type that needs no field paths.
@@ -184,6 +187,22 @@ const TEMPERATURE: Common = Common {
     fields: &["temperature"],
 };
 
+const LENGTHS: [Common; 2] = [
+    Common {
+        names: &["sensor_msgs/Range"],
+        layout: Layout::Length,
+        stamp: "header.stamp",
+        fields: &["range"],
+    },
+    // They have no stamp: their time is that of publication or recording.
+    Common {
+        names: &["std_msgs/Float64", "std_msgs/Float32"],
+        layout: Layout::Length,
+        stamp: "header.stamp",
+        fields: &["data"],
+    },
+];
+
 /// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
 /// Fields of a time, in ROS 2, in protobuf, and in ROS 1 and JSON.
@@ -215,6 +234,8 @@ pub(super) enum Meaning {
     Poses { orientation: bool },
     /// The temperature, °C.
     Temperature,
+    /// The length of each instrument of the topic.
+    Lengths,
 }
 
 /// The values that a stream takes from one channel's messages.
@@ -256,6 +277,7 @@ impl Layout {
                 matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
             }
             Stream::Temperatures => matches!(self, Self::Temperature),
+            Stream::Lengths => matches!(self, Self::Length),
         }
     }
 
@@ -263,6 +285,7 @@ impl Layout {
         match self {
             Self::Joints => Meaning::NamedAngles,
             Self::Temperature => Meaning::Temperature,
+            Self::Length => Meaning::Lengths,
             Self::Markers => Meaning::Poses { orientation: true },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
@@ -284,7 +307,7 @@ impl Common {
 
 fn common(name: &str) -> Option<&'static Common> {
     let name = ros2msg::short_name(name);
-    let mut all = COMMON.iter().chain([&TEMPERATURE]);
+    let mut all = COMMON.iter().chain([&TEMPERATURE]).chain(&LENGTHS);
     all.find(|common| common.names.contains(&name.as_str()))
 }
 
@@ -325,7 +348,7 @@ impl Glance {
                 Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
                     common.fields.get(..3)?
                 }
-                Layout::Markers | Layout::Temperature => return None,
+                Layout::Markers | Layout::Temperature | Layout::Length => return None,
             };
             let paths = fields.iter().map(|field| FieldPath::parse(field));
             schema
@@ -370,7 +393,7 @@ impl Recipe {
     ) -> Result<Option<Self>, SchemaError> {
         let (stream, time) = (wanted.stream, wanted.time);
         let is_named = mapping.tracker.names_on(&wanted.topic);
-        let mut said = Statements::of(stream, mapping);
+        let mut said = Statements::of(wanted, mapping);
         said.target = said.target.filter(|_| is_named);
         let common = common(name).filter(|common| common.layout.suits(stream));
         let (meaning, fields, target) = match (&said.named, common) {
@@ -428,9 +451,9 @@ impl Recipe {
 }
 
 impl<'m> Statements<'m> {
-    fn of(stream: Stream, mapping: &'m Mapping) -> Self {
+    fn of(wanted: &Wanted, mapping: &'m Mapping) -> Self {
         let tracker = &mapping.tracker;
-        match (stream, &mapping.commanded) {
+        match (wanted.stream, &mapping.commanded) {
             (Stream::Commands, Some(commanded)) => {
                 Self::of_poses(&commanded.fields, commanded.frame.as_deref(), false)
             }
@@ -443,6 +466,7 @@ impl<'m> Statements<'m> {
                 tracker.frame.as_deref(),
                 tracker.ignore_orientation,
             ),
+            (Stream::Lengths, _) => Self::of_lengths(tracker, &wanted.topic),
             (Stream::Temperatures, _) => {
                 let field = tracker.fields.temperature.as_deref();
                 Self {
@@ -454,6 +478,22 @@ impl<'m> Statements<'m> {
                     ignore_orientation: false,
                 }
             }
+        }
+    }
+
+    /// Those about the lengths on a topic.
+    fn of_lengths(tracker: &'m TrackerSettings, topic: &str) -> Self {
+        let own = tracker.lengths.iter().filter(|own| own.topic == topic);
+        let own: Vec<&LoggedLength> = own.collect();
+        let fields = own.iter().filter_map(|own| own.field.as_deref());
+        let fields: Vec<&str> = fields.collect();
+        Self {
+            stamp: own.first().and_then(|own| own.stamp.as_ref()),
+            frame: None,
+            frame_field: None,
+            named: (fields.len() == own.len()).then_some((Meaning::Lengths, fields)),
+            target: None,
+            ignore_orientation: false,
         }
     }
 
@@ -569,5 +609,6 @@ pub(super) const fn suitable_types(stream: Stream) -> &'static str {
              isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
         }
         Stream::Temperatures => "sensor_msgs/msg/Temperature",
+        Stream::Lengths => "sensor_msgs/msg/Range, std_msgs/msg/Float64 and Float32",
     }
 }

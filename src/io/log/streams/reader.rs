@@ -59,10 +59,14 @@ pub type Decoder = Option<Arc<Reader>>;
 /// The reader of the messages of one wanted channel.
 #[derive(Debug)]
 pub struct Reader {
+    /// Place of its topic among those that are wanted of the file.
+    pub(super) wanted: usize,
     pub(super) stream: Stream,
     pub(super) time: TimeSource,
     /// The targets that its readings may be of.
     pub(super) targets: Vec<Wished>,
+    /// The instruments of one length whose readings its messages have, in the order of the recipe's values.
+    pub(super) lengths: Vec<usize>,
     pub(super) recipe: Recipe,
 }
 
@@ -80,15 +84,18 @@ pub(super) struct Wished {
 pub struct Part {
     pub joints: DecodedJoints,
     /// A row for each stream: its messages are alike.
-    rows: [Row; 4],
+    rows: [Row; 5],
     order: JointOrder,
     pub commands: DecodedPoses,
     /// Those of each target.
     pub readings: Vec<DecodedPoses>,
     pub temperatures: DecodedTemperatures,
-    pub(super) faults: BTreeMap<(Stream, RowFault), Tally>,
+    /// Those of each instrument of one length: the length as x, without y and z.
+    pub lengths: Vec<DecodedPoses>,
+    /// By the place of the topic among those that are wanted of the file.
+    pub(super) faults: BTreeMap<(usize, RowFault), Tally>,
     /// Number of messages of each stream.
-    pub(super) messages: [u64; 4],
+    pub(super) messages: [u64; 5],
 }
 
 /// The places of the arm's joints in messages with these names.
@@ -111,12 +118,15 @@ pub(super) struct Values<'m> {
 }
 
 impl Part {
-    /// Empties it for the next block, for this number of joints and targets.
-    pub(super) fn clear(&mut self, joints: usize, targets: usize) {
+    /// Empties it for the next block, for this number of joints, targets and instruments of one length.
+    pub(super) fn clear(&mut self, joints: usize, targets: usize, lengths: usize) {
         self.readings.resize_with(targets, DecodedPoses::default);
+        self.lengths.resize_with(lengths, DecodedPoses::default);
         self.joints.stamps.clear();
         self.joints.angles.clear(joints);
-        for poses in self.readings.iter_mut().chain([&mut self.commands]) {
+        let lengths = self.lengths.iter_mut();
+        let poses = self.readings.iter_mut().chain(lengths);
+        for poses in poses.chain([&mut self.commands]) {
             poses.stamps.clear();
             poses.positions.clear();
             poses.orientations = None;
@@ -125,7 +135,7 @@ impl Part {
         self.temperatures.stamps.clear();
         self.temperatures.celsius.clear();
         self.faults.clear();
-        self.messages = [0; 4];
+        self.messages = [0; 5];
     }
 }
 
@@ -167,6 +177,7 @@ impl Reader {
                 part.temperatures.celsius.push(values.number(first)?);
                 part.temperatures.stamps.push(stamp);
             }
+            (Meaning::Lengths, _) => self.push_lengths(values, first, stamp, &mut part.lengths)?,
             (
                 Meaning::Pose {
                     orientation,
@@ -198,11 +209,30 @@ impl Reader {
     pub(super) const fn rows(&self) -> usize {
         match self.recipe.meaning {
             Meaning::Poses { .. } => self.targets.len(),
+            Meaning::Lengths => self.lengths.len(),
             Meaning::NamedAngles
             | Meaning::Angles
             | Meaning::Pose { .. }
             | Meaning::Temperature => 1,
         }
+    }
+
+    /// Adds the length of each instrument of the message. On a fault it adds nothing.
+    fn push_lengths(
+        &self,
+        values: Values<'_>,
+        first: usize,
+        stamp: i64,
+        lengths: &mut [DecodedPoses],
+    ) -> Result<(), RowFault> {
+        let read = (first..).take(self.lengths.len());
+        let read = read.map(|slot| values.number(slot));
+        let read = read.collect::<Result<Vec<f64>, RowFault>>()?;
+        for (place, length) in self.lengths.iter().zip(read) {
+            let own = lengths.get_mut(*place).ok_or(RowFault::OtherTarget)?;
+            push_row(own, stamp, [length, 0.0, 0.0], None);
+        }
+        Ok(())
     }
 
     /// The target that a message is of, by the name or number in the slot `slot`.
