@@ -49,6 +49,7 @@ pub mod settle;
 pub mod stationary;
 pub mod supposed;
 pub mod tabled;
+mod unnamed;
 
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
@@ -56,11 +57,9 @@ use std::ops::AddAssign;
 use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use self::assigned::Stated;
-use self::assigned::stream::{self, ByTarget};
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
-use self::dwell::ArmDwell;
+use self::dwell::{ArmDwell, TargetDwell};
 use self::logged_references::bumps::Targets;
 use self::moved::Elsewhere;
 use self::observe::Observation;
@@ -81,6 +80,7 @@ pub use reading::{
 };
 pub use settings::JoinSettings;
 pub use tabled::{RowItem, RowReject};
+pub use unnamed::join_unnamed;
 
 /// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
@@ -352,7 +352,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         },
         settings,
     };
-    let mut dispositions = first_dispositions(&readings, &seen);
+    let mut dispositions = first_dispositions(&readings, &seen.target);
     let mut stations = stations(&*input.commands, &seen.arm, &evidence, &mut dispositions)?;
     for rows in readings.missing() {
         dispositions.set(rows, Disposition::Missing);
@@ -436,99 +436,6 @@ impl Moves {
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 
-/// Joins the two logs of a session whose readings are of several targets and do not name them: their targets are found by geometry,
-/// with what is stated of them.
-///
-/// Counts, rejects and dispositions are those of [`join`]; the distances of each assignment and of its runner-up are in
-/// [`Joined::assigned`].
-pub fn join_unnamed(
-    input: &JoinInput,
-    arm: &Arm,
-    settings: &JoinSettings,
-    stated: &Stated,
-) -> Result<Joined, JoinError> {
-    settings.check()?;
-    observe::check_joints(&input.joints, arm)?;
-    observe::check_temperatures(&input.temperatures)?;
-    let targets = Targets::of(input, settings)?;
-    let readings = Readings::find(&*targets.main, settings)?;
-    let seen = observe::observe(&readings, &input.joints, arm, settings)?;
-    let (clock, visits, settle_s) = clock_of_visits(&readings, &seen, input, stated, settings)?;
-    let by_target = stream::by_target(
-        &*targets.main,
-        &readings,
-        (&visits, &seen.target),
-        &clock.model,
-        stated,
-        settings,
-    )?;
-    let mut stations = unmeasured(&*input.commands, &seen.arm)?;
-    for &number in &by_target.ambiguous {
-        stations[number].pairing = Pairing::Ambiguous;
-    }
-    let (mut counts, mut rejects) = beside_targets(&readings, &seen, &by_target)?;
-    let found = others::Found {
-        arm: &seen.arm,
-        temperatures: &input.temperatures,
-        clock: clock.model,
-        moved: &[],
-        settle_s,
-        settings,
-    };
-    for (place, own) in by_target.targets.iter().enumerate() {
-        if own.count() > 0 {
-            let (own, left_out) =
-                Other::of(TargetId(place), own, settings)?.add(&found, &mut stations)?;
-            counts += own;
-            rejects.extend(left_out);
-        }
-    }
-    rejects.sort_by_key(|own| own.start);
-    let joined = Joined {
-        stations,
-        clock,
-        rejects,
-        row_rejects: Vec::new(),
-        assigned: by_target.assigned,
-        references: Vec::new(),
-        read_references: Vec::new(),
-        elsewhere: Vec::new(),
-        counts,
-        found: Found {
-            stationary_rad: seen.stationary_rad,
-            stationary_mm: seen.stationary_mm,
-            settle_s,
-        },
-    };
-    with_references_and_lengths(targets.restored(joined), input, settings)
-}
-
-/// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.
-fn clock_of_visits(
-    readings: &Readings<'_>,
-    seen: &Observation,
-    input: &JoinInput,
-    stated: &Stated,
-    settings: &JoinSettings,
-) -> Result<(ClockEstimate, Observation, f64), JoinError> {
-    let visits = Observation {
-        target: stream::visits(&seen.target, stated, SAME_REACH * seen.stationary_mm),
-        ..seen.clone()
-    };
-    let decision = decide::decide(visits.dwells(), settings.geometry_gate_mm)?;
-    let origin = Stamp::from_ns(input.joints.span_ns.0);
-    let (mut clock, relation, by_edges) = estimate_clock(&visits, &decision, origin);
-    if !by_edges {
-        clock.model = others::centred(clock.model, &visits.arm, &visits.target, &[]);
-    }
-    let found = || {
-        let firsts = stream::firsts(&visits, &seen.target);
-        settle::settling_s(&firsts, readings, &decision.support, relation)
-    };
-    let settle_s = settings.settle_s.map_or_else(found, Ok)?;
-    Ok((clock, visits, settle_s))
-}
-
 /// Stations without readings yet.
 fn unmeasured(
     commands: &dyn Poses<Controller>,
@@ -547,29 +454,6 @@ fn unmeasured(
         pairing: Pairing::Unmeasured(Unmeasured::NoReadings),
     };
     Ok(stations.map(station).collect())
-}
-
-/// Counts and rejects of the readings that are of no target: missing, moving, outside of the arm's dwells, or of none by geometry.
-fn beside_targets(
-    readings: &Readings<'_>,
-    seen: &Observation,
-    by_target: &ByTarget<'_>,
-) -> Result<(ReadingCounts, Vec<JoinReject>), JoinError> {
-    let mut dispositions = first_dispositions(readings, seen);
-    for rows in readings.missing() {
-        dispositions.set(rows, Disposition::Missing);
-    }
-    let left_out = by_target.left_out.iter().map(|(rows, _)| rows);
-    for rows in by_target.assigned_rows.iter().chain(left_out) {
-        dispositions.set(rows.clone(), Disposition::Kept);
-    }
-    let mut rejects = dispositions.rejects(|row| readings.stamp(row))?;
-    let left_out = stream::rejects(&by_target.left_out, readings)?;
-    let mut counts = dispositions.counts();
-    counts.kept = 0;
-    counts.unpaired += left_out.iter().map(|own| own.readings).sum::<u64>();
-    rejects.extend(left_out);
-    Ok((counts, rejects))
 }
 
 /// Refines the clock on the supporting pairs: the published estimate, the relation in seconds since the first stamps, and whether it is
@@ -614,9 +498,12 @@ fn method(decision: &Decision, by_edges: bool) -> String {
 }
 
 /// The dispositions before pairing: moving, or stationary without a station.
-fn first_dispositions(readings: &Readings<'_>, seen: &Observation) -> Dispositions {
+fn first_dispositions<'d>(
+    readings: &Readings<'_>,
+    dwells: impl IntoIterator<Item = &'d TargetDwell>,
+) -> Dispositions {
     let mut dispositions = Dispositions::new(readings.count());
-    for dwell in &seen.target {
+    for dwell in dwells {
         let rows = dwell.stretch.first..dwell.stretch.last + 1;
         dispositions.set(rows, Disposition::Unpaired(Why::NoArmDwell));
     }

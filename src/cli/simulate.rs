@@ -82,6 +82,9 @@ pub struct SimulateArgs {
     /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
     #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference"])]
     unnamed: bool,
+    /// With --unnamed: all reflectors at once, as motion capture logs its markers, instead of one after another
+    #[arg(long, requires = "unnamed", conflicts_with = "in_turn")]
+    at_once: bool,
     /// An instrument in logs and table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
     /// at no distance, mm, and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true)]
@@ -322,7 +325,7 @@ impl SimulateArgs {
     /// Readings of the reflectors: all at once, or one after another.
     fn readings(&self, simulated: &Simulated) -> Vec<TargetReadings> {
         let beside = self.places_beside();
-        if self.in_turn || self.unnamed {
+        if self.in_turn || (self.unnamed && !self.at_once) {
             simulated.readings_in_turn(&beside)
         } else {
             simulated.readings_with(&beside)

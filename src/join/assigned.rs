@@ -13,9 +13,10 @@
 //! 4. at each station the runner-up is the best other assignment of the readings kept. Where it is not significantly worse, the
 //!    station's readings are ambiguous (`station`).
 //!
-//! [`rows`] does it for a table of stations, `stream` for a log.
+//! [`rows`] does it for a table of stations, `stream` for a log, whose readings of several targets at once `lanes` parts.
 
 mod clusters;
+pub(super) mod lanes;
 mod names;
 pub mod rows;
 mod station;

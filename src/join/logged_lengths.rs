@@ -307,7 +307,7 @@ mod tests {
         let settings = JoinSettings::default();
         let joined = joined();
         let dwelling = Dwelling::new(&joined, &settings);
-        // The wire stands at 1000 mm and two more a station, with 0.02 mm to either side in turn; station 3 is lost, and station 5 has one
+        // The wire stands at 1000 mm and two more a station, with noise of 0.02 mm; station 3 is lost, and station 5 has one
         // reading that is 40 mm off.
         let lone = std::cell::Cell::new(None);
         let of = |dwell: Option<usize>, number: usize| match dwell {

@@ -158,6 +158,22 @@ fn readings_without_names_give_the_parameters_of_those_with_names() {
 }
 
 #[test]
+fn readings_without_names_that_come_at_once_give_the_parameters_of_those_with_names() {
+    let (named, of_named) = logged(&[], NAMED);
+    let (unnamed, of_unnamed) = logged(&["--unnamed", "--at-once"], UNNAMED);
+    for ended in [&of_named, &of_unnamed] {
+        assert!([0, 3].contains(&ended.code), "{}", ended.messages);
+    }
+    let apart = apart(&named, &unnamed);
+    let (stations, ratio) = assigned(&unnamed);
+    println!(
+        "largest difference of a parameter: {apart:.4} standard errors; assigned {stations} {ratio}"
+    );
+    assert!(apart < 0.1, "{apart}");
+    assert!(stations > 60 && ratio > 5.0, "{stations} {ratio}");
+}
+
+#[test]
 fn what_cannot_be_assigned_is_named() {
     // Blocks of three columns in any order, wide: a reading of another reflector is of no target.
     let (cell, ended) = as_table(&["--table", "--unnamed"], |rows| {

@@ -58,7 +58,7 @@ impl Sizes {
                 "mm"
             }
             Layout::Pose | Layout::Point | Layout::PoseWithCovariance => "m",
-            Layout::Markers | Layout::Temperature | Layout::Length => return None,
+            Layout::Markers | Layout::Points | Layout::Temperature | Layout::Length => return None,
         };
         is_read.then_some(unit)
     }

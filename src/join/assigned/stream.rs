@@ -1,7 +1,8 @@
 //! A log's readings of several reflectors that do not name them → stations with readings of each.
 //!
 //! 1. Stationary stretches of the readings that follow each other with the stated distances among them are one *visit* of the arm:
-//!    its reflectors, measured one after another.
+//!    its reflectors, measured one after another. Where several are measured at once, the stretches are those of all lanes
+//!    ([`super::lanes`]).
 //! 2. The visits' middles take the place of one target's dwells: the patterns of moves and the nominal arm decide the clocks
 //!    ([`super::super::decide`]).
 //! 3. Each stretch belongs to the arm's dwell that its middle is in, and [`super::assign`] finds the targets.
@@ -13,11 +14,13 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
+use super::lanes::Lane;
 use super::{PointTarget, Stated, StationAssignment, StationPoints, ambiguous_words, assign};
 use crate::ingest::{Poses, PosesError, TargetReadings};
 use crate::join::dwell::{ArmDwell, TargetDwell};
 use crate::join::observe::Observation;
 use crate::join::others::nearest;
+use crate::join::pattern::Pair;
 use crate::join::reading::Assigned;
 use crate::join::readings::Readings;
 use crate::join::{JoinError, JoinReject, JoinSettings, SAME_REACH};
@@ -28,38 +31,58 @@ const AGREES: f64 = 3.0;
 /// Allowance of a distance for the readings, mm.
 const READ_MM: f64 = 1.0;
 
-/// Rows of readings, in order.
+/// Rows of a lane.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::join) struct LaneRows {
+    /// The lane.
+    pub(in crate::join) lane: usize,
+    /// Its rows.
+    pub(in crate::join) rows: Range<usize>,
+}
+
+/// A dwell of a target in a lane.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::join) struct LaneDwell<'d> {
+    pub(in crate::join) dwell: &'d TargetDwell,
+    /// The lane.
+    pub(in crate::join) lane: usize,
+    /// Its place among the dwells of the lane.
+    pub(in crate::join) place: usize,
+}
+
+/// Rows of readings, in order of time.
 #[derive(Debug)]
 pub(in crate::join) struct Part<'a> {
-    all: &'a dyn Poses<Tracker>,
-    rows: Vec<Range<usize>>,
+    lanes: &'a [Lane<'a>],
+    rows: Vec<LaneRows>,
     /// Number of rows before each range.
     before: Vec<usize>,
     count: usize,
 }
 
 impl<'a> Part<'a> {
-    fn new(all: &'a dyn Poses<Tracker>, rows: Vec<Range<usize>>) -> Self {
+    fn new(lanes: &'a [Lane<'a>], rows: Vec<LaneRows>) -> Self {
         let mut count = 0;
         let before = rows.iter().map(|own| {
             let before = count;
-            count += own.len();
+            count += own.rows.len();
             before
         });
         let before = before.collect();
         Self {
-            all,
+            lanes,
             rows,
             before,
             count,
         }
     }
 
-    /// The range that a row is in, and its place there; the end of the last for a row beyond them.
+    /// The range that a row is in, and its place in the lane.
     fn find(&self, row: usize) -> Option<(usize, usize)> {
         let range = self.before.partition_point(|before| *before <= row);
         let range = range.checked_sub(1)?;
-        Some((range, self.rows[range].start + (row - self.before[range])))
+        let start = self.rows[range].rows.start;
+        Some((range, start + (row - self.before[range])))
     }
 }
 
@@ -69,23 +92,26 @@ impl Poses<Tracker> for Part<'_> {
     }
 
     fn read(&self, rows: Range<usize>) -> Result<TargetReadings, PosesError> {
-        let mut read = self.all.read(0..0)?;
+        let mut read = self.lanes[0].read(0..0)?;
         let mut row = rows.start;
         while row < rows.end {
             let Some((range, at)) = self.find(row) else {
                 break;
             };
-            let end = self.rows[range].end.min(at + (rows.end - row));
+            let own = &self.rows[range];
+            let end = own.rows.end.min(at + (rows.end - row));
             // A row that does not exist is the storage's own error.
-            append(&mut read, self.all.read(at..end.max(at + 1))?);
+            append(&mut read, self.lanes[own.lane].read(at..end.max(at + 1))?);
             row += (end - at).max(1);
         }
         Ok(read)
     }
 
     fn stamp(&self, row: usize) -> Result<Stamp<Tracker>, PosesError> {
-        let (_, at) = self.find(row).unwrap_or((0, usize::MAX));
-        self.all.stamp(at)
+        match self.find(row) {
+            Some((range, at)) => self.lanes[self.rows[range].lane].stamp(at),
+            None => self.lanes[0].stamp(usize::MAX),
+        }
     }
 }
 
@@ -201,9 +227,9 @@ pub(in crate::join) struct ByTarget<'a> {
     /// The readings of each target.
     pub(in crate::join) targets: Vec<Part<'a>>,
     /// Stretches without a target, as rows, and why.
-    pub(in crate::join) left_out: Vec<(Range<usize>, String)>,
+    pub(in crate::join) left_out: Vec<(LaneRows, String)>,
     /// Rows of all stretches that are of a target.
-    pub(in crate::join) assigned_rows: Vec<Range<usize>>,
+    pub(in crate::join) assigned_rows: Vec<LaneRows>,
     /// By the arm's dwell the distances by which its readings were assigned.
     pub(in crate::join) assigned: BTreeMap<usize, Assigned>,
     /// The arm's dwells whose readings are ambiguous.
@@ -212,14 +238,14 @@ pub(in crate::join) struct ByTarget<'a> {
 
 /// The readings of each target by the clocks.
 pub(in crate::join) fn by_target<'a>(
-    all: &'a dyn Poses<Tracker>,
-    readings: &Readings<'_>,
-    (seen, dwells): (&Observation, &[TargetDwell]),
+    lanes: &'a [Lane<'a>],
+    (seen, dwells): (&Observation, &[LaneDwell<'_>]),
     clock: &ClockModel,
     stated: &Stated,
     settings: &JoinSettings,
 ) -> Result<ByTarget<'a>, JoinError> {
-    let stations = spots_of_stations(&seen.arm, dwells, clock, readings.stationary().threshold);
+    let of_lanes: Vec<TargetDwell> = dwells.iter().map(|own| own.dwell.clone()).collect();
+    let stations = spots_of_stations(&seen.arm, &of_lanes, clock, seen.stationary_mm);
     let points = seen
         .arm
         .iter()
@@ -239,15 +265,14 @@ pub(in crate::join) fn by_target<'a>(
     for (number, (spots, decided)) in stations.iter().zip(decided).enumerate() {
         found.take(number, spots, decided, dwells);
     }
-    for rows in &mut found.rows {
-        rows.sort_unstable_by_key(|own| own.start);
-    }
+    let rows = std::mem::take(&mut found.rows).into_iter();
+    let rows = rows.map(|own| found.one_at_a_time(own));
+    let rows: Vec<Vec<LaneRows>> = rows.collect();
     Ok(ByTarget {
-        assigned_rows: found.rows.concat(),
-        targets: found
-            .rows
+        assigned_rows: rows.concat(),
+        targets: rows
             .into_iter()
-            .map(|rows| Part::new(all, rows))
+            .map(|rows| Part::new(lanes, rows))
             .collect(),
         left_out: found.left_out,
         assigned: found.assigned,
@@ -273,10 +298,13 @@ fn spots_of_stations(
     stretches.iter().map(of).collect()
 }
 
+/// Rows with their first and last moments.
+type Timed = (LaneRows, [Stamp<Tracker>; 2]);
+
 /// Rows of each target so far.
 struct Found {
-    rows: Vec<Vec<Range<usize>>>,
-    left_out: Vec<(Range<usize>, String)>,
+    rows: Vec<Vec<Timed>>,
+    left_out: Vec<(LaneRows, String)>,
     assigned: BTreeMap<usize, Assigned>,
     ambiguous: Vec<usize>,
 }
@@ -287,61 +315,91 @@ impl Found {
         number: usize,
         spots: &[Spot],
         decided: StationAssignment,
-        dwells: &[TargetDwell],
+        dwells: &[LaneDwell<'_>],
     ) {
         match decided {
             StationAssignment::Ambiguous(own) => {
                 self.ambiguous.push(number);
                 let reason = format!("unpaired: {}", ambiguous_words(&own));
-                let rows = spots.iter().flat_map(|spot| rows_of(spot, dwells));
-                self.left_out
-                    .extend(rows.map(|rows| (rows, reason.clone())));
+                spots
+                    .iter()
+                    .for_each(|spot| self.leave_out(spot, dwells, &reason));
             }
             StationAssignment::Decided(targets, assigned) => {
                 self.assigned.extend(assigned.map(|own| (number, own)));
                 for (spot, target) in spots.iter().zip(targets) {
-                    let rows = rows_of(spot, dwells);
                     match target {
-                        PointTarget::Of(target) => self.rows[target].extend(rows),
+                        PointTarget::Of(target) => self.rows[target].extend(rows_of(spot, dwells)),
                         PointTarget::OfNone(_) => {
                             let reason = target.why_none().unwrap_or_default();
-                            let reason = format!("unpaired: {reason}");
-                            self.left_out
-                                .extend(rows.map(|rows| (rows, reason.clone())));
+                            self.leave_out(spot, dwells, &format!("unpaired: {reason}"));
                         }
                     }
                 }
             }
         }
     }
+
+    fn leave_out(&mut self, spot: &Spot, dwells: &[LaneDwell<'_>], reason: &str) {
+        let rows = rows_of(spot, dwells).into_iter();
+        self.left_out
+            .extend(rows.map(|(rows, _)| (rows, reason.to_owned())));
+    }
+
+    /// The rows of a target in order of time; of rows of the same time in two lanes the first stay.
+    fn one_at_a_time(&mut self, mut rows: Vec<Timed>) -> Vec<LaneRows> {
+        rows.sort_by_key(|(own, [first, _])| (*first, own.lane));
+        let mut kept: Vec<LaneRows> = Vec::with_capacity(rows.len());
+        let mut until = None;
+        for (own, [first, last]) in rows {
+            if until.is_some_and(|until| first <= until) {
+                let reason = "unpaired: of the same place and time as another reading";
+                self.left_out.push((own, reason.to_owned()));
+            } else {
+                until = Some(last);
+                kept.push(own);
+            }
+        }
+        kept
+    }
 }
 
-/// The rows of a spot; those between stretches that follow each other are of it too.
-fn rows_of<'d>(spot: &'d Spot, dwells: &'d [TargetDwell]) -> impl Iterator<Item = Range<usize>> {
-    let mut ranges: Vec<(usize, Range<usize>)> = Vec::new();
-    for &place in &spot.stretches {
-        let own = dwells[place].stretch;
-        match ranges.last_mut() {
-            Some((last, range)) if *last + 1 == place => {
-                *last = place;
-                range.end = own.last + 1;
+/// The rows of a spot; those between stretches of a lane that follow each other are of it too.
+fn rows_of(spot: &Spot, dwells: &[LaneDwell<'_>]) -> Vec<Timed> {
+    let mut ranges: Vec<(usize, Timed)> = Vec::new();
+    for own in spot.stretches.iter().map(|place| &dwells[*place]) {
+        let stretch = own.dwell.stretch;
+        let before = ranges.iter_mut().rev();
+        let mut before = before.filter(|(_, (rows, _))| rows.lane == own.lane);
+        match before.next() {
+            Some((last, (range, [_, end]))) if *last + 1 == own.place => {
+                *last = own.place;
+                range.rows.end = stretch.last + 1;
+                *end = own.dwell.end;
             }
-            _ => ranges.push((place, own.first..own.last + 1)),
+            _ => {
+                let rows = LaneRows {
+                    lane: own.lane,
+                    rows: stretch.first..stretch.last + 1,
+                };
+                ranges.push((own.place, (rows, [own.dwell.start, own.dwell.end])));
+            }
         }
     }
-    ranges.into_iter().map(|(_, range)| range)
+    ranges.into_iter().map(|(_, timed)| timed).collect()
 }
 
 /// The rejects of stretches without a target.
 pub(in crate::join) fn rejects(
-    left_out: &[(Range<usize>, String)],
-    readings: &Readings<'_>,
+    left_out: &[(LaneRows, String)],
+    readings: &[Readings<'_>],
 ) -> Result<Vec<JoinReject>, JoinError> {
-    let reject = |(rows, reason): &(Range<usize>, String)| {
+    let reject = |(own, reason): &(LaneRows, String)| {
+        let readings = &readings[own.lane];
         Ok(JoinReject {
-            start: readings.stamp(rows.start)?,
-            end: readings.stamp(rows.end - 1)?,
-            readings: rows.len() as u64,
+            start: readings.stamp(own.rows.start)?,
+            end: readings.stamp(own.rows.end - 1)?,
+            readings: own.rows.len() as u64,
             is_of_reference: false,
             reason: reason.clone(),
         })
@@ -349,14 +407,28 @@ pub(in crate::join) fn rejects(
     left_out.iter().map(reject).collect()
 }
 
-/// The dwells of both logs with the first stretch of each visit as the target's, which shows how long the arm vibrates.
-pub(in crate::join) fn firsts(visits: &Observation, dwells: &[TargetDwell]) -> Observation {
-    let first = |visit: &TargetDwell| {
-        let place = dwells.partition_point(|own| own.stretch.first < visit.stretch.first);
-        dwells.get(place).unwrap_or(visit).clone()
-    };
-    Observation {
-        target: visits.target.iter().map(first).collect(),
-        ..visits.clone()
+/// The dwells of both logs with the first stretch of each visit in a lane, whose dwells these are, as the target's: it shows how long the
+/// arm vibrates. Pairs of visits without one are left out.
+pub(in crate::join) fn firsts(
+    visits: &Observation,
+    pairs: &[Pair],
+    dwells: &[&TargetDwell],
+) -> (Observation, Vec<Pair>) {
+    let (mut target, mut kept) = (Vec::new(), Vec::new());
+    for pair in pairs {
+        let visit = &visits.target[pair.target];
+        let place = dwells.partition_point(|own| own.start < visit.start);
+        if let Some(first) = dwells.get(place).filter(|own| own.start <= visit.end) {
+            kept.push(Pair {
+                target: target.len(),
+                ..*pair
+            });
+            target.push((*first).clone());
+        }
     }
+    let seen = Observation {
+        target,
+        ..visits.clone()
+    };
+    (seen, kept)
 }

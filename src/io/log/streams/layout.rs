@@ -20,6 +20,8 @@ pub enum Layout {
     PoseWithCovariance,
     /// An array of poses with names or numbers: markers that a camera sees.
     Markers,
+    /// An array of positions without names: `geometry_msgs/PoseArray` and its like.
+    Points,
     /// `sensor_msgs/Temperature`.
     Temperature,
     /// One length: `sensor_msgs/Range`, or a number alone.
@@ -35,7 +37,7 @@ struct Common {
 }
 
 /// The common types, each by its ROS 2 name and its protobuf or JSON name.
-const COMMON: [Common; 13] = [
+const COMMON: [Common; 15] = [
     Common {
         names: &["sensor_msgs/JointState"],
         layout: Layout::Joints,
@@ -168,6 +170,22 @@ const COMMON: [Common; 13] = [
             "poses[].orientation.w",
         ],
     },
+    Common {
+        names: &["geometry_msgs/PoseArray"],
+        layout: Layout::Points,
+        stamp: "header.stamp",
+        fields: &[
+            "poses[].position.x",
+            "poses[].position.y",
+            "poses[].position.z",
+        ],
+    },
+    Common {
+        names: &["sensor_msgs/PointCloud"],
+        layout: Layout::Points,
+        stamp: "header.stamp",
+        fields: &["points[].x", "points[].y", "points[].z"],
+    },
 ];
 
 const POSE: [&str; 7] = [
@@ -272,7 +290,7 @@ impl Layout {
     pub const fn suits(self, stream: Stream) -> bool {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
-            Stream::Readings if matches!(self, Self::Markers) => true,
+            Stream::Readings if matches!(self, Self::Markers | Self::Points) => true,
             Stream::Commands | Stream::Readings => {
                 matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
             }
@@ -287,6 +305,7 @@ impl Layout {
             Self::Temperature => Meaning::Temperature,
             Self::Length => Meaning::Lengths,
             Self::Markers => Meaning::Poses { orientation: true },
+            Self::Points => Meaning::Poses { orientation: false },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),
@@ -348,7 +367,9 @@ impl Glance {
                 Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
                     common.fields.get(..3)?
                 }
-                Layout::Markers | Layout::Temperature | Layout::Length => return None,
+                Layout::Markers | Layout::Points | Layout::Temperature | Layout::Length => {
+                    return None;
+                }
             };
             let paths = fields.iter().map(|field| FieldPath::parse(field));
             schema
@@ -408,11 +429,15 @@ impl Recipe {
             }
             (None, None) => return Ok(None),
         };
-        if matches!(meaning, Meaning::Poses { .. }) && !is_named {
+        let is_array = matches!(meaning, Meaning::Poses { .. });
+        let by_geometry = is_array && !mapping.tracker.targets_by_geometry.is_empty();
+        let target = target.filter(|_| !by_geometry);
+        if is_array && !by_geometry && (!is_named || target.is_none()) {
             // Nothing says which of the poses is the target's.
             return Ok(None);
         }
-        let (meaning, fields) = without_orientation(meaning, fields, said.ignore_orientation);
+        let positions_alone = said.ignore_orientation || by_geometry;
+        let (meaning, fields) = without_orientation(meaning, fields, positions_alone);
         let stamp_path = said.stamp_path(common, schema)?;
         let mut paths = Vec::new();
         let stamp = match (time, said.stamp) {
@@ -606,7 +631,8 @@ pub(super) const fn suitable_types(stream: Stream) -> &'static str {
             "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
              foxglove.PoseInFrame and Point3InFrame; of markers, with [[tracker.targets]], tf2_msgs/msg/TFMessage, \
              aruco_msgs/msg/MarkerArray, ros2_aruco_interfaces/msg/ArucoMarkers and \
-             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
+             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray; of targets_by_geometry, geometry_msgs/msg/PoseArray and \
+             sensor_msgs/msg/PointCloud too"
         }
         Stream::Temperatures => "sensor_msgs/msg/Temperature",
         Stream::Lengths => "sensor_msgs/msg/Range, std_msgs/msg/Float64 and Float32",
