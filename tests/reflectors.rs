@@ -904,3 +904,60 @@ fn reflectors_that_a_log_does_not_name_are_those_of_the_table_of_the_same_sessio
         assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
     }
 }
+
+/// Readings of reflectors as one stream that has all of them at each moment in an order of its own: one in twelve is not seen, one in
+/// thirty is of something else, at places that stay or do not, and one in fifty is zeros.
+fn disordered(readings: &[TargetReadings], seed: u64) -> TargetReadings {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let named = without_names(readings);
+    let mut stream = TargetReadings::default();
+    let mut rows: Vec<usize> = (0..named.stamps.len()).collect();
+    for moment in rows.chunk_by_mut(|a, b| named.stamps[*a] == named.stamps[*b]) {
+        for last in (1..moment.len()).rev() {
+            moment.swap(last, rng.random_range(0..=last));
+        }
+        for row in moment {
+            let mut add = |position: [f64; 3]| {
+                stream.stamps.push(named.stamps[*row]);
+                stream.positions.push(position);
+            };
+            match rng.random_range(0..300) {
+                0..25 => {}
+                25..31 => add([0.0; 3]),
+                31..36 => add([1200.0, -800.0, 350.0]),
+                36..41 => {
+                    let off = [0; 3].map(|_: i32| rng.random_range(-3000.0..3000.0));
+                    add(off);
+                }
+                _ => add(named.positions[*row]),
+            }
+        }
+    }
+    stream
+}
+
+#[test]
+fn reflectors_that_a_log_shows_at_once_are_those_of_the_table_of_the_same_session() {
+    let arm = common::arm("kr210-r2700-extra");
+    for seed in [7, 8, 9] {
+        let mut settings = day(seed, 60, true);
+        settings.cell.six_dof = false;
+        settings.tracker = TrackerErrors::adm();
+        settings.tracker.lost_share = 0.1;
+        let simulated = simulate(&arm, &settings).expect("in reach");
+        let beside = [PLACES[1], PLACES[2]].map(Vector3::from);
+        let stream = disordered(&simulated.readings_with(&beside), seed);
+        let table = simulated.stations_with(&beside);
+        let (joined, kept) = from_unnamed_log(&arm, &simulated, &[stream]);
+        assert_balanced(&joined, kept);
+        let (largest, counts) = beside_table(&joined, &table);
+        println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
+        // A reading under another name would be more than 100 mm off.
+        assert!(
+            largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
+            "{largest} {counts:?}"
+        );
+        let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
+        assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
+    }
+}

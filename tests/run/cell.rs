@@ -121,6 +121,28 @@ impl Cell {
         self
     }
 
+    /// How many items of each kind a session's run read and kept.
+    pub fn counts(&self, session: &str) -> BTreeMap<String, [u64; 2]> {
+        let runs = self.table("runs", session);
+        let counts: Vec<serde_json::Value> =
+            serde_json::from_str(runs.text("counts").value(0)).expect("JSON");
+        let count = |own: &serde_json::Value| {
+            let number = |key: &str| own[key].as_u64().expect("a count");
+            let of = own["of"].as_str().expect("a kind").to_owned();
+            (of, [number("read"), number("kept")])
+        };
+        counts.iter().map(count).collect()
+    }
+
+    /// Asserts that the join has a class for every reading that the logs of a session give it.
+    pub fn assert_every_reading_has_a_class(&self, session: &str) {
+        let counts = self.counts(session);
+        let kept = |of: &str| counts.get(of).map_or(0, |[_, kept]| *kept);
+        let [read, _] = counts["readings"];
+        let given = kept("reading messages") + kept("length messages");
+        assert_eq!(read, given, "{counts:?}");
+    }
+
     /// A path in the cell's folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.root.path().join(name)

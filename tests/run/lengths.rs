@@ -365,6 +365,8 @@ fn lengths_in_a_log_are_those_of_the_table_of_the_session() {
             assert!((own - other).abs() < 1.0, "{own} {other}");
         }
     }
+    logs.assert_every_reading_has_a_class("mon");
+    assert!(logs.counts("mon")["length messages"][1] > 1000);
     crate::verify::verify(&logs, &[]).expect(0, &[]);
     assert_two_steps_as_one(&logs, 0);
 }

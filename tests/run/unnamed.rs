@@ -170,6 +170,7 @@ fn readings_without_names_that_come_at_once_give_the_parameters_of_those_with_na
         "largest difference of a parameter: {apart:.4} standard errors; assigned {stations} {ratio}"
     );
     assert!(apart < 0.1, "{apart}");
+    unnamed.assert_every_reading_has_a_class("mon");
     assert!(stations > 60 && ratio > 5.0, "{stations} {ratio}");
 }
 

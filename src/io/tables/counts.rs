@@ -23,11 +23,12 @@ pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
     counts
 }
 
-const STREAMS: [(&str, &str); 6] = [
+const STREAMS: [(&str, &str); 7] = [
     ("joints", "joint messages"),
     ("commands", "command messages"),
     ("readings", "reading messages"),
     ("temperatures", "temperature messages"),
+    ("lengths", "length messages"),
     ("rows", "table rows"),
     ("references", "readings of references"),
 ];
