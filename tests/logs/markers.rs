@@ -136,9 +136,48 @@ fn markers_are_told_by_number_and_what_is_not_seen_is_missing() {
 }
 
 #[test]
-fn covariances_of_markers_are_not_asked_for() {
-    let error = by_path(true).check().expect_err("not read");
-    assert!(error.wanted.contains("[tracker] camera"), "{error:?}");
+fn each_marker_has_its_own_covariance() {
+    by_path(true).check(false).expect("sound paths");
+    let log = marker_log(&SEEN);
+    for fields in [PoseFields::default(), by_path(true)] {
+        let found = read_as(&log, &of_markers(fields)).expect("sound");
+        let position = |readings: &posegrid::ingest::TargetReadings| {
+            let stated = readings.covariances.as_ref().expect("stated").iter();
+            stated.map(|own| own.position).collect::<Vec<_>>()
+        };
+        let of = |x_m: f64| Some([x_m * 1e5, 0.0, 0.0, 0.25e6, 0.0, 0.5e6]);
+        assert_eq!(position(&found.readings), [of(1.0), of(3.0), None, None]);
+        let others = [of(2.0), of(4.0), of(6.0), None];
+        assert_eq!(position(&found.others[0]), others);
+        // What is not seen states nothing.
+        assert_eq!(found.counts["readings.position_covariances"], 5);
+        assert_eq!(found.counts["readings.position_covariances_all_zero"], 0);
+        check_counts(&found);
+    }
+}
+
+#[test]
+fn covariances_of_markers_in_json_are_those_of_their_element() {
+    let mut log = Log::new(None);
+    session(&mut log, 100);
+    let channel = log.channel_of("/markers", "", "", b"", "json");
+    let marker = |id: u32, x: f64| {
+        let mut entries = [0.0; 36];
+        (entries[0], entries[7], entries[14]) = (x / 10.0, 0.25, 0.5);
+        let pose = format!(r#""position": {{"x": {x}, "y": 1, "z": 2}}"#);
+        format!(r#"{{"id": {id}, "pose": {{"pose": {{{pose}}}, "covariance": {entries:?}}}}}"#)
+    };
+    let message = format!(
+        r#"{{"header": {{"stamp": {{"sec": 100, "nanosec": 0}}}}, "markers": [{}, {}]}}"#,
+        marker(7, 2.0),
+        marker(3, 1.0)
+    );
+    log.write(channel, 1, message.as_bytes());
+    let found = read_as(&log.done(), &of_markers(by_path(true))).expect("sound");
+    let of = |x_m: f64| Some([x_m * 1e5, 0.0, 0.0, 0.25e6, 0.0, 0.5e6]);
+    let stated = [&found.readings, &found.others[0]].map(|own| own.covariances.as_ref());
+    let first = stated.map(|own| own.expect("stated")[0].position);
+    assert_eq!(first, [of(1.0), of(2.0)]);
 }
 
 #[test]

@@ -162,7 +162,12 @@ impl Buffer for PoseBuffer {
             let mut kept = Vec::with_capacity(rows.kept);
             rows.append(more, &mut kept);
             let with_orientation = self.orientations.is_some();
-            let own = kept.iter().map(|logged| {
+            let own = kept.iter().zip(&self.positions[before..]);
+            let own = own.map(|(logged, position)| {
+                if position.iter().all(|&x| x == 0.0) {
+                    // Nothing was read, so nothing is stated of it.
+                    return PoseCovariance::default();
+                }
                 let own = logged.judged(with_orientation, &mut self.counted);
                 covariances::in_units(&own, to_mm, 1.0)
             });

@@ -252,8 +252,8 @@ impl PoseFields {
             .collect()
     }
 
-    /// Checks that the paths fit together.
-    pub fn check(&self) -> Result<(), WrongFields> {
+    /// Checks that the paths fit together; `without_names` says whether elements of an array need no name.
+    pub fn check(&self, without_names: bool) -> Result<(), WrongFields> {
         let given =
             |fields: &[&Option<String>]| fields.iter().filter(|field| field.is_some()).count();
         let position = given(&[&self.x, &self.y, &self.z]);
@@ -277,16 +277,10 @@ impl PoseFields {
                 "all of qx, qy, qz and qw, or none where there is no orientation",
             );
         }
-        if self.is_of_each() && self.target.is_none() {
+        if self.is_of_each() && self.target.is_none() && !without_names {
             return wrong(
                 "paths through an array of poses".to_owned(),
                 "target, the path of the name or number by which [tracker] targets tells its elements",
-            );
-        }
-        if self.is_of_each() && self.covariance.is_some() {
-            return wrong(
-                "covariance, of poses in an array".to_owned(),
-                "left out: [tracker] camera states the noise of markers",
             );
         }
         if position == 0 && (orientation > 0 || self.covariance.is_some()) {

@@ -58,7 +58,11 @@ impl Sizes {
                 "mm"
             }
             Layout::Pose | Layout::Point | Layout::PoseWithCovariance => "m",
-            Layout::Markers | Layout::Points | Layout::Temperature | Layout::Length => return None,
+            Layout::Markers
+            | Layout::MarkersWithCovariance
+            | Layout::Points
+            | Layout::Temperature
+            | Layout::Length => return None,
         };
         is_read.then_some(unit)
     }

@@ -143,16 +143,21 @@ impl Cursor<'_> {
                     of,
                     count,
                     ref picks,
+                    each,
                 } => {
                     let count = self.count_or(count)?;
                     let (start, end) = self.elements(of, u64::from(count))?;
                     let elements = &self.bytes[start..end];
                     for &(index, slot) in picks {
                         let element = elements.chunks_exact(of.size()).nth(index);
-                        let cell = element.map(|bytes| {
+                        let cell = element.map(|bytes| number(bytes, of, self.big_endian));
+                        if each {
+                            row.list(slot).set_last(cell.unwrap_or_default());
+                            continue;
+                        }
+                        if cell.is_some() {
                             self.layout.number(start + index * of.size(), slot, of);
-                            number(bytes, of, self.big_endian)
-                        });
+                        }
                         row.set(slot, cell.unwrap_or_default());
                     }
                 }
@@ -471,6 +476,34 @@ mod tests {
                 Err(MessageFault::Encapsulation(parameter_list.into()))
             );
         }
+    }
+
+    #[test]
+    fn elements_of_an_array_in_each_are_gathered() {
+        let text = "Joint[] joints\n===\nMSG: a/Joint\nuint8 axis\nfloat32[3] c\nfloat32[] d";
+        let reader = reader(text, &["joints[].c[0]", "joints[].c[2]", "joints[].d[1]"]);
+        let mut message = vec![0, 1, 0, 0];
+        message.extend(2_u32.to_le_bytes()); // 0: two joints
+        for (axis, d) in [(7, &[0.5_f32, 1.5][..]), (8, &[2.5][..])] {
+            message.extend([axis, 0, 0, 0]); // axis and padding
+            for own in [1.0_f32, 2.0, f32::from(axis)] {
+                message.extend(own.to_le_bytes());
+            }
+            message.extend(u32::try_from(d.len()).expect("few").to_le_bytes());
+            for own in d {
+                message.extend(own.to_le_bytes());
+            }
+        }
+        let mut row = Row::default();
+        reader.read(&message, &mut row).expect("sound message");
+        let gathered = |slot| {
+            let list = row.value(&message, slot).numbers().expect("an array");
+            [list.get(0), list.get(1)]
+        };
+        assert_eq!(gathered(0), [Some(1.0), Some(1.0)]);
+        assert_eq!(gathered(1), [Some(7.0), Some(8.0)]);
+        // The second joint has no second d.
+        assert_eq!(gathered(2), [Some(1.5), None]);
     }
 
     #[test]

@@ -62,11 +62,12 @@ pub(super) enum Step {
     },
     /// An array of strings is taken.
     Texts { slot: usize, count: Option<u32> },
-    /// Some numbers of an array are taken: index and slot.
+    /// Some numbers of an array are taken: index and slot; each into its slot's list where the array is in an element of another.
     Pick {
         of: Primitive,
         count: Option<u32>,
         picks: Vec<(usize, usize)>,
+        each: bool,
     },
 }
 
@@ -296,7 +297,9 @@ impl Unfolding<'_> {
                 Ok(Step::Numbers { slot, of, count })
             }
             (Shape::Fixed(_) | Shape::Sequence, _)
-                if wants.iter().all(|want| is_element(want) && !want.each) =>
+                if wants
+                    .iter()
+                    .all(|other| is_element(other) && other.each == want.each) =>
             {
                 let mut picks = Vec::new();
                 for want in wants {
@@ -306,7 +309,12 @@ impl Unfolding<'_> {
                     self.reach(index, count, want)?;
                     picks.push((index, want.slot));
                 }
-                Ok(Step::Pick { of, count, picks })
+                Ok(Step::Pick {
+                    of,
+                    count,
+                    picks,
+                    each: want.each,
+                })
             }
             _ => Err(self.wrong_type(wants.last().unwrap_or(want), field)),
         }

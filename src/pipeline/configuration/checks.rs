@@ -203,11 +203,11 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         controller.check(joints).map_err(of_section("controller"))?;
         paths("[controller] fields", &controller.paths())?;
     }
-    if let Some(tracker) = file.tracker.mapping.as_ref().map(|own| &own.fields) {
-        tracker.check().map_err(of_section("tracker"))?;
-        paths("[tracker] fields", &tracker.paths())?;
-    }
     if let Some(tracker) = &file.tracker.mapping {
+        let fields = &tracker.fields;
+        let without_names = !tracker.targets_by_geometry.is_empty();
+        fields.check(without_names).map_err(of_section("tracker"))?;
+        paths("[tracker] fields", &fields.paths())?;
         tracker.check_targets().map_err(of_section("tracker"))?;
         wrong_unless(
             tracker.references.is_empty() || !file.tracker.is_eye_in_hand(),
@@ -222,7 +222,7 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         return Ok(());
     };
     let commanded = &commanded.fields;
-    commanded.check().map_err(of_section("commanded"))?;
+    commanded.check(false).map_err(of_section("commanded"))?;
     wrong_unless(
         commanded.temperature.is_none(),
         "[commanded] fields.temperature",

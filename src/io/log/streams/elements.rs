@@ -4,17 +4,18 @@
 //! reader has gathered each value of the elements into a list ([`crate::io::message`]), whose length the message bounds.
 
 use super::reader::{RowFault, Values};
-use crate::ingest::TargetName;
+use crate::ingest::{LoggedCovariance, TargetName};
 use crate::io::message::{Numbers, Text, Value};
 
-/// Position and quaternion of an element, as logged.
-pub(super) type Element = ([f64; 3], Option<[f64; 4]>);
+/// Position, quaternion and covariance of an element, as logged.
+pub(super) type Element = ([f64; 3], Option<[f64; 4]>, Option<LoggedCovariance>);
 
 /// The lists of a message's poses, from the slot `first` on.
 pub(super) struct ElementColumns<'m> {
     pub(super) values: Values<'m>,
     pub(super) first: usize,
     pub(super) orientation: bool,
+    pub(super) covariance: bool,
 }
 
 impl ElementColumns<'_> {
@@ -37,12 +38,23 @@ impl ElementColumns<'_> {
     pub(super) fn element(&self, index: usize) -> Result<Element, RowFault> {
         let position = self.numbers(0, index)?;
         let orientation = self.orientation.then(|| self.numbers(3, index));
-        Ok((position, orientation.transpose()?))
+        let behind = if self.orientation { 7 } else { 3 };
+        let covariance = self.covariance.then(|| self.numbers(behind, index));
+        Ok((
+            position,
+            orientation.transpose()?,
+            covariance.transpose()?.map(LoggedCovariance::Pose),
+        ))
     }
 
     /// Zeros in every column that an element would have.
     pub(super) fn missing(&self) -> Element {
-        ([0.0; 3], self.orientation.then_some([0.0; 4]))
+        let covariance = LoggedCovariance::Pose([0.0; 36]);
+        (
+            [0.0; 3],
+            self.orientation.then_some([0.0; 4]),
+            self.covariance.then_some(covariance),
+        )
     }
 
     fn numbers<const N: usize>(&self, after: usize, index: usize) -> Result<[f64; N], RowFault> {

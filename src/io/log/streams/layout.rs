@@ -20,6 +20,8 @@ pub enum Layout {
     PoseWithCovariance,
     /// An array of poses with names or numbers: markers that a camera sees.
     Markers,
+    /// Such an array with covariances.
+    MarkersWithCovariance,
     /// An array of positions without names: `geometry_msgs/PoseArray` and its like.
     Points,
     /// `sensor_msgs/Temperature`.
@@ -127,7 +129,7 @@ const COMMON: [Common; 15] = [
     },
     Common {
         names: &["aruco_msgs/MarkerArray"],
-        layout: Layout::Markers,
+        layout: Layout::MarkersWithCovariance,
         stamp: "header.stamp",
         fields: &[
             "markers[].id",
@@ -138,11 +140,12 @@ const COMMON: [Common; 15] = [
             "markers[].pose.pose.orientation.y",
             "markers[].pose.pose.orientation.z",
             "markers[].pose.pose.orientation.w",
+            "markers[].pose.covariance",
         ],
     },
     Common {
         names: &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
-        layout: Layout::Markers,
+        layout: Layout::MarkersWithCovariance,
         stamp: "header.stamp",
         fields: &[
             "detections[].id",
@@ -153,6 +156,7 @@ const COMMON: [Common; 15] = [
             "detections[].pose.pose.pose.orientation.y",
             "detections[].pose.pose.pose.orientation.z",
             "detections[].pose.pose.pose.orientation.w",
+            "detections[].pose.pose.covariance",
         ],
     },
     Common {
@@ -223,6 +227,8 @@ const LENGTHS: [Common; 2] = [
 
 /// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
+/// Entries of the covariance of each pose of an array.
+const ENTRIES: usize = 36;
 /// Fields of a time, in ROS 2, in protobuf, and in ROS 1 and JSON.
 const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
 
@@ -248,8 +254,9 @@ pub(super) enum Meaning {
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
     Pose { orientation: bool, covariance: bool },
-    /// Lists of x, y, z and of a quaternion where there is one, an element for each pose of an array.
-    Poses { orientation: bool },
+    /// Lists of x, y, z, of a quaternion where there is one, and of the 36 entries of a covariance where there is one: an element for each
+    /// pose of an array.
+    Poses { orientation: bool, covariance: bool },
     /// The temperature, °C.
     Temperature,
     /// The length of each instrument of the topic.
@@ -290,7 +297,14 @@ impl Layout {
     pub const fn suits(self, stream: Stream) -> bool {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
-            Stream::Readings if matches!(self, Self::Markers | Self::Points) => true,
+            Stream::Readings
+                if matches!(
+                    self,
+                    Self::Markers | Self::MarkersWithCovariance | Self::Points
+                ) =>
+            {
+                true
+            }
             Stream::Commands | Stream::Readings => {
                 matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
             }
@@ -304,8 +318,14 @@ impl Layout {
             Self::Joints => Meaning::NamedAngles,
             Self::Temperature => Meaning::Temperature,
             Self::Length => Meaning::Lengths,
-            Self::Markers => Meaning::Poses { orientation: true },
-            Self::Points => Meaning::Poses { orientation: false },
+            Self::Markers | Self::MarkersWithCovariance => Meaning::Poses {
+                orientation: true,
+                covariance: matches!(self, Self::MarkersWithCovariance),
+            },
+            Self::Points => Meaning::Poses {
+                orientation: false,
+                covariance: false,
+            },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),
@@ -318,7 +338,9 @@ impl Common {
     /// The path of the targets' names, of an array of poses, and those of the other values.
     fn target_and_fields(&self) -> (Option<&'static str>, &'static [&'static str]) {
         match (self.layout, self.fields) {
-            (Layout::Markers, [target, fields @ ..]) => (Some(target), fields),
+            (Layout::Markers | Layout::MarkersWithCovariance, [target, fields @ ..]) => {
+                (Some(target), fields)
+            }
             (_, fields) => (None, fields),
         }
     }
@@ -367,7 +389,11 @@ impl Glance {
                 Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
                     common.fields.get(..3)?
                 }
-                Layout::Markers | Layout::Points | Layout::Temperature | Layout::Length => {
+                Layout::Markers
+                | Layout::MarkersWithCovariance
+                | Layout::Points
+                | Layout::Temperature
+                | Layout::Length => {
                     return None;
                 }
             };
@@ -437,7 +463,7 @@ impl Recipe {
             return Ok(None);
         }
         let positions_alone = said.ignore_orientation || by_geometry;
-        let (meaning, fields) = without_orientation(meaning, fields, positions_alone);
+        let (meaning, mut fields) = without_orientation(meaning, fields, positions_alone);
         let stamp_path = said.stamp_path(common, schema)?;
         let mut paths = Vec::new();
         let stamp = match (time, said.stamp) {
@@ -461,8 +487,19 @@ impl Recipe {
         if let Some(field) = target {
             paths.push(FieldPath::parse(field)?);
         }
+        let entries = fields.split_off(match meaning {
+            Meaning::Poses {
+                covariance: true, ..
+            } => fields.len() - 1,
+            _ => fields.len(),
+        });
         for field in fields {
             paths.push(FieldPath::parse(field)?);
+        }
+        for covariance in entries {
+            let entry = |place| FieldPath::parse(&format!("{covariance}[{place}]"));
+            let entries = (0..ENTRIES).map(entry);
+            paths.extend(entries.collect::<Result<Vec<_>, _>>()?);
         }
         Ok(Some(Self {
             has_target: target.is_some(),
@@ -551,6 +588,7 @@ impl<'m> Statements<'m> {
             let meaning = if fields.is_of_each() {
                 Meaning::Poses {
                     orientation: orientation_is,
+                    covariance: covariance_is,
                 }
             } else {
                 Meaning::Pose {
@@ -613,9 +651,16 @@ fn without_orientation(
             };
             (meaning, fields)
         }
-        Meaning::Poses { orientation: true } if ignore => {
+        Meaning::Poses {
+            orientation: true,
+            covariance,
+        } if ignore => {
             fields.drain(3..7);
-            (Meaning::Poses { orientation: false }, fields)
+            let meaning = Meaning::Poses {
+                orientation: false,
+                covariance,
+            };
+            (meaning, fields)
         }
         other => (other, fields),
     }

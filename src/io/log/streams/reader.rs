@@ -6,7 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::Stream;
-use super::elements::{ElementColumns, Names, is_named};
+use super::elements::{Element, ElementColumns, Names, is_named};
 use super::layout::{Meaning, Recipe, StampValues};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LoggedCovariance, TargetName, TimeSource,
@@ -193,11 +193,18 @@ impl Reader {
                 };
                 push_pose(poses, stamp, values, first, orientation, covariance)?;
             }
-            (Meaning::Poses { orientation }, _) => {
+            (
+                Meaning::Poses {
+                    orientation,
+                    covariance,
+                },
+                _,
+            ) => {
                 let columns = ElementColumns {
                     values,
                     first,
                     orientation,
+                    covariance,
                 };
                 if !recipe.has_target {
                     let place = self.target(values, target)?;
@@ -279,9 +286,9 @@ impl Reader {
             };
             rows.push((own.place, row));
         }
-        for (place, (position, orientation)) in rows {
+        for (place, row) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_row(poses, stamp, position, orientation);
+            push_element(poses, stamp, row);
         }
         Ok(())
     }
@@ -313,10 +320,21 @@ fn push_all(
     let count = columns.count()?;
     let rows = (0..count).map(|index| columns.element(index));
     let rows = rows.collect::<Result<Vec<_>, RowFault>>()?;
-    for (position, orientation) in rows {
-        push_row(poses, stamp, position, orientation);
+    for row in rows {
+        push_element(poses, stamp, row);
     }
     Ok(count)
+}
+
+fn push_element(
+    poses: &mut DecodedPoses,
+    stamp: i64,
+    (position, orientation, covariance): Element,
+) {
+    if let Some(covariance) = covariance {
+        poses.covariances.get_or_insert_default().push(covariance);
+    }
+    push_row(poses, stamp, position, orientation);
 }
 
 fn stamp_of(time: u64) -> Result<i64, RowFault> {
