@@ -72,6 +72,17 @@ pub trait PoseModel: Any + Debug + Send + Sync {
     /// frame.
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread;
 
+    /// [`Self::spread`] of many predictions, where that is faster together.
+    fn spreads(
+        &self,
+        session: usize,
+        source: SourceId,
+        predictions: &[&Prediction],
+    ) -> Vec<Spread> {
+        let each = predictions.iter();
+        each.map(|own| self.spread(session, source, own)).collect()
+    }
+
     /// Covariance of predictions due to the model's unknowns: three rows of [`Open::rows`] for each, mm².
     fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
         vec![Matrix3::zeros(); rows.nrows() / 3]

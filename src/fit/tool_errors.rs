@@ -5,7 +5,10 @@ use rayon::prelude::*;
 
 use super::error_frame::ErrorFrame;
 use super::gap::Gap;
-use super::model::{At, Known, PoseModel, Query};
+use super::model::{At, Known, PoseModel, Prediction, Query, Spread};
+
+/// Number of predictions whose covariances are found together; fixed, so that results do not depend on the number of threads.
+const TOGETHER: usize = 64;
 
 /// Errors of the tool point as a model of the arm predicts them from commanded angles, in a session's error reference frame.
 #[derive(Debug, Clone, Copy)]
@@ -60,16 +63,52 @@ impl<'m> ToolErrors<'m> {
         let spread = self
             .model
             .spread(self.session, self.error_frame.frames().source, &predicted);
-        let base = self
-            .error_frame
-            .frames()
-            .tracker_from_base
-            .isometry()
-            .rotation;
-        Ok((
+        Ok(self.spread_in_error_frame(joints, &predicted, &spread))
+    }
+
+    /// [`Self::error_with_covariance`] at many joint angles, on all cores; a model's covariance of some together costs far less than of
+    /// each.
+    pub fn errors_with_covariance(
+        &self,
+        many: &[&[f64]],
+    ) -> Vec<Result<(Vector3<f64>, Matrix3<f64>), Gap>> {
+        let parts = many.par_chunks(TOGETHER).map(|some| self.some(some));
+        let parts: Vec<Vec<_>> = parts.collect();
+        parts.into_iter().flatten().collect()
+    }
+
+    fn some(&self, some: &[&[f64]]) -> Vec<Result<(Vector3<f64>, Matrix3<f64>), Gap>> {
+        let predict = |joints: &&[f64]| {
+            let axes = self.error_frame.arm().axes(joints);
+            self.model.predict(&self.at(&axes))
+        };
+        let predicted: Vec<Result<Prediction, Gap>> = some.iter().map(predict).collect();
+        let sound: Vec<&Prediction> = predicted
+            .iter()
+            .filter_map(|own| own.as_ref().ok())
+            .collect();
+        let source = self.error_frame.frames().source;
+        let mut spreads = self.model.spreads(self.session, source, &sound).into_iter();
+        let each = some.iter().zip(&predicted);
+        each.map(|(joints, own)| {
+            let own = own.as_ref().map_err(Clone::clone)?;
+            let spread = spreads.next().unwrap_or(Spread::Isotropic(f64::INFINITY));
+            Ok(self.spread_in_error_frame(joints, own, &spread))
+        })
+        .collect()
+    }
+
+    fn spread_in_error_frame(
+        &self,
+        joints: &[f64],
+        predicted: &Prediction,
+        spread: &Spread,
+    ) -> (Vector3<f64>, Matrix3<f64>) {
+        let base = self.error_frame.frames().tracker_from_base.isometry();
+        (
             self.in_error_frame(joints, &predicted.position),
-            spread.seen_from(&base.inverse()),
-        ))
+            spread.seen_from(&base.rotation.inverse()),
+        )
     }
 
     /// The rotation about the base's axes from the commanded orientation to the attained one, where the readings show orientations:

@@ -1,14 +1,13 @@
 //! The table of the chosen step: its nodes with their errors and covariances, and its judgement by other sessions.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::judge::HeldOut;
 use super::lattice::{InCell, Lattice};
 use super::node::{GridStation, PlacedGrid, Refusal, on_one_branch};
 use super::rows::Judging;
 use super::{Judged, Source, Table, TableNode};
-use crate::fit::ToolErrors;
+use crate::fit::{Gap, ToolErrors};
 
 /// The nodes of the chosen row, with their values and covariances; `None` where the row has no lattice.
 pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
@@ -80,22 +79,26 @@ impl Table {
 fn model_nodes(judging: &Judging<'_>, lattice: Lattice) -> (Lattice, Vec<TableNode>) {
     let orientation = judging.plan.orientation;
     let grid = PlacedGrid::new(judging.reach, lattice, orientation, judging.like);
-    let nodes = grid.nodes.into_par_iter().map(|node| TableNode {
-        error: error_at(&judging.input.model, &node.joints),
+    let reached = grid
+        .nodes
+        .iter()
+        .filter_map(|node| node.joints.as_deref().ok());
+    let reached: Vec<&[f64]> = reached.collect();
+    let model = &judging.input.model;
+    let mut errors = model.errors_with_covariance(&reached).into_iter();
+    let mut error = |joints: &Result<Vec<f64>, Refusal>| {
+        joints.as_ref().map_err(|refusal| *refusal)?;
+        let own = errors.next().unwrap_or(Err(Gap::NoJoints));
+        own.map_err(|gap| gap.refusal())
+    };
+    let errors: Vec<_> = grid.nodes.iter().map(|node| error(&node.joints)).collect();
+    let nodes = grid.nodes.into_iter().zip(errors);
+    let nodes = nodes.map(|(node, error)| TableNode {
+        error,
         joints: node.joints,
         nearest_mm: node.nearest_mm,
     });
     (lattice, nodes.collect())
-}
-
-/// The model's error at the joint angles of a node, with its covariance, or why there is none.
-fn error_at(
-    model: &ToolErrors<'_>,
-    joints: &Result<Vec<f64>, Refusal>,
-) -> Result<(Vector3<f64>, Matrix3<f64>), Refusal> {
-    let joints = joints.as_ref().map_err(|refusal| *refusal)?;
-    let error = model.error_with_covariance(joints);
-    error.map_err(|gap| gap.refusal())
 }
 
 /// The stations of the session's own grid at this step; `None` where the step is none of its own.

@@ -36,6 +36,23 @@ fn load(text: &str, _: Option<f64>) -> Result<Loaded, SavedError> {
     })
 }
 
+impl FullModel {
+    /// The uncertainty of a prediction in another session, from what the model leaves open of it, mm².
+    fn spread_elsewhere(
+        &self,
+        session: usize,
+        source: SourceId,
+        prediction: &Prediction,
+        open: Matrix3<f64>,
+    ) -> Spread {
+        // A command is used in another session, whose base drift is not known.
+        let drift = Matrix3::identity() * self.any_time_variance();
+        // Its scale is not known either: corrections are those of the mean scale of all sessions.
+        let scale = self.any_scale_covariance(session, source, &prediction.position);
+        Spread::Of(open + drift + scale)
+    }
+}
+
 impl PoseModel for FullModel {
     fn frames(&self) -> &[Frames] {
         self.frames()
@@ -69,11 +86,31 @@ impl PoseModel for FullModel {
             .map_or_else(Matrix3::zeros, |open| {
                 self.covariances(&open.rows)[0] + open.alone
             });
-        // A command is used in another session, whose base drift is not known.
-        let drift = Matrix3::identity() * self.any_time_variance();
-        // Its scale is not known either: corrections are those of the mean scale of all sessions.
-        let scale = self.any_scale_covariance(session, source, &prediction.position);
-        Spread::Of(open + drift + scale)
+        self.spread_elsewhere(session, source, prediction, open)
+    }
+
+    fn spreads(
+        &self,
+        session: usize,
+        source: SourceId,
+        predictions: &[&Prediction],
+    ) -> Vec<Spread> {
+        let open: Vec<&Open> = predictions
+            .iter()
+            .filter_map(|own| own.open.as_ref())
+            .collect();
+        let columns = open.first().map_or(0, |own| own.rows.ncols());
+        let mut rows = DMatrix::zeros(3 * open.len(), columns);
+        for (place, own) in open.iter().enumerate() {
+            rows.rows_mut(3 * place, 3).copy_from(&own.rows);
+        }
+        let mut covariances = self.covariances(&rows).into_iter();
+        let of = |own: &&Prediction| {
+            let open = own.open.as_ref();
+            let open = open.and_then(|open| Some(covariances.next()? + open.alone));
+            self.spread_elsewhere(session, source, own, open.unwrap_or_else(Matrix3::zeros))
+        };
+        predictions.iter().map(of).collect()
     }
 
     fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
