@@ -14,7 +14,7 @@ use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::robot::ArmFlags;
-use crate::ingest::{Recording, TargetReadings};
+use crate::ingest::{Recording, StandsOn, TargetReadings};
 use crate::io::log_writer::{LogWriteError, TrackerLog, write_controller_log};
 use crate::io::robot::{self, Selection};
 use crate::io::station_table::{self, LengthColumn};
@@ -80,7 +80,7 @@ pub struct SimulateArgs {
     #[arg(long, requires = "beside")]
     in_turn: bool,
     /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
-    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference"])]
+    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference", "floor_reference"])]
     unnamed: bool,
     /// With --unnamed: all reflectors at once, as motion capture logs its markers, instead of one after another
     #[arg(long, requires = "unnamed", conflicts_with = "in_turn")]
@@ -97,6 +97,10 @@ pub struct SimulateArgs {
     /// with the base, as --base-drift-mm and --bump-mm have it; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     reference: Vec<Triple>,
+    /// A reference reflector on the floor in logs and table, likewise, at this place in the base's frame at the session's start, mm: the
+    /// tracker sees it move as --tracker-drift-mm and --tracker-bump-mm have it move itself; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    floor_reference: Vec<Triple>,
     #[command(flatten)]
     poses: PoseFlags,
     #[command(flatten)]
@@ -304,7 +308,7 @@ impl SimulateArgs {
         let log = TrackerLog {
             readings: unnamed.as_ref().unwrap_or(&recording.readings),
             targets: &named("T", targets),
-            references: &named("B", simulated.reference_readings(&self.reference_places())),
+            references: &self.named_references(simulated),
             temperatures: &recording.temperatures,
             lengths: &named("L", simulated.length_samples(&self.instruments())),
         };
@@ -353,7 +357,8 @@ impl SimulateArgs {
         let read = station_table::Read {
             targets: &self.target_names(),
             lengths: &lengths,
-            references: &simulated.references(&self.reference_places()),
+            references: &self.reference_names(),
+            looks: &simulated.references(&self.reference_places()),
             turns: &turns,
         };
         station_table::csv(&stations, arm, read)
@@ -365,10 +370,39 @@ impl SimulateArgs {
         beside.map(|Triple(at)| Vector3::from(*at)).collect()
     }
 
-    /// The places of the references on the base, mm.
-    fn reference_places(&self) -> Vec<Point3<f64>> {
-        let places = self.reference.iter();
-        places.map(|Triple(at)| Point3::from(*at)).collect()
+    /// What the references stand on, and their places in the base's frame at the start, mm: those on the base first.
+    fn reference_places(&self) -> Vec<(StandsOn, Point3<f64>)> {
+        let on = |on, places: &[Triple]| -> Vec<(StandsOn, Point3<f64>)> {
+            let places = places.iter();
+            places.map(|Triple(at)| (on, Point3::from(*at))).collect()
+        };
+        [
+            on(StandsOn::Base, &self.reference),
+            on(StandsOn::Floor, &self.floor_reference),
+        ]
+        .concat()
+    }
+
+    /// Names of the references, and what each stands on: B1 and so on, F1 and so on.
+    fn reference_names(&self) -> Vec<(String, StandsOn)> {
+        let named = |letter: &str, on, count: usize| -> Vec<(String, StandsOn)> {
+            let numbers = 1..=count;
+            numbers
+                .map(|number| (format!("{letter}{number}"), on))
+                .collect()
+        };
+        [
+            named("B", StandsOn::Base, self.reference.len()),
+            named("F", StandsOn::Floor, self.floor_reference.len()),
+        ]
+        .concat()
+    }
+
+    /// The readings of the references with their names.
+    fn named_references(&self, simulated: &Simulated) -> Vec<(String, TargetReadings)> {
+        let readings = simulated.reference_readings(&self.reference_places());
+        let names = self.reference_names().into_iter();
+        names.map(|(name, _)| name).zip(readings).collect()
     }
 
     /// Names of all reflectors, the main one first.

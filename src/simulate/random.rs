@@ -71,6 +71,8 @@ pub enum Ingredient {
     Image = 29,
     /// Noise of single samples of instruments of one length.
     LengthSamples = 30,
+    /// Drift of the tracker on its stand.
+    TrackerDrift = 31,
 }
 
 /// One stream of random numbers.

@@ -136,6 +136,12 @@ pub struct Cell {
     /// Step by which the base jumps half way through the session, mm.
     #[serde(skip_serializing_if = "is_zero")]
     pub bump_mm: f64,
+    /// Typical slow drift of the tracker on its stand over the session, mm; it turns as well, by as much at two metres.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub tracker_drift_mm: f64,
+    /// Step by which the tracker jumps a third of the way through the session, mm; it turns as well, by as much at two metres.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub tracker_bump_mm: f64,
     /// Whether orientation is measured (6-DoF) or only position.
     pub six_dof: bool,
 }
@@ -360,6 +366,8 @@ impl Default for Cell {
             target_sd_mm: 0.0,
             base_drift_mm: 0.0,
             bump_mm: 0.0,
+            tracker_drift_mm: 0.0,
+            tracker_bump_mm: 0.0,
             six_dof: false,
         }
     }

@@ -7,7 +7,7 @@ use super::random::{Ingredient, Stream};
 use super::tracker::{logged_position, off};
 use super::truth::TrueStation;
 use crate::geometry::{PoseCovariance, isometry_from_rpy};
-use crate::ingest::{TargetReadings, covariances};
+use crate::ingest::{StandsOn, TargetReadings, covariances};
 use crate::join::{
     Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
     Value,
@@ -149,16 +149,20 @@ impl Simulated {
         in_turn
     }
 
-    /// The positions of references on the base at each station, in the tracker's frame, mm; empty without any. They are where the base is
-    /// in its drift, at these places in its frame, and each reading has noise of its own.
-    pub fn references(&self, places: &[Point3<f64>]) -> Vec<Vec<Point3<f64>>> {
+    /// The positions of references at each station, in the tracker's frame, mm; empty without any. Those on the base are where it is in its
+    /// drift, those on the floor where the base's frame was at the start, and each reading has noise of its own.
+    pub fn references(&self, places: &[(StandsOn, Point3<f64>)]) -> Vec<Vec<Point3<f64>>> {
         let settings = &self.truth.settings;
         let cell = &settings.cell;
         let tracker_from_base =
             isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
         let mut noise = Stream::new(settings.seed, Ingredient::References);
-        let mut read = |at: &Point3<f64>, truth: &TrueStation| {
-            let seen = tracker_from_base * (at + truth.base_drift_mm);
+        let mut read = |(on, at): &(StandsOn, Point3<f64>), truth: &TrueStation| {
+            let at = match on {
+                StandsOn::Base => at + truth.base_drift_mm,
+                StandsOn::Floor => *at,
+            };
+            let seen = truth.tracker_moved * tracker_from_base * at;
             seen + off(&seen.coords, &noise.normal3(), &settings.tracker)
         };
         let stations = self.truth.stations.iter();
@@ -167,9 +171,9 @@ impl Simulated {
             .collect()
     }
 
-    /// Readings of references on the base at these places in its frame, mm, as a tracker logs them: those of [`Self::references`], read at
+    /// Readings of references at these places in the base's frame, mm, as a tracker logs them: those of [`Self::references`], read at
     /// its rate while the arm stands still, with noise of each reading beside that of the station.
-    pub fn reference_readings(&self, places: &[Point3<f64>]) -> Vec<TargetReadings> {
+    pub fn reference_readings(&self, places: &[(StandsOn, Point3<f64>)]) -> Vec<TargetReadings> {
         let settings = &self.truth.settings;
         let clock = self.truth.clock_model();
         let mut noise = Stream::new(settings.seed, Ingredient::ReferenceReadings);

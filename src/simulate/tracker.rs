@@ -29,6 +29,12 @@ const TEMPERATURE: (f64, f64) = (21.5, 1.8);
 /// The direction of a bump, a unit vector in the base frame.
 const BUMP: [f64; 3] = [0.6, -0.64, 0.48];
 
+/// Distance at which the tracker's turns move a point as far as its shifts do, mm.
+const TURNS_AT_MM: f64 = 2000.0;
+
+/// Directions of the tracker's bump: of its shift and of its turn, unit vectors in its frame.
+const TRACKER_BUMP: [[f64; 3]; 2] = [[-0.48, 0.6, 0.64], [0.0, 0.8, -0.6]];
+
 /// Numbers of readings by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrueReadingCounts {
@@ -79,6 +85,8 @@ pub(super) struct View<'a> {
     pub(super) tracker_from_base: Isometry3<f64>,
     pub(super) clock: ClockModel,
     drift: [[f64; 3]; 3],
+    /// Of the tracker: shifts, and turns.
+    tracker_drift: [[[f64; 3]; 3]; 2],
     /// Per stop: the part of the noise that all its readings share, in units of its standard deviation.
     placement: Vec<[Vector3<f64>; 2]>,
     views: Views,
@@ -96,6 +104,7 @@ impl<'a> View<'a> {
         let clocks = &settings.clocks;
         let stops = timeline.stops.len();
         let mut drift = Stream::new(settings.seed, Ingredient::BaseDrift);
+        let mut tracker_drift = Stream::new(settings.seed, Ingredient::TrackerDrift);
         let mut placement = Stream::new(settings.seed, Ingredient::Placement);
         let mut lost = Stream::new(settings.seed, Ingredient::LostBeam);
         let mut image = Stream::new(settings.seed, Ingredient::Image);
@@ -114,6 +123,7 @@ impl<'a> View<'a> {
                 drift: clocks.drift_ppm * 1e-6,
             },
             drift: std::array::from_fn(|_| drift.normal3().into()),
+            tracker_drift: [(); 2].map(|()| [(); 3].map(|()| tracker_drift.normal3().into())),
             placement: (0..stops)
                 .map(|_| [placement.normal3(), placement.normal3()])
                 .collect(),
@@ -139,34 +149,59 @@ impl<'a> View<'a> {
 
     /// Movement of the base in its own frame, mm: zero at the start, a slow sine along each axis, and a jump half way.
     pub(super) fn base_drift(&self, t_s: f64) -> Vector3<f64> {
-        let way = t_s / self.timeline.end_s().max(1.0);
-        let typical = self.settings.cell.base_drift_mm;
-        let is_behind = self.timeline.stop_at(t_s) >= Some(self.timeline.stops.len() / 2);
-        let bump = if is_behind {
-            Vector3::from(BUMP) * self.settings.cell.bump_mm
+        let cell = &self.settings.cell;
+        let slow = self.slow(&self.drift, t_s) * cell.base_drift_mm;
+        if self.is_behind(t_s, self.timeline.stops.len() / 2) {
+            slow + Vector3::from(BUMP) * cell.bump_mm
         } else {
-            Vector3::zeros()
-        };
-        let drift: Vector3<f64> = self
-            .drift
-            .iter()
-            .enumerate()
-            .map(|(k, direction)| {
-                let order = (k + 1) as f64;
-                Vector3::from(*direction) * (typical / order * (TAU * way * order / 2.5).sin())
-            })
-            .sum();
-        drift + bump
+            slow
+        }
     }
 
-    /// True pose of the target in the tracker frame at a moment of the controller's time, mm.
-    pub(super) fn tracker_from_target(&self, t_s: f64) -> Isometry3<f64> {
+    /// Whether a moment is in the dwell of a stop or later.
+    fn is_behind(&self, t_s: f64, stop: usize) -> bool {
+        self.timeline.stop_at(t_s) >= Some(stop)
+    }
+
+    /// A slow sine along each of three directions, zero at the start.
+    fn slow(&self, directions: &[[f64; 3]; 3], t_s: f64) -> Vector3<f64> {
+        let way = t_s / self.timeline.end_s().max(1.0);
+        let along = directions.iter().enumerate().map(|(k, direction)| {
+            let order = (k + 1) as f64;
+            Vector3::from(*direction) * ((TAU * way * order / 2.5).sin() / order)
+        });
+        along.sum()
+    }
+
+    /// Where a point that stands still is seen by the tracker at a moment, from where it is seen at the start: the tracker drifts on its
+    /// stand, and is bumped a third of the way through.
+    pub(super) fn tracker_moved(&self, t_s: f64) -> Isometry3<f64> {
+        let cell = &self.settings.cell;
+        let [shifts, turns] = &self.tracker_drift;
+        let drift = [shifts, turns].map(|own| self.slow(own, t_s) * cell.tracker_drift_mm);
+        let bump_mm = if self.is_behind(t_s, self.timeline.stops.len() / 3) {
+            cell.tracker_bump_mm
+        } else {
+            0.0
+        };
+        let [shift, turn] = TRACKER_BUMP.map(|own| Vector3::from(own) * bump_mm);
+        let turn = UnitQuaternion::from_scaled_axis((drift[1] + turn) / TURNS_AT_MM);
+        Isometry3::from_parts(Translation3::from(drift[0] + shift), turn)
+    }
+
+    /// True pose of the target in the frame of the base at the session's start, its drift included, at a moment of the controller's time,
+    /// mm.
+    pub(super) fn base_from_target(&self, t_s: f64) -> Isometry3<f64> {
         let state = self.timeline.state(t_s);
         let base_from_target =
             self.errors
                 .base_from_target(self.arm, &state.reported, &state.visit);
-        let drifted = Translation3::from(self.base_drift(t_s)) * base_from_target;
-        self.tracker_from_base * drifted
+        Translation3::from(self.base_drift(t_s)) * base_from_target
+    }
+
+    /// True pose of the target in the tracker frame at a moment of the controller's time, mm.
+    pub(super) fn tracker_from_target(&self, t_s: f64) -> Isometry3<f64> {
+        self.tracker_moved(t_s) * self.tracker_from_base * self.base_from_target(t_s)
     }
 
     /// Readings at the tracker's own rate for as long as the controller runs.

@@ -110,6 +110,8 @@ pub struct TrueStation {
     pub repeated: Vec<f64>,
     /// Movement of the base in its own frame, mm.
     pub base_drift_mm: Vector3<f64>,
+    /// Where a point that stands still is seen by the tracker, from where it is seen at the start.
+    pub tracker_moved: Isometry3<f64>,
     /// True pose of the measured target in the base frame at mid-dwell, drift of the base included, mm.
     pub base_from_target: Isometry3<f64>,
     /// True pose of the measured target in the tracker frame, without the tracker's noise, mm.
@@ -132,7 +134,8 @@ impl TrueStation {
             visit: stop.visit.clone(),
             repeated: stop.repeated.clone(),
             base_drift_mm: view.base_drift(middle_s),
-            base_from_target: view.tracker_from_base.inverse() * tracker_from_target,
+            tracker_moved: view.tracker_moved(middle_s),
+            base_from_target: view.base_from_target(middle_s),
             tracker_from_target,
         }
     }

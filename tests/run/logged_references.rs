@@ -59,7 +59,12 @@ fn logged(flags: &[&str]) -> Cell {
 
 /// The same session as a table, with the section in its head.
 fn tabled() -> Cell {
-    let made = Cell::new().with_simulated("mon", &BUMPED);
+    cell_of_table(&BUMPED)
+}
+
+/// A session with these flags as a table, with the section in its head.
+fn cell_of_table(flags: &[&str]) -> Cell {
+    let made = Cell::new().with_simulated("mon", flags);
     let text = fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
     let head = text.lines().skip(1);
     let section: Vec<&str> = head.map_while(|line| line.strip_prefix("# ")).collect();
@@ -176,4 +181,75 @@ fn a_wrong_section_of_references_is_explained() {
         .with("topic = \"/tracker/references\"", "topic = \"/nothing\"")
         .run(&[])
         .expect(1, &["no topic \"/nothing\""]);
+}
+
+/// The reflectors on the floor, as `posegrid simulate` logs them.
+fn on_floor() -> String {
+    let references = (1..=3).map(|number| {
+        format!(
+            "[[tracker.references]]\nname = \"F{number}\"\non = \"floor\"\ntopic = \"/tracker/references\"\nis = \"F{number}\"\n\n"
+        )
+    });
+    let references: String = references.collect();
+    format!("[tracker.fields]\ntarget = \"child_frame_id\"\n\n{references}[fit]\n")
+}
+
+/// A session whose tracker drifts and is bumped on its stand.
+const MOVED: [&str; 15] = [
+    "--grid-step",
+    "240",
+    "--size",
+    "720,960,480",
+    "--table",
+    "--tracker-drift-mm",
+    "0.3",
+    "--tracker-bump-mm",
+    "1.5",
+    "--floor-reference",
+    "1500,1200,-600",
+    "--floor-reference",
+    "800,-1500,-590",
+    "--floor-reference",
+    "2600,-200,-610",
+];
+
+/// Mean held-out error of the full error model, mm.
+fn held_out_mm(cell: &Cell) -> f64 {
+    let table = cell.table("accuracy", "mon");
+    let is = |row: usize, column: &str, word: &str| table.text(column).value(row) == word;
+    let mut rows = (0..table.rows()).filter(|&row| {
+        is(row, "name", "mean") && is(row, "model", "full") && is(row, "role", "held_out")
+    });
+    table.f64("value").value(rows.next().expect("a held-out mean"))
+}
+
+#[test]
+fn motion_of_the_tracker_is_taken_out_by_references_on_the_floor() {
+    let followed = Cell::new()
+        .with_simulated("mon", &MOVED)
+        .with("[fit]\n", &on_floor());
+    followed.run(&[]).expect(0, &["was bumped between station"]);
+    let still = Cell::new().with_simulated("mon", &MOVED[..5]);
+    still.run(&[]).expect(0, &[]);
+    let alone = Cell::new().with_simulated("mon", &MOVED);
+    let ended = alone.run(&[]);
+    assert!([0, 1, 3].contains(&ended.code), "{}", ended.messages);
+    let (followed_mm, still_mm) = (held_out_mm(&followed), held_out_mm(&still));
+    println!("held-out mean: tracker still {still_mm}, followed {followed_mm} mm");
+    // Three references are read to some 0.03 mm each, at two metres from the targets.
+    assert!(followed_mm < 1.5 * still_mm, "{followed_mm} {still_mm}");
+    if ended.code != 1 {
+        let alone_mm = held_out_mm(&alone);
+        assert!(alone_mm > 2.0 * still_mm, "{alone_mm} {still_mm}");
+    }
+    let table = cell_of_table(&MOVED);
+    table.run(&[]).expect(0, &["was bumped between station"]);
+    let (of_logs, of_table) = (motions(&followed), motions(&table));
+    assert_eq!(of_logs.len(), of_table.len());
+    for (look, (own, other)) in of_logs.iter().zip(&of_table).enumerate() {
+        assert_eq!(own.1, other.1, "look {look}");
+        let off = own.0[..3].iter().zip(&other.0).map(|(a, b)| (a - b).abs());
+        let off_mm = off.fold(0.0, f64::max);
+        assert!(off_mm < 0.3, "look {look}: {off_mm} mm");
+    }
 }

@@ -184,6 +184,12 @@ pub(super) struct ErrorFlags {
     /// Step by which the base jumps half way through the session, as bumped, mm.
     #[arg(long, value_name = "MM", value_parser = finite)]
     bump_mm: Option<f64>,
+    /// Slow drift of the tracker on its stand, mm; it turns as well, by as much at two metres.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    tracker_drift_mm: Option<f64>,
+    /// Step by which the tracker jumps a third of the way through the session, as bumped, mm; it turns as well, by as much at two metres.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    tracker_bump_mm: Option<f64>,
     /// A 6-DoF target, which gives its orientation, instead of a reflector.
     #[arg(long)]
     six_dof: bool,
@@ -260,6 +266,8 @@ impl ErrorFlags {
         set(&mut cell.target_sd_mm, self.target_sd_mm, 1.0);
         set(&mut cell.base_drift_mm, self.base_drift_mm, 1.0);
         set(&mut cell.bump_mm, self.bump_mm, 1.0);
+        set(&mut cell.tracker_drift_mm, self.tracker_drift_mm, 1.0);
+        set(&mut cell.tracker_bump_mm, self.tracker_bump_mm, 1.0);
         cell.six_dof |= self.six_dof;
         let tracker = &mut settings.tracker;
         if self.no_tracker_noise {

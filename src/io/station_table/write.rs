@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use nalgebra::Point3;
 
 use crate::geometry::{pose_covariance, symmetric};
-use crate::ingest::LengthRead;
+use crate::ingest::{LengthRead, StandsOn};
 use crate::join::{MeanOrientation, Reading, SourceId, Station, TargetId};
 use crate::kinematics::{Arm, Joint};
 
@@ -33,16 +33,10 @@ pub struct Read<'a> {
     /// The order in which targets are measured at each station, of a table with a row for each reading that does not name its target;
     /// empty of one with a row for each station.
     pub turns: &'a [Vec<usize>],
-    /// Positions of references on the base at each station, mm; empty without references.
-    pub references: &'a [Vec<Point3<f64>>],
-}
-
-impl Read<'_> {
-    /// Names of the references.
-    fn references(&self) -> impl Iterator<Item = String> {
-        let count = self.references.first().map_or(0, Vec::len);
-        (1..=count).map(|number| format!("B{number}"))
-    }
+    /// Names of the references, and what each stands on.
+    pub references: &'a [(String, StandsOn)],
+    /// Positions of the references at each station, mm; empty without references.
+    pub looks: &'a [Vec<Point3<f64>>],
 }
 
 /// The table of these stations with what is read at them. Angles are in degrees, positions in mm; readings that are missing are blank.
@@ -52,6 +46,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
         targets,
         lengths,
         references,
+        looks,
         turns,
     } = read;
     if !turns.is_empty() {
@@ -75,13 +70,13 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
         .chain(commands)
         .chain(readings)
         .chain(lengths.iter().map(|own| own.name.clone()))
-        .chain(read.references().flat_map(|name| of_reference(&name)))
+        .chain(references.iter().flat_map(|(name, _)| of_reference(name)))
         .collect();
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
     for (place, station) in stations.iter().enumerate() {
         let mut cells = row(station, arm, &parts, lengths.len());
-        let own = references.get(place).map_or(&[][..], |own| own);
+        let own = looks.get(place).map_or(&[][..], |own| own);
         cells.extend(
             own.iter()
                 .flat_map(|at| at.iter().map(|x| number(*x)).collect::<Vec<_>>()),
@@ -267,12 +262,12 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
             format!("sd_mm = {}", own.sd_mm),
         ]);
     }
-    for name in read.references() {
+    for (name, on) in read.references {
         lines.extend([
             "[[stations.references]]".to_owned(),
             format!("name = {name:?}"),
-            "on = \"base\"".to_owned(),
-            format!("position = {}", list(&of_reference(&name))),
+            format!("on = {:?}", on.word()),
+            format!("position = {}", list(&of_reference(name))),
             "unit = \"mm\"".to_owned(),
         ]);
     }
