@@ -67,6 +67,15 @@ impl LoggedCovariance {
         self.position().iter().all(|entry| entry.is_finite())
     }
 
+    /// Whether all entries are zero.
+    pub(super) fn is_zero(&self) -> bool {
+        let entries = match self {
+            Self::Position(entries) => &entries[..],
+            Self::Pose(entries) => &entries[..],
+        };
+        entries.iter().all(|entry| *entry == 0.0)
+    }
+
     /// The position's part.
     fn position(&self) -> Matrix3<f64> {
         match self {

@@ -220,7 +220,9 @@ fn held_out_mm(cell: &Cell) -> f64 {
     let mut rows = (0..table.rows()).filter(|&row| {
         is(row, "name", "mean") && is(row, "model", "full") && is(row, "role", "held_out")
     });
-    table.f64("value").value(rows.next().expect("a held-out mean"))
+    table
+        .f64("value")
+        .value(rows.next().expect("a held-out mean"))
 }
 
 #[test]

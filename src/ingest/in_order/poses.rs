@@ -164,7 +164,7 @@ impl Buffer for PoseBuffer {
             let with_orientation = self.orientations.is_some();
             let own = kept.iter().zip(&self.positions[before..]);
             let own = own.map(|(logged, position)| {
-                if position.iter().all(|&x| x == 0.0) {
+                if position.iter().all(|&x| x == 0.0) && logged.is_zero() {
                     // Nothing was read, so nothing is stated of it.
                     return PoseCovariance::default();
                 }
