@@ -73,18 +73,8 @@ pub struct SimulateArgs {
     /// Write a table of the stations too, stations.csv, as a perfect join would find them; its head has the section that reads it
     #[arg(long)]
     table: bool,
-    /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    beside: Vec<Triple>,
-    /// Measure the reflectors one after another in each dwell, in an order that changes from dwell to dwell, instead of all at once
-    #[arg(long, requires = "beside")]
-    in_turn: bool,
-    /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
-    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference", "floor_reference"])]
-    unnamed: bool,
-    /// With --unnamed: all reflectors at once, as motion capture logs its markers, instead of one after another
-    #[arg(long, requires = "unnamed", conflicts_with = "in_turn")]
-    at_once: bool,
+    #[command(flatten)]
+    reflectors: ReflectorFlags,
     /// An instrument in logs and table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
     /// at no distance, mm, and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true)]
@@ -107,6 +97,23 @@ pub struct SimulateArgs {
     instrument: InstrumentFlags,
     #[command(flatten)]
     errors: ErrorFlags,
+}
+
+/// Several reflectors at the flange, and how they are measured.
+#[derive(Debug, Clone, Args)]
+struct ReflectorFlags {
+    /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    beside: Vec<Triple>,
+    /// Measure the reflectors one after another in each dwell, in an order that changes from dwell to dwell, instead of all at once
+    #[arg(long, requires = "beside")]
+    in_turn: bool,
+    /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
+    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference", "floor_reference"])]
+    unnamed: bool,
+    /// With --unnamed: all reflectors at once, as motion capture logs its markers, instead of one after another
+    #[arg(long, requires = "unnamed", conflicts_with = "in_turn")]
+    at_once: bool,
 }
 
 /// The reason why no session was made.
@@ -298,13 +305,17 @@ impl SimulateArgs {
             let logged = logged(arm, recording);
             Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
-        let readings = if self.beside.is_empty() {
+        let readings = if self.reflectors.beside.is_empty() {
             Vec::new()
         } else {
             self.readings(simulated)
         };
-        let unnamed = self.unnamed.then(|| without_names(&readings));
-        let targets = if self.unnamed { Vec::new() } else { readings };
+        let unnamed = self.reflectors.unnamed.then(|| without_names(&readings));
+        let targets = if self.reflectors.unnamed {
+            Vec::new()
+        } else {
+            readings
+        };
         let log = TrackerLog {
             readings: unnamed.as_ref().unwrap_or(&recording.readings),
             targets: &named("T", targets),
@@ -329,7 +340,7 @@ impl SimulateArgs {
     /// Readings of the reflectors: all at once, or one after another.
     fn readings(&self, simulated: &Simulated) -> Vec<TargetReadings> {
         let beside = self.places_beside();
-        if self.in_turn || (self.unnamed && !self.at_once) {
+        if self.reflectors.in_turn || (self.reflectors.unnamed && !self.reflectors.at_once) {
             simulated.readings_in_turn(&beside)
         } else {
             simulated.readings_with(&beside)
@@ -349,8 +360,8 @@ impl SimulateArgs {
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
-        let turns = if self.unnamed {
-            simulated.turns(self.beside.len() + 1)
+        let turns = if self.reflectors.unnamed {
+            simulated.turns(self.reflectors.beside.len() + 1)
         } else {
             Vec::new()
         };
@@ -366,7 +377,7 @@ impl SimulateArgs {
 
     /// The places of the further reflectors, mm.
     fn places_beside(&self) -> Vec<Vector3<f64>> {
-        let beside = self.beside.iter();
+        let beside = self.reflectors.beside.iter();
         beside.map(|Triple(at)| Vector3::from(*at)).collect()
     }
 
@@ -407,7 +418,7 @@ impl SimulateArgs {
 
     /// Names of all reflectors, the main one first.
     fn target_names(&self) -> Vec<String> {
-        let numbers = 1..=self.beside.len() + 1;
+        let numbers = 1..=self.reflectors.beside.len() + 1;
         numbers.map(|number| format!("T{number}")).collect()
     }
 

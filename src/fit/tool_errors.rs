@@ -10,6 +10,9 @@ use super::model::{At, Known, PoseModel, Prediction, Query, Spread};
 /// Number of predictions whose covariances are found together; fixed, so that results do not depend on the number of threads.
 const TOGETHER: usize = 64;
 
+/// An error, mm, and its covariance, mm², in the base frame.
+pub type ErrorWithCovariance = (Vector3<f64>, Matrix3<f64>);
+
 /// Errors of the tool point as a model of the arm predicts them from commanded angles, in a session's error reference frame.
 #[derive(Debug, Clone, Copy)]
 pub struct ToolErrors<'m> {
@@ -54,10 +57,7 @@ impl<'m> ToolErrors<'m> {
     }
 
     /// [`Self::error`] with its covariance for a command used in another session, mm².
-    pub fn error_with_covariance(
-        &self,
-        joints: &[f64],
-    ) -> Result<(Vector3<f64>, Matrix3<f64>), Gap> {
+    pub fn error_with_covariance(&self, joints: &[f64]) -> Result<ErrorWithCovariance, Gap> {
         let axes = self.error_frame.arm().axes(joints);
         let predicted = self.model.predict(&self.at(&axes))?;
         let spread = self
@@ -68,16 +68,13 @@ impl<'m> ToolErrors<'m> {
 
     /// [`Self::error_with_covariance`] at many joint angles, on all cores; a model's covariance of some together costs far less than of
     /// each.
-    pub fn errors_with_covariance(
-        &self,
-        many: &[&[f64]],
-    ) -> Vec<Result<(Vector3<f64>, Matrix3<f64>), Gap>> {
+    pub fn errors_with_covariance(&self, many: &[&[f64]]) -> Vec<Result<ErrorWithCovariance, Gap>> {
         let parts = many.par_chunks(TOGETHER).map(|some| self.some(some));
         let parts: Vec<Vec<_>> = parts.collect();
         parts.into_iter().flatten().collect()
     }
 
-    fn some(&self, some: &[&[f64]]) -> Vec<Result<(Vector3<f64>, Matrix3<f64>), Gap>> {
+    fn some(&self, some: &[&[f64]]) -> Vec<Result<ErrorWithCovariance, Gap>> {
         let predict = |joints: &&[f64]| {
             let axes = self.error_frame.arm().axes(joints);
             self.model.predict(&self.at(&axes))
@@ -103,7 +100,7 @@ impl<'m> ToolErrors<'m> {
         joints: &[f64],
         predicted: &Prediction,
         spread: &Spread,
-    ) -> (Vector3<f64>, Matrix3<f64>) {
+    ) -> ErrorWithCovariance {
         let base = self.error_frame.frames().tracker_from_base.isometry();
         (
             self.in_error_frame(joints, &predicted.position),

@@ -317,12 +317,12 @@ fn lengths_alone_judge_nothing() {
 fn logged_sections() -> String {
     let distance = DISTANCES.iter().map(|own| ("distance", own[4]));
     let all = (1..).zip(distance.chain([("height", HEIGHT[4])]));
-    all.map(|(number, (reads, sd_mm)): (usize, _)| {
+    let section = |(number, (reads, sd_mm)): (usize, _)| {
         format!(
             "[[tracker.lengths]]\nname = \"L{number}\"\nreads = \"{reads}\"\ntopic = \"/lengths/L{number}\"\nunit = \"m\"\nsd_mm = {sd_mm}\n\n"
         )
-    })
-    .collect()
+    };
+    all.map(section).collect::<Vec<_>>().concat()
 }
 
 /// A cell that reads the logs of the session of [`simulated`].

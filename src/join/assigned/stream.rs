@@ -321,9 +321,9 @@ impl Found {
             StationAssignment::Ambiguous(own) => {
                 self.ambiguous.push(number);
                 let reason = format!("unpaired: {}", ambiguous_words(&own));
-                spots
-                    .iter()
-                    .for_each(|spot| self.leave_out(spot, dwells, &reason));
+                for spot in spots {
+                    self.leave_out(spot, dwells, &reason);
+                }
             }
             StationAssignment::Decided(targets, assigned) => {
                 self.assigned.extend(assigned.map(|own| (number, own)));
