@@ -1,10 +1,5 @@
 //! Instruments of one length in a log: one topic for each, one topic for several, and messages that give none.
 
-#![expect(
-    clippy::float_cmp,
-    reason = "what was written must come back exactly, scaled by powers of ten that are exact here"
-)]
-
 use posegrid::ingest::{LoggedLength, Mapping, TargetReadings};
 
 use crate::build::{Cdr, HEADER, Log, WholeSession, mapping, read_as, session, stamp};
