@@ -11,6 +11,7 @@ mod by_geometry;
 pub(super) mod checks;
 mod error;
 pub mod files;
+mod lengths;
 pub(super) mod logs;
 mod robots;
 mod sessions;

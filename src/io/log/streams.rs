@@ -3,6 +3,7 @@
 //! The common message types need no field paths: their fields follow from the type. For any other type the pipeline file
 //! names the fields.
 
+mod common;
 mod elements;
 mod layout;
 mod reader;
@@ -20,8 +21,10 @@ use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{LogReject, LossKind, Mapping, SpanClock, TimeSource};
 use crate::io::message::{FieldPath, MessageSchema};
 
-pub use layout::{Glance, Layout};
-use layout::{Recipe, suitable_types};
+pub use common::Layout;
+use common::suitable_types;
+pub use layout::Glance;
+use layout::Recipe;
 pub use reader::Part;
 use reader::{Decoder, Reader, RowFault, Wished};
 pub use suggest::{Suggestible, Suggestion, json_fields, suggest};

@@ -1,229 +1,13 @@
-//! The fields of a message that a stream is made from: those of the common types, or those that the pipeline file names.
+//! The fields of a message that a stream is made from: those of the common types ([`super::common`]), or those that the pipeline file
+//! names.
 
+use super::common::{Common, Layout, common};
 use super::{Stream, Wanted};
 use crate::ingest::{
     AngleFields, JointFields, LoggedLength, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
     TrackerSettings,
 };
-use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError, ros2msg};
-
-/// The values that a type of message is decoded into.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
-    /// Names and positions of joints: `sensor_msgs/JointState` and its like.
-    Joints,
-    /// Position and orientation: `geometry_msgs/PoseStamped` and its like.
-    Pose,
-    /// Position: `geometry_msgs/PointStamped` and its like.
-    Point,
-    /// `geometry_msgs/PoseWithCovarianceStamped`.
-    PoseWithCovariance,
-    /// An array of poses with names or numbers: markers that a camera sees.
-    Markers,
-    /// Such an array with covariances.
-    MarkersWithCovariance,
-    /// An array of positions without names: `geometry_msgs/PoseArray` and its like.
-    Points,
-    /// `sensor_msgs/Temperature`.
-    Temperature,
-    /// One length: `sensor_msgs/Range`, or a number alone.
-    Length,
-}
-
-/// A message type that needs no field paths.
-struct Common {
-    names: &'static [&'static str],
-    layout: Layout,
-    stamp: &'static str,
-    fields: &'static [&'static str],
-}
-
-/// The common types, each by its ROS 2 name and its protobuf or JSON name.
-const COMMON: [Common; 15] = [
-    Common {
-        names: &["sensor_msgs/JointState"],
-        layout: Layout::Joints,
-        stamp: "header.stamp",
-        fields: &["name", "position"],
-    },
-    Common {
-        names: &["control_msgs/JointTrajectoryControllerState"],
-        layout: Layout::Joints,
-        stamp: "header.stamp",
-        // ROS 2 Jazzy calls it feedback, Humble actual.
-        fields: &["joint_names", "feedback|actual.positions"],
-    },
-    Common {
-        names: &["foxglove.JointStates", "foxglove_msgs/JointStates"],
-        layout: Layout::Joints,
-        stamp: "timestamp",
-        fields: &["joints[].name", "joints[].position"],
-    },
-    Common {
-        names: &["geometry_msgs/PoseStamped"],
-        layout: Layout::Pose,
-        stamp: "header.stamp",
-        fields: &POSE,
-    },
-    Common {
-        names: &["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"],
-        layout: Layout::Pose,
-        stamp: "timestamp",
-        fields: &POSE,
-    },
-    Common {
-        names: &["geometry_msgs/TransformStamped"],
-        layout: Layout::Pose,
-        stamp: "header.stamp",
-        fields: &[
-            "transform.translation.x",
-            "transform.translation.y",
-            "transform.translation.z",
-            "transform.rotation.x",
-            "transform.rotation.y",
-            "transform.rotation.z",
-            "transform.rotation.w",
-        ],
-    },
-    Common {
-        names: &["geometry_msgs/PointStamped"],
-        layout: Layout::Point,
-        stamp: "header.stamp",
-        fields: &["point.x", "point.y", "point.z"],
-    },
-    Common {
-        names: &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
-        layout: Layout::Point,
-        stamp: "timestamp",
-        fields: &["point.x", "point.y", "point.z"],
-    },
-    Common {
-        names: &["geometry_msgs/PoseWithCovarianceStamped"],
-        layout: Layout::PoseWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
-            "pose.pose.position.x",
-            "pose.pose.position.y",
-            "pose.pose.position.z",
-            "pose.pose.orientation.x",
-            "pose.pose.orientation.y",
-            "pose.pose.orientation.z",
-            "pose.pose.orientation.w",
-            "pose.covariance",
-        ],
-    },
-    Common {
-        names: &["tf2_msgs/TFMessage"],
-        layout: Layout::Markers,
-        stamp: "transforms[0].header.stamp",
-        fields: &[
-            "transforms[].child_frame_id",
-            "transforms[].transform.translation.x",
-            "transforms[].transform.translation.y",
-            "transforms[].transform.translation.z",
-            "transforms[].transform.rotation.x",
-            "transforms[].transform.rotation.y",
-            "transforms[].transform.rotation.z",
-            "transforms[].transform.rotation.w",
-        ],
-    },
-    Common {
-        names: &["aruco_msgs/MarkerArray"],
-        layout: Layout::MarkersWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
-            "markers[].id",
-            "markers[].pose.pose.position.x",
-            "markers[].pose.pose.position.y",
-            "markers[].pose.pose.position.z",
-            "markers[].pose.pose.orientation.x",
-            "markers[].pose.pose.orientation.y",
-            "markers[].pose.pose.orientation.z",
-            "markers[].pose.pose.orientation.w",
-            "markers[].pose.covariance",
-        ],
-    },
-    Common {
-        names: &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
-        layout: Layout::MarkersWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
-            "detections[].id",
-            "detections[].pose.pose.pose.position.x",
-            "detections[].pose.pose.pose.position.y",
-            "detections[].pose.pose.pose.position.z",
-            "detections[].pose.pose.pose.orientation.x",
-            "detections[].pose.pose.pose.orientation.y",
-            "detections[].pose.pose.pose.orientation.z",
-            "detections[].pose.pose.pose.orientation.w",
-            "detections[].pose.pose.covariance",
-        ],
-    },
-    Common {
-        names: &["ros2_aruco_interfaces/ArucoMarkers"],
-        layout: Layout::Markers,
-        stamp: "header.stamp",
-        fields: &[
-            "marker_ids",
-            "poses[].position.x",
-            "poses[].position.y",
-            "poses[].position.z",
-            "poses[].orientation.x",
-            "poses[].orientation.y",
-            "poses[].orientation.z",
-            "poses[].orientation.w",
-        ],
-    },
-    Common {
-        names: &["geometry_msgs/PoseArray"],
-        layout: Layout::Points,
-        stamp: "header.stamp",
-        fields: &[
-            "poses[].position.x",
-            "poses[].position.y",
-            "poses[].position.z",
-        ],
-    },
-    Common {
-        names: &["sensor_msgs/PointCloud"],
-        layout: Layout::Points,
-        stamp: "header.stamp",
-        fields: &["points[].x", "points[].y", "points[].z"],
-    },
-];
-
-const POSE: [&str; 7] = [
-    "pose.position.x",
-    "pose.position.y",
-    "pose.position.z",
-    "pose.orientation.x",
-    "pose.orientation.y",
-    "pose.orientation.z",
-    "pose.orientation.w",
-];
-
-const TEMPERATURE: Common = Common {
-    names: &["sensor_msgs/Temperature"],
-    layout: Layout::Temperature,
-    stamp: "header.stamp",
-    fields: &["temperature"],
-};
-
-const LENGTHS: [Common; 2] = [
-    Common {
-        names: &["sensor_msgs/Range"],
-        layout: Layout::Length,
-        stamp: "header.stamp",
-        fields: &["range"],
-    },
-    // They have no stamp: their time is that of publication or recording.
-    Common {
-        names: &["std_msgs/Float64", "std_msgs/Float32"],
-        layout: Layout::Length,
-        stamp: "header.stamp",
-        fields: &["data"],
-    },
-];
+use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError};
 
 /// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
@@ -285,71 +69,6 @@ struct Statements<'m> {
     /// Path of the target's name.
     target: Option<&'m str>,
     ignore_orientation: bool,
-}
-
-impl Layout {
-    /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as in protobuf; `None` for other types.
-    pub(super) fn of_type(name: &str) -> Option<Self> {
-        common(name).map(|common| common.layout)
-    }
-
-    /// Whether a stream can be made of it.
-    pub const fn suits(self, stream: Stream) -> bool {
-        match stream {
-            Stream::Joints => matches!(self, Self::Joints),
-            Stream::Readings
-                if matches!(
-                    self,
-                    Self::Markers | Self::MarkersWithCovariance | Self::Points
-                ) =>
-            {
-                true
-            }
-            Stream::Commands | Stream::Readings => {
-                matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
-            }
-            Stream::Temperatures => matches!(self, Self::Temperature),
-            Stream::Lengths => matches!(self, Self::Length),
-        }
-    }
-
-    const fn meaning(self) -> Meaning {
-        match self {
-            Self::Joints => Meaning::NamedAngles,
-            Self::Temperature => Meaning::Temperature,
-            Self::Length => Meaning::Lengths,
-            Self::Markers | Self::MarkersWithCovariance => Meaning::Poses {
-                orientation: true,
-                covariance: matches!(self, Self::MarkersWithCovariance),
-            },
-            Self::Points => Meaning::Poses {
-                orientation: false,
-                covariance: false,
-            },
-            Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
-                orientation: !matches!(self, Self::Point),
-                covariance: matches!(self, Self::PoseWithCovariance),
-            },
-        }
-    }
-}
-
-impl Common {
-    /// The path of the targets' names, of an array of poses, and those of the other values.
-    fn target_and_fields(&self) -> (Option<&'static str>, &'static [&'static str]) {
-        match (self.layout, self.fields) {
-            (Layout::Markers | Layout::MarkersWithCovariance, [target, fields @ ..]) => {
-                (Some(target), fields)
-            }
-            (_, fields) => (None, fields),
-        }
-    }
-}
-
-fn common(name: &str) -> Option<&'static Common> {
-    let name = ros2msg::short_name(name);
-    let mut all = COMMON.iter().chain([&TEMPERATURE]).chain(&LENGTHS);
-    all.find(|common| common.names.contains(&name.as_str()))
 }
 
 /// The values that can be read from messages without a pipeline file.
@@ -438,78 +157,46 @@ impl Recipe {
         name: &str,
         schema: &MessageSchema,
     ) -> Result<Option<Self>, SchemaError> {
-        let (stream, time) = (wanted.stream, wanted.time);
-        let is_named = mapping.tracker.names_on(&wanted.topic);
-        let mut said = Statements::of(wanted, mapping);
-        said.target = said.target.filter(|_| is_named);
-        let common = common(name).filter(|common| common.layout.suits(stream));
-        let (meaning, fields, target) = match (&said.named, common) {
-            (Some((meaning, fields)), _) => (*meaning, fields.clone(), said.target),
-            (None, Some(common)) => {
-                let (target, fields) = common.target_and_fields();
-                (
-                    common.layout.meaning(),
-                    fields.to_vec(),
-                    target.or(said.target),
-                )
-            }
-            (None, None) => return Ok(None),
-        };
-        let is_array = matches!(meaning, Meaning::Poses { .. });
-        let by_geometry = is_array && !mapping.tracker.targets_by_geometry.is_empty();
-        let target = target.filter(|_| !by_geometry);
-        if is_array && !by_geometry && (!is_named || target.is_none()) {
-            // Nothing says which of the poses is the target's.
+        let said = Statements::of(wanted, mapping);
+        let common = common(name).filter(|common| common.layout.suits(wanted.stream));
+        let Some(asked) = said.asked(common, wanted, mapping) else {
             return Ok(None);
-        }
-        let positions_alone = said.ignore_orientation || by_geometry;
-        let (meaning, mut fields) = without_orientation(meaning, fields, positions_alone);
-        let stamp_path = said.stamp_path(common, schema)?;
-        let mut paths = Vec::new();
-        let stamp = match (time, said.stamp) {
-            (TimeSource::Publish | TimeSource::Log, _) => StampValues::Record,
-            (TimeSource::Header, Some(StampField::Number(number))) => {
-                paths.push(FieldPath::parse(&number.field)?);
-                StampValues::Number(number.unit)
-            }
-            (TimeSource::Header, _) => {
-                let (stamp, parts) = time_at(&stamp_path, schema)?;
-                paths.extend(parts);
-                stamp
-            }
         };
+        let stamp_path = said.stamp_path(common, schema)?;
+        let (stamp, mut paths) = said.stamp(wanted.time, &stamp_path, schema)?;
         if said.frame.is_some() {
             paths.push(match said.frame_field {
                 Some(field) => FieldPath::parse(field)?,
                 None => beside(&stamp_path, "frame_id")?,
             });
         }
-        if let Some(field) = target {
+        for field in asked.target.into_iter().chain(asked.fields) {
             paths.push(FieldPath::parse(field)?);
         }
-        let entries = fields.split_off(match meaning {
-            Meaning::Poses {
-                covariance: true, ..
-            } => fields.len() - 1,
-            _ => fields.len(),
-        });
-        for field in fields {
-            paths.push(FieldPath::parse(field)?);
-        }
-        for covariance in entries {
+        if let Some(covariance) = asked.entries {
             let entry = |place| FieldPath::parse(&format!("{covariance}[{place}]"));
             let entries = (0..ENTRIES).map(entry);
             paths.extend(entries.collect::<Result<Vec<_>, _>>()?);
         }
         Ok(Some(Self {
-            has_target: target.is_some(),
+            has_target: asked.target.is_some(),
             stamp,
             frame: said.frame.map(str::to_owned),
-            meaning,
+            meaning: asked.meaning,
             reader: schema.reader(&paths)?,
             paths,
         }))
     }
+}
+
+/// The values that are asked of a message.
+struct Asked<'m> {
+    meaning: Meaning,
+    /// Path of the target's name, where messages name their targets.
+    target: Option<&'m str>,
+    fields: Vec<&'m str>,
+    /// Path of the covariance of each pose of an array, whose entries are read one by one.
+    entries: Option<&'m str>,
 }
 
 impl<'m> Statements<'m> {
@@ -540,6 +227,63 @@ impl<'m> Statements<'m> {
                     ignore_orientation: false,
                 }
             }
+        }
+    }
+
+    /// The values of a message, by the pipeline file or by its common type; `None` where neither says them, or where nothing says which
+    /// pose of an array is the target's.
+    fn asked(
+        &self,
+        common: Option<&Common>,
+        wanted: &Wanted,
+        mapping: &'m Mapping,
+    ) -> Option<Asked<'m>> {
+        let is_named = mapping.tracker.names_on(&wanted.topic);
+        let said = self.target.filter(|_| is_named);
+        let (meaning, fields, target) = match (&self.named, common) {
+            (Some((meaning, fields)), _) => (*meaning, fields.clone(), said),
+            (None, Some(common)) => {
+                let (target, fields) = common.target_and_fields();
+                (common.layout.meaning(), fields.to_vec(), target.or(said))
+            }
+            (None, None) => return None,
+        };
+        let is_array = matches!(meaning, Meaning::Poses { .. });
+        let by_geometry = is_array && !mapping.tracker.targets_by_geometry.is_empty();
+        let target = target.filter(|_| !by_geometry);
+        if is_array && !by_geometry && (!is_named || target.is_none()) {
+            return None;
+        }
+        let positions_alone = self.ignore_orientation || by_geometry;
+        let (meaning, mut fields) = without_orientation(meaning, fields, positions_alone);
+        let entries = match meaning {
+            Meaning::Poses {
+                covariance: true, ..
+            } => fields.pop(),
+            _ => None,
+        };
+        Some(Asked {
+            meaning,
+            target,
+            fields,
+            entries,
+        })
+    }
+
+    /// The form of a message's stamp, and the paths of its values.
+    fn stamp(
+        &self,
+        time: TimeSource,
+        path: &FieldPath,
+        schema: &MessageSchema,
+    ) -> Result<(StampValues, Vec<FieldPath>), SchemaError> {
+        match (time, self.stamp) {
+            (TimeSource::Publish | TimeSource::Log, _) => Ok((StampValues::Record, Vec::new())),
+            (TimeSource::Header, Some(StampField::Number(number))) => {
+                let field = FieldPath::parse(&number.field)?;
+                Ok((StampValues::Number(number.unit), vec![field]))
+            }
+            (TimeSource::Header, _) => time_at(path, schema),
         }
     }
 
@@ -663,23 +407,5 @@ fn without_orientation(
             (meaning, fields)
         }
         other => (other, fields),
-    }
-}
-
-/// The names of message types that suit a stream, for an error.
-pub(super) const fn suitable_types(stream: Stream) -> &'static str {
-    match stream {
-        Stream::Joints => {
-            "sensor_msgs/msg/JointState, control_msgs/msg/JointTrajectoryControllerState and foxglove.JointStates"
-        }
-        Stream::Commands | Stream::Readings => {
-            "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
-             foxglove.PoseInFrame and Point3InFrame; of markers, with [[tracker.targets]], tf2_msgs/msg/TFMessage, \
-             aruco_msgs/msg/MarkerArray, ros2_aruco_interfaces/msg/ArucoMarkers and \
-             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray; of targets_by_geometry, geometry_msgs/msg/PoseArray and \
-             sensor_msgs/msg/PointCloud too"
-        }
-        Stream::Temperatures => "sensor_msgs/msg/Temperature",
-        Stream::Lengths => "sensor_msgs/msg/Range, std_msgs/msg/Float64 and Float32",
     }
 }

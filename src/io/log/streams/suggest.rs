@@ -3,7 +3,7 @@
 //! A common type needs only its name. For any other the fields are guessed by their names: x, y and z in one message are a
 //! position, with w a quaternion; an array of names belongs to one of positions or angles.
 
-use super::layout::Layout;
+use super::common::Layout;
 use crate::io::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
 
 /// A suggestion of how to read a channel.

@@ -1,0 +1,307 @@
+//! The message types that need no field paths, and the streams that can be made of them.
+
+use super::Stream;
+use super::layout::Meaning;
+use crate::io::message::ros2msg;
+
+/// The values that a type of message is decoded into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layout {
+    /// Names and positions of joints: `sensor_msgs/JointState` and its like.
+    Joints,
+    /// Position and orientation: `geometry_msgs/PoseStamped` and its like.
+    Pose,
+    /// Position: `geometry_msgs/PointStamped` and its like.
+    Point,
+    /// `geometry_msgs/PoseWithCovarianceStamped`.
+    PoseWithCovariance,
+    /// An array of poses with names or numbers: markers that a camera sees.
+    Markers,
+    /// Such an array with covariances.
+    MarkersWithCovariance,
+    /// An array of positions without names: `geometry_msgs/PoseArray` and its like.
+    Points,
+    /// `sensor_msgs/Temperature`.
+    Temperature,
+    /// One length: `sensor_msgs/Range`, or a number alone.
+    Length,
+}
+
+/// A message type that needs no field paths.
+pub(super) struct Common {
+    names: &'static [&'static str],
+    pub(super) layout: Layout,
+    pub(super) stamp: &'static str,
+    pub(super) fields: &'static [&'static str],
+}
+
+/// The common types, each by its ROS 2 name and its protobuf or JSON name.
+const COMMON: [Common; 15] = [
+    Common {
+        names: &["sensor_msgs/JointState"],
+        layout: Layout::Joints,
+        stamp: "header.stamp",
+        fields: &["name", "position"],
+    },
+    Common {
+        names: &["control_msgs/JointTrajectoryControllerState"],
+        layout: Layout::Joints,
+        stamp: "header.stamp",
+        // ROS 2 Jazzy calls it feedback, Humble actual.
+        fields: &["joint_names", "feedback|actual.positions"],
+    },
+    Common {
+        names: &["foxglove.JointStates", "foxglove_msgs/JointStates"],
+        layout: Layout::Joints,
+        stamp: "timestamp",
+        fields: &["joints[].name", "joints[].position"],
+    },
+    Common {
+        names: &["geometry_msgs/PoseStamped"],
+        layout: Layout::Pose,
+        stamp: "header.stamp",
+        fields: &POSE,
+    },
+    Common {
+        names: &["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"],
+        layout: Layout::Pose,
+        stamp: "timestamp",
+        fields: &POSE,
+    },
+    Common {
+        names: &["geometry_msgs/TransformStamped"],
+        layout: Layout::Pose,
+        stamp: "header.stamp",
+        fields: &[
+            "transform.translation.x",
+            "transform.translation.y",
+            "transform.translation.z",
+            "transform.rotation.x",
+            "transform.rotation.y",
+            "transform.rotation.z",
+            "transform.rotation.w",
+        ],
+    },
+    Common {
+        names: &["geometry_msgs/PointStamped"],
+        layout: Layout::Point,
+        stamp: "header.stamp",
+        fields: &["point.x", "point.y", "point.z"],
+    },
+    Common {
+        names: &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
+        layout: Layout::Point,
+        stamp: "timestamp",
+        fields: &["point.x", "point.y", "point.z"],
+    },
+    Common {
+        names: &["geometry_msgs/PoseWithCovarianceStamped"],
+        layout: Layout::PoseWithCovariance,
+        stamp: "header.stamp",
+        fields: &[
+            "pose.pose.position.x",
+            "pose.pose.position.y",
+            "pose.pose.position.z",
+            "pose.pose.orientation.x",
+            "pose.pose.orientation.y",
+            "pose.pose.orientation.z",
+            "pose.pose.orientation.w",
+            "pose.covariance",
+        ],
+    },
+    Common {
+        names: &["tf2_msgs/TFMessage"],
+        layout: Layout::Markers,
+        stamp: "transforms[0].header.stamp",
+        fields: &[
+            "transforms[].child_frame_id",
+            "transforms[].transform.translation.x",
+            "transforms[].transform.translation.y",
+            "transforms[].transform.translation.z",
+            "transforms[].transform.rotation.x",
+            "transforms[].transform.rotation.y",
+            "transforms[].transform.rotation.z",
+            "transforms[].transform.rotation.w",
+        ],
+    },
+    Common {
+        names: &["aruco_msgs/MarkerArray"],
+        layout: Layout::MarkersWithCovariance,
+        stamp: "header.stamp",
+        fields: &[
+            "markers[].id",
+            "markers[].pose.pose.position.x",
+            "markers[].pose.pose.position.y",
+            "markers[].pose.pose.position.z",
+            "markers[].pose.pose.orientation.x",
+            "markers[].pose.pose.orientation.y",
+            "markers[].pose.pose.orientation.z",
+            "markers[].pose.pose.orientation.w",
+            "markers[].pose.covariance",
+        ],
+    },
+    Common {
+        names: &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
+        layout: Layout::MarkersWithCovariance,
+        stamp: "header.stamp",
+        fields: &[
+            "detections[].id",
+            "detections[].pose.pose.pose.position.x",
+            "detections[].pose.pose.pose.position.y",
+            "detections[].pose.pose.pose.position.z",
+            "detections[].pose.pose.pose.orientation.x",
+            "detections[].pose.pose.pose.orientation.y",
+            "detections[].pose.pose.pose.orientation.z",
+            "detections[].pose.pose.pose.orientation.w",
+            "detections[].pose.pose.covariance",
+        ],
+    },
+    Common {
+        names: &["ros2_aruco_interfaces/ArucoMarkers"],
+        layout: Layout::Markers,
+        stamp: "header.stamp",
+        fields: &[
+            "marker_ids",
+            "poses[].position.x",
+            "poses[].position.y",
+            "poses[].position.z",
+            "poses[].orientation.x",
+            "poses[].orientation.y",
+            "poses[].orientation.z",
+            "poses[].orientation.w",
+        ],
+    },
+    Common {
+        names: &["geometry_msgs/PoseArray"],
+        layout: Layout::Points,
+        stamp: "header.stamp",
+        fields: &[
+            "poses[].position.x",
+            "poses[].position.y",
+            "poses[].position.z",
+        ],
+    },
+    Common {
+        names: &["sensor_msgs/PointCloud"],
+        layout: Layout::Points,
+        stamp: "header.stamp",
+        fields: &["points[].x", "points[].y", "points[].z"],
+    },
+];
+
+const POSE: [&str; 7] = [
+    "pose.position.x",
+    "pose.position.y",
+    "pose.position.z",
+    "pose.orientation.x",
+    "pose.orientation.y",
+    "pose.orientation.z",
+    "pose.orientation.w",
+];
+
+const TEMPERATURE: Common = Common {
+    names: &["sensor_msgs/Temperature"],
+    layout: Layout::Temperature,
+    stamp: "header.stamp",
+    fields: &["temperature"],
+};
+
+const LENGTHS: [Common; 2] = [
+    Common {
+        names: &["sensor_msgs/Range"],
+        layout: Layout::Length,
+        stamp: "header.stamp",
+        fields: &["range"],
+    },
+    // They have no stamp: their time is that of publication or recording.
+    Common {
+        names: &["std_msgs/Float64", "std_msgs/Float32"],
+        layout: Layout::Length,
+        stamp: "header.stamp",
+        fields: &["data"],
+    },
+];
+
+impl Layout {
+    /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as in protobuf; `None` for other types.
+    pub(super) fn of_type(name: &str) -> Option<Self> {
+        common(name).map(|common| common.layout)
+    }
+
+    /// Whether a stream can be made of it.
+    pub const fn suits(self, stream: Stream) -> bool {
+        match stream {
+            Stream::Joints => matches!(self, Self::Joints),
+            Stream::Readings
+                if matches!(
+                    self,
+                    Self::Markers | Self::MarkersWithCovariance | Self::Points
+                ) =>
+            {
+                true
+            }
+            Stream::Commands | Stream::Readings => {
+                matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
+            }
+            Stream::Temperatures => matches!(self, Self::Temperature),
+            Stream::Lengths => matches!(self, Self::Length),
+        }
+    }
+
+    pub(super) const fn meaning(self) -> Meaning {
+        match self {
+            Self::Joints => Meaning::NamedAngles,
+            Self::Temperature => Meaning::Temperature,
+            Self::Length => Meaning::Lengths,
+            Self::Markers | Self::MarkersWithCovariance => Meaning::Poses {
+                orientation: true,
+                covariance: matches!(self, Self::MarkersWithCovariance),
+            },
+            Self::Points => Meaning::Poses {
+                orientation: false,
+                covariance: false,
+            },
+            Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
+                orientation: !matches!(self, Self::Point),
+                covariance: matches!(self, Self::PoseWithCovariance),
+            },
+        }
+    }
+}
+
+impl Common {
+    /// The path of the targets' names, of an array of poses, and those of the other values.
+    pub(super) fn target_and_fields(&self) -> (Option<&'static str>, &'static [&'static str]) {
+        match (self.layout, self.fields) {
+            (Layout::Markers | Layout::MarkersWithCovariance, [target, fields @ ..]) => {
+                (Some(target), fields)
+            }
+            (_, fields) => (None, fields),
+        }
+    }
+}
+
+/// The common type of this name.
+pub(super) fn common(name: &str) -> Option<&'static Common> {
+    let name = ros2msg::short_name(name);
+    let mut all = COMMON.iter().chain([&TEMPERATURE]).chain(&LENGTHS);
+    all.find(|common| common.names.contains(&name.as_str()))
+}
+
+/// The names of message types that suit a stream, for an error.
+pub(super) const fn suitable_types(stream: Stream) -> &'static str {
+    match stream {
+        Stream::Joints => {
+            "sensor_msgs/msg/JointState, control_msgs/msg/JointTrajectoryControllerState and foxglove.JointStates"
+        }
+        Stream::Commands | Stream::Readings => {
+            "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
+             foxglove.PoseInFrame and Point3InFrame; of markers, with [[tracker.targets]], tf2_msgs/msg/TFMessage, \
+             aruco_msgs/msg/MarkerArray, ros2_aruco_interfaces/msg/ArucoMarkers and \
+             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray; of targets_by_geometry, geometry_msgs/msg/PoseArray and \
+             sensor_msgs/msg/PointCloud too"
+        }
+        Stream::Temperatures => "sensor_msgs/msg/Temperature",
+        Stream::Lengths => "sensor_msgs/msg/Range, std_msgs/msg/Float64 and Float32",
+    }
+}
