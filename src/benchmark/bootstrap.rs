@@ -4,6 +4,8 @@
 //! Stations of one block of the work space ([`crate::fit::Blocks::cells`]) are drawn together, as many blocks as there are, with
 //! replacement. An interval is from the percentiles of a figure over the draws. All models of a split are judged on the same draws.
 
+use std::collections::BTreeMap;
+
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use rayon::prelude::*;
@@ -50,7 +52,9 @@ impl Draws {
         if members.len() < LEAST_BLOCKS {
             return None;
         }
-        let mut generator = ChaCha12Rng::seed_from_u64(settings.seed);
+        let mut key = [0; 32];
+        key[..8].copy_from_slice(&settings.seed.to_le_bytes());
+        let mut generator = ChaCha12Rng::from_seed(key);
         let mut draw = || {
             let mut drawn = Vec::with_capacity(blocks.len());
             for _ in 0..members.len() {
@@ -86,7 +90,7 @@ pub fn count(blocks: &[usize]) -> usize {
 
 /// The places of the stations of each block, in the order of the blocks.
 fn members(blocks: &[usize]) -> Vec<Vec<usize>> {
-    let mut members = std::collections::BTreeMap::<usize, Vec<usize>>::new();
+    let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (place, block) in blocks.iter().enumerate() {
         members.entry(*block).or_default().push(place);
     }

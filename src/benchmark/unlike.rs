@@ -70,7 +70,6 @@ impl fmt::Display for Unlike {
 /// `has_own_frame` says that the frame is aligned anyway.
 pub fn unlike(compared: &[Compared], reference_mm: f64, has_own_frame: bool) -> Option<Unlike> {
     let as_stated_mm = rms(compared, |own| own.predicted)?;
-    let good_mm = AS_GOOD * reference_mm;
     let is_off = |mm: f64| mm > WORSE * reference_mm;
     let aligned_mm = moved(compared, 1.0).map_or(f64::INFINITY, |own| own.rms_mm);
     let stated_mm = if has_own_frame {
@@ -81,33 +80,30 @@ pub fn unlike(compared: &[Compared], reference_mm: f64, has_own_frame: bool) -> 
     if compared.len() < LEAST_STATIONS || !is_off(stated_mm) {
         return None;
     }
-    let one = (None, 1.0);
     let units = UNITS.iter().map(|(unit, mm)| (Some(*unit), *mm));
-    for (unit, mm) in std::iter::once(one).chain(units) {
-        let plain = rms(compared, |own| own.predicted * mm)?;
-        if plain <= good_mm {
-            return Some(Unlike {
-                as_stated_mm,
-                unit,
-                motion: None,
-                changed_mm: plain,
-            });
-        }
-    }
-    std::iter::once(one)
-        .chain(UNITS.iter().map(|(unit, mm)| (Some(*unit), *mm)))
-        .find_map(|(unit, mm)| {
-            let moved = moved(compared, mm).filter(|own| own.rms_mm <= good_mm)?;
-            let motion = Some((moved.shift_mm, moved.turn));
-            Some(Unlike {
-                as_stated_mm,
-                unit,
-                motion,
-                changed_mm: moved.rms_mm,
-            })
+    let units: Vec<(Option<&str>, f64)> = std::iter::once((None, 1.0)).chain(units).collect();
+    let change = |unit, motion, changed_mm: f64| {
+        (changed_mm <= AS_GOOD * reference_mm).then_some(Unlike {
+            as_stated_mm,
+            unit,
+            motion,
+            changed_mm,
         })
+    };
+    // Another unit alone is looked for before another frame.
+    let plain =
+        |&(unit, mm): &(_, f64)| change(unit, None, rms(compared, |own| own.predicted * mm)?);
+    let in_frame = |&(unit, mm): &(_, f64)| {
+        let moved = moved(compared, mm)?;
+        change(unit, Some((moved.shift_mm, moved.turn)), moved.rms_mm)
+    };
+    units
+        .iter()
+        .find_map(plain)
+        .or_else(|| units.iter().find_map(in_frame))
 }
 
+/// A motion onto the measured positions.
 struct Moved {
     shift_mm: f64,
     turn: f64,

@@ -12,6 +12,7 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::benchmark::FigureName;
+use crate::io::tables::benchmark::BenchmarkRow;
 use crate::page::benchmark::{Content, Entry, about, leak, shown};
 use crate::pipeline::benchmark::{Asked, Benchmark, BenchmarkError, benchmark, export, output};
 
@@ -132,20 +133,20 @@ fn split(text: &mut String, content: &Content, own: (&str, &str)) {
             line(text, &format!("  {leak}"));
         }
     }
-    let head = FigureName::ALL.map(|name| format!("{:>11}", name.words()));
-    line(text, &format!("  {:<38}{}  mean within", "", head.concat()));
+    let head = FigureName::ALL.map(|name| format!("{:>13}", name.words()));
+    line(text, &format!("  {:<44}{}  mean within", "", head.concat()));
     for entry in Content::entries(rows()) {
         let cell = |name| {
             let row = content.figure(own, &entry, name);
             let value = row.map_or_else(|| "-".to_owned(), |row| shown(name, row.value));
-            format!("{value:>11}")
+            format!("{value:>13}")
         };
         let cells = FigureName::ALL.map(cell).concat();
         let mean = content.figure(own, &entry, FigureName::Mean);
         line(
             text,
             &format!(
-                "  {:<38}{cells}{}",
+                "  {:<44}{cells}{}",
                 named_entry(&entry, rows()),
                 interval(content, own, &entry, mean)
             ),
@@ -153,10 +154,7 @@ fn split(text: &mut String, content: &Content, own: (&str, &str)) {
     }
 }
 
-fn named_entry<'r>(
-    entry: &Entry,
-    mut rows: impl Iterator<Item = &'r crate::io::tables::benchmark::BenchmarkRow>,
-) -> String {
+fn named_entry<'r>(entry: &Entry, mut rows: impl Iterator<Item = &'r BenchmarkRow>) -> String {
     let is_published = rows.any(|row| row.source.is_some() && Entry::of(row) == *entry);
     let published = if is_published { "published: " } else { "" };
     format!("{published}{}", entry.name())
@@ -167,7 +165,7 @@ fn interval(
     content: &Content,
     own: (&str, &str),
     entry: &Entry,
-    mean: Option<&crate::io::tables::benchmark::BenchmarkRow>,
+    mean: Option<&BenchmarkRow>,
 ) -> String {
     let Some(row) = mean else {
         return String::new();
@@ -179,7 +177,8 @@ fn interval(
     let beside = row.beside.as_deref().filter(|_| row.leaks);
     let found = beside.and_then(|beside| content.figure((own.0, beside), entry, FigureName::Mean));
     if let Some(found) = found {
-        text += &format!("; on {}: {}", found.split, shown(found.figure, found.value));
+        let value = shown(found.figure, found.value);
+        write!(text, "; on {}: {value}", found.split).expect("a string");
     }
     text
 }

@@ -54,6 +54,8 @@ pub fn read(path: &Path) -> Result<Vec<PredictedStation>, PredictionsError> {
 }
 
 fn rows(bytes: &[u8]) -> Result<Vec<PredictedStation>, String> {
+    // Spreadsheets begin a file with a mark.
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let mut reader = csv::Reader::from_reader(bytes);
     let names = reader.headers().map_err(|error| error.to_string())?;
     let header = Header::of(names)?;
@@ -193,19 +195,26 @@ pub fn csv_of(stations: &[GivenStation]) -> io::Result<Vec<u8>> {
         });
         writer.write_record(named.chain(joints).chain(measured))?;
     }
-    writer.into_inner().map_err(|error| error.into_error())
+    writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
 
     #[test]
     fn predictions_are_read_and_each_fault_is_named_with_its_line() {
-        let good =
-            rows(b"station,x,y,z,cxx,cxy,cxz,cyy,cyz,czz\n3,1.5,2,-3e2,1,0,0,1,0,4\n").unwrap();
+        let good = rows(
+            "\u{feff}station,x,y,z,cxx,cxy,cxz,cyy,cyz,czz\n3,1.5,2,-3e2,1,0,0,1,0,4\n".as_bytes(),
+        )
+        .unwrap();
         assert_eq!((good[0].station, good[0].position.z), (3, -300.0));
-        assert_eq!(good[0].covariance.unwrap()[(2, 2)], 4.0);
+        assert_eq!(
+            good[0].covariance,
+            Some(Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 4.0)))
+        );
         let fault = |text: &str| rows(text.as_bytes()).unwrap_err();
         assert_eq!(
             fault("station,x,y,z\n1,1,NaN,2\n"),

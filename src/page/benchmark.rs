@@ -3,6 +3,9 @@
 //! Input is [`Content`], the suite and the rows of table `benchmark`; output is the text of the page. It is a pure function: the same rows
 //! give the same bytes. A split that leaks is named so wherever its figures stand, with those beside it.
 
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
 use maud::{Markup, html};
 
 use super::shell::{self, Maker, Shell, table};
@@ -101,7 +104,7 @@ impl Content {
 
     /// The entries of some rows, each once, in the order of display.
     pub fn entries<'c>(rows: impl Iterator<Item = &'c BenchmarkRow>) -> Vec<Entry> {
-        let entries: std::collections::BTreeSet<Entry> = rows.map(Entry::of).collect();
+        let entries: BTreeSet<Entry> = rows.map(Entry::of).collect();
         entries.into_iter().collect()
     }
 
@@ -136,10 +139,10 @@ pub fn about(row: &BenchmarkRow) -> String {
         row.train_stations, row.test_stations, row.blocks
     );
     if row.left_out > 0 {
-        told += &format!("; {} listed have no usable reading", row.left_out);
+        write!(told, "; {} listed have no usable reading", row.left_out).expect("a string");
     }
     if row.same_poses > 0 {
-        told += &format!("; {} judge at a pose that trained", row.same_poses);
+        write!(told, "; {} judge at a pose that trained", row.same_poses).expect("a string");
     }
     told
 }

@@ -102,16 +102,16 @@ pub fn benchmark(asked: &Asked, progress: &dyn Progress) -> Result<Benchmark, Be
     let programs = Program::all(&asked.predictions, &chosen.suite, &chosen.base);
     let (mut rows, mut told, mut remarks) = (Vec::new(), Vec::new(), Vec::new());
     chosen.entries(&programs, &mut remarks)?;
-    let splits = chosen.each().count() as u64;
-    progress.begin("splits", splits);
-    for arm in chosen.arms() {
-        let data = ArmData::read(arm, &chosen.base, asked.data.as_deref(), progress)?;
+    // Everything is read and divided before the first model is trained, so that what is wrong shows at once.
+    let data = chosen.data(progress)?;
+    for (arm, data) in &data {
         told.push((arm.name.clone(), data.told()));
         remarks.extend(data.remarks.iter().cloned());
-        for split in chosen.splits(arm) {
-            let opened = Opened::new((&chosen.suite, &asked.suite), (arm, split), &data)?;
-            rows.extend(opened.rows(&programs, progress)?);
-        }
+    }
+    let opened = chosen.opened(&data)?;
+    progress.begin("splits", opened.len() as u64);
+    for split in &opened {
+        rows.extend(split.rows(&programs, progress)?);
     }
     progress.end();
     Ok(Benchmark {
@@ -129,15 +129,14 @@ pub fn export(
     progress: &dyn Progress,
 ) -> Result<Vec<PathBuf>, BenchmarkError> {
     let chosen = Chosen::read(asked)?;
+    let data = chosen.data(progress)?;
     let mut paths = Vec::new();
-    for arm in chosen.arms() {
-        let data = ArmData::read(arm, &chosen.base, asked.data.as_deref(), progress)?;
-        paths.push(written::robot(&data, &folder.join(&arm.name))?);
-        for split in chosen.splits(arm) {
-            let opened = Opened::new((&chosen.suite, &asked.suite), (arm, split), &data)?;
-            let folder = folder.join(&arm.name).join(&split.name);
-            paths.extend(written::stations(&opened, &folder)?);
-        }
+    for (arm, data) in &data {
+        paths.push(written::robot(data, &folder.join(&arm.name))?);
+    }
+    for opened in chosen.opened(&data)? {
+        let folder = folder.join(&opened.arm.name).join(&opened.split.name);
+        paths.extend(written::stations(&opened, &folder)?);
     }
     Ok(paths)
 }
@@ -175,6 +174,26 @@ impl<'a> Chosen<'a> {
             asked.is_empty() || asked.contains(&split.name) || beside.contains(&split.name)
         };
         arm.splits.iter().filter(is_asked)
+    }
+
+    /// The data of each arm.
+    fn data(&self, progress: &dyn Progress) -> Result<Vec<(&SuiteArm, ArmData)>, BenchmarkError> {
+        let data = self.asked.data.as_deref();
+        let read = |arm| Ok((arm, ArmData::read(arm, &self.base, data, progress)?));
+        self.arms().map(read).collect()
+    }
+
+    /// Every split with its stations divided.
+    fn opened<'d>(
+        &'d self,
+        data: &'d [(&'d SuiteArm, ArmData)],
+    ) -> Result<Vec<Opened<'d>>, BenchmarkError> {
+        let suite = (&self.suite, &self.asked.suite);
+        let each = data
+            .iter()
+            .flat_map(|(arm, data)| self.splits(arm).map(move |split| (*arm, split, data)));
+        each.map(|(arm, split, data)| Opened::new(suite, (arm, split), data))
+            .collect()
     }
 
     fn each(&self) -> impl Iterator<Item = (&SuiteArm, &SuiteSplit)> {

@@ -1,6 +1,7 @@
 //! The data of an arm: files with their digests checked, read and joined as its pipeline file says.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::error::BenchmarkError;
@@ -207,12 +208,13 @@ fn told(session: &JoinedSession) -> String {
                 .copied()
                 .unwrap_or(0)
         };
-        told += &format!(
-            "; {stream}: {} read = {} kept + {} left out",
-            number("messages"),
-            number("messages").saturating_sub(number("rejected")),
-            number("rejected")
-        );
+        let (read, rejected) = (number("messages"), number("rejected"));
+        let kept = read.saturating_sub(rejected);
+        write!(
+            told,
+            "; {stream}: {read} read = {kept} kept + {rejected} left out"
+        )
+        .expect("a string");
     }
     told
 }

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use super::data::ArmData;
 use super::entered::Program;
 use super::error::{BenchmarkError, PredictionsFault};
-use crate::benchmark::suite::{NamedBase, SplitBase, Suite, SuiteArm, SuiteSplit};
+use crate::benchmark::suite::{NamedBase, Published, SplitBase, Suite, SuiteArm, SuiteSplit};
 use crate::benchmark::{
-    Compared, Draws, Mixed, PredictionError, SuiteError, bootstrap, figures, mixed, placed, unlike,
+    Compared, Draws, Figure, FigureName, Mixed, Numbers, PredictionError, SuiteError, bootstrap,
+    figures, mixed, placed, unlike,
 };
 use crate::figures::Figures;
 use crate::fit::{Blocks, Observation};
@@ -17,7 +18,7 @@ use crate::io::tables::words::Unit;
 use crate::manifest::{Input, RunKey, Work, canonical};
 use crate::pipeline::stages::split::{Divided, Parts, Tested, divide};
 use crate::progress::Progress;
-use crate::report::{Angles, Model};
+use crate::report::{Angles, Model, ResidualSet};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// A split of an arm, with its stations divided.
@@ -36,14 +37,6 @@ struct Entry {
     model: String,
     angles: Option<Angles>,
     compared: Vec<Compared>,
-}
-
-/// What all rows of a split have in common.
-struct Common {
-    key: RunKey,
-    mixed: Mixed,
-    blocks: usize,
-    test_stations: usize,
 }
 
 impl<'a> Opened<'a> {
@@ -186,26 +179,12 @@ impl<'a> Opened<'a> {
         progress: &dyn Progress,
     ) -> Result<Vec<BenchmarkRow>, BenchmarkError> {
         let mixed = self.mixed()?;
-        let arm = &self.data.configuration.arm;
-        let sets = self.divided.compared(arm, progress);
-        let sets =
-            sets.map_err(|error| BenchmarkError::stage(&self.arm.name, &self.split.name, &error))?;
-        let mut entries: Vec<Entry> = sets
-            .iter()
-            .map(|(model, angles, set)| Entry {
-                entrant: Entrant::Posegrid,
-                model: model.about().word.to_owned(),
-                angles: Some(*angles),
-                compared: set.residuals.iter().map(Compared::from).collect(),
-            })
-            .collect();
-        let reference = entries
-            .iter()
-            .find(|own| own.model == Model::BaseTarget.about().word);
-        let reference = match reference {
-            Some(own) => Some(self.errors(&own.compared)?),
-            None => None,
-        };
+        let mut entries = self.models(progress)?;
+        let base_target = Model::BaseTarget.about().word;
+        let reference = entries.iter().find(|own| own.model == base_target);
+        let reference = reference
+            .map(|own| self.errors(&own.compared))
+            .transpose()?;
         let mut inputs = self.data.inputs.clone();
         for program in programs {
             if let Some(path) = program.file(self.arm, self.split) {
@@ -215,41 +194,62 @@ impl<'a> Opened<'a> {
             }
         }
         let blocks = self.blocks();
-        let common = Common {
-            key: self.key(inputs)?,
-            mixed,
-            blocks: bootstrap::count(&blocks),
-            test_stations: blocks.len(),
-        };
+        let common = self.row(&self.key(inputs)?, &mixed, &blocks);
         let draws = Draws::new(&blocks, &self.suite.bootstrap);
-        let mut rows = Vec::new();
-        for entry in &entries {
+        let mut rows = self.published(&common);
+        for entry in entries {
             let errors = self.errors(&entry.compared)?;
             for figure in figures(&errors, reference.as_deref(), draws.as_ref()) {
-                rows.push(BenchmarkRow {
-                    entrant: entry.entrant,
-                    model: entry.model.clone(),
-                    angles: entry.angles,
-                    figure: figure.name,
-                    value: figure.value,
-                    unit: unit(figure.name.is_length()),
-                    low: figure.interval.map(|[low, _]| low),
-                    high: figure.interval.map(|[_, high]| high),
-                    confidence: figure.interval.map(|_| self.suite.bootstrap.confidence),
-                    ..self.row(&common)
-                });
+                rows.push(self.figure(&common, &entry, &figure));
             }
         }
-        rows.extend(self.split.published.iter().map(|own| BenchmarkRow {
+        Ok(rows)
+    }
+
+    /// The models of posegrid, trained on the training stations.
+    fn models(&self, progress: &dyn Progress) -> Result<Vec<Entry>, BenchmarkError> {
+        let sets = self
+            .divided
+            .compared(&self.data.configuration.arm, progress);
+        let sets =
+            sets.map_err(|error| BenchmarkError::stage(&self.arm.name, &self.split.name, &error))?;
+        let entry = |(model, angles, set): &(Model, Angles, ResidualSet)| Entry {
+            entrant: Entrant::Posegrid,
+            model: model.about().word.to_owned(),
+            angles: Some(*angles),
+            compared: set.residuals.iter().map(Compared::from).collect(),
+        };
+        Ok(sets.iter().map(entry).collect())
+    }
+
+    /// The row of a figure.
+    fn figure(&self, common: &BenchmarkRow, entry: &Entry, figure: &Figure) -> BenchmarkRow {
+        BenchmarkRow {
+            entrant: entry.entrant,
+            model: entry.model.clone(),
+            angles: entry.angles,
+            figure: figure.name,
+            value: figure.value,
+            unit: unit(figure.name),
+            low: figure.interval.map(|[low, _]| low),
+            high: figure.interval.map(|[_, high]| high),
+            confidence: figure.interval.map(|_| self.suite.bootstrap.confidence),
+            ..common.clone()
+        }
+    }
+
+    /// The rows of figures that others published.
+    fn published(&self, common: &BenchmarkRow) -> Vec<BenchmarkRow> {
+        let row = |own: &Published| BenchmarkRow {
             entrant: Entrant::Published,
             model: own.model.clone(),
             figure: own.figure,
             value: own.value,
-            unit: unit(own.figure.is_length()),
+            unit: unit(own.figure),
             source: Some(own.source.clone()),
-            ..self.row(&common)
-        }));
-        Ok(rows)
+            ..common.clone()
+        };
+        self.split.published.iter().map(row).collect()
     }
 
     /// Predictions of a program, which are refused in another unit or frame.
@@ -334,45 +334,35 @@ impl<'a> Opened<'a> {
     }
 
     /// A row without entrant and figure.
-    fn row(&self, common: &Common) -> BenchmarkRow {
-        let listed: usize = self
-            .split
-            .lists()
-            .flat_map(|(_, own)| own.values())
-            .map(|own| own.all().len())
-            .sum();
+    fn row(&self, key: &RunKey, mixed: &Mixed, blocks: &[usize]) -> BenchmarkRow {
+        let lists = self.split.lists().flat_map(|(_, own)| own.values());
+        let listed: usize = lists.map(|own| own.all().len()).sum();
         let used = self.divided.train.len() + self.divided.test.len();
-        let Mixed {
-            share,
-            nearest_rad,
-            same_poses,
-            ..
-        } = common.mixed;
         BenchmarkRow {
-            robot: common.key.robot.clone(),
-            session: common.key.session.clone(),
-            run: common.key.run.clone(),
+            robot: key.robot.clone(),
+            session: key.session.clone(),
+            run: key.run.clone(),
             suite: self.suite.name.clone(),
             split: self.split.name.clone(),
             split_kind: self.split.kind,
             train_stations: self.divided.train.len(),
-            test_stations: common.test_stations,
+            test_stations: blocks.len(),
             left_out: listed.saturating_sub(used),
-            blocks: common.blocks,
+            blocks: bootstrap::count(blocks),
             base: match &self.split.base {
                 SplitBase::Named(NamedBase::Training) => TableBase::Training,
                 SplitBase::Named(NamedBase::Test) => TableBase::Test,
                 SplitBase::Found(_) => TableBase::Stations,
             },
-            leaks: common.mixed.leaks(),
-            neighbour_share: share,
-            nearest_rad,
-            same_poses,
+            leaks: mixed.leaks(),
+            neighbour_share: mixed.share,
+            nearest_rad: mixed.nearest_rad,
+            same_poses: mixed.same_poses,
             beside: self.split.beside.clone(),
             entrant: Entrant::Posegrid,
             model: String::new(),
             angles: None,
-            figure: crate::benchmark::FigureName::Mean,
+            figure: FigureName::Mean,
             value: 0.0,
             unit: Unit::Mm,
             low: None,
@@ -396,15 +386,19 @@ fn in_rad(axes: &[f64], slides: &[bool]) -> Vec<f64> {
     .collect()
 }
 
-const fn unit(is_length: bool) -> Unit {
-    if is_length { Unit::Mm } else { Unit::One }
+const fn unit(figure: FigureName) -> Unit {
+    if figure.is_length() {
+        Unit::Mm
+    } else {
+        Unit::One
+    }
 }
 
 fn names<'n>(names: impl Iterator<Item = &'n String>) -> String {
     names.map(String::as_str).collect::<Vec<_>>().join("+")
 }
 
-fn parts(lists: &BTreeMap<String, crate::benchmark::Numbers>) -> Parts {
+fn parts(lists: &BTreeMap<String, Numbers>) -> Parts {
     let lists = lists.iter();
     lists
         .map(|(session, own)| (session.clone(), own.all().clone()))
