@@ -53,7 +53,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "benchmark compensation geometry grid history ingest io kinematics manifest pipeline plan progress simulate units",
+        "benchmark compensation geometry grid history ingest io kinematics manifest page pipeline plan progress simulate units",
     ),
 ];
 
