@@ -65,13 +65,15 @@ def kabsch(to, source):
     return moved
 
 
-def start(dh, joints, measured, passes=50):
-    """World from base (4 × 4) and the target at the flange (mm) by turns, the arm nominal."""
+def start(dh, joints, measured, passes=10_000):
+    """World from base (4 × 4) and the target at the flange (mm) by turns until it stays, the arm nominal."""
     poses = np.array([flange(dh, own) for own in joints])
     target = np.zeros(3)
     for _ in range(passes):
         world = kabsch(measured, poses[:, :3, 3] + poses[:, :3, :3] @ target)
         turns = world[:3, :3] @ poses[:, :3, :3]
         left = measured - (poses[:, :3, 3] @ world[:3, :3].T + world[:3, 3])
-        target = np.linalg.lstsq(turns.reshape(-1, 3), left.reshape(-1), rcond=None)[0]
+        before, target = target, np.linalg.lstsq(turns.reshape(-1, 3), left.reshape(-1), rcond=None)[0]
+        if np.abs(target - before).max() < 1e-6:
+            break
     return world, target

@@ -20,6 +20,12 @@ from pybotics.robot import Robot
 from scipy.optimize import least_squares
 
 
+# Step of the numerical derivatives, mm and rad.
+STEP = 1e-5
+# A parameter whose motions are those of others but for less than this share is one of them.
+INDEPENDENT = 1e-3
+
+
 def nominal(dh, world, target):
     """The nominal arm as pybotics takes it, with world and tool as found."""
     before = np.vstack([np.zeros(2), dh[:-1, :2]])
@@ -40,11 +46,39 @@ def calibrated(dh, joints, measured):
     here = np.array([robot.fk(own)[:3, 3] for own in joints[:5]])
     there = np.array([(world @ common.flange(dh, own / dh[:, 4]) @ [*target, 1])[:3] for own in joints[:5]])
     assert np.abs(here - there).max() < 1e-6, "pybotics has another nominal arm"
-    handler = OptimizationHandler(robot, kinematic_chain_mask=True, tool_mask=[True] * 3 + [False] * 3, world_mask=True)
+    handler = OptimizationHandler(robot, **independent(robot, joints))
     vector = handler.generate_optimization_vector()
     found = least_squares(optimize_accuracy, vector, args=(handler, joints, measured), x_scale="jac", max_nfev=60)
     handler.apply_optimization_vector(found.x)
     return handler.robot
+
+
+def independent(robot, joints):
+    """Masks of the parameters that the stations tell apart: world and tool first, then the links, each where it moves the positions otherwise
+    than those before it. pybotics leaves that choice to its user; without it the redundant ones drift apart."""
+    tool = [True] * 3 + [False] * 3
+    handler = OptimizationHandler(robot, kinematic_chain_mask=True, tool_mask=tool, world_mask=True)
+    start = handler.generate_optimization_vector()
+
+    def positions(vector):
+        handler.apply_optimization_vector(vector)
+        return np.array([handler.robot.fk(own)[:3, 3] for own in joints]).ravel()
+
+    here = positions(start)
+    columns = np.array([(positions(start + step) - here) / STEP for step in np.eye(len(start)) * STEP])
+    links = robot.kinematic_chain.num_parameters
+    kept, basis = np.zeros(len(start), dtype=bool), []
+    for place in [*range(links, len(start)), *range(links)]:
+        length = np.linalg.norm(columns[place])
+        left = columns[place] / length if length > 0 else columns[place]
+        for _ in range(2):
+            for own in basis:
+                left = left - own * (own @ left)
+        if np.linalg.norm(left) > INDEPENDENT:
+            kept[place] = True
+            basis.append(left / np.linalg.norm(left))
+    tool = [*kept[links : links + 3], False, False, False]
+    return {"kinematic_chain_mask": kept[:links], "tool_mask": tool, "world_mask": kept[links + 3 :]}
 
 
 def main():
