@@ -13,7 +13,7 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::benchmark::FigureName;
 use crate::io::tables::benchmark::BenchmarkRow;
-use crate::page::benchmark::{Content, Entry, about, leak, shown};
+use crate::page::benchmark::{Content, Entry, about, interval_shown, leak, shown};
 use crate::pipeline::benchmark::{Asked, Benchmark, BenchmarkError, benchmark, export, output};
 
 /// Judge models and other programs on open data with fixed splits.
@@ -171,7 +171,7 @@ fn interval(
         return String::new();
     };
     let mut text = match row.low.zip(row.high) {
-        Some((low, high)) => format!("  {} – {}", shown(row.figure, low), shown(row.figure, high)),
+        Some((low, high)) => format!("  {}", interval_shown(row.figure, low, high)),
         None => String::new(),
     };
     let beside = row.beside.as_deref().filter(|_| row.leaks);

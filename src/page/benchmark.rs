@@ -169,6 +169,15 @@ pub fn shown(name: FigureName, value: f64) -> String {
     }
 }
 
+/// An interval as shown.
+pub fn interval_shown(name: FigureName, low: f64, high: f64) -> String {
+    if name.is_length() {
+        format!("{low:.3} – {high:.3}")
+    } else {
+        format!("{:.1} – {:.1} %", 100.0 * low, 100.0 * high)
+    }
+}
+
 fn header(content: &Content) -> Markup {
     let splits = content.splits();
     let leaking = splits
@@ -234,7 +243,7 @@ fn mean(content: &Content, own: (&str, &str), entry: &Entry) -> Markup {
 fn interval(row: &BenchmarkRow) -> Markup {
     html! {
         @if let Some((low, high)) = row.low.zip(row.high) {
-            small { (shown(row.figure, low)) " – " (shown(row.figure, high)) }
+            small { (interval_shown(row.figure, low, high)) }
         }
     }
 }
@@ -262,7 +271,7 @@ fn split(content: &Content, own: (&str, &str)) -> Markup {
             tr {
                 td.word {
                     (entry.name())
-                    @if let Some(source) = source(content, own, entry) { small { "published: " (source) } }
+                    @if let Some(source) = source(content, own, entry) { p.note { "published: " (source) } }
                 }
                 @for name in FigureName::ALL {
                     td {
