@@ -1,10 +1,10 @@
 //! Benchmark: predictions of any program for stations that it did not learn from → figures by one code, with intervals.
 //!
 //! Inputs: a [`suite`] of open data with fixed splits, and predicted positions beside measured ones ([`Compared`]). Output: figures
-//! with bootstrap intervals ([`figures`]), and whether a split leaks ([`leak`]). Steps for a split ([`crate::method::accuracy`] has the
+//! with bootstrap intervals ([`figures()`]), and whether a split leaks ([`leak`]). Steps for a split ([`crate::method::accuracy`] has the
 //! reasons):
 //! 1. the frame of the predictions is that of the training, or is aligned with stations that the split names ([`placed`]);
-//! 2. predictions that are in another unit or frame are recognised ([`unlike`]) and refused;
+//! 2. predictions that are in another unit or frame are recognised ([`unlike()`]) and refused;
 //! 3. figures of the errors, and intervals by drawing whole blocks of the work space ([`bootstrap`]);
 //! 4. a split whose test stations stand among the training ones is named so.
 

@@ -1,7 +1,7 @@
 //! Predictions that are in another unit or frame than the measurements: recognised by what they fit to after a change.
 //!
-//! The rule: as stated they are more than [`WORSE`] times as far from the measured positions as base + target is, and after a
-//! change of unit, frame or both they are within [`AS_GOOD`] times. A model that is bad without such a reason is judged as it is.
+//! The rule: as stated they are more than ten times as far from the measured positions as base + target is, and after a
+//! change of unit, frame or both they are within three times. A model that is bad without such a reason is judged as it is.
 
 use std::fmt;
 
