@@ -7,6 +7,7 @@
 //! gone away (`| head -1`), a command ends silently, as if SIGPIPE had ended it. `run` has finished its work by then, so a
 //! reader who left does not change its exit code.
 
+pub mod benchmark;
 pub mod check;
 pub mod compact;
 pub mod compensate;
@@ -86,6 +87,7 @@ enum Command {
     Compensate(compensate::CompensateArgs),
     Compact(compact::CompactArgs),
     History(history::HistoryArgs),
+    Benchmark(benchmark::BenchmarkArgs),
     Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
     Robot(robot::RobotArgs),
@@ -113,6 +115,7 @@ pub fn main() -> ExitCode {
         Command::Compensate(args) => compensate::main(&args, bars),
         Command::Compact(args) => compact::run(&args, bars),
         Command::History(args) => history::run(&args, bars),
+        Command::Benchmark(args) => benchmark::run(&args, bars),
         Command::Export(args) => export::main(&args, bars),
         Command::Verify(args) => verify::run(&args, bars),
         Command::Robot(args) => shown(robot::show(&args), bars),

@@ -99,6 +99,12 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     Some(f64::midpoint(lower, upper))
 }
 
+/// The percentile of `values` at `share` (type 7); `None` for an empty set.
+pub fn percentile_of(values: &[f64], share: f64) -> Option<f64> {
+    let sorted = ascending(values);
+    (!sorted.is_empty()).then(|| percentile(&sorted, share))
+}
+
 /// Distribution-free upper bound on the share `coverage.share` of the errors' population.
 ///
 /// `None` where n is too small for the asked confidence: "not shown", never a smaller claim.

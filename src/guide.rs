@@ -23,6 +23,7 @@
 //! | [`operating`] | How does it run every night, and how does it end? | `run` |
 //! | [`history`] | What moved since the last session? | `history` |
 //! | [`verify`] | Is a result of years ago still what it was? What may be deleted? | `verify` |
+//! | [`benchmark`] | How do the models do on open data, and another program on the same splits? | `benchmark` |
 //! | [`storage`] | How are sessions and lake kept on object storage? | |
 //! | [`performance`] | Which build, how much time and memory? | |
 //! | [`proofs`] | Which tests are there, and which longer proofs? | |
@@ -82,6 +83,9 @@ pub mod history {}
 
 #[doc = include_str!("guide/verify.md")]
 pub mod verify {}
+
+#[doc = include_str!("guide/benchmark.md")]
+pub mod benchmark {}
 
 #[doc = include_str!("guide/storage.md")]
 pub mod storage {}

@@ -23,7 +23,8 @@
 //! | [`compensation`] | a table or the identified arm, target poses | commands, or reasons why there are none |
 //! | [`report`] | models and stations that judge them | residuals, accuracy figures, charts |
 //!
-//! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
+//! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, [`history`] compares sessions, and
+//! [`benchmark`] judges predictions of any program on open data.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
 //!
 //! A table of stations is an input like logs: [`io::station_table`] reads it, and [`join::tabled`] makes its rows stations.
@@ -42,7 +43,7 @@
 //! | ring | modules | may use |
 //! |---|---|---|
 //! | core | [`units`], [`geometry`], [`kinematics`], [`linalg`], [`figures`], [`progress`] | core |
-//! | stages | those above, [`simulate`], [`plan`], [`history`] | core, and stages before them in the order of the data |
+//! | stages | those above, [`simulate`], [`plan`], [`history`], [`benchmark`] | core, and stages before them in the order of the data |
 //! | io | [`io`]: logs, messages, Parquet tables, schemas, the lake; [`manifest`]: provenance | core, stages |
 //! | page | [`page`]: rows of tables become pages for people | core, stages, io |
 //! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io, page |
@@ -114,6 +115,9 @@ pub mod grid;
 pub mod compensation;
 
 pub mod report;
+
+// Predictions of any program on open data.
+pub mod benchmark;
 
 // Before measuring.
 pub mod plan;

@@ -111,9 +111,14 @@ impl Residual {
 
     /// Squared Mahalanobis distance, `rᵀ Σ⁻¹ r`; `None` without a covariance, or with one that is not positive definite.
     pub fn mahalanobis_squared(&self) -> Option<f64> {
-        let factor = self.covariance?.cholesky()?;
-        Some(self.residual.dot(&factor.solve(&self.residual)))
+        mahalanobis_squared(&self.residual, self.covariance.as_ref()?)
     }
+}
+
+/// Squared Mahalanobis distance of a residual, `rᵀ Σ⁻¹ r`; `None` with a covariance that is not positive definite.
+pub fn mahalanobis_squared(residual: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
+    let factor = covariance.cholesky()?;
+    Some(residual.dot(&factor.solve(residual)))
 }
 
 /// Residuals of one model on one set of stations.

@@ -34,22 +34,26 @@ const MAY_USE: &[(&str, &str)] = &[
         "history",
         "compensation figures fit kinematics report units",
     ),
+    ("benchmark", "figures geometry report"),
     // What reads and writes.
     ("manifest", ""),
     (
         "io",
-        "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
+        "benchmark compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
     ),
-    ("page", "fit grid io manifest plan report similarity units"),
+    (
+        "page",
+        "benchmark fit grid io manifest plan report similarity units",
+    ),
     // What puts it all to work.
     (
         "pipeline",
-        "compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
+        "benchmark compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
          setup similarity simulate units",
     ),
     (
         "cli",
-        "compensation geometry grid history ingest io kinematics manifest pipeline plan progress simulate units",
+        "benchmark compensation geometry grid history ingest io kinematics manifest page pipeline plan progress simulate units",
     ),
 ];
 

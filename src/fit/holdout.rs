@@ -27,22 +27,30 @@ const BLOCKS_PER_AXIS: f64 = 4.0;
 impl Blocks {
     /// The fold (0 to 7) of each position: the parities of its block's x, y and z index as bits 0, 1 and 2.
     pub fn folds(&self, positions: &[Point3<f64>]) -> Vec<usize> {
+        let parity = |index: f64| usize::from(index.rem_euclid(2.0) >= 1.0);
+        let cells = self.cells(positions).into_iter();
+        cells
+            .map(|[x, y, z]| parity(x) + 2 * parity(y) + 4 * parity(z))
+            .collect()
+    }
+
+    /// The block of each position: its index along x, y and z, a whole number.
+    pub fn cells(&self, positions: &[Point3<f64>]) -> Vec<[f64; 3]> {
         let (low, high) = extent(positions);
         let origin = self.origin_mm.unwrap_or(low);
         let default_size = std::array::from_fn(|axis| (high[axis] - low[axis]) / BLOCKS_PER_AXIS);
         let size = self.size_mm.unwrap_or(default_size);
-        let parity = |position: &Point3<f64>, axis: usize| {
+        let index = |position: &Point3<f64>, axis: usize| {
             // A flat axis has one block.
-            let index = if size[axis] > 0.0 {
+            if size[axis] > 0.0 {
                 ((position[axis] - origin[axis]) / size[axis]).floor()
             } else {
                 0.0
-            };
-            usize::from(index.rem_euclid(2.0) >= 1.0)
+            }
         };
         positions
             .iter()
-            .map(|p| parity(p, 0) + 2 * parity(p, 1) + 4 * parity(p, 2))
+            .map(|position| std::array::from_fn(|axis| index(position, axis)))
             .collect()
     }
 }

@@ -15,6 +15,7 @@ mod mountings;
 mod observed;
 pub(super) mod scales;
 mod slips;
+pub(super) mod split;
 mod stated;
 mod stated_sizes;
 mod turns;

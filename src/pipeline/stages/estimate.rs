@@ -61,14 +61,11 @@ pub fn estimate(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
-    one_source_each(training.iter().chain(&test))?;
-    test.iter().try_for_each(lengths::check_judge)?;
-    wrong_targets::leave_out(arm, &mut training, &mut test, settings)?;
-    cameras::leave_out_flips(arm, &mut training, &mut test, settings);
-    let settings = &slips::taken_apart(arm, &mut training, settings);
-    lengths::leave_out_wrong(arm, &mut training, settings);
-    let (settings, camera_size) = &cameras::sized(arm, &training, settings)?;
-    let stated_sizes = stated_sizes::sized(arm, &mut training, &mut test, settings)?;
+    let Prepared {
+        settings,
+        camera_size,
+        stated_sizes,
+    } = &prepared(arm, (&mut training, &mut test), settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let (sessions, train) = (training.len(), training_settings(settings));
     let (models, folds, left_out) = if let Some(stored) = stored {
@@ -110,9 +107,37 @@ pub fn estimate(
         flanges,
         settings,
         camera_size: *camera_size,
-        stated_sizes,
+        stated_sizes: stated_sizes.clone(),
         sources,
         length_residuals,
+    })
+}
+
+/// The settings of a training, with sizes that its sessions show.
+pub(super) struct Prepared {
+    pub(super) settings: StageSettings,
+    camera_size: Option<CameraSize>,
+    stated_sizes: Vec<FoundSize>,
+}
+
+/// Takes wrong readings out of the sessions, and finds the sizes that those which train show.
+pub(super) fn prepared(
+    arm: &Arm,
+    (training, test): (&mut [JoinedSession], &mut [JoinedSession]),
+    settings: &StageSettings,
+) -> Result<Prepared, StageError> {
+    one_source_each(training.iter().chain(&*test))?;
+    test.iter().try_for_each(lengths::check_judge)?;
+    wrong_targets::leave_out(arm, training, test, settings)?;
+    cameras::leave_out_flips(arm, training, test, settings);
+    let settings = &slips::taken_apart(arm, training, settings);
+    lengths::leave_out_wrong(arm, training, settings);
+    let (settings, camera_size) = cameras::sized(arm, training, settings)?;
+    let stated_sizes = stated_sizes::sized(arm, training, test, &settings)?;
+    Ok(Prepared {
+        settings,
+        camera_size,
+        stated_sizes,
     })
 }
 
