@@ -11,6 +11,8 @@ mod geometric;
 mod idw_joints;
 mod idw_space;
 mod kriging_joints;
+mod network;
+mod on_geometry;
 mod raw_command;
 mod table;
 
@@ -58,6 +60,8 @@ registry! {
     IdwJoints: idw_joints,
     /// A rival: inverse distance weights in space of what geometry leaves.
     IdwSpace: idw_space,
+    /// A rival: neural networks on what geometry leaves, with the feature `learned`.
+    Network: network,
     /// The chosen compensation table.
     Table: table,
 }

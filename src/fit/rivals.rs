@@ -4,10 +4,13 @@
 //! model underneath an error predicted from the stations' own ([`ErrorMap`]). A rival is compared and nothing more: no table, grid or
 //! corrected command is made of it, and it is not saved ([`super::registry::Made::Rival`]).
 //! - [`kriging`]: a Gaussian process with one kernel of all joints;
-//! - [`idw`]: inverse distance weights of the nearest stations, in space or in joint space.
+//! - [`idw`]: inverse distance weights of the nearest stations, in space or in joint space;
+//! - `network`, with the feature `learned`: an ensemble of small neural networks.
 
 pub mod idw;
 pub mod kriging;
+#[cfg(feature = "learned")]
+pub mod network;
 
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -17,9 +20,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, Vector3};
 use super::frames::Frames;
 use super::gap::Gap;
 use super::model::{At, Known, Open, PoseModel, Prediction, Query, Spread};
-use super::models::Training;
 use super::observation::Observation;
-use super::registry::IdentifiedGeometry;
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
@@ -68,28 +69,13 @@ pub struct Rival {
 }
 
 impl Rival {
-    /// The sum of `under` and the map that `learn` makes of the errors that `under` leaves at `observations`; `None` where it makes none.
-    pub fn learn<M: ErrorMap + 'static>(
-        under: Arc<dyn PoseModel>,
-        observations: &[Observation],
-        learn: impl FnOnce(&[Sample<'_>]) -> Option<M>,
-    ) -> Option<Self> {
-        let map = learn(&samples(&*under, observations))?;
-        Some(Self {
+    /// The sum of `under` and a map of the errors that it leaves.
+    pub fn new(under: Arc<dyn PoseModel>, map: impl ErrorMap + 'static) -> Self {
+        Self {
             under,
             map: Box::new(map),
-        })
+        }
     }
-}
-
-/// A rival on top of the identified geometry of a training.
-pub(super) fn on_geometry<M: ErrorMap + 'static>(
-    training: &Training<'_>,
-    learn: impl FnOnce(&[Sample<'_>]) -> Option<M>,
-) -> Option<Box<dyn PoseModel>> {
-    let geometry = Arc::new(IdentifiedGeometry::from(&training.models.geometric));
-    let rival = Rival::learn(geometry, training.observations, learn)?;
-    Some(Box::new(rival))
 }
 
 /// The measured positions with the errors that `under` leaves; lengths have none.
@@ -107,10 +93,12 @@ pub fn samples<'s>(under: &dyn PoseModel, observations: &'s [Observation]) -> Ve
     observations.iter().filter_map(sample).collect()
 }
 
-/// At most `most` of `all`, every so many.
+/// At most `most` of `all`, evenly spread.
 fn spread_evenly<T: Clone>(all: &[T], most: usize) -> Vec<T> {
-    let stride = all.len().div_ceil(most).max(1);
-    all.iter().step_by(stride).cloned().collect()
+    let count = all.len().min(most);
+    (0..count)
+        .map(|place| all[place * all.len() / count].clone())
+        .collect()
 }
 
 /// Mean variance of the measured positions, mm².
@@ -185,10 +173,20 @@ mod test {
 
     /// A station with this error along each axis, mm, measured to 0.1 mm.
     pub(super) fn sample(axes: &[f64], position: [f64; 3], error_mm: f64) -> Sample<'_> {
+        sample_at(axes, position, Vector3::repeat(error_mm), 0.01)
+    }
+
+    /// A station with this error, mm, and this variance of its measurement, mm².
+    pub(super) fn sample_at(
+        axes: &[f64],
+        position: [f64; 3],
+        error: Vector3<f64>,
+        measured_variance: f64,
+    ) -> Sample<'_> {
         Sample {
             place: place(axes, position),
-            error: Vector3::repeat(error_mm),
-            measured_variance: 0.01,
+            error,
+            measured_variance,
         }
     }
 }

@@ -1,12 +1,10 @@
 //! A rival: inverse distance weights in space of what the identified geometry leaves.
 
+use super::on_geometry::on_geometry;
 use super::{About, Corrects, Made};
 use crate::fit::model::{Angles, PoseModel};
 use crate::fit::models::Training;
-use crate::fit::rivals::{
-    idw::{Idw, Space},
-    on_geometry,
-};
+use crate::fit::rivals::idw::{Idw, Space};
 
 pub(super) const ABOUT: About = About {
     word: "idw_space",

@@ -1,9 +1,11 @@
 //! A rival: kriging of what the identified geometry leaves, with one kernel of all joints.
 
+use super::on_geometry::on_geometry;
 use super::{About, Corrects, Made};
 use crate::fit::model::{Angles, PoseModel};
 use crate::fit::models::Training;
-use crate::fit::rivals::{kriging::Kriging, on_geometry, slides};
+use crate::fit::rivals::kriging::Kriging;
+use crate::fit::rivals::slides;
 
 pub(super) const ABOUT: About = About {
     word: "kriging_joints",

@@ -1,14 +1,14 @@
 //! Kriging: errors as a Gaussian process with one kernel of all joints.
 //!
-//! `cov(e(q), e(q')) = σ² exp(−½ Σ_j (2 sin(Δq_j/2)/ℓ_j)²)`, plus a nugget `λσ²` of every station. The axes of the base are independent: each
-//! has its size σ², and lengths and nugget are common. Steps:
-//! 1. lengths ℓ and nugget λ by marginal likelihood, from some of the stations ([`LEARNT_FROM`]), with the sizes at their optimum
-//!    `σ² = eᵀC⁻¹e/n` (`C = R + λI`), by quasi-Newton steps from short and from long lengths ([`Likelihood`]);
+//! `cov(e(q), e(q')) = σ² k(s)`, `s² = Σ_j (2 sin(Δq_j/2)/ℓ_j)²`, plus a nugget `λσ²` of every station. `k` has one of three shapes
+//! ([`Shape`]). The axes of the base are independent: each has its size σ², and shape, lengths and nugget are common. Steps:
+//! 1. shape, lengths ℓ and nugget λ by marginal likelihood, from some of the stations ([`LEARNT_FROM`]), with the sizes at their optimum
+//!    `σ² = eᵀC⁻¹e/n` (`C = R + λI`), by quasi-Newton steps from short and from long lengths (`Likelihood`);
 //! 2. the weights `C⁻¹e` of all stations;
 //! 3. at a place, the mean `rᵀC⁻¹e` and the kriging variance `σ² (1 − rᵀC⁻¹r)`, with the nugget beyond a measurement's own variance.
 //!
 //! Far from all stations the mean is zero and the variance is the whole size. Source: Rasmussen and Williams, Gaussian Processes for
-//! Machine Learning, equations 2.25, 2.26 and 5.9.
+//! Machine Learning, equations 2.25, 2.26, 4.17 and 5.9.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use super::{ErrorMap, Estimate, Place, Sample, mean_measured_variance, spread_ev
 use crate::kinematics::chord;
 use crate::linalg::{Cholesky, gram};
 
-/// Most stations that lengths and nugget are learnt from.
+/// Most stations that shape, lengths and nugget are learnt from.
 pub const LEARNT_FROM: usize = 500;
 /// Most stations in the weights: their matrix has this many squared numbers.
 pub const MOST_STATIONS: usize = 4000;
@@ -32,9 +32,23 @@ const LARGEST_LOGARITHM: f64 = 12.0;
 /// The search ends where a step gains less than this, nats.
 const WORTH: f64 = 1e-4;
 
+/// The shape of a kernel, as a function of the separation in lengths; each is positive definite on chords, which are distances in the plane
+/// of sine and cosine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// `exp(−s²/2)`, smooth.
+    SquaredExponential,
+    /// Matérn 3/2, `(1 + √3 s) exp(−√3 s)`.
+    Matern,
+    /// `exp(−s)`, rough.
+    Exponential,
+}
+
 /// The kernel of all joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kernel {
+    /// Its shape.
+    pub shape: Shape,
     /// Length of each axis variable, rad; a mm of sliding counts as a mrad.
     pub lengths: Vec<f64>,
     /// Nugget, a share of the size.
@@ -61,8 +75,11 @@ impl Kriging {
     /// Kriging with the kernel that is most likely; `None` where no kernel is (fewer than two stations, or no errors).
     pub fn new(samples: &[Sample<'_>], slides: &[bool]) -> Option<Self> {
         let learnt = spread_evenly(samples, LEARNT_FROM);
-        let kernel = Likelihood::new(&learnt, slides)?.most_likely()?;
-        Self::with_kernel(samples, kernel)
+        let found = Shape::ALL
+            .iter()
+            .filter_map(|shape| Likelihood::new(&learnt, slides, *shape)?.most_likely());
+        let best = found.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Self::with_kernel(samples, best.1)
     }
 
     /// Kriging with a given kernel; `None` where its matrix is not positive definite.
@@ -102,6 +119,29 @@ impl ErrorMap for Kriging {
     }
 }
 
+impl Shape {
+    /// All shapes.
+    pub const ALL: [Self; 3] = [Self::SquaredExponential, Self::Matern, Self::Exponential];
+
+    /// The correlation at a squared separation `s²`, and `−2 dk/d(s²)`.
+    fn at(self, square: f64) -> (f64, f64) {
+        let s = square.sqrt();
+        match self {
+            Self::SquaredExponential => {
+                let own = (-0.5 * square).exp();
+                (own, own)
+            }
+            Self::Matern => {
+                let s = 3.0_f64.sqrt() * s;
+                let own = (-s).exp();
+                ((1.0 + s) * own, 3.0 * own)
+            }
+            // Infinitely steep at separation zero, which no length changes.
+            Self::Exponential => ((-s).exp(), (-s).exp() / s.max(f64::MIN_POSITIVE.sqrt())),
+        }
+    }
+}
+
 impl Kernel {
     /// The correlation of the errors at two places, without the nugget.
     fn correlation(&self, a: &[f64], b: &[f64]) -> f64 {
@@ -109,7 +149,7 @@ impl Kernel {
         let square = |((a, b), (length, slides)): ((&f64, &f64), (&f64, &bool))| {
             (chord(a - b, *slides) / length).powi(2)
         };
-        (-0.5 * each.map(square).sum::<f64>()).exp()
+        self.shape.at(each.map(square).sum::<f64>()).0
     }
 
     /// `C`, its lower triangle.
@@ -148,6 +188,7 @@ fn weighed(factor: &Cholesky, errors: &DMatrix<f64>) -> Option<(DMatrix<f64>, Ve
 
 /// The marginal likelihood of some stations, as a function of the logarithms of lengths and nugget.
 struct Likelihood {
+    shape: Shape,
     slides: Vec<bool>,
     errors: DMatrix<f64>,
     /// Squared chords of each axis variable between stations, the lower triangle column by column.
@@ -161,7 +202,7 @@ struct Valued {
 }
 
 impl Likelihood {
-    fn new(samples: &[Sample<'_>], slides: &[bool]) -> Option<Self> {
+    fn new(samples: &[Sample<'_>], slides: &[bool], shape: Shape) -> Option<Self> {
         let squares = |(axis, slides): (usize, &bool)| {
             let at = |own: usize| samples[own].place.axes[axis];
             let pairs = pairs(samples.len());
@@ -170,26 +211,28 @@ impl Likelihood {
                 .collect()
         };
         (samples.len() > 1).then(|| Self {
+            shape,
             slides: slides.to_vec(),
             errors: errors(samples),
             squares: slides.iter().enumerate().map(squares).collect(),
         })
     }
 
-    /// The kernel at the best of the optima that the starts lead to.
-    fn most_likely(&self) -> Option<Kernel> {
+    /// The kernel at the best of the optima that the starts lead to, with its value.
+    fn most_likely(&self) -> Option<(f64, Kernel)> {
         let found = STARTS.iter().filter_map(|start| {
             let mut logarithms = DVector::repeat(self.slides.len() + 1, start.ln());
             logarithms[self.slides.len()] = START_NUGGET.ln();
             self.climbed(logarithms)
         });
-        let best = found.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(self.kernel(&best.1))
+        let (value, at) = found.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((value, self.kernel(&at)))
     }
 
     fn kernel(&self, logarithms: &DVector<f64>) -> Kernel {
         let axes = self.slides.len();
         Kernel {
+            shape: self.shape,
             lengths: logarithms.iter().take(axes).map(|own| own.exp()).collect(),
             nugget: logarithms[axes].exp(),
             slides: self.slides.clone(),
@@ -244,7 +287,7 @@ impl Likelihood {
         let correlations = self.correlations(&kernel);
         let mut matrix = DMatrix::identity(stations, stations) * (1.0 + kernel.nugget);
         for ((row, column), own) in pairs(stations).zip(&correlations) {
-            matrix[(row, column)] = *own;
+            matrix[(row, column)] = own.0;
         }
         let factor = Cholesky::new(matrix)?;
         let (weights, size) = weighed(&factor, &self.errors)?;
@@ -256,7 +299,7 @@ impl Likelihood {
         };
         let shares: Vec<f64> = pairs(stations)
             .zip(&correlations)
-            .map(|((row, column), own)| 2.0 * by(row, column) * own)
+            .map(|((row, column), own)| 2.0 * by(row, column) * own.1)
             .collect();
         let mut gradient = DVector::zeros(axes + 1);
         for (axis, squares) in self.squares.iter().enumerate() {
@@ -271,8 +314,8 @@ impl Likelihood {
         })
     }
 
-    /// The correlation of each pair of stations.
-    fn correlations(&self, kernel: &Kernel) -> Vec<f64> {
+    /// The correlation of each pair of stations, and its slope ([`Shape::at`]).
+    fn correlations(&self, kernel: &Kernel) -> Vec<(f64, f64)> {
         let mut sums = vec![0.0; self.squares.first().map_or(0, Vec::len)];
         for (squares, length) in self.squares.iter().zip(&kernel.lengths) {
             let share = length.powi(-2);
@@ -280,7 +323,7 @@ impl Likelihood {
                 *sum += share * own;
             }
         }
-        sums.into_iter().map(|own| (-0.5 * own).exp()).collect()
+        sums.into_iter().map(|own| self.shape.at(own)).collect()
     }
 }
 

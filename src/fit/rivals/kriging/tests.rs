@@ -5,6 +5,7 @@ use crate::fit::rivals::test::{place, sample};
 
 fn kernel(lengths: &[f64], nugget: f64) -> Kernel {
     Kernel {
+        shape: Shape::SquaredExponential,
         lengths: lengths.to_vec(),
         nugget,
         slides: vec![false; lengths.len()],
@@ -100,20 +101,30 @@ fn inverse_matrices_say_the_same() {
 fn the_gradient_is_that_of_differences() {
     let joints = joints(30);
     let samples = smooth(&joints);
-    let likelihood = Likelihood::new(&samples, &[false, false]).expect("stations");
-    let at = DVector::from_vec(vec![0.2, -0.3, -2.0]);
-    let analytic = likelihood.at(&at).expect("positive definite").gradient;
-    for own in 0..3 {
-        let value = |by: f64| {
-            let mut moved = at.clone();
-            moved[own] += by;
-            likelihood.at(&moved).expect("positive definite").value
-        };
-        let numerical = (value(1e-5) - value(-1e-5)) / 2e-5;
-        assert!(
-            (analytic[own] - numerical).abs() < 1e-5,
-            "{own}: {analytic} {numerical}"
-        );
+    for shape in Shape::ALL {
+        let likelihood = Likelihood::new(&samples, &[false, false], shape).expect("stations");
+        let at = DVector::from_vec(vec![0.2, -0.3, -2.0]);
+        let analytic = likelihood.at(&at).expect("positive definite").gradient;
+        for own in 0..3 {
+            let value = |by: f64| {
+                let mut moved = at.clone();
+                moved[own] += by;
+                likelihood.at(&moved).expect("positive definite").value
+            };
+            let numerical = (value(1e-5) - value(-1e-5)) / 2e-5;
+            let apart = (analytic[own] - numerical).abs();
+            assert!(apart < 1e-5, "{shape:?} {own}: {analytic} {numerical}");
+        }
+    }
+}
+
+#[test]
+fn shapes_are_the_textbook_s() {
+    // At a separation of one length: e^{−1/2}, (1 + √3) e^{−√3}, e^{−1}.
+    let expected = [0.606_530_66, 0.483_357_72, 0.367_879_44];
+    for (shape, expected) in Shape::ALL.into_iter().zip(expected) {
+        assert!((shape.at(1.0).0 - expected).abs() < 1e-8, "{shape:?}");
+        assert!((shape.at(0.0).0 - 1.0).abs() < 1e-15, "{shape:?}");
     }
 }
 
@@ -121,29 +132,21 @@ fn the_gradient_is_that_of_differences() {
 fn the_most_likely_kernel_is_better_than_its_starts_and_stands_still() {
     let joints = joints(60);
     let samples = smooth(&joints);
-    let likelihood = Likelihood::new(&samples, &[false, false]).expect("stations");
     let map = Kriging::new(&samples, &[false, false]).expect("a kernel");
     let own = map.kernel();
     let logarithms = |kernel: &Kernel| {
-        DVector::from_iterator(
-            3,
-            kernel
-                .lengths
-                .iter()
-                .chain([&kernel.nugget])
-                .map(|own| own.ln()),
-        )
+        let all = kernel.lengths.iter().chain([&kernel.nugget]);
+        DVector::from_iterator(3, all.map(|own| own.ln()))
     };
+    let likelihood = Likelihood::new(&samples, &[false, false], own.shape).expect("stations");
     let best = likelihood.at(&logarithms(own)).expect("the optimum");
-    for start in STARTS {
-        let start = kernel(&[start, start], START_NUGGET);
-        let start = likelihood.at(&logarithms(&start)).expect("a start");
-        assert!(
-            best.value > start.value + 1.0,
-            "{} {}",
-            best.value,
-            start.value
-        );
+    for shape in Shape::ALL {
+        let other = Likelihood::new(&samples, &[false, false], shape).expect("stations");
+        for start in STARTS {
+            let start = kernel(&[start, start], START_NUGGET);
+            let start = other.at(&logarithms(&start)).expect("a start");
+            assert!(best.value >= start.value, "{} {}", best.value, start.value);
+        }
     }
     assert!(best.gradient.amax() < 0.5, "{own:?} {}", best.gradient);
 }
