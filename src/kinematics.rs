@@ -43,7 +43,6 @@ pub use configuration::{Configuration, Side, SingularityFactors};
 pub use convention::Convention;
 pub use held::{ChainView, HeldChain};
 pub use inverse::{Anywhere, InverseError, InverseSettings, inverse};
-pub use joint::chord;
 pub use motion::{Axis, Motion};
 pub use parameter::{GaugePart, LinkQuantity, Parameter};
 pub use restate::RestateError;

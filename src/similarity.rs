@@ -13,7 +13,7 @@ pub mod variogram;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::kinematics::chord;
+use crate::units::chord;
 
 pub use empirical::Bin;
 pub use variogram::{Shape, VariogramModel};

@@ -6,16 +6,6 @@
 use super::arm::{Arm, Joint};
 use crate::units::SLIDE_MM_PER_RAD;
 
-/// The separation of two values of a joint's variable that differ by `difference`, rad: the chord `2 sin(Δq/2)`, which repeats after a full
-/// turn as errors do; of a joint that slides the plain distance, a mm as a mrad.
-pub fn chord(difference: f64, slides: bool) -> f64 {
-    if slides {
-        difference / SLIDE_MM_PER_RAD
-    } else {
-        2.0 * (0.5 * difference).sin()
-    }
-}
-
 impl Joint {
     /// The variable `value` (rad; mm for a joint that slides) in the unit of [`Self::unit`].
     pub fn shown(&self, value: f64) -> f64 {

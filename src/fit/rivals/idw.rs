@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::{ErrorMap, Estimate, Place, Sample, mean_measured_variance};
-use crate::kinematics::chord;
+use crate::units::chord;
 
 /// Stations that a weighted mean is of.
 const NEAREST: usize = 8;

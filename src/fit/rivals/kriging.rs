@@ -14,8 +14,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 use super::{ErrorMap, Estimate, Place, Sample, mean_measured_variance, spread_evenly};
-use crate::kinematics::chord;
 use crate::linalg::{Cholesky, gram};
+use crate::units::chord;
 
 /// Most stations that shape, lengths and nugget are learnt from.
 pub const LEARNT_FROM: usize = 500;
