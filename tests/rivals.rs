@@ -180,10 +180,10 @@ fn all(arm: &Arm, train: &[Observation]) -> Vec<(String, Arc<dyn PoseModel>)> {
 fn difference(own: &Residuals, other: &Residuals, test: &[Observation]) -> (f64, f64) {
     let positions: Vec<Point3<f64>> = test.iter().map(common::position).collect();
     let (low, high) = extent(&positions);
-    let block = |at: &Point3<f64>| -> [usize; 3] {
+    let block = |at: &Point3<f64>| -> [u8; 3] {
         std::array::from_fn(|axis| {
             let share = (at[axis] - low[axis]) / (high[axis] - low[axis]);
-            ((4.0 * share) as usize).min(3)
+            u8::from(share >= 0.25) + u8::from(share >= 0.5) + u8::from(share >= 0.75)
         })
     };
     let differences = own.iter().zip(other);
@@ -192,7 +192,7 @@ fn difference(own: &Residuals, other: &Residuals, test: &[Observation]) -> (f64,
         .collect();
     let count = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / count;
-    let mut blocks: BTreeMap<[usize; 3], f64> = BTreeMap::new();
+    let mut blocks: BTreeMap<[u8; 3], f64> = BTreeMap::new();
     for (own, at) in differences.iter().zip(&positions) {
         *blocks.entry(block(at)).or_default() += own - mean;
     }

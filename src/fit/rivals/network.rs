@@ -201,7 +201,7 @@ fn members(
     Some((members, mean))
 }
 
-fn set<'s>((inputs, outputs): &'s (DMatrix<f64>, DMatrix<f64>)) -> Set<'s> {
+fn set((inputs, outputs): &(DMatrix<f64>, DMatrix<f64>)) -> Set<'_> {
     Set { inputs, outputs }
 }
 

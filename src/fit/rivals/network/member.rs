@@ -1,6 +1,6 @@
 //! One network of an ensemble: its first weights, its training with early stopping, and its value at an input.
 //!
-//! Two hidden layers of [`HIDDEN`] tanh units, all in f64. Training is on the whole set at once by AdamW on the mean squared error; the weights
+//! Two hidden layers of [`HIDDEN`] tanh units, all in f64. Training is on the whole set at once by `AdamW` on the mean squared error; the weights
 //! that are kept are those with the least error on the validation set, and training ends when [`PATIENCE`] checks have not lowered it.
 //! The CPU generator of the library takes no seed, so first weights come from a `ChaCha` stream of our own.
 
@@ -18,7 +18,7 @@ const STEPS: usize = 4000;
 const CHECKED_EVERY: usize = 10;
 /// Checks without a lower error that end a training.
 const PATIENCE: usize = 30;
-/// Step size and weight decay of AdamW.
+/// Step size and weight decay of `AdamW`.
 const LEARNING_RATE: f64 = 5e-3;
 const WEIGHT_DECAY: f64 = 1e-2;
 /// Seed of the first weights; each member has a stream of its own.
