@@ -16,6 +16,7 @@
 //! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
+//! | [`rivals`] | How do kriging and inverse distances, and a neural network, compare with the error model? | |
 //! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
 //! | [`driven_session`] | Did the correction work? | `run` |
 //! | [`planning`] | How many poses, and which, before anything is measured? | `plan` |
@@ -62,6 +63,9 @@ pub mod tables {}
 
 #[doc = include_str!("guide/figures.md")]
 pub mod figures {}
+
+#[doc = include_str!("guide/rivals.md")]
+pub mod rivals {}
 
 #[doc = include_str!("guide/compensate.md")]
 pub mod compensate {}

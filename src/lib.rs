@@ -73,7 +73,7 @@
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
-//!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
+//!   registry. One that is only compared is a map of errors in [`fit::rivals`] and a line in the registry ([`fit::registry::Made::Rival`]). A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
 //! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in

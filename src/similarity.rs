@@ -13,7 +13,7 @@ pub mod variogram;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::chord;
 
 pub use empirical::Bin;
 pub use variogram::{Shape, VariogramModel};
@@ -140,13 +140,7 @@ fn joint_separation(a: &[f64], b: &[f64], weights: &[f64], slides: &[bool]) -> f
         .zip(b)
         .zip(weights)
         .zip(slides)
-        .map(|(((a, b), weight), slides)| {
-            if slides {
-                weight * (a - b) / SLIDE_MM_PER_RAD
-            } else {
-                weight * 2.0 * (0.5 * (a - b)).sin()
-            }
-        });
+        .map(|(((a, b), weight), slides)| weight * chord(a - b, slides));
     chords.map(|chord| chord * chord).sum::<f64>().sqrt()
 }
 

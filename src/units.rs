@@ -18,6 +18,16 @@ pub const MM_PER_M: f64 = 1000.0;
 /// tool from its joints: some hundred mm at the wrist, two or three metres at the base.
 pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
 
+/// The separation of two values of a joint's variable that differ by `difference`, rad: the chord `2 sin(Δq/2)`, which repeats after a full
+/// turn as errors do; of a joint that slides the plain distance, a mm as a mrad.
+pub fn chord(difference: f64, slides: bool) -> f64 {
+    if slides {
+        difference / SLIDE_MM_PER_RAD
+    } else {
+        2.0 * (0.5 * difference).sin()
+    }
+}
+
 /// Nanoseconds in a second.
 pub const NS_PER_S: f64 = 1e9;
 

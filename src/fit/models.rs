@@ -18,6 +18,8 @@ pub struct TrainingSettings<'s> {
     pub full: &'s FullSettings,
     /// Direction of up in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
+    /// Whether rivals are trained to be compared ([`super::rivals`]).
+    pub rivals: bool,
 }
 
 /// The models of one training.
@@ -31,6 +33,8 @@ pub struct Models {
     pub full: Option<FullModel>,
     /// Models built from the above, where they were asked for.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
+    /// Rivals of them all, where they were asked for.
+    pub rivals: Vec<(Model, Box<dyn PoseModel>)>,
 }
 
 /// The inputs of a model that is built from others.
@@ -80,6 +84,7 @@ pub fn train(
         geometric,
         full,
         on_top: Vec::new(),
+        rivals: Vec::new(),
     })
 }
 
@@ -91,14 +96,20 @@ pub fn train_all(
     settings: &TrainingSettings<'_>,
 ) -> Result<Models, FitError> {
     let models = train(arm, observations, sessions, settings)?;
-    Ok(with_models_on_top(models, arm, observations))
+    Ok(with_models_on_top(
+        models,
+        arm,
+        observations,
+        settings.rivals,
+    ))
 }
 
-/// The models with those of the registry that are built on them.
+/// The models with those of the registry that are built on them; with `rivals`, these too.
 pub(super) fn with_models_on_top(
     mut models: Models,
     arm: &Arm,
     observations: &[Observation],
+    rivals: bool,
 ) -> Models {
     let training = Training {
         arm,
@@ -107,9 +118,17 @@ pub(super) fn with_models_on_top(
     };
     let on_top = |model: &Model| match model.about().made {
         Made::OnTop(make) => Some((*model, make(&training)?)),
-        Made::Elsewhere | Made::Always(_) => None,
+        Made::Elsewhere | Made::Always(_) | Made::Rival(_) => None,
     };
-    models.on_top = Model::ALL.iter().filter_map(on_top).collect();
+    let rival = |model: &Model| match model.about().made {
+        Made::Rival(make) if rivals => Some((*model, make(&training)?)),
+        _ => None,
+    };
+    let all = || Model::ALL.iter();
+    (models.on_top, models.rivals) = (
+        all().filter_map(on_top).collect(),
+        all().filter_map(rival).collect(),
+    );
     models
 }
 
@@ -127,9 +146,10 @@ impl Models {
         match model.about().made {
             Made::Elsewhere => None,
             Made::Always(of) => of(self),
-            Made::OnTop(_) => {
-                let made = self.on_top.iter().find(|(own, _)| *own == model);
-                made.map(|(_, model)| &**model)
+            Made::OnTop(_) | Made::Rival(_) => {
+                let mut made = self.on_top.iter().chain(&self.rivals);
+                made.find(|(own, _)| *own == model)
+                    .map(|(_, model)| &**model)
             }
         }
     }

@@ -8,6 +8,11 @@
 mod base_target;
 mod full;
 mod geometric;
+mod idw_joints;
+mod idw_space;
+mod kriging_joints;
+mod network;
+mod on_geometry;
 mod raw_command;
 mod table;
 
@@ -49,6 +54,14 @@ registry! {
     Geometric: geometric,
     /// The full error model.
     Full: full,
+    /// A rival: kriging of what geometry leaves, with one kernel of all joints.
+    KrigingJoints: kriging_joints,
+    /// A rival: inverse distance weights in joint space of what geometry leaves.
+    IdwJoints: idw_joints,
+    /// A rival: inverse distance weights in space of what geometry leaves.
+    IdwSpace: idw_space,
+    /// A rival: neural networks on what geometry leaves, with the feature `learned`.
+    Network: network,
     /// The chosen compensation table.
     Table: table,
 }
@@ -97,6 +110,8 @@ pub enum Made {
     Always(fn(&Models) -> Option<&dyn PoseModel>),
     /// From the stations and the models of every training, where figures of it are asked for.
     OnTop(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
+    /// In the same way, where rivals are asked for ([`super::rivals`]): compared with stations, never saved, and nothing is made of it.
+    Rival(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
 }
 
 /// Reads a saved model from its text and its misfit per axis (mm), which is stored separately where it has one.

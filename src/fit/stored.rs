@@ -43,7 +43,13 @@ impl StoredModels {
             geometric: self.geometric,
             full: full.transpose()?,
             on_top: Vec::new(),
+            rivals: Vec::new(),
         };
-        Ok(with_models_on_top(models, arm, observations))
+        Ok(with_models_on_top(
+            models,
+            arm,
+            observations,
+            settings.rivals,
+        ))
     }
 }

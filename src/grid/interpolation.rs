@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::fit::rivals::idw::inverse_distances;
+
 /// The interpolation of a value inside a cell from its vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -49,23 +51,14 @@ const fn is_high(vertex: usize, axis: usize) -> bool {
 }
 
 fn idw(fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
-    let distances: [f64; 8] = std::array::from_fn(|vertex| {
+    let mut distances: [f64; 8] = std::array::from_fn(|vertex| {
         let corner = Vector3::from_fn(|axis, _| if is_high(vertex, axis) { 1.0 } else { 0.0 });
         (fraction - corner)
             .component_mul(&Vector3::from(*step))
             .norm()
     });
-    if let Some(hit) = distances
-        .iter()
-        .position(|&distance| distance < EXACT_HIT_MM)
-    {
-        return std::array::from_fn(|vertex| if vertex == hit { 1.0 } else { 0.0 });
-    }
-    // Relative to the nearest, so that no power overflows.
-    let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
-    let weights = distances.map(|distance| (nearest / distance).powf(power));
-    let total: f64 = weights.iter().sum();
-    weights.map(|weight| weight / total)
+    inverse_distances(&mut distances, power, EXACT_HIT_MM);
+    distances
 }
 
 #[cfg(test)]

@@ -520,6 +520,9 @@ pub struct ReportSection {
     pub locate: Locate,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
+    /// Whether rivals of the models are trained and judged too.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub rivals: bool,
     /// The id of the plan that the sessions were measured by, where their logs do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<String>,
@@ -534,6 +537,7 @@ pub struct ReportSection {
 struct ReportKeys {
     locate: Option<Locate>,
     leave_sessions_out: Option<bool>,
+    rivals: Option<bool>,
     plan: Option<String>,
     tool_tip: Option<ToolTip>,
 }
@@ -575,6 +579,7 @@ impl Default for ReportSection {
         Self {
             locate: Locate::default(),
             leave_sessions_out: true,
+            rivals: false,
             plan: None,
             tool_tip: None,
         }
@@ -592,6 +597,7 @@ impl TryFrom<BTreeMap<String, toml::Value>> for ReportSection {
         Ok(Self {
             locate: keys.locate.unwrap_or(usual.locate),
             leave_sessions_out: keys.leave_sessions_out.unwrap_or(usual.leave_sessions_out),
+            rivals: keys.rivals.unwrap_or(usual.rivals),
             plan: keys.plan,
             tool_tip: keys.tool_tip,
         })

@@ -74,6 +74,8 @@ pub struct StageSettings {
     pub locate: Locate,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
+    /// Whether rivals of the models are trained and judged too.
+    pub rivals: bool,
     /// Position of the tool tip at the flange, along the flange's axes, mm; `None` where no figures are asked for it.
     pub tool_tip: Option<Vector3<f64>>,
 }

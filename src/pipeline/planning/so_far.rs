@@ -214,6 +214,7 @@ impl Planning {
             fit: &stages.fit,
             full: &settings.full,
             up: settings.up,
+            rivals: false,
         };
         let Some(known) = &settings.known else {
             return Ok(fit::models::train(&self.arm, observations, 1, &train)?.full);

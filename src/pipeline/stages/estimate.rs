@@ -212,6 +212,7 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         fit: &settings.fit,
         full: &settings.full,
         up: settings.up,
+        rivals: settings.rivals,
     }
 }
 

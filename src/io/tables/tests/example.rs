@@ -346,6 +346,7 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         fit: &FIT,
         full: &FULL,
         up: Some(Vector3::z_axis()),
+        rivals: false,
     };
     let models = fit::models::train_all(&ARM, &observations, 1, &settings);
     (models.expect("a fit"), observations)
