@@ -289,6 +289,7 @@ fn constant(mm: f64, rad: f64) -> Noise {
 
 fn settings(noise: Noise) -> StageSettings {
     StageSettings {
+        rivals: false,
         noise,
         fit: FitSettings {
             orientations: true,

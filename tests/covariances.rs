@@ -206,6 +206,7 @@ fn noise(reads: ReadingKind) -> Noise {
 
 fn settings(reads: ReadingKind, full: bool) -> StageSettings {
     StageSettings {
+        rivals: false,
         noise: noise(reads),
         fit: FitSettings {
             orientations: reads == ReadingKind::Pose,

@@ -53,6 +53,7 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
+        rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {

@@ -44,6 +44,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
 
 fn settings() -> StageSettings {
     StageSettings {
+        rivals: false,
         noise: Noise::of_one(
             posegrid::fit::Source {
                 reads: ReadingKind::Pose,

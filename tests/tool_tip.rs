@@ -83,6 +83,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
             stations: 50,
             target: LocateTarget::Known,
         },
+        rivals: false,
         leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
     }

@@ -76,6 +76,7 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
 
 fn stage_settings(harmonics: usize) -> StageSettings {
     StageSettings {
+        rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {

@@ -9,7 +9,7 @@ use nalgebra::Point3;
 use super::estimate::{prepared, training_settings};
 use super::observed::{flange_position, observations, observations_of};
 use super::{StageError, StageSettings};
-use crate::fit::{self, Models, Observation, SourceId, TargetId};
+use crate::fit::{self, Models, Observation, SourceId, TargetId, TrainingSettings};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::{Pairing, Unmeasured};
 use crate::kinematics::Arm;
@@ -104,7 +104,10 @@ impl Divided {
         arm: &Arm,
         progress: &dyn Progress,
     ) -> Result<Vec<(Model, Angles, ResidualSet)>, StageError> {
-        let train = training_settings(&self.settings);
+        let train = TrainingSettings {
+            rivals: true,
+            ..training_settings(&self.settings)
+        };
         let models = fit::models::train_all(arm, &self.train, self.sessions.len(), &train)?;
         progress.advance(1);
         let mut found: BTreeMap<(Model, Angles), ResidualSet> = BTreeMap::new();
