@@ -4,7 +4,8 @@
 //! number: it may stay the same while the arm goes round an anchor.
 //!
 //! 1. Readings between `settle_s` after the arm's arrival and its departure are of the station; zeros of a distance are missing.
-//! 2. Outliers from the median of a dwell are left out, as with the readings of a target ([`super::average`]).
+//! 2. Outliers from the median of a dwell are left out, as with the readings of a target ([`super::average`]): none within what the
+//!    instrument states.
 //! 3. The uncertainty of a mean is the instrument's own, and the scatter of the mean.
 //!
 //! The clocks are found before, from targets alone. Motion that references show is not taken out: lengths are read in the base's frame.
@@ -174,7 +175,8 @@ impl<'a> Dwelling<'a> {
         ))
     }
 
-    /// The session's usual standard deviation of a reading, mm: few readings of one dwell can agree by chance.
+    /// The session's usual standard deviation of a reading, mm: few readings of one dwell can agree by chance. It is the stated one at
+    /// least, as those of an instrument with a coarse step agree where they do not differ by a whole one.
     fn usual_mm(&self, own: &LengthReadings) -> Result<f64, JoinError> {
         let mut scatters = Vec::with_capacity(self.windows.len());
         for number in 0..self.windows.len() {
@@ -184,7 +186,7 @@ impl<'a> Dwelling<'a> {
                 scatters.push(robust_sigma(&mut lengths));
             }
         }
-        Ok(median(&scatters).unwrap_or(0.0))
+        Ok(median(&scatters).unwrap_or(0.0).max(own.sd_mm))
     }
 
     /// The mean of a dwell; `None` where too few readings are left.

@@ -188,9 +188,9 @@ fn header(content: &Content) -> Markup {
     html! {
         header {
             p.which { "Benchmark · " (content.suite.name) }
-            h1 { (content.told.len()) " arms, " (splits.len()) " splits" }
+            h1 { (number_of(content.told.len(), "arm")) ", " (number_of(splits.len(), "split")) }
             p.lead { (content.suite.description) }
-            p { "Every station judged took no part in training. " @if leaking > 0 { (leaking) " of the splits " @if leaking == 1 { "leaks" } @else { "leak" } " and are named so." } }
+            p { "Every station judged took no part in training. " @if leaking > 0 { (leaking) " of the splits " @if leaking == 1 { "leaks and is named so." } @else { "leak and are named so." } } }
             p.note { "Intervals of " (shown(FigureName::Coverage, own.confidence)) " from " (own.draws) " draws of whole blocks, seed " (own.seed) "." }
             @for remark in &content.remarks { p.warning { (remark) } }
         }
@@ -334,4 +334,9 @@ fn reading(content: &Content) -> Markup {
             p { "Programs of the suite: " @for own in &content.suite.programs { (own.name) " " } }
         }
     }
+}
+
+/// A number of things in words: one arm, two arms.
+fn number_of(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
