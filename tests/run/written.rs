@@ -15,6 +15,10 @@ use super::{conventions, damaged, driven, iso_9283, planned};
 
 /// Words that no run here writes: column, words, and where they are held instead, or what they wait for.
 const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
+    ("accuracy.model", &["network"], LEARNED),
+    ("estimate_residuals.model", &["network"], LEARNED),
+    ("residuals.model", &["network"], LEARNED),
+    ("semivariograms.errors", &["network"], LEARNED),
     (
         "calibrations.error_frame",
         &["fitted"],
@@ -210,6 +214,8 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("stations.stated_", NO_COVARIANCE),
     ("stations.assigned_", NAMED),
 ];
+const LEARNED: &str =
+    "only a build with the feature learned trains it; the tests of src/fit/rivals/network.rs";
 const NAMED: &str = "tests/run/unnamed.rs: the readings of these cells are of one target";
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
@@ -290,11 +296,11 @@ impl Written {
     }
 }
 
-/// The columns of the published tables, each with its table's name.
+/// The columns of the published tables of a lake, each with its table's name; `benchmark` is in no lake, and `tests/benchmark.rs` reads it.
 fn columns() -> impl Iterator<Item = (&'static str, &'static schema::ColumnSchema)> {
     schema::all()
         .iter()
-        .filter(|schema| schema.role == Role::Published)
+        .filter(|schema| schema.role == Role::Published && schema.table != "benchmark")
         .flat_map(|schema| {
             schema
                 .columns
@@ -421,7 +427,7 @@ fn pool() -> Cell {
     ran(cell, &[])
 }
 
-/// A session that another one judges, which is of another arm; its table corrects a data list.
+/// A session that another one judges, which is of another arm, with rivals; its table corrects a data list.
 fn tested() -> Cell {
     let other = [
         "--arm",
@@ -434,6 +440,7 @@ fn tested() -> Cell {
         "130",
     ];
     let cell = Cell::new()
+        .with("[tolerance]", "[report]\nrivals = true\n\n[tolerance]")
         .with_simulated("mon", &["--size", "720,1440,720", "--grid-step", "240"])
         .with_simulated("wed", &other);
     let cell = ran(cell, &["mon", "--test", "wed"]);
