@@ -99,6 +99,23 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     Some(f64::midpoint(lower, upper))
 }
 
+/// The 95 % quantile of chi squared with three degrees of freedom.
+pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
+
+/// The mean of `values` and its standard error, `√(G/(G − 1) Σ_g (Σ_{i∈g} (vᵢ − v̄))²)/n`: values of one of the G groups are not
+/// independent, groups are (Liang and Zeger 1986, for a mean). `None` of fewer than two groups.
+pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)> {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let mut sums: BTreeMap<&G, f64> = BTreeMap::new();
+    for (value, group) in values.iter().zip(groups) {
+        *sums.entry(group).or_default() += value - mean;
+    }
+    let groups = sums.len() as f64;
+    let squares: f64 = sums.values().map(|own| own * own).sum();
+    (sums.len() > 1).then(|| (mean, (squares * groups / (groups - 1.0)).sqrt() / count))
+}
+
 /// The percentile of `values` at `share` (type 7); `None` for an empty set.
 pub fn percentile_of(values: &[f64], share: f64) -> Option<f64> {
     let sorted = ascending(values);
@@ -277,6 +294,24 @@ mod tests {
         assert!((figures.p95 - 3.85).abs() < 1e-12); // place 0.95·3 = 2.85
         assert!((figures.max - 4.0).abs() < 1e-15);
         assert!(Figures::of(&[]).is_none());
+    }
+
+    /// Groups of equal size have the spread of their means over the square root of their number; one value a group has the textbook's.
+    #[test]
+    fn values_of_one_group_count_together() {
+        let values: Vec<f64> = (0..60).map(|place| f64::from(place * 37 % 19)).collect();
+        let groups: Vec<i32> = (0..60).map(|place| place / 6).collect();
+        let means: Vec<f64> = values
+            .chunks(6)
+            .map(|own| own.iter().sum::<f64>() / 6.0)
+            .collect();
+        for (groups, of) in [(groups, &means), ((0..60).collect(), &values)] {
+            let (mean, se) = clustered_mean(&values, &groups).expect("groups");
+            let figures = Figures::of(of).expect("values");
+            assert!((mean - figures.mean).abs() < 1e-12);
+            assert!((se - figures.sd / (of.len() as f64).sqrt()).abs() < 1e-12);
+        }
+        assert_eq!(clustered_mean(&values, &[1; 60]), None);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::suite::SplitKind;
 pub const NEIGHBOURS: usize = 6;
 /// At least this part of the share that a draw by lot would give is a leak by rows.
 const LEAK_BY_ROWS: f64 = 0.25;
-/// The same by region.
+/// At least this part of the share that a draw by lot would give is a leak by region.
 const LEAK_BY_REGION: f64 = 0.9;
 /// Joint angles that differ by less than this in every joint are one pose, rad: visits repeat within what a controller reports.
 const SAME_POSE: f64 = 1e-3;

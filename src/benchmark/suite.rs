@@ -17,7 +17,7 @@ use super::{BootstrapSettings, FigureName, Numbers};
 pub struct Suite {
     /// Its name.
     pub name: String,
-    /// What it is of, in a sentence.
+    /// Description of the data, in a sentence.
     pub description: String,
     /// How intervals are drawn.
     #[serde(default)]
@@ -183,7 +183,7 @@ pub struct Program {
 pub struct SuiteError {
     /// Where: arm, split, session.
     pub place: String,
-    /// What is wrong, and what to do.
+    /// The fault, and the way to mend it, as text.
     pub fault: String,
 }
 

@@ -25,7 +25,7 @@ const UNITS: [(&str, f64); 4] = [
     ("inches", 25.4),
 ];
 
-/// What is wrong with predictions.
+/// Predictions in another unit or frame than the measurements: their errors as stated and after the change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unlike {
     /// Root mean square error as stated, mm.
@@ -66,8 +66,8 @@ impl fmt::Display for Unlike {
     }
 }
 
-/// What is wrong with predictions where base + target leaves `reference_mm` (rms); `None` where nothing is recognised.
-/// `has_own_frame` says that the frame is aligned anyway.
+/// The unit or frame that predictions look like, where base + target leaves `reference_mm` (rms); `None` where neither explains their
+/// errors. `has_own_frame` says that the frame is aligned anyway.
 pub fn unlike(compared: &[Compared], reference_mm: f64, has_own_frame: bool) -> Option<Unlike> {
     let as_stated_mm = rms(compared, |own| own.predicted)?;
     let is_off = |mm: f64| mm > WORSE * reference_mm;

@@ -58,12 +58,8 @@ impl<'m> ToolErrors<'m> {
 
     /// [`Self::error`] with its covariance for a command used in another session, mm².
     pub fn error_with_covariance(&self, joints: &[f64]) -> Result<ErrorWithCovariance, Gap> {
-        let axes = self.error_frame.arm().axes(joints);
-        let predicted = self.model.predict(&self.at(&axes))?;
-        let spread = self
-            .model
-            .spread(self.session, self.error_frame.frames().source, &predicted);
-        Ok(self.spread_in_error_frame(joints, &predicted, &spread))
+        let mut one = self.some(&[joints]);
+        one.remove(0)
     }
 
     /// [`Self::error_with_covariance`] at many joint angles, on all cores; a model's covariance of some together costs far less than of
@@ -136,6 +132,7 @@ impl<'m> ToolErrors<'m> {
             target: self.error_frame.frames().target,
             own: true,
             station: None,
+            temperature_c: None,
         }
     }
 

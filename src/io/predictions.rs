@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, Point3};
 use thiserror::Error;
 
 use super::input::{self, Bound};
+use crate::geometry::symmetric;
 
 /// Columns of a position, mm.
 const POSITION: [&str; 3] = ["x", "y", "z"];
@@ -157,8 +158,8 @@ impl Header {
 }
 
 /// The covariance of its upper triangle; an error where it is not positive definite.
-fn positive([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Result<Matrix3<f64>, String> {
-    let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+fn positive(upper: [f64; 6]) -> Result<Matrix3<f64>, String> {
+    let covariance = symmetric(upper);
     let is_positive = covariance.cholesky().is_some();
     is_positive
         .then_some(covariance)

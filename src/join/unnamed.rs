@@ -102,15 +102,16 @@ struct Unnamed<'a> {
 
 impl Unnamed<'_> {
     /// The dwells with their lanes, in order of time.
-    fn dwells(&self) -> Vec<stream::LaneDwell<'_>> {
+    fn dwells(&self) -> stream::LaneDwells<'_> {
         let mut counts = vec![0; self.readings.len()];
-        let dwells = self.seen.target.iter().zip(&self.lane_of);
-        let dwell = |(dwell, &lane): (_, &usize)| {
-            let place = counts[lane];
+        let place = |&lane: &usize| {
             counts[lane] += 1;
-            stream::LaneDwell { dwell, lane, place }
+            (lane, counts[lane] - 1)
         };
-        dwells.map(dwell).collect()
+        stream::LaneDwells {
+            dwells: &self.seen.target,
+            places: self.lane_of.iter().map(place).collect(),
+        }
     }
 
     /// Dwells of one lane.

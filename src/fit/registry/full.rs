@@ -80,13 +80,7 @@ impl PoseModel for FullModel {
     }
 
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread {
-        let open = prediction
-            .open
-            .as_ref()
-            .map_or_else(Matrix3::zeros, |open| {
-                self.covariances(&open.rows)[0] + open.alone
-            });
-        self.spread_elsewhere(session, source, prediction, open)
+        self.spreads(session, source, &[prediction])[0]
     }
 
     fn spreads(
@@ -99,8 +93,8 @@ impl PoseModel for FullModel {
             .iter()
             .filter_map(|own| own.open.as_ref())
             .collect();
-        let columns = open.first().map_or(0, |own| own.rows.ncols());
-        let mut rows = DMatrix::zeros(3 * open.len(), columns);
+        // Without a prediction there are rows of the model's columns still, none of them.
+        let mut rows = DMatrix::zeros(3 * open.len(), self.layout().size());
         for (place, own) in open.iter().enumerate() {
             rows.rows_mut(3 * place, 3).copy_from(&own.rows);
         }

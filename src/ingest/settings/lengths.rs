@@ -81,7 +81,7 @@ pub struct LengthSource<'s> {
     pub sd_mm: f64,
     /// Name of the target that it reads; `None`: the main one.
     pub target: Option<&'s str>,
-    /// What its anchor or plane stands on.
+    /// The base or the floor, on which its anchor or plane stands; `None` where it is not stated.
     pub on: Option<StandsOn>,
     /// The anchor's place in the base's frame; `None`: found.
     pub place: Option<KnownPlace>,
@@ -130,7 +130,7 @@ impl LengthRead {
 }
 
 impl LengthColumns {
-    /// What is known of the instrument.
+    /// The instrument as a source of readings.
     pub fn source(&self) -> LengthSource<'_> {
         LengthSource {
             name: &self.name,
@@ -145,7 +145,7 @@ impl LengthColumns {
 }
 
 impl LoggedLength {
-    /// What is known of the instrument.
+    /// The instrument as a source of readings.
     pub fn source(&self) -> LengthSource<'_> {
         LengthSource {
             name: &self.name,

@@ -40,14 +40,12 @@ pub(in crate::join) struct LaneRows {
     pub(in crate::join) rows: Range<usize>,
 }
 
-/// A dwell of a target in a lane.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::join) struct LaneDwell<'d> {
-    pub(in crate::join) dwell: &'d TargetDwell,
-    /// The lane.
-    pub(in crate::join) lane: usize,
-    /// Its place among the dwells of the lane.
-    pub(in crate::join) place: usize,
+/// The dwells of targets in lanes, in order of time.
+#[derive(Debug)]
+pub(in crate::join) struct LaneDwells<'d> {
+    pub(in crate::join) dwells: &'d [TargetDwell],
+    /// The lane of each dwell, and its place among the dwells of that lane.
+    pub(in crate::join) places: Vec<(usize, usize)>,
 }
 
 /// Rows of readings, in order of time.
@@ -239,13 +237,12 @@ pub(in crate::join) struct ByTarget<'a> {
 /// The readings of each target by the clocks.
 pub(in crate::join) fn by_target<'a>(
     lanes: &'a [Lane<'a>],
-    (seen, dwells): (&Observation, &[LaneDwell<'_>]),
+    (seen, dwells): (&Observation, &LaneDwells<'_>),
     clock: &ClockModel,
     stated: &Stated,
     settings: &JoinSettings,
 ) -> Result<ByTarget<'a>, JoinError> {
-    let of_lanes: Vec<TargetDwell> = dwells.iter().map(|own| own.dwell.clone()).collect();
-    let stations = spots_of_stations(&seen.arm, &of_lanes, clock, seen.stationary_mm);
+    let stations = spots_of_stations(&seen.arm, dwells.dwells, clock, seen.stationary_mm);
     let points = seen
         .arm
         .iter()
@@ -315,7 +312,7 @@ impl Found {
         number: usize,
         spots: &[Spot],
         decided: StationAssignment,
-        dwells: &[LaneDwell<'_>],
+        dwells: &LaneDwells<'_>,
     ) {
         match decided {
             StationAssignment::Ambiguous(own) => {
@@ -340,7 +337,7 @@ impl Found {
         }
     }
 
-    fn leave_out(&mut self, spot: &Spot, dwells: &[LaneDwell<'_>], reason: &str) {
+    fn leave_out(&mut self, spot: &Spot, dwells: &LaneDwells<'_>, reason: &str) {
         let rows = rows_of(spot, dwells).into_iter();
         self.left_out
             .extend(rows.map(|(rows, _)| (rows, reason.to_owned())));
@@ -365,24 +362,24 @@ impl Found {
 }
 
 /// The rows of a spot; those between stretches of a lane that follow each other are of it too.
-fn rows_of(spot: &Spot, dwells: &[LaneDwell<'_>]) -> Vec<Timed> {
+fn rows_of(spot: &Spot, dwells: &LaneDwells<'_>) -> Vec<Timed> {
     let mut ranges: Vec<(usize, Timed)> = Vec::new();
-    for own in spot.stretches.iter().map(|place| &dwells[*place]) {
-        let stretch = own.dwell.stretch;
+    for &stretch in &spot.stretches {
+        let (own, (lane, place)) = (&dwells.dwells[stretch], dwells.places[stretch]);
         let before = ranges.iter_mut().rev();
-        let mut before = before.filter(|(_, (rows, _))| rows.lane == own.lane);
+        let mut before = before.filter(|(_, (rows, _))| rows.lane == lane);
         match before.next() {
-            Some((last, (range, [_, end]))) if *last + 1 == own.place => {
-                *last = own.place;
-                range.rows.end = stretch.last + 1;
-                *end = own.dwell.end;
+            Some((last, (range, [_, end]))) if *last + 1 == place => {
+                *last = place;
+                range.rows.end = own.stretch.last + 1;
+                *end = own.end;
             }
             _ => {
                 let rows = LaneRows {
-                    lane: own.lane,
-                    rows: stretch.first..stretch.last + 1,
+                    lane,
+                    rows: own.stretch.first..own.stretch.last + 1,
                 };
-                ranges.push((own.place, (rows, [own.dwell.start, own.dwell.end])));
+                ranges.push((place, (rows, [own.start, own.end])));
             }
         }
     }

@@ -128,7 +128,8 @@ fn robot(arm: &SuiteArm, path: &Path) -> Result<Input, BenchmarkError> {
     input(arm, path, ROBOT)
 }
 
-fn input(arm: &SuiteArm, path: &Path, name: &str) -> Result<Input, BenchmarkError> {
+/// A file of an arm as an input, with its digest.
+pub(super) fn input(arm: &SuiteArm, path: &Path, name: &str) -> Result<Input, BenchmarkError> {
     let digested = input::open(path, Bound::ANY).and_then(manifest::digest);
     let (digest, bytes) = digested.map_err(|source| BenchmarkError::Input {
         arm: arm.name.clone(),

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::data::input;
 use super::error::{BenchmarkError, PredictionsFault};
 use crate::benchmark::Compared;
 use crate::benchmark::suite::{Suite, SuiteArm, SuiteSplit};
-use crate::io::input::{self, Bound};
 use crate::io::predictions::{self, PredictedStation};
-use crate::manifest::{self, Input};
+use crate::manifest::Input;
 use crate::pipeline::stages::split::Tested;
 
 /// Stations named in a message up to this many.
@@ -59,21 +59,8 @@ impl Program {
                 fault,
             })
         })?;
-        let digested = input::open(path, Bound::ANY).and_then(manifest::digest);
-        let (digest, bytes) = digested.map_err(|source| BenchmarkError::Input {
-            arm: arm.name.clone(),
-            path: path.to_owned(),
-            source,
-        })?;
         let name = format!("predictions/{}", self.name);
-        Ok((
-            compared,
-            Input {
-                name,
-                bytes,
-                digest,
-            },
-        ))
+        Ok((compared, input(arm, path, &name)?))
     }
 
     /// The error of predictions for a split.
