@@ -21,7 +21,7 @@ use crate::geometry::align;
 use crate::report::{Residual, mahalanobis_squared};
 
 pub use bootstrap::{BootstrapSettings, Draws};
-pub use figures::{Figure, FigureName, figures};
+pub use figures::{Figure, FigureName, References, figures};
 pub use leak::{Mixed, mixed};
 pub use numbers::Numbers;
 pub use suite::{Suite, SuiteError};

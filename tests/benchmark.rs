@@ -314,8 +314,18 @@ fn another_program_is_judged_by_the_same_code() {
         .iter()
         .filter(|row| row.entrant == Entrant::Program)
         .collect();
-    assert_eq!(mine.len(), 5, "no coverage without covariances");
-    for row in mine.iter().filter(|row| row.figure.is_length()) {
+    assert_eq!(mine.len(), 6, "no coverage without covariances");
+    let full = result.rows.rows.iter().find(|row| {
+        (row.model.as_str(), row.figure) == ("full", FigureName::Mean)
+            && row.entrant == Entrant::Posegrid
+    });
+    let full_mm = full.expect("a full error model").value;
+    let is_difference = |row: &BenchmarkRow| row.figure == FigureName::Difference;
+    let difference = mine.iter().find(|row| is_difference(row));
+    let difference_mm = difference.expect("a difference").value;
+    assert!((difference_mm - (0.1 - full_mm)).abs() < 1e-9);
+    let lengths = mine.iter().filter(|row| row.figure.is_length());
+    for row in lengths.filter(|row| !is_difference(row)) {
         assert!(
             (row.value - 0.1).abs() < 1e-9 && row.test_stations == STATIONS / 2,
             "{row:?}"

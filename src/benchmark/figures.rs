@@ -22,6 +22,17 @@ pub enum FigureName {
     Coverage,
     /// One minus the mean error over that of base + target.
     Improvement,
+    /// The mean error minus that of the full error model, mm.
+    Difference,
+}
+
+/// The errors of models that others are held against, at the same stations.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct References<'r> {
+    /// Of the nominal arm with base and target fitted.
+    pub base_target: Option<&'r [PredictionError]>,
+    /// Of the full error model.
+    pub full: Option<&'r [PredictionError]>,
 }
 
 /// A figure with its interval.
@@ -37,18 +48,19 @@ pub struct Figure {
 
 impl FigureName {
     /// All, in the order of display.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Mean,
         Self::Rms,
         Self::P95,
         Self::Max,
         Self::Coverage,
         Self::Improvement,
+        Self::Difference,
     ];
 
     /// Whether it is a length in mm, otherwise a share.
     pub const fn is_length(self) -> bool {
-        matches!(self, Self::Mean | Self::Rms | Self::P95 | Self::Max)
+        !matches!(self, Self::Coverage | Self::Improvement)
     }
 
     /// Its name for people.
@@ -60,25 +72,26 @@ impl FigureName {
             Self::Max => "max",
             Self::Coverage => "coverage",
             Self::Improvement => "improvement",
+            Self::Difference => "difference",
         }
     }
 }
 
-/// The figures of `errors`; `reference` are those of base + target at the same stations. Coverage needs a covariance of every
-/// prediction, and the improvement a reference.
+/// The figures of `errors`. Coverage needs a covariance of every prediction, improvement and difference a reference.
 pub fn figures(
     errors: &[PredictionError],
-    reference: Option<&[PredictionError]>,
+    references: References<'_>,
     draws: Option<&Draws>,
 ) -> Vec<Figure> {
-    let of = |places: &[usize]| values(errors, reference, places);
+    let of = |places: &[usize]| values(errors, references, places);
     let all: Vec<usize> = (0..errors.len()).collect();
     let intervals = draws.map(|draws| draws.intervals(of));
     let has_covariances =
         !errors.is_empty() && errors.iter().all(|own| own.mahalanobis_squared.is_some());
     let is_there = |name: FigureName| match name {
         FigureName::Coverage => has_covariances,
-        FigureName::Improvement => reference.is_some(),
+        FigureName::Improvement => references.base_target.is_some(),
+        FigureName::Difference => references.full.is_some(),
         _ => !errors.is_empty(),
     };
     let named = FigureName::ALL.into_iter().zip(of(&all)).enumerate();
@@ -91,25 +104,30 @@ pub fn figures(
 }
 
 /// Every figure of the stations at `places`, in the order of [`FigureName::ALL`]; zeros where there is nothing.
-fn values(
-    errors: &[PredictionError],
-    reference: Option<&[PredictionError]>,
-    places: &[usize],
-) -> [f64; 6] {
+fn values(errors: &[PredictionError], references: References<'_>, places: &[usize]) -> [f64; 7] {
     let distances = |of: &[PredictionError]| -> Vec<f64> {
         places.iter().map(|&place| of[place].distance_mm).collect()
     };
     let Some(own) = Figures::of(&distances(errors)) else {
-        return [0.0; 6];
+        return [0.0; 7];
     };
     let inside = places
         .iter()
         .filter_map(|&place| errors[place].mahalanobis_squared);
     let inside = inside.filter(|&squared| is_inside(squared)).count();
-    let before = reference.and_then(|of| Figures::of(&distances(of)));
-    let improvement = before.map_or(0.0, |before| 1.0 - own.mean / before.mean);
+    let mean = |of: Option<&[PredictionError]>| Some(Figures::of(&distances(of?))?.mean);
+    let improvement = mean(references.base_target).map_or(0.0, |before| 1.0 - own.mean / before);
+    let difference = mean(references.full).map_or(0.0, |full| own.mean - full);
     let coverage = inside as f64 / places.len() as f64;
-    [own.mean, own.rms, own.p95, own.max, coverage, improvement]
+    [
+        own.mean,
+        own.rms,
+        own.p95,
+        own.max,
+        coverage,
+        improvement,
+        difference,
+    ]
 }
 
 #[cfg(test)]
@@ -137,17 +155,23 @@ mod tests {
             )
         });
         let before = errors(|_| (2.1, None));
-        let found = figures(&own, Some(&before), None);
+        let full = errors(|_| (1.0, None));
+        let references = References {
+            base_target: Some(&before),
+            full: Some(&full),
+        };
+        let found = figures(&own, references, None);
         let values: Vec<f64> = found.iter().map(|own| own.value).collect();
-        let expected = [1.05, 1.197_915, 1.905, 2.0, 0.95, 0.5];
+        let expected = [1.05, 1.197_915, 1.905, 2.0, 0.95, 0.5, 0.05];
+        assert_eq!(values.len(), expected.len());
         for (value, expected) in values.iter().zip(expected) {
             assert!((value - expected).abs() < 1e-6, "{values:?}");
         }
-        let without = figures(&before, None, None);
+        let without = figures(&before, References::default(), None);
         assert_eq!(
             without.len(),
             4,
-            "no coverage without covariances, no improvement alone"
+            "no coverage without covariances, no improvement or difference alone"
         );
     }
 }

@@ -13,7 +13,7 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::benchmark::FigureName;
 use crate::io::tables::benchmark::BenchmarkRow;
-use crate::page::benchmark::{Content, Entry, about, interval_shown, leak, shown};
+use crate::page::benchmark::{Content, Entry, about, interval_shown, leader, leak, shown};
 use crate::pipeline::benchmark::{Asked, Benchmark, BenchmarkError, benchmark, export, output};
 
 /// Judge models and other programs on open data with fixed splits.
@@ -132,6 +132,9 @@ fn split(text: &mut String, content: &Content, own: (&str, &str)) {
         if let Some(leak) = leak(row) {
             line(text, &format!("  {leak}"));
         }
+    }
+    if let Some(leader) = leader(content, own) {
+        line(text, &format!("  {leader}"));
     }
     let head = FigureName::ALL.map(|name| format!("{:>13}", name.words()));
     line(text, &format!("  {:<44}{}  mean within", "", head.concat()));

@@ -160,6 +160,45 @@ pub fn leak(row: &BenchmarkRow) -> Option<String> {
     })
 }
 
+/// Who leaves least on a split and by how much, in a sentence: less than the full error model, or where that leads than the next.
+pub fn leader(content: &Content, own: (&str, &str)) -> Option<String> {
+    let computed = content
+        .of_split(own.0, own.1)
+        .filter(|row| row.entrant != Entrant::Published);
+    let mean = |entry: Entry| {
+        let row = content.figure(own, &entry, FigureName::Mean)?;
+        Some((entry, row.value))
+    };
+    let mut means: Vec<(Entry, f64)> = Content::entries(computed)
+        .into_iter()
+        .filter_map(mean)
+        .collect();
+    means.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (first, least_mm) = means.first()?;
+    let told = format!("{} leaves least, a mean of {least_mm:.3} mm", first.name());
+    let is_full = |entry: &Entry| {
+        entry.entrant == Entrant::Posegrid && entry.model == Model::Full.about().word
+    };
+    let other = means.iter().map(|(entry, _)| entry);
+    let compared = if is_full(first) {
+        other.clone().find(|entry| !is_full(entry))?
+    } else {
+        first
+    };
+    let row = content.figure(own, compared, FigureName::Difference)?;
+    let than = if is_full(first) {
+        format!("{} leaves {:.3} mm more", compared.name(), row.value)
+    } else {
+        format!("{:.3} mm less than the full error model", -row.value)
+    };
+    let chance = match row.low.zip(row.high) {
+        Some((low, high)) if low <= 0.0 && high >= 0.0 => "; that is within chance",
+        Some(_) => "; that is more than chance",
+        None => "; of too few blocks to tell it from chance",
+    };
+    Some(format!("{told}; {than}{chance}"))
+}
+
 /// A value as shown: mm with three digits, shares as percentages.
 pub fn shown(name: FigureName, value: f64) -> String {
     if name.is_length() {
@@ -288,6 +327,7 @@ fn split(content: &Content, own: (&str, &str)) -> Markup {
             p.note { (about(row)) }
             @if let Some(leak) = leak(row) { p.warning { (leak) "." } }
         }
+        @if let Some(leader) = leader(content, own) { p { (leader) "." } }
         (table(&head, &body))
     }
 }
@@ -325,7 +365,7 @@ fn reading(content: &Content) -> Markup {
     html! {
         ul {
             li { "Errors are distances of measured and predicted positions of the measured target at the stations that judge. Base and target are those of the training unless the split says otherwise." }
-            li { "Coverage is the share of stations inside the 95 % ellipsoids that a model states, and improvement one minus its mean error over that of the nominal arm with base and target fitted." }
+            li { "Coverage is the share of stations inside the 95 % ellipsoids that a model states, and improvement one minus its mean error over that of the nominal arm with base and target fitted. The difference is its mean error minus that of the full error model; it is more than chance where its interval has no zero in it. Of many models the one that leads on a split leads by chance too: it was chosen by the same stations." }
             li { "A split leaks where the stations that judge stand among those that train. Of their six nearest neighbours in joint space as many train as if stations had been drawn by lot, or a quarter of that at least by rows and nine tenths by region." }
             li { "An interval is from drawing whole blocks of the work space (a quarter of its extent along each axis) with replacement; there is none with fewer than eight blocks. All models of a split are judged on the same draws." }
             li { "Published figures are repeated from their sources, and were not computed here." }

@@ -95,6 +95,7 @@ words! {
         Max: "max",
         Coverage: "coverage",
         Improvement: "improvement",
+        Difference: "difference",
     }
     Entrant { Posegrid: "posegrid", Program: "program", Published: "published" }
     TableBase { Training: "training", Stations: "stations", Test: "test" }

@@ -8,8 +8,8 @@ use super::entered::Program;
 use super::error::{BenchmarkError, PredictionsFault};
 use crate::benchmark::suite::{NamedBase, Published, SplitBase, Suite, SuiteArm, SuiteSplit};
 use crate::benchmark::{
-    Compared, Draws, Figure, FigureName, Mixed, Numbers, PredictionError, SuiteError, bootstrap,
-    figures, mixed, placed, unlike,
+    Compared, Draws, Figure, FigureName, Mixed, Numbers, PredictionError, References, SuiteError,
+    bootstrap, figures, mixed, placed, unlike,
 };
 use crate::figures::Figures;
 use crate::fit::{Blocks, Observation};
@@ -180,15 +180,15 @@ impl<'a> Opened<'a> {
     ) -> Result<Vec<BenchmarkRow>, BenchmarkError> {
         let mixed = self.mixed()?;
         let mut entries = self.models(progress)?;
-        let base_target = Model::BaseTarget.about().word;
-        let reference = entries.iter().find(|own| own.model == base_target);
-        let reference = reference
-            .map(|own| self.errors(&own.compared))
-            .transpose()?;
+        let of = |model: Model| {
+            let own = entries.iter().find(|own| own.model == model.about().word);
+            own.map(|own| self.errors(&own.compared)).transpose()
+        };
+        let (base_target, full) = (of(Model::BaseTarget)?, of(Model::Full)?);
         let mut inputs = self.data.inputs.clone();
         for program in programs {
             if let Some(path) = program.file(self.arm, self.split) {
-                let (entry, input) = self.entered(program, path, reference.as_deref())?;
+                let (entry, input) = self.entered(program, path, base_target.as_deref())?;
                 entries.push(entry);
                 inputs.push(input);
             }
@@ -196,10 +196,14 @@ impl<'a> Opened<'a> {
         let blocks = self.blocks();
         let common = self.row(&self.key(inputs)?, &mixed, &blocks);
         let draws = Draws::new(&blocks, &self.suite.bootstrap);
+        let references = References {
+            base_target: base_target.as_deref(),
+            full: full.as_deref(),
+        };
         let mut rows = self.published(&common);
         for entry in entries {
             let errors = self.errors(&entry.compared)?;
-            for figure in figures(&errors, reference.as_deref(), draws.as_ref()) {
+            for figure in figures(&errors, references, draws.as_ref()) {
                 rows.push(self.figure(&common, &entry, &figure));
             }
         }
