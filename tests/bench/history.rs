@@ -1,9 +1,11 @@
 //! How long a history takes: `cargo bench --bench history`. A lake of 10,000 sessions of one robot (asked: 1 s on two cores), once
 //! from nothing and then from what was kept; beside it the floor, reading and digesting every row of `runs`. The sessions carry
 //! a geometric model of 36 unknowns; full error models take some 70 ms each the first time, and the same time from what was kept.
+//!
+//! `cargo bench --bench history -- 365 200` has so many sessions of each of so many robots, and at the end one more of each (asked: 30 s).
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use posegrid::fit::saved::SavedCalibration;
@@ -23,24 +25,34 @@ use posegrid::units::WallTime;
 use rayon::prelude::*;
 
 fn main() {
-    let asked = std::env::args().find_map(|arg| arg.parse().ok());
+    let mut asked = std::env::args().filter_map(|arg| arg.parse().ok());
     let is_bench = std::env::args().any(|arg| arg == "--bench");
-    let sessions: usize = asked.unwrap_or(if is_bench { 10_000 } else { 20 });
+    let sessions: usize = asked.next().unwrap_or(if is_bench { 10_000 } else { 20 });
+    let robots: usize = asked.next().unwrap_or(1);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let lake = Lake::new(folder.path());
     let model = model();
-    (0..sessions)
+    (0..robots * sessions)
         .into_par_iter()
-        .for_each(|number| put(&lake, number, &model));
-    println!("{sessions} sessions");
-    for name in ["from nothing", "from what was kept", "again", "again"] {
+        .for_each(|place| put(&lake, place / sessions, place % sessions, &model));
+    println!("{sessions} sessions of each of {robots} robots");
+    let asked = |name: &str, sessions: usize| {
         let found = measured(name, || {
             history(&lake, &Asked::default(), &Quiet).expect("a history")
         });
-        let found = &found[0];
-        assert_eq!((found.sessions.len(), found.left_out.len()), (sessions, 0));
-        println!("  {} of them kept", found.from_summary);
+        for own in &found {
+            assert_eq!((own.sessions.len(), own.left_out.len()), (sessions, 0));
+        }
+        let kept: usize = found.iter().map(|own| own.from_summary).sum();
+        println!("  {kept} of them kept");
+    };
+    for name in ["from nothing", "from what was kept", "again", "again"] {
+        asked(name, sessions);
     }
+    (0..robots)
+        .into_par_iter()
+        .for_each(|robot| put(&lake, robot, sessions, &model));
+    asked("one more of each robot", sessions + 1);
     let bytes = measured("rows of runs read and digested", || {
         files(&folder.path().join("runs"))
     });
@@ -68,17 +80,13 @@ fn cpu_seconds() -> f64 {
 }
 
 fn files(folder: &Path) -> usize {
-    let robot = fs::read_dir(folder)
-        .expect("readable")
-        .next()
-        .expect("a robot")
-        .expect("readable")
-        .path();
-    let sessions: Vec<_> = fs::read_dir(robot)
-        .expect("readable")
-        .map(|entry| entry.expect("readable").path())
-        .collect();
-    let of = |session: &std::path::PathBuf| -> usize {
+    let inside = |folder: &Path| -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).expect("readable");
+        entries.map(|own| own.expect("readable").path()).collect()
+    };
+    let robots = inside(folder);
+    let sessions: Vec<PathBuf> = robots.iter().flat_map(|robot| inside(robot)).collect();
+    let of = |session: &PathBuf| -> usize {
         let rows = fs::read_dir(session)
             .expect("readable")
             .map(|row| fs::read(row.expect("readable").path()).expect("readable"));
@@ -131,10 +139,10 @@ fn model() -> String {
 }
 
 /// Writes what the history reads of one session, without the waits for the disk that a run has.
-fn put(lake: &Lake, number: usize, model: &str) {
+fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
     let session = format!("s{number:06}");
     let work = Work {
-        robot: "kr210".to_owned(),
+        robot: format!("kr210-{robot:03}"),
         session: session.clone(),
         pipeline: "nightly".to_owned(),
         sessions: vec![session.clone()],
