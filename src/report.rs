@@ -15,6 +15,7 @@ pub mod locate;
 pub mod next;
 pub mod promise;
 pub mod refit;
+pub mod rivals;
 pub mod symbols;
 pub mod tip;
 pub mod unseen;
@@ -29,6 +30,7 @@ pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
 use crate::join::TargetId;
 pub use locate::Finders;
+pub use rivals::Beside;
 use serde::{Deserialize, Serialize};
 use tip::Turn;
 
@@ -184,6 +186,8 @@ pub struct Accuracy {
     pub finders: Option<Finders>,
     /// Number of distinct blocks of the stations: those of one block are not independent. `None` where there are no blocks.
     pub blocks: Option<usize>,
+    /// The model held against the one that corrects; `None` unless it is a rival.
+    pub beside: Option<Beside>,
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without
     /// covariances.
     pub coverage: Option<Calibrated>,

@@ -2,28 +2,23 @@
 
 mod common;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use common::NOISE;
 use common::trained::random_sessions;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use posegrid::figures::Figures;
+use posegrid::figures::{CHI_SQUARED_3_95, Figures, clustered_mean};
 use posegrid::fit::full::{FullModel, FullSettings};
-use posegrid::fit::holdout::extent;
 use posegrid::fit::model::{At, Query};
 use posegrid::fit::models::{Models, train_all};
 use posegrid::fit::rivals::idw::{Idw, Space};
 use posegrid::fit::rivals::kriging::Kriging;
 use posegrid::fit::rivals::{Rival, Sample, samples, slides};
 use posegrid::fit::{
-    FitSettings, IdentifiedGeometry, Model, Observation, PoseModel, TrainingSettings,
+    Blocks, FitSettings, IdentifiedGeometry, Model, Observation, PoseModel, TrainingSettings,
 };
 use posegrid::geometry::align;
 use posegrid::kinematics::Arm;
-
-/// The 95 % quantile of chi squared with three degrees of freedom.
-const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 
 /// The models of a training; with `rivals`, those on top of the identified geometry too.
 fn models(arm: &Arm, observations: &[Observation], rivals: bool) -> Models {
@@ -179,26 +174,13 @@ fn all(arm: &Arm, train: &[Observation]) -> Vec<(String, Arc<dyn PoseModel>)> {
 /// Mean difference of error norms from those of another model, and its standard error, stations of one of 64 blocks counted together, mm.
 fn difference(own: &Residuals, other: &Residuals, test: &[Observation]) -> (f64, f64) {
     let positions: Vec<Point3<f64>> = test.iter().map(common::position).collect();
-    let (low, high) = extent(&positions);
-    let block = |at: &Point3<f64>| -> [u8; 3] {
-        std::array::from_fn(|axis| {
-            let share = (at[axis] - low[axis]) / (high[axis] - low[axis]);
-            u8::from(share >= 0.25) + u8::from(share >= 0.5) + u8::from(share >= 0.75)
-        })
-    };
+    let blocks = Blocks::default().cells(&positions).into_iter();
+    let blocks: Vec<[u64; 3]> = blocks.map(|block| block.map(f64::to_bits)).collect();
     let differences = own.iter().zip(other);
     let differences: Vec<f64> = differences
         .map(|((a, _), (b, _))| a.norm() - b.norm())
         .collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let mut blocks: BTreeMap<[u8; 3], f64> = BTreeMap::new();
-    for (own, at) in differences.iter().zip(&positions) {
-        *blocks.entry(block(at)).or_default() += own - mean;
-    }
-    let groups = blocks.len() as f64;
-    let squares: f64 = blocks.values().map(|own| own * own).sum();
-    (mean, (squares * groups / (groups - 1.0)).sqrt() / count)
+    clustered_mean(&differences, &blocks).expect("several blocks")
 }
 
 #[test]

@@ -82,6 +82,7 @@ fn settings() -> StageSettings {
             orientation_tolerance_deg: 5.0,
             interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
             sources: vec![Source::Measured, Source::Model],
+            rivals: false,
             idw_power: 2.0,
             choose: Rule::Within,
             within: 0.05,

@@ -166,6 +166,8 @@ pub struct Query<'q> {
     pub own: bool,
     /// The station's number, for drift, warm-up and the session's scale; `None` for a command used in another session.
     pub station: Option<usize>,
+    /// The temperature there, °C; `None` where it is not known.
+    pub temperature_c: Option<f64>,
 }
 
 /// The origin of the axis variables of a query.
@@ -251,6 +253,7 @@ impl<'q> Query<'q> {
             target: observation.target,
             own: true,
             station: Some(observation.station),
+            temperature_c: observation.temperature_c,
         }
     }
 

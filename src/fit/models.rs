@@ -1,5 +1,7 @@
 //! Models to be compared, trained on the same observations.
 
+use std::time::{Duration, Instant};
+
 use nalgebra::UnitVector3;
 
 use super::full::{FullModel, FullSettings};
@@ -35,6 +37,8 @@ pub struct Models {
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
     /// Rivals of them all, where they were asked for.
     pub rivals: Vec<(Model, Box<dyn PoseModel>)>,
+    /// The time that the training of each rival took.
+    pub rival_times: Vec<(Model, Duration)>,
 }
 
 /// The inputs of a model that is built from others.
@@ -85,6 +89,7 @@ pub fn train(
         full,
         on_top: Vec::new(),
         rivals: Vec::new(),
+        rival_times: Vec::new(),
     })
 }
 
@@ -121,14 +126,17 @@ pub(super) fn with_models_on_top(
         Made::Elsewhere | Made::Always(_) | Made::Rival(_) => None,
     };
     let rival = |model: &Model| match model.about().made {
-        Made::Rival(make) if rivals => Some((*model, make(&training)?)),
+        Made::Rival(make) if rivals => {
+            let began = Instant::now();
+            let made = make(&training)?;
+            Some(((*model, made), (*model, began.elapsed())))
+        }
         _ => None,
     };
     let all = || Model::ALL.iter();
-    (models.on_top, models.rivals) = (
-        all().filter_map(on_top).collect(),
-        all().filter_map(rival).collect(),
-    );
+    let (made, times) = all().filter_map(rival).unzip();
+    models.on_top = all().filter_map(on_top).collect();
+    (models.rivals, models.rival_times) = (made, times);
     models
 }
 
@@ -152,6 +160,11 @@ impl Models {
                     .map(|(_, model)| &**model)
             }
         }
+    }
+
+    /// This model, or the best one where the training does not have it.
+    pub fn or_best(&self, model: Model) -> &dyn PoseModel {
+        self.get(model).unwrap_or_else(|| self.best().1)
     }
 
     /// The best model for grids and compensation: the full error model, or without it the geometry.

@@ -110,7 +110,7 @@ pub enum Made {
     Always(fn(&Models) -> Option<&dyn PoseModel>),
     /// From the stations and the models of every training, where figures of it are asked for.
     OnTop(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
-    /// In the same way, where rivals are asked for ([`super::rivals`]): compared with stations, never saved, and nothing is made of it.
+    /// In the same way, where rivals are asked for ([`super::rivals`]): compared with stations, and never saved.
     Rival(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
 }
 
@@ -130,6 +130,11 @@ impl Model {
     pub fn of_word(word: &str) -> Option<Self> {
         let mut all = Self::ALL.iter().copied();
         all.find(|model| model.about().word == word)
+    }
+
+    /// Whether it is trained to be compared, where rivals are asked for.
+    pub const fn is_rival(self) -> bool {
+        matches!(self.about().made, Made::Rival(_))
     }
 
     /// The models that grids, `compensate` and verdicts use, the best first.

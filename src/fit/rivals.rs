@@ -1,8 +1,8 @@
 //! Rivals: the models that papers use for the errors that another model leaves, to be compared with the full error model.
 //!
 //! Inputs are the model underneath (the identified geometry in a run) and its stations; output is a [`PoseModel`] that adds to the
-//! model underneath an error predicted from the stations' own ([`ErrorMap`]). A rival is compared and nothing more: no table, grid or
-//! corrected command is made of it, and it is not saved ([`super::registry::Made::Rival`]).
+//! model underneath an error predicted from the stations' own ([`ErrorMap`]). A rival is compared: it is not saved
+//! ([`super::registry::Made::Rival`]), and node values are of one only where it wins and is asked for ([`crate::report::rivals`]).
 //! - [`kriging`]: a Gaussian process with one kernel of all joints;
 //! - [`idw`]: inverse distance weights of the nearest stations, in space or in joint space;
 //! - `network`, with the feature `learned`: an ensemble of small neural networks.
@@ -31,6 +31,8 @@ pub struct Place<'p> {
     pub axes: &'p [f64],
     /// Their origin.
     pub known: Known<'p>,
+    /// Temperature, °C; `None` where it is not known.
+    pub temperature_c: Option<f64>,
     /// Position by the model underneath, base frame, mm.
     pub position: Point3<f64>,
 }
@@ -122,6 +124,7 @@ impl<'p> Place<'p> {
         Self {
             axes: query.axes,
             known: query.known,
+            temperature_c: query.temperature_c,
             position: tracker_from_base.inverse_transform_point(predicted),
         }
     }
@@ -167,6 +170,7 @@ mod test {
         Place {
             axes,
             known: Known::Reported,
+            temperature_c: None,
             position: position.into(),
         }
     }

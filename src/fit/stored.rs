@@ -44,6 +44,7 @@ impl StoredModels {
             full: full.transpose()?,
             on_top: Vec::new(),
             rivals: Vec::new(),
+            rival_times: Vec::new(),
         };
         Ok(with_models_on_top(
             models,

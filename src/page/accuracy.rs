@@ -1,5 +1,6 @@
 //! Accuracy figures before and after.
 
+mod rivals;
 mod sessions;
 mod tip;
 
@@ -45,6 +46,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
                 (rows(&content.figures, &training))
             }
         }
+        (rivals::section(&content.figures))
         (tip::figures(&content.tip))
     })
 }

@@ -372,7 +372,7 @@ fn context<'a>(
         full: &configuration.stages.full,
         tolerance: configuration.stages.tolerance,
         grid: GridBasis {
-            model: outcome.best,
+            model: outcome.gridded,
             angles: Angles::Commanded,
             split: Split::Blocks,
             guard_mm: outcome.grids.guard_mm,

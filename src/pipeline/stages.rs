@@ -28,14 +28,16 @@ use thiserror::Error;
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::NotOneArm;
 use crate::fit::saved::SavedError;
-use crate::fit::{ErrorBase, FitError, FitSettings, FramePair, Frames, Noise, SurveyedBase};
+use crate::fit::{
+    ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
+};
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::locate::{Locate, Locator};
-use crate::report::{Angles, Model, Residual, ResidualSet, Split};
+use crate::report::{Angles, Model, Residual, ResidualSet, Split, rivals};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 use estimate::training_settings;
@@ -185,7 +187,10 @@ pub fn results<'a>(
     let unseen = mountings::of_one_mounting(unseen_sessions(&models, &tested, &locator)?);
     let mut residuals = estimate.residuals;
     residuals.extend(lengths::of_positions(unseen, &observed));
-    let last = training.len() - 1;
+    let (last, best) = (training.len() - 1, models.best().0);
+    let beside = rivals::beside(&residuals, best, &settings.fit.blocks);
+    let winner = rivals::winner(&beside, &training[last].name).filter(|_| settings.grid.rivals);
+    let gridded = in_every_fold(winner, &folds).unwrap_or(best);
     let frames = models.base_target.frames.iter().map(Frames::main);
     let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
@@ -200,7 +205,7 @@ pub fn results<'a>(
         &error_frame,
         &models,
         &folds,
-        (last, &tested),
+        (last, &tested, gridded),
         settings,
         progress,
     )?;
@@ -211,6 +216,7 @@ pub fn results<'a>(
         locator: &locator,
         test: &tested,
         own: (&training[last], last),
+        gridded,
         error_frame: &error_frame,
         settings,
     };
@@ -233,6 +239,7 @@ pub fn results<'a>(
         frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
+        beside: &beside,
         grids: &grids,
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
@@ -245,7 +252,8 @@ pub fn results<'a>(
         residuals.extend(driven.sets().cloned());
     }
     Ok(Outcome {
-        best: models.best().0,
+        best,
+        gridded,
         targets: flanges.targets,
         frame: stated::frame(&error_frame, &models.base_target, last, settings),
         training,
@@ -271,6 +279,11 @@ pub fn results<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// The model where every fold has it: a table is judged by models of its own kind.
+fn in_every_fold(model: Option<Model>, folds: &[Option<Models>]) -> Option<Model> {
+    model.filter(|model| folds.iter().flatten().all(|own| own.get(*model).is_some()))
 }
 
 /// Semivariograms of the errors that each model leaves on the session that it was trained on.

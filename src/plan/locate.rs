@@ -249,6 +249,7 @@ impl Site<'_> {
             target: TargetId::ONLY,
             own: false,
             station: Some(station),
+            temperature_c: None,
         }
     }
 }

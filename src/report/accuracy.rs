@@ -5,12 +5,9 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::{Accuracy, Calibrated, Moment, Point, ResidualSet, Split};
-use crate::figures::{Counted, Figures};
+use crate::figures::{CHI_SQUARED_3_95, Counted, Figures};
 use crate::fit::Corrects;
 use crate::grid::{Tolerance, Verdict};
-
-/// The 95 % quantile of chi squared with three degrees of freedom.
-const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 
 /// The figures of one set; `folds` gives the block of each station, where blocks were held out.
 pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accuracy {
@@ -49,6 +46,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         counted,
         finders: None,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
+        beside: None,
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,
         verdict,

@@ -272,6 +272,22 @@ impl Locator {
         Some(self.errors_at(observations, angles, placed, alone))
     }
 
+    /// The poses of a session as far as its frames concern them, with errors that no two share.
+    pub(super) fn poses_apart(&self, placed: &[Placed], alone: Vec<Matrix3<f64>>) -> Poses {
+        let (columns, precision) = frame_columns(placed, self.own_target(), 0.0);
+        Poses {
+            half: DMatrix::zeros(0, 3 * placed.len()),
+            columns,
+            precision,
+            alone,
+        }
+    }
+
+    /// Standard deviation of a target of the session's own, mm; `None` of the known one.
+    fn own_target(&self) -> Option<f64> {
+        self.locate.with_target().then_some(self.target_sd_mm)
+    }
+
     fn errors_at(
         &self,
         observations: &[Observation],
@@ -279,8 +295,7 @@ impl Locator {
         placed: &[Placed],
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
-        let own_target = self.locate.with_target().then_some(self.target_sd_mm);
-        let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
+        let (columns, precision) = frame_columns(placed, self.own_target(), self.scale_sd);
         let axes = observations
             .iter()
             .map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
@@ -397,5 +412,6 @@ fn query<'q>(observation: &'q Observation, axes: &'q [f64], known: Known<'q>) ->
         target: observation.target,
         own: false,
         station: Some(observation.station),
+        temperature_c: observation.temperature_c,
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! Inputs: trained models, the session's observations, the stations that find its frames ([`Locator`]). Output: residual sets.
 //! Base and target come from stations that do not judge. By the full error model they are estimated by generalised least squares, and
-//! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]); other models
-//! count all stations alike and state no covariance.
+//! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]). By a rival they
+//! are estimated in the same way with errors that stations do not share, since a rival says nothing of what they share; other models count
+//! all stations alike and state no covariance.
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
@@ -39,8 +40,10 @@ pub fn unseen_session(
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
         let noise = noise(it, &predictions, stations.observations, &to_base);
-        let poses = (model == Model::Full)
-            .then(|| locator.poses(stations.observations, angles, &placed, noise));
+        let poses = match model {
+            Model::Full => locator.poses(stations.observations, angles, &placed, noise),
+            _ => (model.is_rival()).then(|| locator.poses_apart(&placed, noise)),
+        };
         let targets = stations.observations.iter().map(|o| target_read(models, o));
         let unseen = Unseen {
             targets: targets.collect(),
@@ -49,7 +52,7 @@ pub fn unseen_session(
             placed: &placed,
             to_base: &to_base,
             with_target,
-            poses: poses.flatten(),
+            poses,
         };
         for &base_refit in &refits[usize::from(with_target)..] {
             let subject = Subject {

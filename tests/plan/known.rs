@@ -84,6 +84,7 @@ fn query<'q>(axes: &'q [f64], known: Known<'q>) -> Query<'q> {
         target: TargetId::ONLY,
         own: true,
         station: None,
+        temperature_c: None,
     }
 }
 

@@ -27,6 +27,7 @@ mod one_verdict;
 mod page;
 mod planned;
 mod pretended;
+mod rivals;
 mod robot;
 mod same_work;
 mod set_up;

@@ -1,15 +1,16 @@
 //! A small neural network: an ensemble of five, with an uncertainty calibrated by conformal prediction.
 //!
-//! Inputs of the network are the sine and cosine of each joint (of one that slides its variable), commanded minus reported angles, and where
-//! the angles came from; readings have no temperature, so it is none of them. Outputs are the errors along the axes of the base. Steps:
+//! Inputs of the network are the sine and cosine of each joint (of one that slides its variable), commanded minus reported angles, the
+//! temperature where stations have one (their mean where it is not known, and whether it is), and where the angles came from. Outputs are
+//! the errors along the axes of the base. Steps:
 //! 1. whole blocks of the work space part the stations into three disjoint sets ([`crate::fit::holdout`]): the last blocks calibrate, one
 //!    block fold stops a member, another for each, and the rest trains it (`Parts`);
 //! 2. five members from first weights of their own are trained (`member`);
 //! 3. the mean of the members is the error, their variance and that of their validation the variance; its factor makes 95 % of the
 //!    calibration stations lie inside their ellipsoids (split conformal prediction: Lei et al., Distribution-free predictive inference for
 //!    regression, 2018);
-//! 4. outside the measured range of a joint the error fades to zero within `FADES_RAD`, and the variance to that of all errors: a network
-//!    knows nothing there, and says so.
+//! 4. outside the measured range of a joint or of the temperature the error fades to zero within `FADES_RAD` and `FADES_C`, and the variance
+//!    to that of all errors: a network knows nothing there, and says so.
 //!
 //! The blocks that judge are none of these: they are held out of all stations that a rival sees.
 
@@ -20,6 +21,7 @@ mod tests;
 use nalgebra::{DMatrix, Matrix3, Point3, RowDVector, Vector3};
 
 use super::{ErrorMap, Estimate, Place, Sample};
+use crate::figures::{CHI_SQUARED_3_95, extremes};
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::model::Known;
 use crate::units::SLIDE_MM_PER_RAD;
@@ -31,15 +33,17 @@ const MEMBERS: usize = 5;
 const LEAST_CALIBRATION: usize = 19;
 /// Fewest stations that train a member.
 const LEAST_TRAINING: usize = 30;
-/// The 95 % quantile of chi squared with three degrees of freedom.
-const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 /// Distance from the measured range of a joint within which the network fades, rad; a mm of sliding counts as a mrad.
 const FADES_RAD: f64 = 0.1;
+/// The same of the measured temperatures, °C.
+const FADES_C: f64 = 2.0;
 
 /// The ensemble.
 #[derive(Debug)]
 pub struct Network {
     slides: Vec<bool>,
+    /// The temperature that stands for one that is not known, °C; `None` where none of the stations has one, and it is no input.
+    usual_c: Option<f64>,
     inputs: Scale,
     outputs: Scale,
     members: Vec<Member>,
@@ -51,6 +55,8 @@ pub struct Network {
     measured: f64,
     /// Least and largest value of each axis variable at the stations.
     ranges: Vec<[f64; 2]>,
+    /// Least and largest temperature there, °C; `None` where none is known.
+    temperatures: Option<[f64; 2]>,
     /// Variance of the errors themselves, mm².
     unknown: Vector3<f64>,
 }
@@ -73,9 +79,10 @@ impl Network {
     /// The ensemble of these stations; `None` of fewer than can be parted into training, validation and calibration.
     pub fn new(samples: &[Sample<'_>], slides: &[bool]) -> Option<Self> {
         let parts = Parts::of(samples)?;
+        let usual_c = usual_c(samples);
         let rows: Vec<RowDVector<f64>> = samples
             .iter()
-            .map(|own| inputs(&own.place, slides))
+            .map(|own| inputs(&own.place, slides, usual_c))
             .collect();
         let rows = DMatrix::from_rows(&rows);
         let errors = DMatrix::from_fn(samples.len(), 3, |row, axis| samples[row].error[axis]);
@@ -85,6 +92,7 @@ impl Network {
         let (members, left) = members(&parts, &inputs, &outputs)?;
         let own = Self {
             slides: slides.to_vec(),
+            usual_c,
             inputs: input_scale,
             left: Vector3::from_fn(|axis, _| left[axis] * output_scale.sd[axis].powi(2)),
             outputs: output_scale,
@@ -92,6 +100,7 @@ impl Network {
             conformal: 1.0,
             measured: super::mean_measured_variance(samples),
             ranges: ranges(samples, slides.len()),
+            temperatures: temperatures(samples),
             unknown: unknown(samples),
         };
         let conformal = own.conformal(samples, &parts.calibration);
@@ -114,7 +123,8 @@ impl Network {
 
     /// Mean and variance of the members, with that of their validation, mm and mm².
     fn ensemble(&self, place: &Place<'_>) -> (Vector3<f64>, Vector3<f64>) {
-        let inputs = self.inputs.scaled_row(&inputs(place, &self.slides));
+        let inputs = inputs(place, &self.slides, self.usual_c);
+        let inputs = self.inputs.scaled_row(&inputs);
         let each: Vec<Vector3<f64>> = self
             .members
             .iter()
@@ -131,14 +141,16 @@ impl Network {
         )
     }
 
-    /// Share of the network at axis variables: 1 inside all measured ranges, less the further outside.
-    fn share(&self, axes: &[f64]) -> f64 {
-        let each = axes.iter().zip(&self.ranges).zip(&self.slides);
-        let beyond = each.map(|((own, [low, high]), slides)| {
+    /// Share of the network at a place: 1 inside all measured ranges, less the further outside.
+    fn share(&self, place: &Place<'_>) -> f64 {
+        let each = place.axes.iter().zip(&self.ranges).zip(&self.slides);
+        let turned = each.map(|((own, range), slides)| {
             let unit = if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
-            (low - own).max(own - high).max(0.0) / (unit * FADES_RAD)
+            beyond(*own, *range) / (unit * FADES_RAD)
         });
-        (-0.5 * beyond.map(|own| own * own).sum::<f64>()).exp()
+        let warm = place.temperature_c.zip(self.temperatures);
+        let warm = warm.map(|(own, range)| beyond(own, range) / FADES_C);
+        (-0.5 * turned.chain(warm).map(|own| own * own).sum::<f64>()).exp()
     }
 }
 
@@ -147,7 +159,7 @@ impl ErrorMap for Network {
         let (error, variance) = self.ensemble(place);
         let calibrated = variance.add_scalar(self.measured) * self.conformal;
         let inside = calibrated.map(|own| (own - self.measured).max(0.0));
-        let share = self.share(place.axes);
+        let share = self.share(place);
         Estimate {
             error: error * share,
             variance: inside * share + self.unknown.sup(&inside) * (1.0 - share),
@@ -205,9 +217,17 @@ fn set((inputs, outputs): &(DMatrix<f64>, DMatrix<f64>)) -> Set<'_> {
     Set { inputs, outputs }
 }
 
-/// The inputs of a place: sine and cosine of each joint, commanded minus reported angles in mrad, and where the angles came from.
-fn inputs(place: &Place<'_>, slides: &[bool]) -> RowDVector<f64> {
-    let mut row = Vec::with_capacity(3 * place.axes.len() + 2);
+/// The mean temperature of the stations where it is known, °C; `None` where none is.
+fn usual_c(samples: &[Sample<'_>]) -> Option<f64> {
+    let known = samples.iter().filter_map(|own| own.place.temperature_c);
+    let known: Vec<f64> = known.collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+}
+
+/// The inputs of a place: sine and cosine of each joint, commanded minus reported angles in mrad, where the angles came from, and the
+/// temperature where stations have one.
+fn inputs(place: &Place<'_>, slides: &[bool], usual_c: Option<f64>) -> RowDVector<f64> {
+    let mut row = Vec::with_capacity(3 * place.axes.len() + 4);
     for (own, slides) in place.axes.iter().zip(slides) {
         let pair = if *slides {
             [*own / SLIDE_MM_PER_RAD, 0.0]
@@ -226,12 +246,29 @@ fn inputs(place: &Place<'_>, slides: &[bool]) -> RowDVector<f64> {
         None => row.extend(std::iter::repeat_n(0.0, place.axes.len())),
     }
     row.extend(from.map(|own| f64::from(u8::from(own))));
+    if let Some(usual_c) = usual_c {
+        let is_known = place.temperature_c.is_some();
+        row.extend([
+            place.temperature_c.unwrap_or(usual_c),
+            f64::from(u8::from(is_known)),
+        ]);
+    }
     RowDVector::from_vec(row)
 }
 
 /// The rank of the conformal quantile among so many: the least k with `k ≥ 0.95 (n + 1)`, at most n.
 fn rank(count: usize) -> usize {
     (19 * (count + 1)).div_ceil(20).min(count)
+}
+
+/// The distance of a value from a range; 0 inside.
+fn beyond(own: f64, [low, high]: [f64; 2]) -> f64 {
+    (low - own).max(own - high).max(0.0)
+}
+
+fn temperatures(samples: &[Sample<'_>]) -> Option<[f64; 2]> {
+    let known = samples.iter().filter_map(|own| own.place.temperature_c);
+    extremes(known).map(|(low, high)| [low, high])
 }
 
 fn ranges(samples: &[Sample<'_>], axes: usize) -> Vec<[f64; 2]> {

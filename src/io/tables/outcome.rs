@@ -186,8 +186,10 @@ pub struct Outcome<'a> {
     pub stated_sizes: Vec<FoundSize>,
     /// Models made from these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
-    /// The model of the grids.
+    /// The best model that was identified.
     pub best: Model,
+    /// The model of the grids' node values: the best, or a rival that won against it.
+    pub gridded: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
     /// The sources of each model.

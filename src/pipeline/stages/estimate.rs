@@ -3,6 +3,10 @@
 //! It follows from the sessions that train, how readings are weighed and what is fitted. Steps, tolerances, figures and sessions that only
 //! judge come behind it, so another of them trains nothing: [`Estimate::stored`] is what the lake keeps of it.
 
+use std::collections::BTreeMap;
+use std::iter;
+use std::time::Duration;
+
 use super::cameras;
 use super::flanges::Flanges;
 use super::judged::{Judged, leaves_sessions_out, sessions_left_out, train_folds};
@@ -13,7 +17,7 @@ use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
-use crate::fit::{self, Models, TrainingSettings};
+use crate::fit::{self, Model, Models, TrainingSettings};
 use crate::io::tables::estimates::StoredTrainings;
 use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
 use crate::join::one_source;
@@ -76,6 +80,7 @@ pub fn estimate(
         let folds = train_folds(arm, &observed, sessions, &train, progress)?;
         (models, folds, None)
     };
+    log_rival_times(&training, iter::once(&models).chain(folds.iter().flatten()));
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
     let length_residuals =
         lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
@@ -204,6 +209,20 @@ fn restored(
     });
     let folds = folds.collect::<Result<Vec<_>, _>>()?;
     Ok((models, folds, Some(stored.sessions_left_out)))
+}
+
+/// Logs how long the rivals of these trainings took to train, which no table has.
+fn log_rival_times<'m>(training: &[JoinedSession], trainings: impl Iterator<Item = &'m Models>) {
+    let mut times: BTreeMap<Model, (u32, Duration)> = BTreeMap::new();
+    for (model, time) in trainings.flat_map(|own| &own.rival_times) {
+        let (count, sum) = times.entry(*model).or_default();
+        (*count, *sum) = (*count + 1, *sum + *time);
+    }
+    let session = training.last().map_or("", |own| &own.name);
+    for (model, (count, time)) in times {
+        let (word, seconds) = (model.about().word, time.as_secs_f64());
+        tracing::info!("session {session}: {word}: {count} trainings in {seconds:.1} s");
+    }
 }
 
 /// The settings of a training.

@@ -87,3 +87,50 @@ fn few_stations_make_no_network() {
 fn of_nineteen_the_largest_is_the_conformal_quantile_and_of_a_hundred_the_96th() {
     assert_eq!((rank(19), rank(39), rank(100)), (19, 38, 96));
 }
+
+#[test]
+fn it_learns_what_a_temperature_does_and_fades_outside_the_measured_ones() {
+    let (known, unseen) = (stations(300, -1.5, 1.5, 0.1), stations(150, -1.4, 1.4, 0.7));
+    // 0.03 mm a degree along y, from 18 to 26 °C without order.
+    let celsius = |place: usize| 18.0 + 8.0 * (0.618_033_99 * place as f64).fract();
+    let warm = |stations: &[([f64; 2], Vector3<f64>)]| {
+        let each = stations.iter().enumerate();
+        let error = |(place, (q, error)): (usize, &([f64; 2], Vector3<f64>))| {
+            (*q, error + Vector3::y() * (0.03 * (celsius(place) - 22.0)))
+        };
+        each.map(error).collect::<Vec<_>>()
+    };
+    let (known, unseen) = (warm(&known), warm(&unseen));
+    let [told_known, told_unseen] = [&known, &unseen].map(|stations| {
+        let mut samples = samples(stations);
+        for (place, own) in samples.iter_mut().enumerate() {
+            own.place.temperature_c = Some(celsius(place));
+        }
+        samples
+    });
+    let rms_y = |map: &Network, test: &[Sample<'_>]| {
+        let squares = test
+            .iter()
+            .map(|own| (own.error - map.at(&own.place).error).y.powi(2));
+        (squares.sum::<f64>() / test.len() as f64).sqrt()
+    };
+    let told = Network::new(&told_known, &[false, false]).expect("enough stations");
+    let untold = Network::new(&samples(&known), &[false, false]).expect("enough stations");
+    let (told_mm, untold_mm) = (
+        rms_y(&told, &told_unseen),
+        rms_y(&untold, &samples(&unseen)),
+    );
+    println!("{told_mm:.4} mm with temperatures, {untold_mm:.4} mm without");
+    assert!(told_mm < 0.6 * untold_mm, "{told_mm} {untold_mm}");
+    let at = |celsius: f64| {
+        let mut own = samples(&unseen[..1]).remove(0);
+        own.place.temperature_c = Some(celsius);
+        told.at(&own.place)
+    };
+    let (inside, outside) = (at(22.0), at(60.0));
+    assert!(outside.error.norm() < 1e-9, "{outside:?}");
+    assert!(
+        outside.variance.y > inside.variance.y,
+        "{inside:?} {outside:?}"
+    );
+}

@@ -403,6 +403,7 @@ fn outcome() -> Outcome<'static> {
         stated_sizes: Vec::new(),
         on_top: Vec::new(),
         best: Model::Full,
+        gridded: Model::Full,
         training: vec![session],
         test: Vec::new(),
         frame: StatedFrame {
@@ -531,6 +532,7 @@ fn accuracy(there: bool) -> Accuracy {
         counted: Counted::once(if there { 3 } else { 0 }),
         finders: None,
         blocks: Some(2),
+        beside: None,
         coverage: there.then_some(Calibrated {
             inside: 0.96,
             mean_squared_distance: 2.9,
