@@ -12,9 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::figures::percentile_of;
-
-/// Fewer blocks give no interval: few distinct draws would make it too narrow.
-pub const LEAST_BLOCKS: usize = 8;
+use crate::fit::holdout::LEAST_BLOCKS;
 
 /// `[bootstrap]` of a suite.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]

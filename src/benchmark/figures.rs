@@ -29,9 +29,9 @@ pub enum FigureName {
 /// The errors of models that others are held against, at the same stations.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct References<'r> {
-    /// Of the nominal arm with base and target fitted.
+    /// Errors of the nominal arm with base and target fitted.
     pub base_target: Option<&'r [PredictionError]>,
-    /// Of the full error model.
+    /// Errors of the full error model.
     pub full: Option<&'r [PredictionError]>,
 }
 

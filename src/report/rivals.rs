@@ -12,9 +12,8 @@ use nalgebra::Point3;
 use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::figures::{Figures, clustered_mean};
 use crate::fit::Blocks;
+use crate::fit::holdout::LEAST_BLOCKS;
 
-/// Fewer blocks show no difference: their spread is not known.
-const LEAST_BLOCKS: usize = 8;
 /// Standard errors by which a model has to be better.
 const STANDARD_ERRORS: f64 = 2.0;
 
@@ -45,9 +44,9 @@ pub enum Outcome {
 /// A rival held against the model that corrects.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beside {
-    /// On all stations that judge.
+    /// The difference on all stations that judge.
     pub all: Difference,
-    /// Of the rival that others than these blocks chose; `None` of those that were not chosen, and where too few blocks are left.
+    /// The difference on blocks that took no part in choosing the rival; `None` of a rival that was not chosen, and where too few blocks are left.
     pub after_choice: Option<Difference>,
 }
 

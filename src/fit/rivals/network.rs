@@ -35,7 +35,7 @@ const LEAST_CALIBRATION: usize = 19;
 const LEAST_TRAINING: usize = 30;
 /// Distance from the measured range of a joint within which the network fades, rad; a mm of sliding counts as a mrad.
 const FADES_RAD: f64 = 0.1;
-/// The same of the measured temperatures, °C.
+/// Distance from the range of the measured temperatures within which the network fades, °C.
 const FADES_C: f64 = 2.0;
 
 /// The ensemble.

@@ -123,7 +123,7 @@ pub enum FigureName {
     Bound,
     /// Mean difference of a rival's errors from those of the model that corrects.
     MeanDifference,
-    /// The same on blocks that took no part in choosing the rival.
+    /// Mean difference of the chosen rival's errors on blocks that took no part in choosing it.
     MeanDifferenceAfterChoice,
     /// A figure of ISO 9283.
     Iso(Characteristic),
