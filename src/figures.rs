@@ -102,6 +102,9 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
 /// The 95 % quantile of chi squared with three degrees of freedom.
 pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 
+/// Fewer blocks of the work space tell no spread of a figure: they are too few to be drawn or compared.
+pub const LEAST_BLOCKS: usize = 8;
+
 /// The mean of `values` and its standard error, `√(G/(G − 1) Σ_g (Σ_{i∈g} (vᵢ − v̄))²)/n`: values of one of the G groups are not
 /// independent, groups are (Liang and Zeger 1986, for a mean). `None` of fewer than two groups.
 pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)> {

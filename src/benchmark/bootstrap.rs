@@ -11,8 +11,7 @@ use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::figures::percentile_of;
-use crate::fit::holdout::LEAST_BLOCKS;
+use crate::figures::{LEAST_BLOCKS, percentile_of};
 
 /// `[bootstrap]` of a suite.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]

@@ -21,9 +21,6 @@ pub struct Blocks {
 /// Folds in all: two parities along each of three axes.
 pub const FOLDS: usize = 8;
 
-/// Fewer blocks tell no spread of a figure: they are too few to be drawn or compared.
-pub const LEAST_BLOCKS: usize = 8;
-
 /// Blocks along each axis where the size is not given.
 const BLOCKS_PER_AXIS: f64 = 4.0;
 

@@ -10,9 +10,8 @@ use std::collections::BTreeMap;
 use nalgebra::Point3;
 
 use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::figures::{Figures, clustered_mean};
+use crate::figures::{Figures, LEAST_BLOCKS, clustered_mean};
 use crate::fit::Blocks;
-use crate::fit::holdout::LEAST_BLOCKS;
 
 /// Standard errors by which a model has to be better.
 const STANDARD_ERRORS: f64 = 2.0;
