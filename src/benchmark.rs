@@ -50,8 +50,8 @@ pub struct PredictionError {
 impl From<&Residual> for Compared {
     fn from(residual: &Residual) -> Self {
         Self {
-            measured: residual.predicted + residual.residual,
-            predicted: residual.predicted,
+            measured: residual.attained,
+            predicted: residual.predicted(),
             covariance: residual.covariance,
         }
     }

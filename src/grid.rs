@@ -11,6 +11,7 @@
 //! 5. for model nodes the largest step that is hardly worse than the model itself, for measured ones the largest whose
 //!    bound, and that of all smaller steps, is within the tolerance ([`choose`]).
 
+pub mod answers;
 pub mod choose;
 pub mod covered;
 pub mod interpolation;
@@ -38,7 +39,9 @@ use crate::figures::Figures;
 use crate::fit::ToolErrors;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
+use answers::by_number;
 use rows::Judging;
+pub use rows::StepAnswers;
 
 /// The source of node values.
 #[derive(
@@ -63,7 +66,8 @@ impl Source {
 }
 
 /// The way in which a step was judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Judgement {
     /// A cell of the step around each held-out station.
     LocalCell,
@@ -167,6 +171,8 @@ pub struct Table {
 /// All judged steps and the table chosen among them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grids {
+    /// What every step answers, before a tolerance judges it.
+    pub answers: Vec<StepAnswers>,
     /// Every step, source, interpolation and judgement.
     pub judged: Vec<Judged>,
     /// The chosen table; `None` where no step gives one.
@@ -228,12 +234,13 @@ impl Grids {
     }
 }
 
-/// Judges every step and builds the table of the one chosen.
+/// Judges every step and builds the table of the one chosen. What steps answer is taken from `known` where it has that of these stations.
 pub fn grids(
     input: &GridInput<'_>,
     reach: &Reach<'_>,
     settings: &GridSettings,
     tolerance: &Tolerance,
+    known: Option<Vec<StepAnswers>>,
     progress: &dyn Progress,
 ) -> Result<Grids, GridError> {
     let plan = settings.plan(input.stations)?;
@@ -241,20 +248,18 @@ pub fn grids(
     let like: Vec<&GridStation> = input.stations.iter().filter(has_configuration).collect();
     let judging = Judging {
         input,
-        tolerance,
         settings,
         plan: &plan,
         reach,
         like: &like,
         own: &MeasuredGrid::of(input.stations, reach.counted()),
     };
-    progress.begin("grid steps", settings.steps_mm.len() as u64);
-    let mut judged = Vec::new();
-    for &step_mm in &settings.steps_mm {
-        judged.extend(judging.of_step(step_mm));
-        progress.advance(1);
-    }
-    progress.end();
+    let stations = by_number(input.stations);
+    let are_at = |known: &Vec<StepAnswers>| known.iter().all(|own| own.answers.are_at(&stations));
+    let answers = known.filter(are_at);
+    let answers = answers.unwrap_or_else(|| judging.answers(progress));
+    let judged = |step| Judged::by(tolerance, step, &stations, input.guard_mm);
+    let mut judged: Vec<Judged> = answers.iter().map(judged).collect();
     let choice = choose::choose(&judged, settings);
     let mut table = None;
     if let Some(row) = choice.row {
@@ -262,6 +267,7 @@ pub fn grids(
         table = table::table(&judging, &judged[row]);
     }
     Ok(Grids {
+        answers,
         judged,
         table,
         choice,

@@ -93,8 +93,8 @@ pub struct Residual {
     pub fold: Option<usize>,
     /// Whether the base was refitted on it.
     pub used_for_refit: bool,
-    /// Predicted position of the target, mm, base frame.
-    pub predicted: Point3<f64>,
+    /// Attained position of the target, mm, base frame.
+    pub attained: Point3<f64>,
     /// Measured minus predicted position, mm.
     pub residual: Vector3<f64>,
     /// Covariance of measured minus predicted, mm²; `None` where the model has none.
@@ -106,6 +106,11 @@ pub struct Residual {
 }
 
 impl Residual {
+    /// Predicted position of the target, mm, base frame.
+    pub fn predicted(&self) -> Point3<f64> {
+        self.attained - self.residual
+    }
+
     /// Whether it is of the main target, or of the only one: one residual a station.
     pub fn is_of_main(&self) -> bool {
         self.target.is_none_or(|target| target == TargetId::MAIN)

@@ -96,6 +96,7 @@ fn publish_figures(
         stations_covered_share: None,
         made_of: None,
         estimate: None,
+        grids: None,
         replaces: None,
     };
     let row = work.runs_table(&[], run.written(), &ending).expect("a row");

@@ -105,6 +105,7 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
         valid_for: posegrid::compensation::Conditions::default(),
         made_of: Vec::new(),
         estimate: String::new(),
+        grids: String::new(),
         replaces: None,
     };
     let key = RunKey::new("kr210", "monday", "00ff");

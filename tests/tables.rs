@@ -16,6 +16,7 @@ use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, Ta
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Row as _, Table};
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::estimates::EstimateRow;
+use posegrid::io::tables::grids;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
@@ -52,6 +53,7 @@ fn outcome() -> Ending {
         stations_covered_share: None,
         made_of: None,
         estimate: None,
+        grids: None,
         replaces: None,
     }
 }
@@ -168,6 +170,16 @@ fn write_estimate(lake: &Lake, key: &RunKey) {
     assert_eq!(open.commit(&row.table).unwrap(), Commit::Done);
 }
 
+/// Writes a sample of grids.
+fn write_grids(lake: &Lake, key: &RunKey) {
+    let open = lake.start_grids(key).unwrap();
+    let mut open = open.expect("the lake is new");
+    let errors = schema::find("grid_errors").unwrap();
+    open.publish(&sample(errors, key)).unwrap();
+    let row = grids::table(&[], &hostile_work(), open.written()).unwrap();
+    assert_eq!(open.commit(&row).unwrap(), Commit::Done);
+}
+
 /// What was corrected with a table of that run; records are no part of it.
 fn correction() -> Correction {
     Correction {
@@ -185,8 +197,8 @@ fn correction() -> Correction {
 }
 
 /// Files of the sample lake beside the tables of its run: the run's row, the record of a correction, a session as joined
-/// (two files), an estimate (two files).
-const OTHER_FILES: usize = 6;
+/// (two files), an estimate (two files), grids (two files).
+const OTHER_FILES: usize = 8;
 
 /// Writes a sample of every published table as one committed run.
 fn write_sample_lake(root: &Path) -> Lake {
@@ -203,6 +215,7 @@ fn write_sample_lake(root: &Path) -> Lake {
     assert!(lake.record(&correction()).unwrap());
     write_joined(&lake, &key);
     write_estimate(&lake, &key);
+    write_grids(&lake, &key);
     lake
 }
 
@@ -264,7 +277,7 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     assert_eq!(
         one.len(),
         published().count() + OTHER_FILES,
-        "a file a table, the row, the record of a correction, a session as joined, an estimate, no temporaries"
+        "a file a table, the row, the record of a correction, a session as joined, an estimate, its grids, no temporaries"
     );
     assert!(one == contents(&folder.path().join("two")));
 }

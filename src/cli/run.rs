@@ -48,8 +48,9 @@ its own robot file, settings and sessions; what is wrong with one stays with it.
 
 What ingest and join give of a session is published by itself, and taken from the lake by every later run with the same
 files and the same settings of ingest and join, whatever comes after: a larger pool reads no log again. What the fit
-trains is published likewise: another tolerance, other steps or another session that judges train nothing.
---until session and --until estimate stop behind them; --from estimate and --from table start there, and need no log.
+trains is published likewise: another tolerance, other steps or another session that judges train nothing. So is what the nodes of
+every step answer at held-out stations: another tolerance places none of them again.
+--until session, estimate and table stop behind these; --from estimate, table and report start there, and need no log.
 
 A session whose files have the sizes, and the tags or times, that they had when its run was told last is not even opened: the lake's
 index says so (LAKE/.index, which may be removed). --fresh digests it all the same.
@@ -111,6 +112,8 @@ pub enum Until {
     Session,
     /// The fit: models on all stations, and without each fold
     Estimate,
+    /// Grids: nodes of every step, and what they answer at held-out stations
+    Table,
 }
 
 /// The first stage of a batch.
@@ -120,6 +123,8 @@ pub enum Since {
     Estimate,
     /// Grids, table, figures and page, from estimates
     Table,
+    /// Table, figures and page, from grids
+    Report,
 }
 
 /// Runs the pipeline; gives the exit code.
@@ -130,7 +135,8 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         test: args.test.clone(),
         lake: args.lake.clone(),
         from_joined: args.from.is_some(),
-        from_estimates: args.from == Some(Since::Table),
+        from_estimates: matches!(args.from, Some(Since::Table | Since::Report)),
+        from_grids: args.from == Some(Since::Report),
     };
     let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
         Ok(fleet) => fleet,
@@ -145,7 +151,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     let fleet = match args.until {
         Some(Until::Session) => fleet.each_session(),
-        Some(Until::Estimate) | None => fleet,
+        Some(Until::Estimate | Until::Table) | None => fleet,
     };
     tell(&fleet);
     if args.dry_run {
@@ -190,6 +196,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     let extent = match args.until {
         Some(Until::Session) => Extent::Joined,
         Some(Until::Estimate) => Extent::Estimated,
+        Some(Until::Table) => Extent::Gridded,
         None => Extent::Whole,
     };
     let known = if args.fresh {

@@ -22,7 +22,7 @@ use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
     PastRun, Register, RowList, Selected, Selection, Sought, StageVerified, Verdict, Verified,
-    VerifyError, account, clean, estimates, joined, row_contradictions, select, verify,
+    VerifyError, account, clean, estimates, grids, joined, row_contradictions, select, verify,
 };
 use crate::progress::Progress;
 
@@ -147,7 +147,7 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     Ok(exit_code(&verdicts, belongs))
 }
 
-/// Verifies the results of stages by themselves, and prints what was found; `shown` are the estimates that runs showed already.
+/// Verifies the results of stages by themselves, and prints what was found; `shown` are those that runs showed already.
 fn all_stages(
     lake: &Lake,
     sought: &mut Sought,
@@ -159,16 +159,20 @@ fn all_stages(
     let joined = joined(lake, sought, &args.names, &progress).map_err(VerifyError::from)?;
     let estimates =
         estimates(lake, sought, &args.names, shown, &progress).map_err(VerifyError::from)?;
-    let of_runs = estimates.iter().filter_map(|own| own.key.as_ref());
-    let of_runs = of_runs.filter(|key| shown.contains(&key.run)).count();
+    let grids = grids(lake, sought, &args.names, shown, &progress).map_err(VerifyError::from)?;
+    let of_runs = |verified: &[StageVerified]| {
+        let keys = verified.iter().filter_map(|own| own.key.as_ref());
+        keys.filter(|key| shown.contains(&key.run)).count()
+    };
     let told = [
         words::joined(&joined),
-        words::estimates(&estimates, of_runs),
+        words::estimates(&estimates, of_runs(&estimates)),
+        words::grids(&grids, of_runs(&grids)),
     ];
     for text in told.into_iter().flatten() {
         messages::result(text, bars)?;
     }
-    Ok([joined, estimates].concat())
+    Ok([joined, estimates, grids].concat())
 }
 
 /// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.
@@ -190,8 +194,8 @@ fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Resu
     Ok(code)
 }
 
-/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates that
-/// runs showed.
+/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates and
+/// grids that runs showed.
 fn all(
     selected: &Selected,
     sought: &mut Sought,
@@ -203,23 +207,23 @@ fn all(
     let (mut verdicts, mut shown) = (Vec::new(), BTreeSet::new());
     for run in &selected.runs {
         let found = (&selected.register, &mut *sought);
-        let (verdict, estimate, text) = one(run, found, lake, bars);
+        let (verdict, of_stages, text) = one(run, found, lake, bars);
         messages::result(text, bars)?;
         verdicts.push(verdict);
-        shown.extend(estimate);
+        shown.extend(of_stages);
         progress.advance(1);
     }
     progress.end();
     Ok((verdicts, shown))
 }
 
-/// Verifies one run; whatever goes wrong with it stays with it. Gives its verdict, the estimate that it shows, and both in words.
+/// Verifies one run; whatever goes wrong with it stays with it. Gives its verdict, the results of stages that it shows, and it in words.
 fn one(
     run: &PastRun,
     found: (&Register, &mut Sought),
     lake: &Lake,
     bars: &Bars,
-) -> (Verdict, Option<String>, String) {
+) -> (Verdict, Vec<String>, String) {
     let claim = match &run.claim {
         Ok(claim) => claim,
         Err(wrong) => {
@@ -230,7 +234,7 @@ fn one(
                 Verdict::NotRecomputed(reason)
             };
             let text = words::line(&run.place.display().to_string(), &verdict);
-            return (verdict, None, text);
+            return (verdict, Vec::new(), text);
         }
     };
     let progress = bars.of(&Printable(&claim.key.session).to_string());
@@ -238,12 +242,12 @@ fn one(
     if let Ok(verified) = panic::catch_unwind(attempt) {
         let verdict = verified.verdict();
         let text = paragraph(&verified, &verdict);
-        return (verdict, verified.shows().cloned(), text);
+        return (verdict, verified.shows().cloned().collect(), text);
     }
     let reason = "a defect of posegrid, logged above; please report it".to_owned();
     let verdict = Verdict::NotRecomputed(reason);
     let text = words::line(&words::name(&claim.key), &verdict);
-    (verdict, None, text)
+    (verdict, Vec::new(), text)
 }
 
 fn paragraph(verified: &Verified, verdict: &Verdict) -> String {

@@ -1,10 +1,12 @@
 //! The reasons why a model has no prediction, and why a node of a grid has no value.
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// The reason why a node or a cell has no value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Refusal {
     /// The arm does not reach it, or only beyond a joint limit.
     OutOfReach,

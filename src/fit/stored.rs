@@ -3,10 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use super::full::stored::StoredFull;
+use super::full::{FullModel, FullSettings};
 use super::models::{Models, TrainingSettings, full_prior, with_models_on_top};
 use super::saved::SavedError;
-use super::{Calibration, Observation};
+use super::{Calibration, Observation, Prior};
 use crate::kinematics::Arm;
+
+/// How a full error model comes back.
+type Restoring =
+    fn(StoredFull, &Arm, &[Observation], &Prior, &FullSettings) -> Result<FullModel, SavedError>;
 
 /// The models of one training, for later stages to start from.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -23,7 +28,7 @@ impl StoredModels {
         Self {
             base_target: models.base_target.clone(),
             geometric: models.geometric.clone(),
-            full: models.full.as_ref().map(super::full::FullModel::stored),
+            full: models.full.as_ref().map(FullModel::stored),
         }
     }
 
@@ -34,10 +39,31 @@ impl StoredModels {
         observations: &[Observation],
         settings: &TrainingSettings<'_>,
     ) -> Result<Models, SavedError> {
+        self.restored(arm, observations, settings, StoredFull::model)
+    }
+
+    /// [`Self::models`] for their predictions alone: covariances of the full error model are those before its training, and no rows are
+    /// summed for them.
+    pub fn predicting(
+        self,
+        arm: &Arm,
+        observations: &[Observation],
+        settings: &TrainingSettings<'_>,
+    ) -> Result<Models, SavedError> {
+        self.restored(arm, observations, settings, StoredFull::predicting)
+    }
+
+    fn restored(
+        self,
+        arm: &Arm,
+        observations: &[Observation],
+        settings: &TrainingSettings<'_>,
+        full_model: Restoring,
+    ) -> Result<Models, SavedError> {
         let prior = full_prior(&self.geometric, settings);
         let full = self
             .full
-            .map(|full| full.model(arm, observations, &prior, settings.full));
+            .map(|full| full_model(full, arm, observations, &prior, settings.full));
         let models = Models {
             base_target: self.base_target,
             geometric: self.geometric,

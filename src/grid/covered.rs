@@ -1,5 +1,7 @@
 //! The coverage of a table: the share of the measured stations, and of the box.
 
+use serde::{Deserialize, Serialize};
+
 use super::lattice::Lattice;
 use super::node::GridStation;
 use super::settings::GridPlan;
@@ -8,7 +10,8 @@ use super::settings::GridPlan;
 pub(super) const ENOUGH: f64 = 0.95;
 
 /// The coverage of a table.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Covered {
     /// Number of stations that it covers.
     pub stations: usize,

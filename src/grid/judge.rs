@@ -10,9 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use super::answers::{Answer, Answers, ByNumber};
 use super::interpolation::Interpolation;
 use super::lattice::InCell;
-use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
+use super::node::{GridStation, NodeError, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::figures::{Counted, PoseErrors};
 use crate::fit::ToolErrors;
 
@@ -62,8 +63,25 @@ pub struct LeftAt {
 }
 
 impl HeldOut {
-    /// Adds the error of a station that remains after `interpolated` is subtracted, for grid `sample`.
-    pub fn add(&mut self, station: &GridStation, interpolated: &Vector3<f64>, sample: usize) {
+    /// What answers leave of the errors of their stations.
+    pub(super) fn left_by(answers: &Answers, stations: &ByNumber<'_>) -> Self {
+        let mut held_out = Self {
+            refused: answers.refused.clone(),
+            outside: answers.outside,
+            unlike: answers.unlike,
+            ..Self::default()
+        };
+        for own in &answers.given {
+            if let Some(station) = stations.get(&own.station) {
+                held_out.add(station, own);
+            }
+        }
+        held_out
+    }
+
+    /// Adds what an answer leaves of the error of its station.
+    fn add(&mut self, station: &GridStation, answer: &Answer) {
+        let (interpolated, sample) = (&answer.interpolated, answer.sample);
         let left = LeftAt {
             station: station.number,
             pose: station.pose,
@@ -82,38 +100,13 @@ impl HeldOut {
         self.left.push(left);
         self.uncorrected.push(station.error.norm());
         self.blocks.insert(station.fold);
-    }
-
-    /// Adds the value that a table `found` at a station, with the prediction of `model` there; or counts the reason why
-    /// there is none.
-    pub(super) fn add_found(
-        &mut self,
-        station: &GridStation,
-        found: Option<NodeError>,
-        model: &ToolErrors<'_>,
-    ) {
-        let Some(found) = found else {
-            self.outside += 1;
-            return;
-        };
-        let predicted = |interpolated| {
-            let error = model.error(&station.joints);
-            Ok((interpolated, error.map_err(|gap| gap.refusal())?))
-        };
-        match found.and_then(predicted) {
-            Err(refusal) => *self.refused.entry(refusal).or_default() += 1,
-            Ok((interpolated, predicted)) => self.add_beside(station, &interpolated, &predicted),
+        if let Some(predicted) = &answer.predicted {
+            self.add_direct(station, predicted);
         }
     }
 
-    /// Adds the remaining error, with the one of the model without a grid.
-    fn add_beside(
-        &mut self,
-        station: &GridStation,
-        interpolated: &Vector3<f64>,
-        predicted: &Vector3<f64>,
-    ) {
-        self.add(station, interpolated, 0);
+    /// Adds what the model without a grid leaves there.
+    fn add_direct(&mut self, station: &GridStation, predicted: &Vector3<f64>) {
         let norm = (station.error - predicted).norm();
         self.direct.push(norm);
         self.direct_by_pose
@@ -196,7 +189,7 @@ pub(super) fn local_cells(
     stations.par_iter().map(place).collect()
 }
 
-/// Judges `stations` by their local cells, each with the model of its fold.
+/// What local cells answer at their stations, each with the model of its station's fold.
 pub(super) fn by_local_cell(
     stations: &[GridStation],
     cells: &[LocalCell],
@@ -204,7 +197,7 @@ pub(super) fn by_local_cell(
     pitch: &[f64; 3],
     interpolation: Interpolation,
     power: f64,
-) -> HeldOut {
+) -> Answers {
     let interpolated = |(station, cell): (&GridStation, &LocalCell)| {
         let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
         let weights = interpolation.weights(&cell.fraction, pitch, power);
@@ -221,19 +214,14 @@ pub(super) fn by_local_cell(
     };
     let found: Vec<Result<[Vector3<f64>; 2], Refusal>> =
         stations.par_iter().zip(cells).map(interpolated).collect();
-    let mut held_out = HeldOut::default();
+    let mut answers = Answers::default();
     for (station, found) in stations.iter().zip(found) {
-        match found {
-            Ok([interpolated, predicted]) => {
-                held_out.add_beside(station, &interpolated, &predicted);
-            }
-            Err(refusal) => *held_out.refused.entry(refusal).or_default() += 1,
-        }
+        answers.add(station, found);
     }
-    held_out
+    answers
 }
 
-/// Judges `stations` by the nodes that would be published, with node values from the model of each station's fold.
+/// What the nodes that would be published answer at `stations`, with node values from the model of each station's fold.
 pub fn by_table(
     stations: &[GridStation],
     grid: &PlacedGrid,
@@ -241,7 +229,7 @@ pub fn by_table(
     folds: &[ToolErrors<'_>],
     interpolation: Interpolation,
     power: f64,
-) -> HeldOut {
+) -> Answers {
     let used: Vec<usize> = {
         let mut used: Vec<usize> = stations.iter().map(|station| station.fold).collect();
         used.sort_unstable();
@@ -252,10 +240,10 @@ pub fn by_table(
         .into_iter()
         .map(|fold| (fold, node_errors(grid, &folds[fold])))
         .collect();
-    let mut held_out = HeldOut::default();
+    let mut answers = Answers::default();
     for station in stations {
         if !like(station) {
-            held_out.unlike += 1;
+            answers.unlike += 1;
             continue;
         }
         let found = by_nodes(
@@ -265,13 +253,10 @@ pub fn by_table(
             interpolation,
             power,
         );
-        held_out.add_found(station, found, &folds[station.fold]);
+        answers.add_found(station, found, &folds[station.fold]);
     }
-    held_out
+    answers
 }
-
-/// The error at a node, base frame, mm, or why there is none.
-pub type NodeError = Result<Vector3<f64>, Refusal>;
 
 /// The error at a point from those at the nodes; `None` outside the grid, or why its cell cannot serve.
 pub fn by_nodes(

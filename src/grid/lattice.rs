@@ -31,7 +31,8 @@ impl WorkBox {
 }
 
 /// Nodes on a regular lattice, the same pitch between all neighbours along an axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Lattice {
     /// The node with the least coordinates, mm.
     pub origin: Point3<f64>,

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
+use super::answers::{Answer, Answers};
 use super::interpolation::Interpolation;
-use super::judge::HeldOut;
 use super::lattice::{Lattice, PLANE_MM};
 use super::node::{GridStation, Refusal, on_one_branch};
 use crate::kinematics::Configuration;
@@ -102,15 +102,15 @@ impl MeasuredGrid {
         Some([multiple(0)?, multiple(1)?, multiple(2)?])
     }
 
-    /// Judges every phase of the decimation by `multiples` on the stations that are no nodes of it.
-    pub fn judge(
+    /// What every phase of the decimation by `multiples` answers at the stations that are no nodes of it.
+    pub fn answers(
         &self,
         stations: &[GridStation],
         multiples: [usize; 3],
         interpolation: Interpolation,
         power: f64,
-    ) -> HeldOut {
-        let mut held_out = HeldOut::default();
+    ) -> Answers {
+        let mut answers = Answers::default();
         let [mx, my, mz] = multiples;
         for (sample, phase) in (0..mz)
             .flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
@@ -120,10 +120,10 @@ impl MeasuredGrid {
                 continue;
             };
             for place in 0..stations.len() {
-                decimated.add(&mut held_out, stations, place, sample, interpolation, power);
+                decimated.add(&mut answers, stations, place, sample, interpolation, power);
             }
         }
-        held_out
+        answers
     }
 
     /// The grid of every `multiples`-th node from `phase`; `None` where it has no cell.
@@ -171,11 +171,11 @@ pub struct Decimated {
 }
 
 impl Decimated {
-    /// Judges the station at `place` by this grid, which is number `sample` of several; visits of its own nodes take no
-    /// part.
+    /// Adds the answer of this grid, which is number `sample` of several, at the station at `place`; visits of its own nodes take
+    /// no part.
     fn add(
         &self,
-        held_out: &mut HeldOut,
+        answers: &mut Answers,
         stations: &[GridStation],
         place: usize,
         sample: usize,
@@ -187,7 +187,7 @@ impl Decimated {
         }
         let station = &stations[place];
         let Some(cell) = self.lattice.locate(&station.position) else {
-            held_out.outside += 1;
+            answers.outside += 1;
             return;
         };
         let is_own = |node: &GridStation| {
@@ -203,7 +203,7 @@ impl Decimated {
         let vertices = match self.serving(&cell.vertices, stations, station.configuration) {
             Ok(vertices) => vertices,
             Err(refusal) => {
-                *held_out.refused.entry(refusal).or_default() += 1;
+                answers.refuse(refusal);
                 return;
             }
         };
@@ -213,7 +213,12 @@ impl Decimated {
             .zip(weights)
             .map(|(vertex, w)| vertex.error * w)
             .sum();
-        held_out.add(station, &interpolated, sample);
+        answers.given.push(Answer {
+            station: station.number,
+            sample,
+            interpolated,
+            predicted: None,
+        });
     }
 
     /// The stations at the vertices of a cell, if they can serve a target of this arm configuration; otherwise why not.
@@ -304,6 +309,8 @@ mod tests {
 
     use super::*;
     use crate::figures::Counted;
+    use crate::grid::HeldOut;
+    use crate::grid::answers::by_number;
 
     /// Every node of 3 × 3 × 3 with a pitch of 100 mm, visited twice, one round after the other. The second round's
     /// commands are `off_mm` away from the first's.
@@ -329,7 +336,8 @@ mod tests {
 
     fn judged(stations: &[GridStation], multiple: usize) -> HeldOut {
         let grid = MeasuredGrid::of(stations, &[]).expect("a grid");
-        grid.judge(stations, [multiple; 3], Interpolation::Trilinear, 2.0)
+        let answers = grid.answers(stations, [multiple; 3], Interpolation::Trilinear, 2.0);
+        HeldOut::left_by(&answers, &by_number(stations))
     }
 
     #[test]

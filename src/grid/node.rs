@@ -13,6 +13,9 @@ use crate::kinematics::{
     Anywhere, Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
 
+/// The error at a node, base frame, mm, or why there is none.
+pub type NodeError = Result<Vector3<f64>, Refusal>;
+
 /// A station in the form that grids need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridStation {

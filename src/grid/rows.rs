@@ -1,7 +1,12 @@
 //! The rows of the step table: one judgement of one step, source and interpolation each.
+//!
+//! What the nodes of each answer ([`StepAnswers`]) is one half, and costs; what a tolerance makes of it ([`Judged::by`]) is the other.
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
+use super::answers::{Answers, ByNumber};
 use super::choose::Tolerance;
 use super::covered::Covered;
 use super::interpolation::Interpolation;
@@ -12,13 +17,44 @@ use super::node::{GridStation, PlacedGrid, Reach, Refusal};
 use super::settings::{GridPlan, GridSettings, NotJudged};
 use super::{GridInput, Judged, Judgement, Source, Verdict};
 use crate::figures::{Coverage, Figures, PoseErrors};
+use crate::progress::Progress;
+
+/// A row of the step table before a tolerance judges it: where its nodes are, and what they answer at held-out stations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StepAnswers {
+    /// The step asked for, mm.
+    pub step_mm: f64,
+    /// Source of node values.
+    pub source: Source,
+    /// Interpolation inside a cell.
+    pub interpolation: Interpolation,
+    /// The way in which it is judged.
+    pub judgement: Judgement,
+    /// The reason why there is nothing to judge; `None` where there is.
+    pub why_not: Option<String>,
+    /// Where the nodes of its table are, in the base frame; `None` for local cells and where there is no table.
+    pub lattice: Option<Lattice>,
+    /// Pitch along each axis of the base frame, mm; `None` where the step does not fit.
+    pub pitch_mm: Option<[f64; 3]>,
+    /// Number of nodes of the grid; for local cells, eight for each cell.
+    pub nodes: usize,
+    /// Number of refused nodes, by reason.
+    pub refused_nodes: BTreeMap<Refusal, usize>,
+    /// Number of cells of the grid.
+    pub cells: usize,
+    /// Number of refused cells, by reason.
+    pub refused_cells: BTreeMap<Refusal, usize>,
+    /// The stations and the part of the box that its table covers; `None` where it has no table.
+    pub covered: Option<Covered>,
+    /// Its answers.
+    pub answers: Answers,
+}
 
 /// Everything that all rows of a session are made from.
 pub(super) struct Judging<'j> {
     /// Stations and models.
     pub(super) input: &'j GridInput<'j>,
-    /// The tolerance: limit, share of positions and confidence.
-    pub(super) tolerance: &'j Tolerance,
     /// `[grid]`.
     pub(super) settings: &'j GridSettings,
     /// Box, orientation and configuration.
@@ -32,8 +68,21 @@ pub(super) struct Judging<'j> {
 }
 
 impl Judging<'_> {
+    /// The rows of every step.
+    pub(super) fn answers(&self, progress: &dyn Progress) -> Vec<StepAnswers> {
+        let steps = &self.settings.steps_mm;
+        progress.begin("grid steps", steps.len() as u64);
+        let mut answers = Vec::new();
+        for &step_mm in steps {
+            answers.extend(self.of_step(step_mm));
+            progress.advance(1);
+        }
+        progress.end();
+        answers
+    }
+
     /// The rows of one step: of model nodes and of measured ones, by each interpolation.
-    pub(super) fn of_step(&self, step_mm: f64) -> Vec<Judged> {
+    pub(super) fn of_step(&self, step_mm: f64) -> Vec<StepAnswers> {
         let sources = &self.settings.sources;
         let mut rows = Vec::new();
         if sources.contains(&Source::Model) {
@@ -50,7 +99,7 @@ impl Judging<'_> {
     }
 
     /// A step of model nodes: by local cells, and by the table.
-    fn by_model(&self, step_mm: f64, lattice: Lattice) -> Vec<Judged> {
+    fn by_model(&self, step_mm: f64, lattice: Lattice) -> Vec<StepAnswers> {
         let cells = judge::local_cells(self.reach, self.input.stations, lattice.step);
         let grid = PlacedGrid::new(self.reach, lattice, self.plan.orientation, self.like);
         let serves = |vertices: &[usize; 8]| grid.usable(vertices).is_ok();
@@ -71,7 +120,7 @@ impl Judging<'_> {
     }
 
     /// The rows of a step that is not judged on model nodes, with the reason.
-    fn not_judged(&self, step_mm: f64, reason: &NotJudged) -> Vec<Judged> {
+    fn not_judged(&self, step_mm: f64, reason: &NotJudged) -> Vec<StepAnswers> {
         let row = |interpolation, judgement| {
             let row = Row {
                 step_mm,
@@ -79,9 +128,9 @@ impl Judging<'_> {
                 interpolation,
                 judgement,
             };
-            Judged {
+            StepAnswers {
                 pitch_mm: reason.pitch_mm(),
-                ..row.not_shown(reason.to_string())
+                ..row.without(reason.to_string())
             }
         };
         let both = |&interpolation: &Interpolation| {
@@ -90,8 +139,8 @@ impl Judging<'_> {
         self.settings.interpolations.iter().flat_map(both).collect()
     }
 
-    fn local_row(&self, row: Row, lattice: &Lattice, cells: &[judge::LocalCell]) -> Judged {
-        let held_out = judge::by_local_cell(
+    fn local_row(&self, row: Row, lattice: &Lattice, cells: &[judge::LocalCell]) -> StepAnswers {
+        let answers = judge::by_local_cell(
             self.input.stations,
             cells,
             self.input.folds,
@@ -99,20 +148,17 @@ impl Judging<'_> {
             row.interpolation,
             self.settings.idw_power,
         );
-        let counts = Counts {
+        StepAnswers {
+            pitch_mm: Some(lattice.step),
             nodes: 8 * cells.len(),
             cells: cells.len(),
-            refused_cells: held_out.refused.clone(),
-            ..Counts::default()
-        };
-        Judged {
-            pitch_mm: Some(lattice.step),
-            ..row.judged(counts, held_out, self.tolerance, self.input.guard_mm)
+            refused_cells: answers.refused.clone(),
+            ..row.with(answers)
         }
     }
 
-    fn table_row(&self, row: Row, grid: &PlacedGrid, covered: Covered) -> Judged {
-        let held_out = judge::by_table(
+    fn table_row(&self, row: Row, grid: &PlacedGrid, covered: Covered) -> StepAnswers {
+        let answers = judge::by_table(
             self.input.stations,
             grid,
             |station| self.plan.is_like(station),
@@ -120,21 +166,19 @@ impl Judging<'_> {
             row.interpolation,
             self.settings.idw_power,
         );
-        let counts = Counts {
+        StepAnswers {
+            lattice: Some(grid.lattice),
+            pitch_mm: Some(grid.lattice.step),
             nodes: grid.nodes.len(),
             refused_nodes: grid.refused_nodes(),
             cells: grid.lattice.cell_count(),
             refused_cells: grid.refused_cells(),
-        };
-        Judged {
-            lattice: Some(grid.lattice),
-            pitch_mm: Some(grid.lattice.step),
             covered: Some(covered),
-            ..row.judged(counts, held_out, self.tolerance, self.input.guard_mm)
+            ..row.with(answers)
         }
     }
 
-    fn measured_row(&self, step_mm: f64, interpolation: Interpolation) -> Judged {
+    fn measured_row(&self, step_mm: f64, interpolation: Interpolation) -> StepAnswers {
         let row = Row {
             step_mm,
             source: Source::Measured,
@@ -144,36 +188,34 @@ impl Judging<'_> {
         let own = match self.own {
             Ok(own) => own,
             Err(reason) => {
-                return row.not_shown(format!("the session is not on a grid: {reason}"));
+                return row.without(format!("the session is not on a grid: {reason}"));
             }
         };
         let Some(multiples) = own.multiples(step_mm) else {
             let [x, y, z] = own.lattice.step;
-            return row.not_shown(format!(
+            return row.without(format!(
                 "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
             ));
         };
         let Some(first) = own.decimated(multiples, [0; 3]) else {
-            return row.not_shown("the decimated grid has no cell".to_owned());
+            return row.without("the decimated grid has no cell".to_owned());
         };
         let (stations, power) = (self.input.stations, self.settings.idw_power);
-        let held_out = own.judge(stations, multiples, interpolation, power);
+        let answers = own.answers(stations, multiples, interpolation, power);
         let unmeasured = first.nodes.iter().filter(|node| node.is_none()).count();
         let refused = (unmeasured > 0).then_some((Refusal::Unmeasured, unmeasured));
-        let counts = Counts {
-            nodes: first.nodes.len(),
-            refused_nodes: refused.into_iter().collect(),
-            cells: first.lattice.cell_count(),
-            refused_cells: held_out.refused.clone(),
-        };
         let configuration = self.plan.configuration;
         let serves =
             |vertices: &[usize; 8]| first.serving(vertices, stations, configuration).is_ok();
-        Judged {
+        StepAnswers {
             lattice: Some(first.lattice),
             pitch_mm: Some(first.lattice.step),
+            nodes: first.nodes.len(),
+            refused_nodes: refused.into_iter().collect(),
+            cells: first.lattice.cell_count(),
+            refused_cells: answers.refused.clone(),
             covered: Some(Covered::of(&first.lattice, self.plan, stations, serves)),
-            ..row.judged(counts, held_out, self.tolerance, self.input.guard_mm)
+            ..row.with(answers)
         }
     }
 }
@@ -186,18 +228,6 @@ pub(super) fn session_row(
     tolerance: &Tolerance,
     guard_mm: f64,
 ) -> Judged {
-    let row = Row {
-        step_mm: chosen.step_mm,
-        source: chosen.source,
-        interpolation: chosen.interpolation,
-        judgement: Judgement::Table,
-    };
-    let counts = Counts {
-        nodes: chosen.nodes,
-        refused_nodes: chosen.refused_nodes.clone(),
-        cells: chosen.cells,
-        refused_cells: chosen.refused_cells.clone(),
-    };
     let answered = held_out.norms.len();
     let like = answered + held_out.outside + held_out.refused.values().sum::<usize>();
     let covered = chosen.covered.map(|own| Covered {
@@ -208,11 +238,11 @@ pub(super) fn session_row(
     });
     Judged {
         of_test: Some(session.to_owned()),
-        lattice: chosen.lattice,
-        pitch_mm: chosen.pitch_mm,
         covered,
-        ..row.judged(counts, held_out, tolerance, guard_mm)
+        chosen: false,
+        ..chosen.clone()
     }
+    .with(held_out, tolerance, guard_mm)
 }
 
 /// The columns that identify a row.
@@ -224,23 +254,16 @@ struct Row {
     judgement: Judgement,
 }
 
-#[derive(Default)]
-struct Counts {
-    nodes: usize,
-    refused_nodes: BTreeMap<Refusal, usize>,
-    cells: usize,
-    refused_cells: BTreeMap<Refusal, usize>,
-}
-
 impl Row {
-    /// A row that says why there is nothing to judge.
-    fn not_shown(self, reason: String) -> Judged {
-        Judged {
+    /// A row with its answers, and nothing yet of where they come from.
+    fn with(self, mut answers: Answers) -> StepAnswers {
+        answers.given.sort_by_key(|own| (own.sample, own.station));
+        StepAnswers {
             step_mm: self.step_mm,
             source: self.source,
             interpolation: self.interpolation,
             judgement: self.judgement,
-            of_test: None,
+            why_not: None,
             lattice: None,
             pitch_mm: None,
             nodes: 0,
@@ -248,40 +271,73 @@ impl Row {
             cells: 0,
             refused_cells: BTreeMap::new(),
             covered: None,
+            answers,
+        }
+    }
+
+    /// A row that says why there is nothing to judge.
+    fn without(self, reason: String) -> StepAnswers {
+        StepAnswers {
+            why_not: Some(reason),
+            ..self.with(Answers::default())
+        }
+    }
+}
+
+impl Judged {
+    /// A row as a tolerance judges it.
+    pub(super) fn by(
+        tolerance: &Tolerance,
+        step: &StepAnswers,
+        stations: &ByNumber<'_>,
+        guard_mm: f64,
+    ) -> Self {
+        let row = Self {
+            step_mm: step.step_mm,
+            source: step.source,
+            interpolation: step.interpolation,
+            judgement: step.judgement,
+            of_test: None,
+            lattice: step.lattice,
+            pitch_mm: step.pitch_mm,
+            nodes: step.nodes,
+            refused_nodes: step.refused_nodes.clone(),
+            cells: step.cells,
+            refused_cells: step.refused_cells.clone(),
+            covered: step.covered,
             held_out: HeldOut::default(),
             figures: None,
             bound: None,
             bound_of_session: None,
             model_bound: None,
-            verdict: Verdict::NotShown(reason),
+            verdict: Verdict::NotShown(step.why_not.clone().unwrap_or_default()),
             chosen: false,
+        };
+        if step.why_not.is_some() {
+            return row;
         }
+        row.with(
+            HeldOut::left_by(&step.answers, stations),
+            tolerance,
+            guard_mm,
+        )
     }
 
-    fn judged(
-        self,
-        counts: Counts,
-        mut held_out: HeldOut,
-        tolerance: &Tolerance,
-        guard_mm: f64,
-    ) -> Judged {
+    /// The row judged by what is left of errors on held-out stations.
+    fn with(self, mut held_out: HeldOut, tolerance: &Tolerance, guard_mm: f64) -> Self {
         let asked = tolerance.coverage();
         let between_sessions = std::mem::take(&mut held_out.between_sessions);
         let direct = std::mem::take(&mut held_out.direct_by_pose);
         let direct_another_day = std::mem::take(&mut held_out.direct_another_day);
         let bound = wider(&held_out.by_pose, &between_sessions, asked);
-        Judged {
-            nodes: counts.nodes,
-            refused_nodes: counts.refused_nodes,
-            cells: counts.cells,
-            refused_cells: counts.refused_cells,
+        Self {
             figures: Figures::of(&held_out.norms),
             bound,
             bound_of_session: held_out.by_pose.bound(asked),
             model_bound: wider(&direct, &direct_another_day, asked),
             verdict: tolerance.verdict(bound, held_out.counted(), guard_mm),
             held_out,
-            ..self.not_shown(String::new())
+            ..self
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::answers::{Answers, by_number};
 use super::judge::HeldOut;
 use super::lattice::{InCell, Lattice};
 use super::node::{GridStation, PlacedGrid, Refusal, on_one_branch};
@@ -33,15 +34,15 @@ pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
 impl Table {
     /// Judges the table by stations of another session, in comparison with the model's prediction there.
     pub(super) fn judged_by(&self, stations: &[GridStation], model: &ToolErrors<'_>) -> HeldOut {
-        let mut held_out = HeldOut::default();
+        let mut answers = Answers::default();
         for station in stations {
             if !self.is_like(station) {
-                held_out.unlike += 1;
+                answers.unlike += 1;
                 continue;
             }
-            held_out.add_found(station, self.error_at(&station.position), model);
+            answers.add_found(station, self.error_at(&station.position), model);
         }
-        held_out
+        HeldOut::left_by(&answers, &by_number(stations))
     }
 
     /// Whether the table covers a station: its configuration, and its orientation within the tolerance.

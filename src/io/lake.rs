@@ -9,7 +9,8 @@
 //!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
 //! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
-//! ([`Lake::start_joined`]): runs start from it. An estimate is one row in `estimates` ([`Lake::start_estimate`]).
+//! ([`Lake::start_joined`]): runs start from it. An estimate exists by its row in `estimates` ([`Lake::start_estimate`]), its
+//! grids by theirs in `grids` ([`Lake::start_grids`]).
 //!
 //! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
 //! histories keep (`history`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
@@ -70,11 +71,15 @@ pub const JOINED: &str = "joined_sessions";
 /// The table whose rows make estimates exist.
 pub const ESTIMATES: &str = "estimates";
 
+/// The table whose rows make grids exist.
+pub const GRIDS: &str = "grids";
+
 /// The table whose row makes the files of another table part of the lake.
 pub fn rows_of(table: &str) -> &'static str {
     match table {
         JOINED | "readings" => JOINED,
         ESTIMATES | "estimate_residuals" => ESTIMATES,
+        GRIDS | "grid_errors" => GRIDS,
         _ => RUNS,
     }
 }
@@ -153,6 +158,11 @@ impl Lake {
     /// Begins an estimate; `None` when the lake has it.
     pub fn start_estimate(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
         self.begin(ESTIMATES, key)
+    }
+
+    /// Begins the grids of an estimate; `None` when the lake has them.
+    pub fn start_grids(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+        self.begin(GRIDS, key)
     }
 
     fn begin(&self, rows: &'static str, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {

@@ -140,11 +140,13 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 30] = [
+const FILES: [&str; 32] = [
     include_str!("../../schemas/readings.toml"),
     include_str!("../../schemas/joined_sessions.toml"),
     include_str!("../../schemas/estimates.toml"),
     include_str!("../../schemas/estimate_residuals.toml"),
+    include_str!("../../schemas/grids.toml"),
+    include_str!("../../schemas/grid_errors.toml"),
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),

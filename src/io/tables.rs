@@ -20,6 +20,7 @@ pub mod drift;
 pub mod error_frame;
 pub mod estimates;
 pub mod grid_steps;
+pub mod grids;
 pub mod history;
 pub mod joined_sessions;
 pub mod joint_errors;
@@ -99,6 +100,8 @@ pub struct PublishContext<'a> {
     pub made_of: Vec<RunKey>,
     /// The name of the estimate that it started from.
     pub estimate: String,
+    /// The name of the grids that it started from.
+    pub grids: String,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
 }
@@ -300,6 +303,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         stations_covered_share: covered.map(Covered::of_stations),
         made_of: Some(context.made_of.clone()),
         estimate: Some(context.estimate.clone()),
+        grids: Some(context.grids.clone()),
         replaces: context.replaces.clone(),
     }
 }

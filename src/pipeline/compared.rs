@@ -55,7 +55,7 @@ pub(super) fn measured(outcome: &Outcome<'_>) -> Option<Compared> {
     let pair = |own: &Residual| {
         Some(ErrorPair {
             station: own.station,
-            at: own.predicted,
+            at: own.predicted(),
             before: own.residual,
             after: *after.get(&own.station)?,
         })
@@ -130,7 +130,7 @@ fn before(outcome: &Outcome<'_>, figure: &Accuracy) -> Option<(ErrorsAt, &'stati
             && own.of_session == subject.of_session
     };
     let set = outcome.residuals.iter().find(is_it)?;
-    let error = |own: &Residual| (own.station, (own.predicted, own.residual));
+    let error = |own: &Residual| (own.station, (own.predicted(), own.residual));
     let judged = set.judged().filter(|own| own.is_of_main());
     Some((judged.map(error).collect(), "base and target fitted"))
 }

@@ -23,7 +23,7 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::keys::{KeyReference, estimate_settings, join_settings, missing};
+use super::keys::{KeyReference, estimate_settings, grids_settings, join_settings, missing};
 use super::robot_file;
 use super::stages::StageSettings;
 use crate::compensation::Conditions;
@@ -91,8 +91,12 @@ pub struct Configuration {
     pub join_settings: String,
     /// Those of them that training reads, likewise: part of the name of every estimate.
     pub estimate_settings: String,
+    /// Those of them that the grids of an estimate read, likewise: part of the name of all grids.
+    pub grids_settings: String,
     /// Whether the work is with estimates that the lake has, so that nothing is trained.
     pub from_estimates: bool,
+    /// Whether it is with grids that the lake has too.
+    pub from_grids: bool,
     /// The place of the sessions' logs.
     pub tree: Tree,
     /// The pieces of work.
@@ -161,6 +165,8 @@ pub struct Overrides {
     pub from_joined: bool,
     /// Whether the work is with estimates that the lake has too.
     pub from_estimates: bool,
+    /// Whether the work is with grids that the lake has as well.
+    pub from_grids: bool,
 }
 
 impl Configuration {
@@ -205,7 +211,9 @@ impl Configuration {
             settings: manifest::canonical(&file)?,
             join_settings,
             estimate_settings: settings_of_training(&file)?,
+            grids_settings: settings_of_grids(&file)?,
             from_estimates: overrides.from_estimates,
+            from_grids: overrides.from_grids,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
             unnamed_targets: by_geometry::unnamed(&file),
@@ -268,6 +276,11 @@ fn settings_of_join(file: &PipelineFile) -> Result<String, ManifestError> {
 /// The settings of a pipeline file that training reads, as canonical JSON.
 fn settings_of_training(file: &PipelineFile) -> Result<String, ManifestError> {
     manifest::canonical(&estimate_settings(&serde_json::to_value(file)?))
+}
+
+/// The settings of a pipeline file that the grids of an estimate read, as canonical JSON.
+fn settings_of_grids(file: &PipelineFile) -> Result<String, ManifestError> {
+    manifest::canonical(&grids_settings(&serde_json::to_value(file)?))
 }
 
 /// The error of a file with several keys that are missing or not known; `None` of another one.

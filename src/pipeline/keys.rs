@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-pub use joins::{estimate_settings, join_settings};
+pub use joins::{estimate_settings, grids_settings, join_settings};
 
 /// The names under which the command `schema` knows the two files.
 pub const FILES: [&str; 2] = ["pipeline", "robot"];
@@ -55,6 +55,9 @@ pub struct KeySection {
     /// Whether training reads its keys; it reads those of every section that does not say otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimates: Option<bool>,
+    /// Whether the grids of an estimate read its keys; beside those that training reads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grids: Option<bool>,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,
@@ -97,6 +100,9 @@ pub struct Key {
     /// Whether training reads it, where that differs from its section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimates: Option<bool>,
+    /// Whether grids read it, where that differs from its section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grids: Option<bool>,
     /// The section that has to be in the file with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub with: Option<String>,

@@ -305,6 +305,7 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         stations_covered_share: None,
         reason: (!plan.is_met()).then_some(why),
         made_of: None,
+        grids: None,
         estimate: None,
         replaces,
     }

@@ -6,6 +6,7 @@
 
 mod error;
 mod estimated;
+mod gridded;
 mod inputs;
 mod joined;
 mod known;
@@ -21,7 +22,7 @@ use super::fetch::Fetched;
 use super::promise;
 use super::summary::{Summary, summary, warnings, when};
 use super::words::{notes, words};
-use super::{damage, driven, stages};
+use super::{damage, driven};
 use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
 use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
@@ -39,6 +40,7 @@ use crate::progress::Progress;
 use crate::report::{Angles, Split};
 
 pub use error::RunError;
+use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
 use joined::Joiner;
 pub(super) use joined::joined_work;
@@ -114,6 +116,21 @@ pub struct EstimateDone {
     pub misfit_mm: f64,
 }
 
+/// The grids of an estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridsDone {
+    /// The session, or `pooled`.
+    pub session: String,
+    /// The name of the result.
+    pub run: String,
+    /// Whether the lake had it already.
+    pub already_there: bool,
+    /// Number of rows: steps by source, interpolation and way of judging.
+    pub rows: usize,
+    /// The step that this pipeline file chooses of them, mm; `None` where none gives a table.
+    pub chosen_mm: Option<f64>,
+}
+
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
     configuration: &Configuration,
@@ -152,6 +169,37 @@ pub fn estimate_piece(
             progress,
         };
         joiner.estimator().made(joiner.all(piece, None)?)
+    })
+}
+
+/// The grids of a piece of work, for later runs to start from; fetched likewise.
+pub fn grids_piece(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+) -> Result<GridsDone, RunError> {
+    with_files(configuration, piece, |piece| {
+        let work = &work(configuration, piece)?;
+        let lake = &Lake::at(&configuration.lake)?;
+        let joiner = Joiner {
+            configuration,
+            work,
+            lake,
+            progress,
+        };
+        let sessions = joiner.all(piece, None)?;
+        let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
+        let gridder = Gridder::of(configuration, lake, &estimated);
+        let already_there = gridder.is_there()?;
+        let outcome = gridder.outcome(estimate, progress)?;
+        let key = gridder.work.key();
+        Ok(GridsDone {
+            session: key.session,
+            run: key.run,
+            already_there,
+            rows: outcome.grids.answers.len(),
+            chosen_mm: outcome.grids.chosen().map(|row| row.step_mm),
+        })
     })
 }
 
@@ -217,10 +265,12 @@ fn run_local(
     let sessions = joiner.all(piece, Some(&mut run))?;
     let made_of = sessions.made_of.clone();
     let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
-    let outcome = stages::results(&configuration.arm, estimate, progress)?;
+    let gridder = Gridder::of(configuration, &lake, &estimated);
+    let outcome = gridder.outcome(estimate, progress)?;
     let context = PublishContext {
         made_of,
         estimate: estimated.run,
+        grids: gridder.work.key().run,
         ..context(configuration, &outcome, lake.current(&key)?)
     };
     let promised = promise::held(
@@ -381,6 +431,7 @@ fn context<'a>(
         valid_for: configuration.valid_for.clone(),
         made_of: Vec::new(),
         estimate: String::new(),
+        grids: String::new(),
         replaces,
     }
 }

@@ -31,7 +31,7 @@ use crate::fit::saved::SavedError;
 use crate::fit::{
     ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
 };
-use crate::grid::{GridError, GridSettings, Tolerance};
+use crate::grid::{GridError, GridSettings, StepAnswers, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
@@ -170,13 +170,14 @@ pub fn run<'a>(
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     let estimate = estimate(arm, (training, test), None, settings, progress)?;
-    results(arm, estimate, progress)
+    results(arm, estimate, None, progress)
 }
 
-/// The results of an estimate, by stations with one reading each.
+/// The results of an estimate, by stations with one reading each; what steps answer is not found again where it is known.
 pub fn results<'a>(
     arm: &'a Arm,
     estimate: Estimate,
+    known: Option<Vec<StepAnswers>>,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
     let (trained, flanges, settings) = (estimate.trained, estimate.flanges, &estimate.settings);
@@ -206,7 +207,7 @@ pub fn results<'a>(
         &models,
         &folds,
         (last, &tested, gridded),
-        settings,
+        (settings, known),
         progress,
     )?;
     let judges = Judges {
@@ -309,7 +310,7 @@ fn semivariograms(
         let sample = |r: &Residual| {
             Some(ErrorSample {
                 joints: joints(r.station)?,
-                position: r.predicted,
+                position: r.predicted(),
                 error: r.residual,
             })
         };

@@ -10,8 +10,8 @@
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
 //!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]). The row of
-//! a run is held against those that it names: the chain of stages (`chain`).
+//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]) and their
+//! grids ([`grids()`]). The row of a run is held against those that it names: the chain of stages (`chain`).
 //!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
 //! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
@@ -23,6 +23,7 @@ mod cited;
 mod claim;
 mod estimated;
 mod files;
+mod gridded;
 mod joined;
 mod list;
 mod recompute;
@@ -49,6 +50,7 @@ pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
 pub use estimated::estimates;
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
+pub use gridded::grids;
 pub use joined::joined;
 pub use list::{ListError, ListedRow, RowList, Unexpected};
 pub use recompute::{ComparedFile, FileOutcome, clean};
@@ -153,10 +155,10 @@ impl Verified {
         verdict::verdict(self)
     }
 
-    /// The estimate that it shows: what the run was recomputed with was trained anew, and compared with it. `None` where there is none.
-    pub fn shows(&self) -> Option<&String> {
-        let estimate = self.claim.estimate.as_ref();
-        estimate.filter(|_| matches!(self.recomputed, Recomputed::Yes { .. }))
+    /// The estimate and the grids that it shows: what the run was recomputed with was made anew, and compared with them.
+    pub fn shows(&self) -> impl Iterator<Item = &String> {
+        let of_stages = self.claim.estimate.iter().chain(&self.claim.grids);
+        of_stages.filter(|_| matches!(self.recomputed, Recomputed::Yes { .. }))
     }
 }
 

@@ -19,7 +19,8 @@ use super::settings::PlanSettings;
 use super::{PlanError, Trial};
 use crate::fit::full::FullSettings;
 use crate::fit::{FitError, ToolErrors};
-use crate::grid::judge::{NodeError, by_nodes, node_errors};
+use crate::grid::judge::{by_nodes, node_errors};
+use crate::grid::node::NodeError;
 use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
 use crate::simulate::{Commanded, Visit};
 

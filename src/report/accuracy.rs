@@ -132,7 +132,7 @@ mod tests {
             pose: station % poses,
             fold: None,
             used_for_refit: station < first,
-            predicted: Point3::origin(),
+            attained: Point3::origin(),
             residual: Vector3::new(0.1 * (1 + station / poses) as f64, 0.0, 0.0),
             covariance: None,
             weight: None,

@@ -153,7 +153,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
             pose: station.pose,
             fold: None,
             used_for_refit: place < first,
-            predicted: wanted(station),
+            attained: base * station.attained,
             residual: base * station.attained - wanted(station),
             covariance: None,
             weight: None,

@@ -44,14 +44,16 @@ pub fn own_session(
         let residual = |(place, (observation, predicted)): (usize, (&Observation, &Predicted))| {
             let target = predicted.target.position;
             let base = stated_in(models, model, observation);
+            let measured = observation.point()?.position;
+            let residual = base.inverse_transform_vector(&(measured - target));
             Some(Residual {
                 station: observation.station,
                 target: target_read(models, observation),
                 pose: observation.pose,
                 fold,
                 used_for_refit: false,
-                predicted: base.inverse_transform_point(&target),
-                residual: base.inverse_transform_vector(&(observation.point()?.position - target)),
+                attained: base.inverse_transform_point(&target) + residual,
+                residual,
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
                 weight: None,
                 turn: predicted

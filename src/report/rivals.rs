@@ -122,10 +122,7 @@ fn difference(
     if rival.len() != other.len() || !rival.iter().zip(&other).all(are_same) {
         return None;
     }
-    let measured: Vec<Point3<f64>> = other
-        .iter()
-        .map(|own| own.predicted + own.residual)
-        .collect();
+    let measured: Vec<Point3<f64>> = other.iter().map(|own| own.attained).collect();
     let cells = blocks.cells(&measured).into_iter();
     let cells = cells.map(|cell| cell.map(f64::to_bits));
     let own = rival.iter().zip(&other).zip(cells);
@@ -200,7 +197,7 @@ mod tests {
             pose: place,
             fold: (split == Split::Blocks).then_some(folds[place]),
             used_for_refit: false,
-            predicted: position - Vector3::x() * error(place),
+            attained: *position,
             residual: Vector3::x() * error(place),
             covariance: None,
             weight: None,

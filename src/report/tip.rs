@@ -79,7 +79,7 @@ pub fn at_tip(set: &ResidualSet, lever: &Vector3<f64>) -> ResidualSet {
     let residual = |own: &Residual| {
         let turn = own.turn?;
         Some(Residual {
-            predicted: own.predicted + turn.wanted * lever,
+            attained: own.attained + turn.attained * lever,
             residual: own.residual + turn.at_end_of(lever),
             // The model's covariance is that of its own point.
             covariance: None,
@@ -115,7 +115,7 @@ mod tests {
             pose: station,
             fold: None,
             used_for_refit: false,
-            predicted: Point3::new(1500.0, 0.0, 1000.0),
+            attained: Point3::new(1500.0, 0.0, 1000.0) + residual,
             residual,
             covariance: None,
             weight: None,

@@ -174,14 +174,15 @@ impl Unseen<'_> {
         let turns = self.turns(found);
         let residual = |(place, (observation, placed)): (usize, (&Observation, &Placed))| {
             let predicted = found.refit.predicted(placed);
+            let attained = found.refit.base_from_tracker * observation.point()?.position;
             Some(Residual {
                 station: observation.station,
                 target: self.targets[place],
                 pose: observation.pose,
                 fold: None,
                 used_for_refit: found.taken[place],
-                predicted,
-                residual: found.refit.base_from_tracker * observation.point()?.position - predicted,
+                attained,
+                residual: attained - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),
                 weight: None,
                 turn: turns[place],

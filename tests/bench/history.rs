@@ -194,6 +194,7 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
         stations_covered_share: None,
         made_of: None,
         estimate: None,
+        grids: None,
         replaces: None,
     };
     let row = work.runs_table(&[], &written, &outcome).expect("a row");

@@ -188,12 +188,14 @@ def check_table(folder, files):
     return rows
 
 
-# Tables of sessions as joined and of estimates, which exist by rows of their own; all others by their runs' rows in runs.
+# Tables of sessions as joined, of estimates and of grids, which exist by rows of their own; all others by their runs' rows in runs.
 ROWS_OF = {
     "joined_sessions": "joined_sessions",
     "readings": "joined_sessions",
     "estimates": "estimates",
     "estimate_residuals": "estimates",
+    "grids": "grids",
+    "grid_errors": "grids",
 }
 
 

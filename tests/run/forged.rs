@@ -155,6 +155,7 @@ pub fn of_first_version(path: &Path) {
             "session_started",
             "made_of",
             "estimate",
+            "grids",
             "first_session_started",
             "mean_before_mm",
             "mean_after_mm",

@@ -57,9 +57,9 @@ fn a_session_without_a_result_leaves_no_samples() {
     assert!(cell.lake().is_empty());
 }
 
-/// Whether a file is of a session as joined, or of an estimate.
+/// Whether a file is of a session as joined, of an estimate or of grids.
 fn is_as_joined(path: &str) -> bool {
-    ["joined_sessions/", "readings/", "estimates/"]
+    ["joined_sessions/", "readings/", "estimates/", "grids/"]
         .iter()
         .any(|folder| path.starts_with(folder))
 }

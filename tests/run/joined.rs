@@ -5,7 +5,7 @@ use std::fs;
 use super::cell::{Cell, ended, posegrid, published, undisturbed};
 use super::same_work::assert_same;
 
-/// Asserts that ingest and join first, then the estimate, and the rest from both without any of the sessions' files, give the same bytes as all at once; `code` is the
+/// Asserts that ingest and join first, then the estimate, its grids, and the rest from all of them without any of the sessions' files, give the same bytes as all at once; `code` is the
 /// exit code of both.
 pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
     let at_once = cell.path("at-once").to_string_lossy().into_owned();
@@ -18,7 +18,9 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
         "--lake", &stepwise, "--from", "estimate", "--until", "estimate",
     ]);
     estimated.expect(0, &[" estimates: "]);
-    let then = cell.run(&["--lake", &stepwise, "--from", "table"]);
+    let gridded = cell.run(&["--lake", &stepwise, "--from", "table", "--until", "table"]);
+    gridded.expect(0, &[" grids: "]);
+    let then = cell.run(&["--lake", &stepwise, "--from", "report"]);
     fs::rename(cell.path("archived"), cell.path("sessions")).expect("writable");
     then.expect(code, &[]);
     let (once, steps) = (published(at_once.as_ref()), published(stepwise.as_ref()));

@@ -12,6 +12,7 @@ mod estimated;
 mod export;
 mod fleet;
 mod forged;
+mod gridded;
 mod inspect_tables;
 mod interrupted;
 mod iso_9283;

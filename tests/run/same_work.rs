@@ -6,8 +6,8 @@ use super::cell::{Cell, Ended, ended, undisturbed};
 
 /// Files of one piece of work: thirteen tables, `runs` among them, the page, and what the history keeps of it.
 const FILES: usize = 15;
-/// Published files of its session as joined and of its estimate, two each, from which another piece starts too.
-const BEFORE: usize = 4;
+/// Published files of its session as joined, of its estimate and of its grids, two each, from which another piece starts too.
+const BEFORE: usize = 6;
 
 #[test]
 fn a_run_gives_every_table_and_page_of_every_session() {
@@ -52,7 +52,7 @@ fn other_settings_are_other_work() {
     assert_eq!(
         cell.lake().len(),
         2 * FILES + BEFORE,
-        "both runs stand side by side, of one session as joined and one estimate"
+        "both runs stand side by side, of one session as joined, one estimate and its grids"
     );
 }
 

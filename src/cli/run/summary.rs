@@ -112,6 +112,19 @@ fn line(session: &str, ending: &Ending) -> String {
             );
             state_line(state, session, &words)
         }
+        Ending::Gridded(done) => {
+            let state = if done.already_there {
+                "done-before"
+            } else {
+                "gridded"
+            };
+            let chosen = done.chosen_mm.map_or_else(
+                || "none gives a table".to_owned(),
+                |mm| format!("{mm} mm is chosen"),
+            );
+            let words = format!("{} judged steps, {chosen}, result {}", done.rows, done.run);
+            state_line(state, session, &words)
+        }
         Ending::Failed(Failure { reason, .. }) => {
             state_line("failed", session, &format!("no result: {reason}"))
         }
@@ -251,6 +264,10 @@ impl Totals {
                     totals.before += usize::from(done.already_there);
                     totals.new += usize::from(!done.already_there);
                 }
+                Ending::Gridded(done) => {
+                    totals.before += usize::from(done.already_there);
+                    totals.new += usize::from(!done.already_there);
+                }
                 Ending::Failed(_) => totals.failed += 1,
                 Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
             }
@@ -288,6 +305,9 @@ impl Totals {
             ),
             Extent::Estimated => format!(
                 "{results} of {all} estimates: {new} now, {before} before, {failed} failed, {waiting} waiting"
+            ),
+            Extent::Gridded => format!(
+                "{results} of {all} grids: {new} now, {before} before, {failed} failed, {waiting} waiting"
             ),
             Extent::Joined => format!(
                 "{results} of {all} sessions joined: {new} now, {before} before, {failed} failed, {waiting} waiting"

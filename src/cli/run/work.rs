@@ -12,7 +12,8 @@ use crate::cli::progress::Bars;
 use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
 use crate::pipeline::fleet::FleetPiece;
 use crate::pipeline::run::{
-    Done, EstimateDone, Known, RunError, SessionDone, estimate_piece, join_session, run_piece,
+    Done, EstimateDone, GridsDone, Known, RunError, SessionDone, estimate_piece, grids_piece,
+    join_session, run_piece,
 };
 use crate::progress::Progress;
 
@@ -25,6 +26,8 @@ pub enum Ending {
     Joined(SessionDone),
     /// With an estimate, which was all that was asked for.
     Estimated(EstimateDone),
+    /// With grids, which were all that was asked for.
+    Gridded(GridsDone),
     /// Without one.
     Failed(Failure),
     /// A signal ended it under way.
@@ -71,6 +74,7 @@ impl Batch<'_> {
             Extent::Estimated => {
                 estimate_piece(configuration, piece, progress).map(Ending::Estimated)
             }
+            Extent::Gridded => grids_piece(configuration, piece, progress).map(Ending::Gridded),
             Extent::Joined => join_session(configuration, piece, progress).map(Ending::Joined),
         }
     }
@@ -88,6 +92,8 @@ pub enum Extent {
     Joined,
     /// To estimates.
     Estimated,
+    /// To grids.
+    Gridded,
 }
 
 /// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that

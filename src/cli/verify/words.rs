@@ -70,6 +70,16 @@ pub(super) fn estimates(verified: &[StageVerified], of_runs: usize) -> Option<St
     Some(lines.join("\n"))
 }
 
+/// The grids likewise.
+pub(super) fn grids(verified: &[StageVerified], of_runs: usize) -> Option<String> {
+    let (mut lines, counts) = stage(verified, "grids", "made")?;
+    let same = same_anew(verified);
+    lines.push(format!(
+        "grids: {counts}; {same} made anew and the same, {of_runs} by runs that were recomputed"
+    ));
+    Some(lines.join("\n"))
+}
+
 fn same_anew(verified: &[StageVerified]) -> usize {
     let same = |own: &&StageVerified| own.anew == Some(Anew::Same);
     verified.iter().filter(same).count()

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::approach::ApproachOffsets;
 use super::layout::Layout;
 use super::noise::Repeatability;
-use super::regression::Posterior;
+use super::regression::few_rows::FewRows;
+use super::regression::{Evidence, Posterior};
 use super::rows::{Around, prior_mean, stations};
 use super::saved::SavedPart;
 use super::settings::FullSettings;
@@ -98,12 +99,31 @@ impl StoredFull {
         prior: &Prior,
         settings: &FullSettings,
     ) -> Result<FullModel, SavedError> {
-        let (trained, problem) = (
-            self.problem(arm, observations, prior),
-            self.problem(arm, &[], prior),
-        );
+        let trained = self.problem(arm, observations, prior);
         self.check_lengths(&trained)?;
         let posterior = self.posterior(&trained, settings)?;
+        self.with(posterior, arm, prior)
+    }
+
+    /// [`Self::model`] for its predictions alone: its covariances are those before the training, and nothing is summed.
+    pub fn predicting(
+        self,
+        arm: &Arm,
+        observations: &[Observation],
+        prior: &Prior,
+        _: &FullSettings,
+    ) -> Result<FullModel, SavedError> {
+        self.check_lengths(&self.problem(arm, observations, prior))?;
+        let nothing = Evidence::Rows(FewRows::none(self.scale.len()));
+        let posterior = nothing.posterior_at(self.scale.clone());
+        let posterior = posterior.ok_or(SavedError::Factor {
+            problem: "is not positive",
+        })?;
+        self.with(posterior, arm, prior)
+    }
+
+    fn with(self, posterior: Posterior, arm: &Arm, prior: &Prior) -> Result<FullModel, SavedError> {
+        let problem = self.problem(arm, &[], prior);
         let parts = self.parts.iter().map(SavedPart::evidence);
         Ok(FullModel {
             ready: Ready::of(&problem, &self.offsets, &self.layout, &self.mean),

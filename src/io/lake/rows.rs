@@ -1,10 +1,10 @@
-//! Rows of `runs`, `joined_sessions` and `estimates` in a lake.
+//! Rows of `runs`, `joined_sessions`, `estimates` and `grids` in a lake.
 
 use std::fs::File;
 
 use rayon::ThreadPoolBuilder;
 
-use super::{ESTIMATES, JOINED, Lake, LakeError, RUNS};
+use super::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RUNS};
 use crate::io::schema;
 use crate::io::store::{Listed, Place};
 use crate::io::table::{self, Opened};
@@ -31,6 +31,11 @@ impl Lake {
     /// The rows of all estimates, likewise.
     pub fn estimates(&self) -> Result<Vec<RunRow>, LakeError> {
         self.rows(ESTIMATES, ESTIMATES, 2)
+    }
+
+    /// The rows of all grids, likewise.
+    pub fn grids(&self) -> Result<Vec<RunRow>, LakeError> {
+        self.rows(GRIDS, GRIDS, 2)
     }
 
     /// The files of the rows of all runs, in the order of robot, session and run; nothing is read.

@@ -57,6 +57,8 @@ pub struct StoredTrainings {
     pub folds: Vec<Option<StoredModels>>,
     /// Each session of a pool, judged by the models of all others.
     pub sessions_left_out: Vec<ResidualSet>,
+    /// The errors of its stations in no special order, where `estimate_residuals` has all of them.
+    pub residuals: Option<Vec<ResidualSet>>,
 }
 
 /// The reason why an estimate cannot be read back.
@@ -160,8 +162,12 @@ fn row(
     })
 }
 
-/// Reads what an estimate trained back from a lake.
-pub fn restored(lake: &Lake, key: &RunKey) -> Result<StoredTrainings, NoEstimate> {
+/// Reads what an estimate trained back from a lake; `targets` are the names of targets, where there are several.
+pub fn restored(
+    lake: &Lake,
+    key: &RunKey,
+    targets: &[String],
+) -> Result<StoredTrainings, NoEstimate> {
     let rows = EstimateRow::read(&lake.read(EstimateRow::TABLE, key)?);
     let [row] = &rows[..] else {
         return Err(NoEstimate::Rows(rows.len()));
@@ -171,5 +177,13 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<StoredTrainings, NoEstimate
         models: serde_json::from_str(&row.models)?,
         folds: folds.collect::<Result<_, _>>()?,
         sessions_left_out: serde_json::from_str(&row.left_out)?,
+        residuals: errors(lake, key, targets),
     })
+}
+
+/// The errors of an estimate's stations; `None` where their table is gone or was changed, or does not have all of them.
+fn errors(lake: &Lake, key: &RunKey, targets: &[String]) -> Option<Vec<ResidualSet>> {
+    let table = lake.read(EstimateResidualRow::TABLE, key).ok()?;
+    let rows = EstimateResidualRow::read(&table).into_iter();
+    residuals::sets(rows.map(|own| own.0).collect(), targets)
 }

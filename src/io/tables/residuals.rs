@@ -1,8 +1,12 @@
 //! `residuals`: measured minus predicted target position of every station under every model; and `estimate_residuals`, with the same
 //! columns, of the stations of an estimate.
 
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+
 use super::words::Role;
-use crate::geometry::upper;
+use crate::geometry::{symmetric, upper};
 #[cfg(test)]
 use crate::io::table::FieldColumn;
 use crate::io::table::{Columns, Row, Table, row};
@@ -105,6 +109,48 @@ pub fn rows(sets: &[ResidualSet], targets: &[String]) -> Vec<ResidualRow> {
     sets.iter().flat_map(of_set).collect()
 }
 
+/// The residual sets of rows; `targets` as for [`rows`]. `None` where a row has an orientation, of which a row has the difference alone, or
+/// a target of another name.
+pub fn sets(rows: Vec<ResidualRow>, targets: &[String]) -> Option<Vec<ResidualSet>> {
+    let mut sets: BTreeMap<Subject, Vec<Residual>> = BTreeMap::new();
+    for row in rows {
+        let residual = residual(&row, targets)?;
+        sets.entry(row.subject()).or_default().push(residual);
+    }
+    let sets = sets.into_iter();
+    Some(
+        sets.map(|(subject, residuals)| ResidualSet { subject, residuals })
+            .collect(),
+    )
+}
+
+fn residual(row: &ResidualRow, targets: &[String]) -> Option<Residual> {
+    let target = |name: &String| target_named(name, targets);
+    let is_whole = row.turned.is_none();
+    is_whole.then_some(Residual {
+        station: row.station,
+        target: match &row.target {
+            Some(name) => Some(target(name)?),
+            None => None,
+        },
+        pose: row.pose,
+        fold: row.fold,
+        used_for_refit: row.used_for_refit,
+        attained: Point3::from(row.at),
+        residual: row.residual.into(),
+        covariance: row.predicted_cov_mm2.map(symmetric),
+        weight: row.weight,
+        turn: None,
+    })
+}
+
+/// The target of a name that [`target_name`] gives.
+fn target_named(name: &str, names: &[String]) -> Option<TargetId> {
+    let named = names.iter().position(|own| own == name);
+    let numbered = || name.parse::<usize>().ok()?.checked_sub(1);
+    named.or_else(numbered).map(TargetId)
+}
+
 /// The name of a target, or its number from 1 where it has none.
 pub fn target_name(target: TargetId, names: &[String]) -> String {
     let name = names.get(target.0).cloned();
@@ -124,7 +170,7 @@ fn of_residual(subject: &Subject, residual: &Residual, targets: &[String]) -> Re
         target: residual.target.map(|own| target_name(own, targets)),
         pose: residual.pose,
         used_for_refit: residual.used_for_refit,
-        at: (residual.predicted.coords + residual.residual).into(),
+        at: residual.attained.into(),
         residual: residual.residual.into(),
         residual_mm: residual.residual.norm(),
         turned: residual.turn.map(|turn| turn.residual().into()),

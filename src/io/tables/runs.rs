@@ -70,6 +70,8 @@ row! {
         made_of: Option<Vec<String>>,
         /// The estimate that it started from; `None` of a plan, and in rows before version 6.
         estimate: Option<String>,
+        /// The grids that it started from; `None` of a plan, and in rows before version 7.
+        grids: Option<String>,
         /// The run that this one takes the place of.
         replaces: Option<String>,
         /// The digest of that run's row.
@@ -104,6 +106,8 @@ pub struct Ending {
     pub made_of: Option<Vec<RunKey>>,
     /// The name of the estimate that it started from; `None` of a plan.
     pub estimate: Option<String>,
+    /// The name of the grids that it started from; `None` of a plan.
+    pub grids: Option<String>,
     /// The run that this one takes the place of.
     pub replaces: Option<Replaced>,
 }
@@ -173,6 +177,7 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
                 .collect()
         }),
         estimate: ending.estimate.clone(),
+        grids: ending.grids.clone(),
         replaces: replaced.map(|replaced| replaced.run.clone()),
         replaced_row_digest: replaced.map(|replaced| replaced.row_digest.clone()),
         row_digest: None,
@@ -207,6 +212,7 @@ mod tests {
             stations_covered_share: Some(1.0),
             made_of: None,
             estimate: None,
+            grids: None,
             replaces: None,
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();

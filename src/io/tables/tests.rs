@@ -99,6 +99,8 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<joined_sessions::JoinedSessionRow>(),
         as_schema::<estimates::EstimateRow>(),
         as_schema::<residuals::EstimateResidualRow>(),
+        as_schema::<grids::GridsRow>(),
+        as_schema::<grids::GridErrorRow>(),
         as_schema::<StationRow>(),
         as_schema::<RejectRow>(),
         as_schema::<ClockRow>(),
@@ -530,7 +532,7 @@ fn residuals_add_up_and_know_their_distance() {
     let table = of(&OUTCOME.residuals);
     let residual = &OUTCOME.residuals[0].residuals[0];
     let attained = numbers(&table, ["x_mm", "y_mm", "z_mm"], 0);
-    assert!((attained - residual.predicted.coords - residual.residual).norm() < 1e-9);
+    assert!((attained - residual.predicted().coords - residual.residual).norm() < 1e-9);
     // The covariance is a quarter of the identity.
     let distance = table.f64("mahalanobis_squared").value(0);
     assert!((distance - 4.0 * residual.residual.norm_squared()).abs() < 1e-9);

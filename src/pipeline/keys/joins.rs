@@ -1,5 +1,5 @@
 //! The settings that a stage reads, among all settings of a pipeline file: those of ingest and join, which a session as joined follows from,
-//! and those of training, which an estimate follows from.
+//! those of training, which an estimate follows from, and those of its grids.
 
 use serde_json::{Map, Value};
 
@@ -24,6 +24,12 @@ const ESTIMATE: Reads = Reads {
     key: |own| own.estimates,
 };
 
+/// What the grids of an estimate read: what training reads, and sections and keys that say so.
+const GRIDS: Reads = Reads {
+    section: |own| own.estimates != Some(false) || own.grids == Some(true),
+    key: |own| own.grids.or(own.estimates),
+};
+
 /// The settings of ingest and join among all settings of a pipeline file, as JSON of the same shape; sections without any are left out.
 pub fn join_settings(all: &Value) -> Value {
     read_by(&JOIN, all)
@@ -32,6 +38,11 @@ pub fn join_settings(all: &Value) -> Value {
 /// The settings of training, likewise.
 pub fn estimate_settings(all: &Value) -> Value {
     read_by(&ESTIMATE, all)
+}
+
+/// The settings of grids, likewise.
+pub fn grids_settings(all: &Value) -> Value {
+    read_by(&GRIDS, all)
 }
 
 fn read_by(stage: &Reads, all: &Value) -> Value {
@@ -157,7 +168,7 @@ mod tests {
             "tracker": {"uncertainty": {"range_um": 10}},
             "fit": {"loss": {"kind": "squares"}, "full": {"enabled": true}},
             "similarity": {"bins": 15},
-            "grid": {"steps_mm": [50], "box": {"low_mm": [0, 0, 0]}},
+            "grid": {"steps_mm": [50], "box": {"low_mm": [0, 0, 0]}, "choose": "within"},
             "tolerance": {"mm": 0.5},
             "report": {
                 "locate": {"by": "first", "stations": 50, "target": "known"},
@@ -179,5 +190,9 @@ mod tests {
             },
         });
         assert_eq!(estimate_settings(&all), expected);
+        // Grids read their steps too, and not the rule that chooses among them.
+        let mut expected = expected;
+        expected["grid"] = json!({"steps_mm": [50], "box": {"low_mm": [0, 0, 0]}});
+        assert_eq!(grids_settings(&all), expected);
     }
 }

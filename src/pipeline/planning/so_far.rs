@@ -163,6 +163,7 @@ impl Planning {
             lake: Some(self.lake.named()),
             from_joined: false,
             from_estimates: false,
+            from_grids: false,
         };
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration

@@ -9,6 +9,7 @@ use crate::io::log::LogError;
 use crate::io::station_table::StationTableError;
 use crate::io::tables::PublishError;
 use crate::io::tables::estimates::NoEstimate;
+use crate::io::tables::grids::NoGrids;
 use crate::io::tables::joined_sessions::NotRestored;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
@@ -78,6 +79,26 @@ pub enum RunError {
         run: String,
         /// Why.
         source: Box<NoEstimate>,
+    },
+    /// Grids that the lake should have.
+    #[error(
+        "session {session}: the lake has no grids of it by these settings: run it without --from report, or with --until table first"
+    )]
+    NoGrids {
+        /// The session, or `pooled`.
+        session: String,
+    },
+    /// Grids that cannot be read back.
+    #[error(
+        "session {session}: the grids {run} cannot be used: {source}; run it without --from report"
+    )]
+    GridsUnread {
+        /// The session, or `pooled`.
+        session: String,
+        /// The grids.
+        run: String,
+        /// Why.
+        source: Box<NoGrids>,
     },
     /// The robot is named neither in the pipeline file nor in the logs.
     #[error(

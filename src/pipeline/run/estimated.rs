@@ -98,9 +98,10 @@ impl Estimator<'_> {
             run: key.run.clone(),
             source: Box::new(source),
         };
-        let stored = estimates::restored(self.lake, key).map_err(unread)?;
-        let both = (sessions.training.clone(), sessions.test.clone());
         let settings = &self.configuration.stages;
+        let targets = &settings.fit.target_names;
+        let stored = estimates::restored(self.lake, key, targets).map_err(unread)?;
+        let both = (sessions.training.clone(), sessions.test.clone());
         let arm = &self.configuration.arm;
         Ok(stages::estimate(
             arm,

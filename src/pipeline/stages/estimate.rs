@@ -18,12 +18,13 @@ use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
 use crate::fit::{self, Model, Models, TrainingSettings};
+use crate::geometry::{symmetric, upper};
 use crate::io::tables::estimates::StoredTrainings;
 use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
 use crate::join::one_source;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::ResidualSet;
+use crate::report::{Residual, ResidualSet};
 
 /// The sessions of a piece of work, without readings that are wrong, and the models trained on them.
 #[derive(Debug)]
@@ -72,13 +73,23 @@ pub fn estimate(
     } = &prepared(arm, (&mut training, &mut test), settings)?;
     let mut observed = Observed::new(arm, &training, settings);
     let (sessions, train) = (training.len(), training_settings(settings));
-    let (models, folds, left_out) = if let Some(stored) = stored {
-        restored(arm, stored, &observed, &train)?
+    let Known {
+        models,
+        folds,
+        sessions_left_out: left_out,
+        residuals: known,
+    } = if let Some(stored) = stored {
+        restored(arm, stored, &observed, settings)?
     } else {
         let models = fit::models::train_all(arm, &observed.all, sessions, &train)?;
         check_pool(arm, &observed, &models, &training, settings)?;
         let folds = train_folds(arm, &observed, sessions, &train, progress)?;
-        (models, folds, None)
+        Known {
+            models,
+            folds,
+            sessions_left_out: None,
+            residuals: None,
+        }
     };
     log_rival_times(&training, iter::once(&models).chain(folds.iter().flatten()));
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
@@ -105,8 +116,9 @@ pub fn estimate(
         folds,
         sessions_left_out,
     };
+    let found = known.unwrap_or_else(|| residuals(&observed, &trained, &flanges.training));
     Ok(Estimate {
-        residuals: residuals(&observed, &trained, &flanges.training),
+        residuals: in_order(found, &flanges.training),
         observed,
         trained,
         flanges,
@@ -170,6 +182,7 @@ impl Estimate {
             models: StoredModels::of(&trained.models),
             folds: trained.folds.iter().map(of_fold).collect(),
             sessions_left_out: trained.sessions_left_out.clone(),
+            residuals: Some(self.residuals.clone()),
         }
     }
 }
@@ -191,24 +204,75 @@ fn residuals(
     lengths::of_positions(mountings::of_one_mounting(residuals), observed)
 }
 
-/// Models on all readings, models of each fold, and residuals of the sessions left out where they are known.
-type Known = (Models, Vec<Option<Models>>, Option<Vec<ResidualSet>>);
+/// Residual sets by way of judging, session, model and angles, each by station and target, with covariances that are symmetric to the last
+/// bit: the same whether they were found now or read back.
+fn in_order(mut sets: Vec<ResidualSet>, training: &[JoinedSession]) -> Vec<ResidualSet> {
+    let sessions: Vec<&str> = training.iter().map(|own| own.name.as_str()).collect();
+    let models: Vec<_> = Model::compared().collect();
+    sets.sort_by_cached_key(|set| {
+        let own = &set.subject;
+        let session = sessions.iter().position(|name| *name == own.of_session);
+        let model = models.iter().position(|of| *of == (own.model, own.angles));
+        (own.split, session, own.base_refit, model)
+    });
+    for residual in sets.iter_mut().flat_map(|set| &mut set.residuals) {
+        let covariance = residual.covariance.as_ref();
+        residual.covariance = covariance.map(|own| symmetric(upper(own)));
+    }
+    for set in &mut sets {
+        let place = |residual: &Residual| (residual.station, residual.target);
+        set.residuals.sort_by_key(place);
+    }
+    sets
+}
 
-/// The models that were stored; an error where they are not of these observations.
+/// What is known before residuals are found.
+struct Known {
+    /// Models on all readings.
+    models: Models,
+    /// Models of each fold.
+    folds: Vec<Option<Models>>,
+    /// Residuals of the sessions left out.
+    sessions_left_out: Option<Vec<ResidualSet>>,
+    /// Residuals of all stations.
+    residuals: Option<Vec<ResidualSet>>,
+}
+
+/// The models that were stored; an error where they are not of these observations. Where the residuals are stored too, the models of the
+/// folds are asked for predictions alone, and for those of rivals only where one may make the table.
 fn restored(
     arm: &Arm,
     stored: StoredTrainings,
     observed: &Observed,
-    settings: &TrainingSettings<'_>,
+    settings: &StageSettings,
 ) -> Result<Known, SavedError> {
-    let models = stored.models.models(arm, &observed.all, settings)?;
+    let train = training_settings(settings);
+    let models = stored.models.models(arm, &observed.all, &train)?;
+    let has_lengths = observed
+        .all
+        .iter()
+        .any(|own| own.measured.length().is_some());
+    let residuals = stored.residuals.filter(|_| !has_lengths);
+    let of_fold = TrainingSettings {
+        rivals: train.rivals && (residuals.is_none() || settings.grid.rivals),
+        ..train
+    };
+    let of = if residuals.is_some() {
+        StoredModels::predicting
+    } else {
+        StoredModels::models
+    };
     let folds = stored.folds.into_iter().enumerate();
     let folds = folds.map(|(fold, stored)| {
-        let own = |stored: StoredModels| stored.models(arm, &observed.without(fold), settings);
+        let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &of_fold);
         stored.map(own).transpose()
     });
-    let folds = folds.collect::<Result<Vec<_>, _>>()?;
-    Ok((models, folds, Some(stored.sessions_left_out)))
+    Ok(Known {
+        models,
+        folds: folds.collect::<Result<Vec<_>, _>>()?,
+        sessions_left_out: Some(stored.sessions_left_out),
+        residuals,
+    })
 }
 
 /// Logs how long the rivals of these trainings took to train, which no table has.

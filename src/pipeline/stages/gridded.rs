@@ -6,7 +6,7 @@ use super::judged::TestSession;
 use super::{StageSettings, lengths, stated};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorFrame, Model, Models, ToolErrors};
-use crate::grid::{self, GridError, GridInput, GridStation, Reach};
+use crate::grid::{self, GridError, GridInput, GridStation, Reach, StepAnswers};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::progress::Progress;
@@ -37,14 +37,14 @@ pub(super) fn grid_stations(
 /// A station with its command and the index of the station that names its pose.
 type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
-/// Judged steps and table, with node values of the model `gridded`.
+/// Judged steps and table, with node values of the model `gridded`; what steps answer is taken from `known` where that is of these stations.
 pub(super) fn grids<'m>(
     stations: &[GridStation],
     error_frame: &'m ErrorFrame<'_>,
     models: &'m Models,
     folds: &'m [Option<Models>],
     (session, tests, gridded): (usize, &[TestSession<'_>], Model),
-    settings: &StageSettings,
+    (settings, known): (&StageSettings, Option<Vec<StepAnswers>>),
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
     let sources = &models.base_target.sources;
@@ -69,6 +69,7 @@ pub(super) fn grids<'m>(
         &reach,
         &settings.grid,
         &settings.tolerance,
+        known,
         progress,
     )
 }

@@ -183,7 +183,7 @@ impl Sources<'_> {
             .residuals
             .iter()
             .filter(|residual| !residual.used_for_refit && residual.is_of_main());
-        let at = |r: &Residual| (r.station, (r.predicted, r.predicted + r.residual, None));
+        let at = |r: &Residual| (r.station, (r.predicted(), r.attained, None));
         let visited = visits.visited(&judged.map(at).collect());
         let figures = iso_9283::figures(&visited, says);
         (!figures.is_empty()).then(|| Iso9283 {

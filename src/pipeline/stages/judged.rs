@@ -20,9 +20,25 @@ use crate::report::locate::{Locate, LocateTarget, Locator};
 use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject, unseen};
 
-/// Most observations for which folds are trained in parallel. A training holds its rows, some 32 KB an observation for six
-/// joints; with more observations one training keeps all threads busy by itself.
-const SIDE_BY_SIDE: usize = 1500;
+/// Observations of the trainings that are under way at a time: each takes some 100 KB for six joints. One training alone leaves a core
+/// idle now and then.
+const SIDE_BY_SIDE: usize = 12_000;
+
+/// Work on each place, as many at a time as [`SIDE_BY_SIDE`] allows trainings of so many observations; results in the order of places.
+fn side_by_side<T: Send>(
+    places: usize,
+    observations: usize,
+    work: impl Fn(usize) -> Result<T, FitError> + Sync,
+) -> Result<Vec<T>, FitError> {
+    let at_once = (SIDE_BY_SIDE / observations.max(1)).max(1);
+    let all: Vec<usize> = (0..places).collect();
+    let mut done = Vec::with_capacity(places);
+    for some in all.chunks(at_once) {
+        let some: Result<Vec<T>, FitError> = some.par_iter().map(|&place| work(place)).collect();
+        done.extend(some?);
+    }
+    Ok(done)
+}
 
 /// The models of every fold that holds a station out, in fold order.
 pub(super) fn train_folds(
@@ -40,12 +56,7 @@ pub(super) fn train_folds(
         progress.advance(1);
         models.transpose()
     };
-    let folds = 0..holdout::FOLDS;
-    let folds = if observed.all.len() > SIDE_BY_SIDE {
-        folds.map(train).collect()
-    } else {
-        folds.into_par_iter().map(train).collect()
-    };
+    let folds = side_by_side(holdout::FOLDS, observed.all.len(), train);
     progress.end();
     folds
 }
@@ -74,7 +85,8 @@ pub(super) fn sessions_left_out(
     };
     let others = training.len() - 1;
     progress.begin("sessions left out", training.len() as u64);
-    let judge = |(place, session): (usize, &JoinedSession)| {
+    let judge = |place: usize| {
+        let session = &training[place];
         let train = observed.without_session(place);
         let models = fit::models::train_all(arm, &train, others, settings)?;
         let own = observed.own(place);
@@ -89,8 +101,7 @@ pub(super) fn sessions_left_out(
             &models, stations, &locator, &finders,
         )?)
     };
-    let sessions = training.par_iter().enumerate();
-    let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
+    let judged = side_by_side(training.len(), observed.all.len(), judge);
     progress.end();
     Ok(judged?.into_iter().flatten().collect())
 }
@@ -245,7 +256,7 @@ pub(super) fn raw_command(
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
-            predicted: commanded,
+            attained,
             residual: attained - commanded,
             covariance: None,
             weight: None,

@@ -85,6 +85,7 @@ pub(super) fn no_grids(tests: &[TestSession<'_>], settings: &StageSettings) -> G
         .iter()
         .map(|test| guard_mm(&test.observations, settings));
     Grids {
+        answers: Vec::new(),
         judged: Vec::new(),
         table: None,
         choice: Choice {

@@ -56,7 +56,7 @@ mod tests {
             pose: 1,
             fold: None,
             used_for_refit: false,
-            predicted: Point3::origin(),
+            attained: Point3::origin(),
             residual: Vector3::new(mm, 0.0, 0.0),
             covariance: None,
             weight: None,

@@ -1,17 +1,18 @@
-//! The chain of stages behind a run, without computing anything: sessions as joined, then the estimate, then the run.
+//! The chain of stages behind a run, without computing anything: sessions as joined, then the estimate, its grids, then the run.
 //!
-//! A row of `runs` names the sessions as joined and the estimate that the run started from. Each of them that the lake still has has to be of
+//! A row of `runs` names the sessions as joined, the estimate and the grids that the run started from. Each of them that the lake still has has to be of
 //! the run's own inputs and settings; one that is gone can be made again, and is no contradiction.
 
 use serde_json::Value;
 
 use super::claim::Claim;
-use crate::io::lake::{ESTIMATES, JOINED, Lake};
+use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake};
 use crate::io::table::{Row, Table};
 use crate::io::tables::estimates::EstimateRow;
+use crate::io::tables::grids::GridsRow;
 use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, canonical};
-use crate::pipeline::keys::{estimate_settings, join_settings};
+use crate::pipeline::keys::{estimate_settings, grids_settings, join_settings};
 use crate::pipeline::run::is_of_session;
 
 /// Contradictions between a run and the results of stages that it started from.
@@ -34,6 +35,7 @@ pub(super) fn contradictions(claim: &Claim, lake: &Lake) -> Vec<String> {
         .collect();
     let training = &named[..claim.sessions.len()];
     found.extend(of_estimate(claim, training, lake));
+    found.extend(of_grids(claim, lake));
     found
 }
 
@@ -88,6 +90,23 @@ fn of_estimate(claim: &Claim, training: &[RunKey], lake: &Lake) -> Option<String
     };
     Some(format!(
         "it states that it started from the estimate {name}, which is of {what}"
+    ))
+}
+
+/// Grids that are not of the run's estimate or settings.
+fn of_grids(claim: &Claim, lake: &Lake) -> Option<String> {
+    let name = claim.grids.as_ref()?;
+    let key = RunKey::new(&claim.key.robot, &claim.key.session, name);
+    let row: GridsRow = row(lake, GRIDS, &key)?;
+    let what = if claim.estimate.as_ref() != Some(&row.estimate) {
+        "another estimate"
+    } else if differs(claim, &row.version, &row.settings, grids_settings) {
+        "other settings"
+    } else {
+        return None;
+    };
+    Some(format!(
+        "it states that it started from the grids {name}, which are of {what}"
     ))
 }
 

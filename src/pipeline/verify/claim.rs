@@ -34,6 +34,8 @@ pub struct Claim {
     pub made_of: Option<Vec<String>>,
     /// The estimate that it started from; `None` likewise.
     pub estimate: Option<String>,
+    /// The grids that it started from; `None` of a plan, and in rows of versions that did not name them.
+    pub grids: Option<String>,
     /// The run of the same robot and session that it replaces.
     pub replaces: Option<String>,
     /// The digests that it states of its own content and of the row that it replaces.
@@ -94,6 +96,7 @@ impl Claim {
             files: files.map(written).collect(),
             made_of: row.made_of,
             estimate: row.estimate,
+            grids: row.grids,
             replaces: row.replaces,
             row: RowDigests {
                 version,

@@ -2,6 +2,7 @@
 //! pipeline file has its settings, and no run that was recomputed has shown it already, it is trained anew from them, without any log.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use super::recompute;
 use super::sought::Sought;
@@ -77,26 +78,28 @@ fn anew_of(
     sought: &Sought,
     progress: &dyn Progress,
 ) -> Option<Anew> {
-    let joined = match all_joined(lake, key, row) {
-        Ok(joined) => joined,
+    let trained = match Trained::of(lake, key, row) {
+        Ok(trained) => trained,
         Err(reason) => return Some(Anew::No(reason)),
     };
-    let found: Vec<Session> = joined.iter().map(|own| own.session.clone()).collect();
-    let configuration = sought.with_sessions(&key.robot, &found, |configuration| {
-        let robot = input(&configuration.robot_file, ROBOT);
+    let configuration = trained.by(sought, |configuration| {
         configuration.estimate_settings == row.settings
-            && joined
-                .iter()
-                .all(|own| own.settings == configuration.join_settings)
-            && robot.is_ok_and(|robot| robot.digest == row.robot_digest)
     })?;
-    Some(match trained(lake, key, &joined, configuration, progress) {
-        Ok(anew) => anew,
-        Err(reason) => Anew::No(reason),
-    })
+    Some(
+        trained
+            .anew(lake, configuration, progress)
+            .unwrap_or_else(Anew::No),
+    )
 }
 
-/// A session that trained, as the lake has it.
+/// The sessions that an estimate was trained on, as the lake has them.
+pub(super) struct Trained {
+    key: RunKey,
+    robot_digest: String,
+    sessions: Vec<Joined>,
+}
+
+/// A session that trained.
 struct Joined {
     session: Session,
     before: JoinedBefore,
@@ -104,71 +107,110 @@ struct Joined {
     settings: String,
 }
 
-/// The sessions that trained, or why one cannot be read.
-fn all_joined(lake: &Lake, key: &RunKey, row: &EstimateRow) -> Result<Vec<Joined>, String> {
-    let one = |(name, run): (&String, &String)| {
-        let key = RunKey::new(&key.robot, name, run);
-        let table = lake.read(JOINED, &key).map_err(|error| error.to_string())?;
-        let row = JoinedSessionRow::read(&table).pop();
-        let row = row.ok_or_else(|| format!("{name} as joined has no row"))?;
-        let inputs = inputs(&row).ok_or_else(|| format!("{name} as joined is damaged"))?;
-        let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
-        let before = JoinedBefore {
-            key,
-            inputs: inputs.collect(),
+impl Trained {
+    /// The sessions of the estimate with this row, or why one cannot be read.
+    pub(super) fn of(lake: &Lake, key: &RunKey, row: &EstimateRow) -> Result<Self, String> {
+        let one = |(name, run): (&String, &String)| {
+            let key = RunKey::new(&key.robot, name, run);
+            let table = lake.read(JOINED, &key).map_err(|error| error.to_string())?;
+            let row = JoinedSessionRow::read(&table).pop();
+            let row = row.ok_or_else(|| format!("{name} as joined has no row"))?;
+            let inputs = inputs(&row).ok_or_else(|| format!("{name} as joined is damaged"))?;
+            let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
+            let before = JoinedBefore {
+                key,
+                inputs: inputs.collect(),
+            };
+            Ok(Joined {
+                session: Session {
+                    name: name.clone(),
+                    recorded: Ok(Recorded::Joined(before.clone())),
+                    corrected: None,
+                    robot: None,
+                },
+                before,
+                settings: row.settings,
+            })
         };
-        Ok(Joined {
-            session: Session {
-                name: name.clone(),
-                recorded: Ok(Recorded::Joined(before.clone())),
-                corrected: None,
-                robot: None,
-            },
-            before,
-            settings: row.settings,
+        let sessions: Result<_, String> = sessions(row).map(one).collect();
+        Ok(Self {
+            key: key.clone(),
+            robot_digest: row.robot_digest.clone(),
+            sessions: sessions?,
         })
-    };
-    sessions(row).map(one).collect()
+    }
+
+    /// The configuration of the first pipeline file that `has` the settings, with these sessions and their robot file.
+    pub(super) fn by(
+        &self,
+        sought: &Sought,
+        has: impl Fn(&Configuration) -> bool,
+    ) -> Option<Configuration> {
+        let sessions = self.sessions.iter();
+        let found: Vec<Session> = sessions.clone().map(|own| own.session.clone()).collect();
+        sought.with_sessions(&self.key.robot, &found, |configuration| {
+            let robot = input(&configuration.robot_file, ROBOT);
+            has(configuration)
+                && sessions
+                    .clone()
+                    .all(|own| own.settings == configuration.join_settings)
+                && robot.is_ok_and(|robot| robot.digest == self.robot_digest)
+        })
+    }
+
+    /// Copies the sessions as joined into a lake in a folder; gives the configuration for it, and the piece of work.
+    pub(super) fn copied(
+        &self,
+        lake: &Lake,
+        to: &Path,
+        configuration: Configuration,
+    ) -> Result<(Configuration, WorkPiece), String> {
+        for own in &self.sessions {
+            let copied = lake.copy_run(&[JOINED, ReadingRow::TABLE], &own.before.key, to);
+            copied.map_err(|error| error.to_string())?;
+        }
+        let files = |own: &Joined| SessionFiles {
+            name: own.session.name.clone(),
+            recorded: Recorded::Joined(own.before.clone()),
+            corrected: None,
+        };
+        let piece = WorkPiece {
+            session: self.key.session.clone(),
+            training: self.sessions.iter().map(files).collect(),
+            test: Vec::new(),
+        };
+        let configuration = Configuration {
+            robot: Some(self.key.robot.clone()),
+            lake: Place::of(to),
+            tree: Tree::Folder,
+            ..configuration
+        };
+        Ok((configuration, piece))
+    }
+
+    /// The estimate trained in a temporary lake with its sessions as joined, and compared.
+    fn anew(
+        &self,
+        lake: &Lake,
+        configuration: Configuration,
+        progress: &dyn Progress,
+    ) -> Result<Anew, String> {
+        let temporary = recompute::temporary_lake(lake, &self.key)?;
+        let (configuration, piece) = self.copied(lake, temporary.path(), configuration)?;
+        let done = estimate_piece(&configuration, &piece, progress);
+        let done = done.map_err(|error| error.to_string())?;
+        if done.run != self.key.run {
+            return Err(OTHERS.to_owned());
+        }
+        let tables = [EstimateResidualRow::TABLE, ESTIMATES];
+        Ok(compared(
+            lake,
+            &Lake::new(temporary.path()),
+            &tables,
+            &self.key,
+        ))
+    }
 }
 
-/// Trains an estimate into a temporary lake with its sessions as joined, and compares.
-fn trained(
-    lake: &Lake,
-    key: &RunKey,
-    joined: &[Joined],
-    configuration: Configuration,
-    progress: &dyn Progress,
-) -> Result<Anew, String> {
-    let temporary = recompute::temporary_lake(lake, key)?;
-    for own in joined {
-        let copied = lake.copy_run(
-            &[JOINED, ReadingRow::TABLE],
-            &own.before.key,
-            temporary.path(),
-        );
-        copied.map_err(|error| error.to_string())?;
-    }
-    let configuration = Configuration {
-        robot: Some(key.robot.clone()),
-        lake: Place::of(temporary.path()),
-        tree: Tree::Folder,
-        ..configuration
-    };
-    let files = |own: &Joined| SessionFiles {
-        name: own.session.name.clone(),
-        recorded: Recorded::Joined(own.before.clone()),
-        corrected: None,
-    };
-    let piece = WorkPiece {
-        session: key.session.clone(),
-        training: joined.iter().map(files).collect(),
-        test: Vec::new(),
-    };
-    let done = estimate_piece(&configuration, &piece, progress);
-    let done = done.map_err(|error| error.to_string())?;
-    if done.run != key.run {
-        return Err("its sessions, or the version, are not those that it was made with".to_owned());
-    }
-    let tables = [EstimateResidualRow::TABLE, ESTIMATES];
-    Ok(compared(lake, &Lake::new(temporary.path()), &tables, key))
-}
+/// Why a result made anew has another name.
+pub(super) const OTHERS: &str = "its sessions, or the version, are not those that it was made with";

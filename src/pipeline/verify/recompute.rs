@@ -10,9 +10,10 @@ use super::claim::Claim;
 use super::source::{NoSource, Source};
 use super::stage::OF_THE_MACHINE;
 use super::{Recomputed, Verified};
-use crate::io::lake::{ESTIMATES, Lake, LakeError, PAGES, temporary};
+use crate::io::lake::{ESTIMATES, GRIDS, Lake, LakeError, PAGES, temporary};
 use crate::io::table::compare::{Comparison, compare};
 use crate::io::table::{Row as _, Table};
+use crate::io::tables::grids::GridErrorRow;
 use crate::io::tables::residuals::EstimateResidualRow;
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
@@ -21,9 +22,10 @@ use crate::progress::Progress;
 
 /// Columns of `runs` that are not compared as values: the machine and the replaced run may differ, what it is made of is named by version, inputs and settings were
 /// compared before, and the digests of files and of the row are compared by themselves.
-const ROW_ONLY: [&str; 14] = [
+const ROW_ONLY: [&str; 15] = [
     "made_of",
     "estimate",
+    "grids",
     "version",
     "platform",
     "cpu_features",
@@ -158,7 +160,7 @@ impl Sides<'_> {
                 }),
             }
         }
-        others.extend(self.estimate(&row)?);
+        others.extend(self.of_stages(&row)?);
         others.extend(self.row(&row)?);
         Ok(Recomputed::Yes { same, others })
     }
@@ -233,17 +235,32 @@ impl Sides<'_> {
         }
     }
 
-    /// The differences of the estimates that both started from; none where the lake does not have it any more.
-    fn estimate(&self, computed: &Table) -> Result<Vec<ComparedFile>, LakeError> {
-        let key = &self.verified.claim.key;
-        let computed = RunRow::read(computed).pop().and_then(|row| row.estimate);
-        let (Some(published), Some(computed)) = (&self.verified.claim.estimate, computed) else {
+    /// The differences of the estimates and grids that both started from; none of what the lake does not have any more.
+    fn of_stages(&self, computed: &Table) -> Result<Vec<ComparedFile>, LakeError> {
+        let claim = &self.verified.claim;
+        let computed = RunRow::read(computed).pop();
+        let (estimate, grids) = computed.map_or((None, None), |row| (row.estimate, row.grids));
+        let estimates = [EstimateResidualRow::TABLE, ESTIMATES];
+        let mut differences = self.of_stage((&claim.estimate, estimate), estimates)?;
+        let tables = [GridErrorRow::TABLE, GRIDS];
+        differences.extend(self.of_stage((&claim.grids, grids), tables)?);
+        Ok(differences)
+    }
+
+    /// The differences of a stage's results of these names, the published and the computed one.
+    fn of_stage(
+        &self,
+        (published, computed): (&Option<String>, Option<String>),
+        tables: [&'static str; 2],
+    ) -> Result<Vec<ComparedFile>, LakeError> {
+        let (Some(published), Some(computed)) = (published, computed) else {
             return Ok(Vec::new());
         };
+        let key = &self.verified.claim.key;
         let published = RunKey::new(&key.robot, &key.session, published);
         let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
         let mut differences = Vec::new();
-        for table in [EstimateResidualRow::TABLE, ESTIMATES] {
+        for table in tables {
             if !self.lake.has(table, &published)? {
                 continue;
             }

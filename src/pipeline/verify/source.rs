@@ -63,6 +63,7 @@ impl Source {
             lake: Some(lake.to_owned()),
             from_joined: false,
             from_estimates: false,
+            from_grids: false,
         };
         let configuration = sought
             .load(pipeline, &overrides)

@@ -11,7 +11,8 @@ use crate::io::tables::runs::row_digest;
 use crate::manifest::{RunKey, Work, digest};
 
 /// Columns that depend on version and machine, or on digests of what does.
-pub(super) const OF_THE_MACHINE: [&str; 7] = [
+pub(super) const OF_THE_MACHINE: [&str; 8] = [
+    "estimate",
     "version",
     "platform",
     "cpu_features",

@@ -41,11 +41,12 @@ pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
 /// The sum of squares that remains where the base moved at `place`, the errors then, and the motion.
 fn moved_at(judged: &[&Residual], place: usize) -> Option<(f64, Vec<Residual>, BaseMotion)> {
     let (before, later) = judged.split_at(place);
-    let wanted: Vec<_> = later.iter().map(|r| r.predicted).collect();
-    let attained: Vec<_> = later.iter().map(|r| r.predicted + r.residual).collect();
+    let wanted: Vec<_> = later.iter().map(|r| r.predicted()).collect();
+    let attained: Vec<_> = later.iter().map(|r| r.attained).collect();
     let base = align(&wanted, &attained, &vec![1.0; later.len()])?;
-    let settled = later.iter().zip(&attained).map(|(r, attained)| Residual {
-        residual: base * attained - r.predicted,
+    let settled = later.iter().map(|r| Residual {
+        attained: base * r.attained,
+        residual: base * r.attained - r.predicted(),
         ..(*r).clone()
     });
     let settled: Vec<Residual> = before.iter().map(|r| (*r).clone()).chain(settled).collect();

@@ -42,6 +42,15 @@ impl FewRows {
         2 * rows <= columns
     }
 
+    /// No rows: the posterior is the prior, and takes no room.
+    pub fn none(columns: usize) -> Self {
+        Self {
+            transposed: DMatrix::zeros(columns, 0),
+            values: DVector::zeros(0),
+            ln_noise: 0.0,
+        }
+    }
+
     /// The posterior at prior standard deviations `√v`; `None` if rounding made K indefinite.
     pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
         let mut transposed = self.transposed.clone();

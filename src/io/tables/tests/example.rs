@@ -93,6 +93,7 @@ pub(super) fn context() -> PublishContext<'static> {
             ..Conditions::default()
         },
         made_of: vec![RunKey::new("kr210", SESSION, "0123456789abcdef")],
+        grids: "89abcdef01234567".to_owned(),
         estimate: "fedcba9876543210".to_owned(),
         replaces: None,
     }
@@ -466,7 +467,7 @@ fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calib
         guard_mm: 0.05,
     };
     let settings: GridSettings = toml::from_str("steps_mm = [100.0, 200.0]").expect("[grid]");
-    grid::grids(&input, &reach, &settings, &TOLERANCE, &Quiet).expect("grids")
+    grid::grids(&input, &reach, &settings, &TOLERANCE, None, &Quiet).expect("grids")
 }
 
 fn subject(split: Split, model: Model) -> Subject {
@@ -481,14 +482,15 @@ fn subject(split: Split, model: Model) -> Subject {
 
 fn residuals(stations: &[Station], error_frame: &ErrorFrame<'_>) -> ResidualSet {
     let residual = |station: &Station| {
+        let residual = error_frame.target_error(&station.joints, station.one_reading()?)?;
         Some(Residual {
             station: station.number,
             target: None,
             pose: station.number,
             fold: Some(0),
             used_for_refit: false,
-            predicted: error_frame.nominal_target(&station.joints),
-            residual: error_frame.target_error(&station.joints, station.one_reading()?)?,
+            attained: error_frame.nominal_target(&station.joints) + residual,
+            residual,
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
             turn: None,

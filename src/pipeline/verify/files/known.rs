@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::super::selection::Selected;
-use crate::io::lake::{ESTIMATES, JOINED, Lake, LakeError, LakeFile, Stands};
+use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, LakeFile, RunRow, Stands};
 use crate::io::table::Row as _;
+use crate::io::tables::grids::GridErrorRow;
 use crate::io::tables::readings::ReadingRow;
 use crate::io::tables::residuals::EstimateResidualRow;
 
@@ -49,31 +50,37 @@ impl Known {
                 known.keys.extend(lake.file_key(&file.table, &key).ok());
             }
         }
-        for (place, row) in lake.joined_sessions()? {
-            let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
-                continue;
-            };
-            if lake.place(JOINED, &key)? != place {
-                continue;
-            }
-            for table in [JOINED, ReadingRow::TABLE] {
-                known.keys.insert(lake.file_key(table, &key)?);
-            }
-        }
-        for (place, row) in lake.estimates()? {
-            if let Some(key) = row.ok().and_then(|row| row.table.key().cloned())
-                && lake.place(ESTIMATES, &key)? == place
-            {
-                for table in [ESTIMATES, EstimateResidualRow::TABLE] {
-                    known.keys.insert(lake.file_key(table, &key)?);
-                }
-            }
-        }
+        let joined = [JOINED, ReadingRow::TABLE];
+        known.add(lake, lake.joined_sessions()?, joined)?;
+        let estimates = [ESTIMATES, EstimateResidualRow::TABLE];
+        known.add(lake, lake.estimates()?, estimates)?;
+        known.add(lake, lake.grids()?, [GRIDS, GridErrorRow::TABLE])?;
         for key in &selected.unread {
             known.unread.extend(of_row(key));
             known.unread_rows.insert(key.clone());
         }
         Ok(known)
+    }
+
+    /// Adds the files of a stage's results that have these rows: the row itself, and one of another table.
+    fn add(
+        &mut self,
+        lake: &Lake,
+        rows: Vec<RunRow>,
+        tables: [&'static str; 2],
+    ) -> Result<(), LakeError> {
+        for (place, row) in rows {
+            let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
+                continue;
+            };
+            if lake.place(tables[0], &key)? != place {
+                continue;
+            }
+            for table in tables {
+                self.keys.insert(lake.file_key(table, &key)?);
+            }
+        }
+        Ok(())
     }
 
     /// The judgement of a file.
@@ -85,7 +92,7 @@ impl Known {
             Stands::Foreign => Judged::Foreign,
             Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
             Stands::OfRun { table, .. }
-                if ["runs", JOINED, ESTIMATES].contains(&table.as_str()) =>
+                if ["runs", JOINED, ESTIMATES, GRIDS].contains(&table.as_str()) =>
             {
                 Judged::Foreign
             }
@@ -119,6 +126,7 @@ pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeEr
         lake.files("runs")?,
         lake.files(JOINED)?,
         lake.files(ESTIMATES)?,
+        lake.files(GRIDS)?,
     ]
     .concat();
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())

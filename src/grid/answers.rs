@@ -1,0 +1,92 @@
+//! What the nodes of a step answer at stations that took no part, before any tolerance judges it.
+//!
+//! Finding answers is the work of the grid stage: nodes are placed by inverse kinematics, and models are asked there. How far each answer
+//! is from what was measured, and whether that is near enough, follows from answers and stations alone.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::node::{GridStation, NodeError, Refusal};
+use crate::fit::ToolErrors;
+
+/// The answer at one station: the error that nodes and model have for it, base frame, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Answer {
+    /// Number of the station.
+    pub station: usize,
+    /// Number of the grid that answers, where several do; otherwise 0.
+    pub sample: usize,
+    /// The error interpolated between the nodes around it.
+    pub interpolated: Vector3<f64>,
+    /// The error by the model itself, without a grid; `None` for measured nodes.
+    pub predicted: Option<Vector3<f64>>,
+}
+
+/// The answers of one step, and the number of stations that have none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answers {
+    /// The answers, grid by grid in station order.
+    #[serde(skip)]
+    pub given: Vec<Answer>,
+    /// Number of stations in a refused cell, by reason.
+    pub refused: BTreeMap<Refusal, usize>,
+    /// Number of stations outside the box.
+    pub outside: usize,
+    /// Number of stations of another configuration or beyond the orientation tolerance.
+    pub unlike: usize,
+}
+
+/// Stations by their numbers.
+pub(super) type ByNumber<'s> = BTreeMap<usize, &'s GridStation>;
+
+/// Stations by their numbers.
+pub(super) fn by_number(stations: &[GridStation]) -> ByNumber<'_> {
+    stations.iter().map(|own| (own.number, own)).collect()
+}
+
+impl Answers {
+    /// Counts a station in a cell that is refused.
+    pub(super) fn refuse(&mut self, refusal: Refusal) {
+        *self.refused.entry(refusal).or_default() += 1;
+    }
+
+    /// Adds the value that a table `found` at a station, with the prediction of `model` there; or counts the reason why there is none.
+    pub(super) fn add_found(
+        &mut self,
+        station: &GridStation,
+        found: Option<NodeError>,
+        model: &ToolErrors<'_>,
+    ) {
+        let Some(found) = found else {
+            self.outside += 1;
+            return;
+        };
+        let predicted = |interpolated| {
+            let error = model.error(&station.joints);
+            Ok([interpolated, error.map_err(|gap| gap.refusal())?])
+        };
+        self.add(station, found.and_then(predicted));
+    }
+
+    /// Adds what nodes and model answer at a station, or counts the reason why they do not.
+    pub(super) fn add(&mut self, station: &GridStation, found: Result<[Vector3<f64>; 2], Refusal>) {
+        match found {
+            Err(refusal) => self.refuse(refusal),
+            Ok([interpolated, predicted]) => self.given.push(Answer {
+                station: station.number,
+                sample: 0,
+                interpolated,
+                predicted: Some(predicted),
+            }),
+        }
+    }
+
+    /// Whether every answer is at one of these stations.
+    pub(super) fn are_at(&self, stations: &ByNumber<'_>) -> bool {
+        let mut given = self.given.iter();
+        given.all(|own| stations.contains_key(&own.station))
+    }
+}

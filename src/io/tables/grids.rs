@@ -1,0 +1,189 @@
+//! `grids`: the steps of an estimate's grids before a tolerance judges them, for runs that differ in what comes after. Its row makes them
+//! exist; `grid_errors` has what each step answers at each held-out station.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use super::PublishError;
+use super::runs::row_digest;
+use crate::grid::answers::Answer;
+use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::{Row as _, Table, row};
+use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+
+/// The name of the estimate among the inputs of grids.
+pub const ESTIMATE: &str = "estimate";
+
+row! {
+    /// The steps of an estimate's grids.
+    pub struct GridsRow of "grids" {
+        /// Version that computed it.
+        version: String,
+        /// Processor architecture and operating system.
+        platform: String,
+        /// Processor features that determine the arithmetic.
+        cpu_features: Vec<String>,
+        /// The estimate whose models have the nodes.
+        estimate: String,
+        /// The settings that training and grids read, as JSON.
+        settings: String,
+        /// The digest of `settings`.
+        settings_digest: String,
+        /// The steps without their answers, as JSON.
+        steps: String,
+        /// Names of the files written, as TABLE/SESSION.
+        table_names: Vec<String>,
+        /// Rows of the files written, in the order of their names.
+        table_rows: Vec<u64>,
+        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
+        table_digests: Vec<String>,
+        /// The digest of this row; `None` only while it is made.
+        row_digest: Option<String>,
+    }
+}
+
+row! {
+    /// The answer of a step at a held-out station.
+    pub struct GridErrorRow of "grid_errors" {
+        /// The step asked for, mm.
+        step_mm: f64,
+        /// Source of node values.
+        source: Source,
+        /// Interpolation inside a cell.
+        interpolation: Interpolation,
+        /// By the table itself, or by cells around each station.
+        judgement: Judgement,
+        /// Number of the grid that answers.
+        sample: usize,
+        /// Number of the station.
+        station: usize,
+        /// The error interpolated between the nodes, base frame, mm.
+        error_mm as [error_x_mm, error_y_mm, error_z_mm]: [f64; 3],
+        /// The error by the model itself; `None` for measured nodes.
+        model_error_mm as [model_error_x_mm, model_error_y_mm, model_error_z_mm]: Option<[f64; 3]>,
+    }
+}
+
+/// The reason why grids cannot be read back.
+#[derive(Debug, Error)]
+pub enum NoGrids {
+    /// A table of theirs cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// Their row is of a build with other fields.
+    #[error("their steps cannot be read: {0}; were they written by another build of this version?")]
+    Json(#[from] serde_json::Error),
+    /// They do not have one row.
+    #[error("their table grids has {0} rows; grids have one")]
+    Rows(usize),
+    /// An answer is of none of the steps.
+    #[error(
+        "their table grid_errors has answers of a step of {step_mm} mm that their row does not have"
+    )]
+    OtherStep {
+        /// The step, mm.
+        step_mm: f64,
+    },
+}
+
+/// The work of grids, of which their name follows: the estimate is their input.
+pub fn work(robot: &str, session: &str, estimate: &str, settings: String) -> Work {
+    Work {
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+        pipeline: String::new(),
+        sessions: Vec::new(),
+        test_sessions: Vec::new(),
+        inputs: vec![Input {
+            name: ESTIMATE.to_owned(),
+            bytes: 0,
+            digest: estimate.to_owned(),
+        }],
+        settings,
+    }
+}
+
+/// The table `grid_errors`.
+pub fn errors(steps: &[StepAnswers], key: &RunKey) -> Result<Table, PublishError> {
+    let of_step = |step: &StepAnswers| {
+        let row = |own: &Answer| GridErrorRow {
+            step_mm: step.step_mm,
+            source: step.source,
+            interpolation: step.interpolation,
+            judgement: step.judgement,
+            sample: own.sample,
+            station: own.station,
+            error_mm: own.interpolated.into(),
+            model_error_mm: own.predicted.map(Into::into),
+        };
+        step.answers.given.iter().map(row).collect::<Vec<_>>()
+    };
+    let rows = steps.iter().flat_map(of_step).collect();
+    Ok(GridErrorRow::table(rows, key)?.table)
+}
+
+/// The table `grids` of the steps of this work, whose answers were written as `written`.
+pub fn table(
+    steps: &[StepAnswers],
+    work: &Work,
+    written: &[Written],
+) -> Result<Table, PublishError> {
+    let estimate = work.inputs.iter().find(|input| input.name == ESTIMATE);
+    let row = GridsRow {
+        version: VERSION.to_owned(),
+        platform: platform(),
+        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        estimate: estimate.map_or_else(String::new, |own| own.digest.clone()),
+        settings: work.settings.clone(),
+        settings_digest: work.settings_digest(),
+        steps: serde_json::to_string(steps)?,
+        table_names: written.iter().map(Written::name).collect(),
+        table_rows: written.iter().map(|file| file.rows).collect(),
+        table_digests: written.iter().map(|file| file.digest.clone()).collect(),
+        row_digest: None,
+    };
+    let table = |row: GridsRow| Ok(GridsRow::table(vec![row], &work.key())?.table);
+    let unsigned: Result<Table, PublishError> = table(row.clone());
+    table(GridsRow {
+        row_digest: Some(row_digest(&unsigned?)),
+        ..row
+    })
+}
+
+/// The words that identify a step, and its length by its bits.
+type Name = (u64, &'static str, &'static str, bool);
+
+fn name(step_mm: f64, source: Source, by: Interpolation, judgement: Judgement) -> Name {
+    let is_table = judgement == Judgement::Table;
+    (step_mm.to_bits(), source.name(), by.name(), is_table)
+}
+
+/// Reads the steps of grids back from a lake.
+pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NoGrids> {
+    let rows = GridsRow::read(&lake.read(GridsRow::TABLE, key)?);
+    let [row] = &rows[..] else {
+        return Err(NoGrids::Rows(rows.len()));
+    };
+    let mut steps: Vec<StepAnswers> = serde_json::from_str(&row.steps)?;
+    let names = steps.iter().enumerate().map(|(place, own)| {
+        let name = name(own.step_mm, own.source, own.interpolation, own.judgement);
+        (name, place)
+    });
+    let places: BTreeMap<Name, usize> = names.collect();
+    for own in GridErrorRow::read(&lake.read(GridErrorRow::TABLE, key)?) {
+        let name = name(own.step_mm, own.source, own.interpolation, own.judgement);
+        let place = places.get(&name).ok_or(NoGrids::OtherStep {
+            step_mm: own.step_mm,
+        })?;
+        steps[*place].answers.given.push(Answer {
+            station: own.station,
+            sample: own.sample,
+            interpolated: Vector3::from(own.error_mm),
+            predicted: own.model_error_mm.map(Vector3::from),
+        });
+    }
+    Ok(steps)
+}
