@@ -42,8 +42,8 @@ use crate::report::{Angles, Split};
 pub use error::RunError;
 use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
-use joined::Joiner;
 pub(super) use joined::joined_work;
+use joined::{Joiner, Sessions};
 pub use known::Known;
 use publish::publish;
 pub(super) use session::session;
@@ -159,16 +159,8 @@ pub fn estimate_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<EstimateDone, RunError> {
-    with_files(configuration, piece, |piece| {
-        let work = &work(configuration, piece)?;
-        let lake = &Lake::at(&configuration.lake)?;
-        let joiner = Joiner {
-            configuration,
-            work,
-            lake,
-            progress,
-        };
-        joiner.estimator().made(joiner.all(piece, None)?)
+    with_joined(configuration, piece, progress, |joiner, sessions| {
+        joiner.estimator().made(sessions)
     })
 }
 
@@ -178,18 +170,9 @@ pub fn grids_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<GridsDone, RunError> {
-    with_files(configuration, piece, |piece| {
-        let work = &work(configuration, piece)?;
-        let lake = &Lake::at(&configuration.lake)?;
-        let joiner = Joiner {
-            configuration,
-            work,
-            lake,
-            progress,
-        };
-        let sessions = joiner.all(piece, None)?;
+    with_joined(configuration, piece, progress, |joiner, sessions| {
         let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
-        let gridder = Gridder::of(configuration, lake, &estimated);
+        let gridder = Gridder::of(configuration, joiner.lake, &estimated);
         let already_there = gridder.is_there()?;
         let outcome = gridder.outcome(estimate, progress)?;
         let key = gridder.work.key();
@@ -200,6 +183,25 @@ pub fn grids_piece(
             rows: outcome.grids.answers.len(),
             chosen_mm: outcome.grids.chosen().map(|row| row.step_mm),
         })
+    })
+}
+
+/// Work with the sessions of a piece as joined, whose files are fetched where they have to be read.
+fn with_joined<T>(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+    work_with: impl FnOnce(&Joiner<'_>, Sessions) -> Result<T, RunError>,
+) -> Result<T, RunError> {
+    with_files(configuration, piece, |piece| {
+        let joiner = Joiner {
+            configuration,
+            work: &work(configuration, piece)?,
+            lake: &Lake::at(&configuration.lake)?,
+            progress,
+        };
+        let sessions = joiner.all(piece, None)?;
+        work_with(&joiner, sessions)
     })
 }
 

@@ -81,19 +81,11 @@ fn lines<'a>(
 fn line(session: &str, ending: &Ending) -> String {
     match ending {
         Ending::Done(done) => {
-            let state = if done.already_there {
-                "done-before"
-            } else {
-                "done"
-            };
+            let state = before_or(done.already_there, "done");
             state_line(state, session, &outcome(done))
         }
         Ending::Joined(joined) => {
-            let state = if joined.already_there {
-                "done-before"
-            } else {
-                "joined"
-            };
+            let state = before_or(joined.already_there, "joined");
             let words = format!(
                 "{} dwells, {} measured, result {}",
                 joined.dwells, joined.paired, joined.run
@@ -101,11 +93,7 @@ fn line(session: &str, ending: &Ending) -> String {
             state_line(state, session, &words)
         }
         Ending::Estimated(done) => {
-            let state = if done.already_there {
-                "done-before"
-            } else {
-                "estimated"
-            };
+            let state = before_or(done.already_there, "estimated");
             let words = format!(
                 "{} readings, misfit of the geometry {:.4} mm rms per axis, result {}",
                 done.observations, done.misfit_mm, done.run
@@ -113,11 +101,7 @@ fn line(session: &str, ending: &Ending) -> String {
             state_line(state, session, &words)
         }
         Ending::Gridded(done) => {
-            let state = if done.already_there {
-                "done-before"
-            } else {
-                "gridded"
-            };
+            let state = before_or(done.already_there, "gridded");
             let chosen = done.chosen_mm.map_or_else(
                 || "none gives a table".to_owned(),
                 |mm| format!("{mm} mm is chosen"),
@@ -131,6 +115,11 @@ fn line(session: &str, ending: &Ending) -> String {
         Ending::Stopped => state_line("stopped", session, "ended under way; run it again"),
         Ending::NotStarted => state_line("not-started", session, "run it again"),
     }
+}
+
+/// The state of a result that the lake had already, or that was made now.
+const fn before_or(already_there: bool, now: &'static str) -> &'static str {
+    if already_there { "done-before" } else { now }
 }
 
 fn aside_line(aside: &SetAside) -> String {
@@ -252,22 +241,12 @@ impl Totals {
         for ending in endings {
             match ending {
                 Ending::Done(done) => {
-                    totals.before += usize::from(done.already_there);
-                    totals.new += usize::from(!done.already_there);
+                    totals.add(done.already_there);
                     totals.met += usize::from(done.verdict == Verdict::Meets);
                 }
-                Ending::Joined(joined) => {
-                    totals.before += usize::from(joined.already_there);
-                    totals.new += usize::from(!joined.already_there);
-                }
-                Ending::Estimated(done) => {
-                    totals.before += usize::from(done.already_there);
-                    totals.new += usize::from(!done.already_there);
-                }
-                Ending::Gridded(done) => {
-                    totals.before += usize::from(done.already_there);
-                    totals.new += usize::from(!done.already_there);
-                }
+                Ending::Joined(joined) => totals.add(joined.already_there),
+                Ending::Estimated(done) => totals.add(done.already_there),
+                Ending::Gridded(done) => totals.add(done.already_there),
                 Ending::Failed(_) => totals.failed += 1,
                 Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
             }
@@ -279,6 +258,12 @@ impl Totals {
             }
         }
         totals
+    }
+
+    /// Adds a result, which the lake may have had already.
+    fn add(&mut self, already_there: bool) {
+        self.before += usize::from(already_there);
+        self.new += usize::from(!already_there);
     }
 
     /// The numbers in words, with the tolerance where all robots have one.

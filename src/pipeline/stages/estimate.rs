@@ -226,7 +226,7 @@ fn in_order(mut sets: Vec<ResidualSet>, training: &[JoinedSession]) -> Vec<Resid
     sets
 }
 
-/// What is known before residuals are found.
+/// The models of an estimate, trained now or read back, and the residuals that the lake has.
 struct Known {
     /// Models on all readings.
     models: Models,
