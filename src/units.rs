@@ -68,6 +68,19 @@ impl WallTime {
         }
     }
 
+    /// A moment as people write it, UTC: `2026-05-14`, which stands for its beginning, `2026-05-14 14:30` or `2026-05-14T14:30:00`;
+    /// `None` of another text.
+    pub fn stated(text: &str) -> Option<Self> {
+        let text = text.trim().replace('T', " ");
+        let date = chrono::NaiveDate::parse_from_str(&text, "%Y-%m-%d").ok();
+        let mut times = ["%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"]
+            .into_iter()
+            .filter_map(|form| chrono::NaiveDateTime::parse_from_str(&text, form).ok());
+        let time = date.and_then(|date| date.and_hms_opt(0, 0, 0));
+        let time = time.or_else(|| times.next())?;
+        Some(Self::of_us(time.and_utc().timestamp_micros()))
+    }
+
     /// Microseconds since 1970, UTC.
     pub const fn us(self) -> i64 {
         self.us

@@ -405,6 +405,10 @@ fn a_year_of_200_robots_is_compacted_and_asked() {
     // Three files for each of the thirteen months that it spans, or a few more.
     assert!(done.files.len() <= 42, "{} files", done.files.len());
     let python = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/ci-venv/bin/python");
+    let spark = std::process::Command::new(&python)
+        .args(["-c", "import pyspark"])
+        .status()
+        .is_ok_and(|ended| ended.success());
     let asked = std::process::Command::new(python)
         .args([
             concat!(env!("CARGO_MANIFEST_DIR"), "/tests/readers/read_compact.py"),
@@ -412,6 +416,7 @@ fn a_year_of_200_robots_is_compacted_and_asked() {
         ])
         .arg(folder.path())
         .arg("--only-time")
+        .args(spark.then_some("--spark"))
         .status();
     assert!(asked.expect("target/ci-venv of .ci/run").success());
 }

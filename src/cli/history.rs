@@ -9,7 +9,7 @@ mod words;
 use std::io;
 use std::path::PathBuf;
 
-use chrono::{NaiveDate, NaiveDateTime};
+use chrono::NaiveDate;
 use clap::Args;
 use thiserror::Error;
 
@@ -115,17 +115,10 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
 
 /// A time of the command line: a date, which stands for its end, or date and time.
 fn time(text: &str) -> Result<WallTime, String> {
-    let text = text.trim().replace('T', " ");
-    let date = NaiveDate::parse_from_str(&text, "%Y-%m-%d");
-    let date = date
-        .ok()
-        .and_then(|date| date.succ_opt()?.and_hms_opt(0, 0, 0));
-    let times = ["%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"];
-    let mut times = times
-        .into_iter()
-        .filter_map(|form| NaiveDateTime::parse_from_str(&text, form).ok());
-    let time = date.or_else(|| times.next());
-    time.map(|time| WallTime::of_us(time.and_utc().timestamp_micros()))
+    let date = NaiveDate::parse_from_str(text.trim(), "%Y-%m-%d").ok();
+    let next = date.and_then(|date| date.succ_opt()?.and_hms_opt(0, 0, 0));
+    let end = next.map(|time| WallTime::of_us(time.and_utc().timestamp_micros()));
+    end.or_else(|| WallTime::stated(text))
         .ok_or_else(|| "it is no time; write 2026-11-25 or \"2026-11-25 06:30\"".to_owned())
 }
 

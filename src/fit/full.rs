@@ -27,6 +27,7 @@ pub mod noise;
 mod partition;
 mod parts;
 pub mod regression;
+mod repairs;
 mod rows;
 pub mod saved;
 mod scales;
@@ -57,6 +58,7 @@ use leave_one_out::{LeftOut, of_observations};
 use noise::{NoisyReading, Repeatability, StationNoise};
 pub use parts::PartEvidence;
 use regression::Posterior;
+pub use repairs::{Day, Repair};
 pub use settings::FullSettings;
 use student::Tails;
 use tabulated::Tabulated;
@@ -153,7 +155,7 @@ impl FullModel {
         pool.map(|(model, _)| model)
     }
 
-    /// [`Self::train`], with the sums that a further session can be added to; none of a single session, or of curves that age.
+    /// [`Self::train`], with the sums that a further session can be added to; none of a single session, of curves that age, or with a repair.
     pub fn train_pool(
         arm: &Arm,
         observations: &[Observation],

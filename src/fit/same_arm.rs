@@ -51,8 +51,8 @@ pub struct SharedFit {
 #[error(
     "session {session} does not fit the arm that it is pooled with: the shared arm leaves {shared_mm:.3} mm at its stations \
      where the nominal arm leaves {nominal_mm:.3} mm; one arm would leave {allowed_mm:.3} mm by noise and changes, or at most \
-     half of what the nominal one does; sessions of different arms (or of one before and after a repair) cannot be pooled: name \
-     those of one arm only"
+     half of what the nominal one does; sessions of different arms cannot be pooled: name those of one arm only, and say [[fit.full.repaired]] where \
+     a joint of this one was repaired"
 )]
 pub struct NotOneArm {
     /// The session that fits worst, by name.

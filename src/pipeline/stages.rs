@@ -13,6 +13,7 @@ mod judged;
 mod lengths;
 mod mountings;
 mod observed;
+mod repairs;
 pub(super) mod scales;
 mod slips;
 pub(super) mod split;
@@ -25,7 +26,7 @@ mod wrong_targets;
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
-use crate::fit::full::FullSettings;
+use crate::fit::full::{FullSettings, Repair};
 use crate::fit::same_arm::NotOneArm;
 use crate::fit::saved::SavedError;
 use crate::fit::{
@@ -153,6 +154,27 @@ pub enum StageError {
     /// The sessions cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
+    /// A session without a date, where a joint was repaired.
+    #[error(
+        "session {session} has no date, so it is not known whether it came before a repair that [[fit.full.repaired]] states: its stations \
+         have no time, or its clock no epoch; leave the session out, or the repair"
+    )]
+    Undated {
+        /// The session's name.
+        session: String,
+    },
+    /// A session that judges an arm of which a joint was repaired since.
+    #[error(
+        "session {session} judges the arm, but it is from before the repair of joint {} on {} ([[fit.full.repaired]]): let the last session of \
+         [input] sessions, and those of [input] test, be after it",
+        repair.joint, repair.from.0
+    )]
+    BeforeRepair {
+        /// The session's name.
+        session: String,
+        /// The repair.
+        repair: Repair,
+    },
     /// Trainings of the lake that do not fit the sessions.
     #[error("fit: what the lake has of it cannot be used: {0}")]
     Stored(#[from] SavedError),

@@ -33,6 +33,8 @@ pub struct MeasuredArm {
     pub arm: Arm,
     truth: Truth,
     curves: Vec<Vec<[f64; 2]>>,
+    /// What each joint's zero is off, rad.
+    zeros: Vec<f64>,
     numbers: Numbers,
     sessions: usize,
 }
@@ -46,11 +48,20 @@ impl MeasuredArm {
             arm: file.arm().expect("an arm"),
             truth,
             curves: vec![vec![[0.0; 2]; HARMONICS]; 6],
+            zeros: vec![0.0; 6],
             numbers: Numbers(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1),
             sessions: 0,
         };
         pool.curves = pool.changed(truth.curve_rad);
         pool
+    }
+
+    /// Gives a joint (from 0) another gear, with a curve of its own and another zero.
+    pub fn repair(&mut self, joint: usize, zero_rad: f64) {
+        for pair in &mut self.curves[joint] {
+            *pair = pair.map(|_| self.truth.curve_rad * self.numbers.normal());
+        }
+        self.zeros[joint] += zero_rad;
     }
 
     /// The curves after a change of this size.
@@ -130,7 +141,8 @@ impl MeasuredArm {
             });
             q + errors.sum::<f64>()
         };
-        let attained: Vec<f64> = axes.iter().zip(curves).map(error).collect();
+        let attained = axes.iter().zip(curves).map(error).zip(&self.zeros);
+        let attained: Vec<f64> = attained.map(|(own, zero)| own + zero).collect();
         let lever = Point3::new(60.0, -35.0, 110.0);
         self.arm.chain().nominal(&attained) * lever
     }

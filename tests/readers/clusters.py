@@ -133,6 +133,8 @@ class Spark(Cluster):
         home = pathlib.Path(pyspark.__file__).parent
         self.spark_class = home / "bin" / "spark-class"
         self.environment |= {"SPARK_HOME": str(home), "PYSPARK_PYTHON": sys.executable, "SPARK_LOCAL_IP": "127.0.0.1"}
+        # Two scripts are two applications: unless each has a share, the second waits until the first has ended.
+        self.environment["SPARK_MASTER_OPTS"] = "-Dspark.deploy.defaultCores=1"
         shutil.rmtree(folder / "spark", ignore_errors=True)
 
     @property

@@ -21,7 +21,7 @@ const MOST: usize = 8;
 const DAYS_PER_YEAR: f64 = 365.25;
 
 /// Age at which a step begins, years: the steps before it have doubled.
-fn begin_years(step: usize) -> f64 {
+pub(super) fn begin_years(step: usize) -> f64 {
     let steps = i32::try_from(step).unwrap_or(i32::MAX);
     FIRST_YEARS * (2.0_f64.powi(steps) - 1.0)
 }

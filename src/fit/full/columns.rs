@@ -7,6 +7,7 @@ use nalgebra::{DVector, Point3, Vector3};
 use super::ageing;
 use super::design::gravity_columns;
 use super::layout::{Block, Layout};
+use super::repairs;
 use super::settings::FullSettings;
 use super::train::FEW_HARMONICS;
 use crate::fit::frames::Frames;
@@ -34,7 +35,9 @@ pub(super) fn layout(
     let joints = observations.first().map_or(0, |o| o.axes.len());
     let mut layout =
         Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
-    layout = layout.with_ages(ageing::ages_years(observations, sessions));
+    layout = layout
+        .with_ages(ageing::ages_years(observations, sessions))
+        .with_repairs(repairs::to_come(&settings.repaired, observations, sessions));
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
@@ -67,6 +70,10 @@ pub(super) fn layout(
             .filter(|_| harmonics > 0)
             .map_or(harmonics, |period_mm| slide_harmonics(settings, period_mm));
         layout.push(Block::Curve(joint), 2 * harmonics);
+        let to_come = (0..sessions).map(|session| layout.to_come(Some(session), joint));
+        for to_come in 1..=to_come.max().unwrap_or(0) {
+            layout.push(Block::Earlier { joint, to_come }, 2 * harmonics + 1);
+        }
         for session in (0..sessions).filter(|_| sessions > 1) {
             layout.push(
                 Block::SessionCurve { session, joint },

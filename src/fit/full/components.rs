@@ -216,16 +216,12 @@ impl Components {
                 let profile = drift_profile(s, span, columns.len());
                 self.join(Part::Drift, s.drift_sd_mm, columns, profile);
             }
-            Block::Curve(joint) => {
-                let ([short, long], sd) = curve_sizes(layout, s, joint);
-                let (short, long) = (Kernel::Matern52(short), Kernel::SquaredExponential(long));
-                for (part, kernel) in [
-                    (Part::ShortCurve(joint), short),
-                    (Part::LongCurve(joint), long),
-                ] {
-                    let profile = pairs(&spectra.variances(kernel, columns.len() / 2)[1..]);
-                    self.join(part, sd, columns.clone(), profile);
-                }
+            Block::Curve(joint) => self.add_curve(layout, (joint, columns), spectra, s),
+            Block::Earlier { joint, .. } => {
+                let slides = layout.slide_period_mm(joint).is_some();
+                self.fixed[columns.start] = super::repairs::zero_variance(slides);
+                let columns = columns.start + 1..columns.end;
+                self.add_curve(layout, (joint, columns), spectra, s);
             }
             Block::SessionCurve { joint, .. } => {
                 let profile = change_profile(layout, s, joint, (columns.len(), spectra));
@@ -240,6 +236,25 @@ impl Components {
                 self.join(Part::Ageing, s.session_curve_sd_rad, columns, profile);
             }
             Block::Line { joint, cycles } => self.add_line((joint, cycles), columns, s),
+        }
+    }
+
+    /// The pairs of a joint's curve.
+    fn add_curve(
+        &mut self,
+        layout: &Layout,
+        (joint, columns): (usize, Range<usize>),
+        spectra: &mut Spectra,
+        settings: &FullSettings,
+    ) {
+        let ([short, long], sd) = curve_sizes(layout, settings, joint);
+        let (short, long) = (Kernel::Matern52(short), Kernel::SquaredExponential(long));
+        for (part, kernel) in [
+            (Part::ShortCurve(joint), short),
+            (Part::LongCurve(joint), long),
+        ] {
+            let profile = pairs(&spectra.variances(kernel, columns.len() / 2)[1..]);
+            self.join(part, sd, columns.clone(), profile);
         }
     }
 

@@ -110,13 +110,23 @@ impl PoseView<'_> {
                 Block::Scale(session) if self.session == Some(session) => {
                     self.scale(columns.start, each);
                 }
-                Block::Curve(joint) => self.curve(columns, joint, layout, each),
+                Block::Curve(joint) if self.is_now(joint, layout) => {
+                    self.curve(columns, joint, layout, each);
+                }
+                Block::Earlier { joint, to_come }
+                    if layout.to_come(self.session, joint) == to_come =>
+                {
+                    each(columns.start, &self.joints[joint], 1.0);
+                    self.curve(columns.start + 1..columns.end, joint, layout, each);
+                }
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
                     self.curve(columns.start + 1..columns.end, joint, layout, each);
                 }
                 Block::Ageing { joint, step } => {
-                    let share = self.session.map(|session| layout.ageing(session, step));
+                    let share = self
+                        .session
+                        .map(|session| layout.ageing(session, joint, step));
                     let Some(share) = share.filter(|share| *share > 0.0) else {
                         continue;
                     };
@@ -126,7 +136,7 @@ impl PoseView<'_> {
                     aged(columns.start, &self.joints[joint], 1.0);
                     self.curve(columns.start + 1..columns.end, joint, layout, &mut aged);
                 }
-                Block::Line { joint, cycles } => {
+                Block::Line { joint, cycles } if self.is_now(joint, layout) => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
                     each(columns.start, &self.joints[joint], cos);
                     each(columns.start + 1, &self.joints[joint], sin);
@@ -135,9 +145,17 @@ impl PoseView<'_> {
                 | Block::OwnCommandWeight(_)
                 | Block::Drift(_)
                 | Block::Scale(_)
-                | Block::SessionCurve { .. } => {}
+                | Block::Curve(_)
+                | Block::Earlier { .. }
+                | Block::SessionCurve { .. }
+                | Block::Line { .. } => {}
             }
         }
+    }
+
+    /// Whether the joint has the gear of now, not one before a repair.
+    fn is_now(&self, joint: usize, layout: &Layout) -> bool {
+        layout.to_come(self.session, joint) == 0
     }
 
     /// `J_j` times the generalised force of the variable: `z_j·((o_k − o_j) × (−up))` for a joint that turns, lengths in m.

@@ -8,7 +8,7 @@
 //! 3. the posterior of all.
 //!
 //! The sums are those of the training's last round. Where the shared geometry moved further than their linearisation holds, the pool is
-//! trained anew from all its stations; so is one whose curves age, since the latest session is another.
+//! trained anew from all its stations; so is one whose curves age, since the latest session is another, and one with a repair.
 
 use nalgebra::{DVector, UnitVector3};
 
@@ -48,14 +48,15 @@ pub struct PoolSums {
 }
 
 impl PoolSums {
-    /// Takes the sums of a settled training; `None` unless it is of several sessions whose curves do not age.
+    /// Takes the sums of a settled training; `None` unless it is of several sessions whose curves do not age, and without a repair.
     pub(super) fn of(settled: &mut Settled, problem: &Problem<'_>, turned: bool) -> Option<Self> {
         let taken = Evidence::Sums(Sums::zero(0));
         let Evidence::Sessions(sums) = std::mem::replace(&mut settled.evidence, taken) else {
             return None;
         };
-        let ages = settled.state.layout.ages_years();
-        ages.is_empty().then(|| Self {
+        let layout = &settled.state.layout;
+        let is_steady = layout.ages_years().is_empty() && layout.repairs_to_come().is_empty();
+        is_steady.then(|| Self {
             state: settled.state.clone(),
             unknowns: problem.unknowns().to_vec(),
             turned,

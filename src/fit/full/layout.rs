@@ -29,6 +29,14 @@ pub enum Block {
     Scale(usize),
     /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::curve_unit`].
     Curve(usize),
+    /// Zero and error curve of one joint in the sessions that had so many of its repairs still to come, in place of its curve: a
+    /// constant, then pairs.
+    Earlier {
+        /// The joint, from 0.
+        joint: usize,
+        /// Repairs that were still to come, from 1.
+        to_come: usize,
+    },
     /// Change of one joint's curve in one session.
     SessionCurve {
         /// The session.
@@ -57,7 +65,7 @@ impl Block {
     pub(super) const fn is_curve(self) -> bool {
         matches!(
             self,
-            Self::Curve(_) | Self::SessionCurve { .. } | Self::Ageing { .. }
+            Self::Curve(_) | Self::Earlier { .. } | Self::SessionCurve { .. } | Self::Ageing { .. }
         )
     }
 
@@ -84,6 +92,9 @@ pub struct Layout {
     /// Empty in what was stored before curves aged.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     ages_years: Vec<f64>,
+    /// Empty where no joint was repaired.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    repairs_to_come: Vec<Vec<usize>>,
 }
 
 impl Layout {
@@ -99,6 +110,7 @@ impl Layout {
             period_turns,
             slide_periods_mm: Vec::new(),
             ages_years: Vec::new(),
+            repairs_to_come: Vec::new(),
         }
     }
 
@@ -114,10 +126,38 @@ impl Layout {
         &self.ages_years
     }
 
-    /// The share of the change over a step of years that a session came before.
-    pub fn ageing(&self, session: usize, step: usize) -> f64 {
-        let age = self.ages_years.get(session);
-        age.map_or(0.0, |age| super::ageing::share(*age, step))
+    /// The share of the change of a joint over a step of years that a session came before. Of a session before a repair of the joint
+    /// none since the last session with the gear of then: it shows nothing of the new one.
+    pub fn ageing(&self, session: usize, joint: usize, step: usize) -> f64 {
+        let Some(age) = self.ages_years.get(session) else {
+            return 0.0;
+        };
+        let to_come = self.to_come(Some(session), joint);
+        let alike = self.ages_years.iter().enumerate();
+        let alike = alike.filter(|(other, _)| self.to_come(Some(*other), joint) == to_come);
+        let latest = alike.map(|(_, age)| *age).fold(f64::INFINITY, f64::min);
+        if to_come > 0 && super::ageing::begin_years(step) < latest {
+            return 0.0;
+        }
+        super::ageing::share(*age, step)
+    }
+
+    /// This layout for sessions before which so many repairs of each joint were still to come; empty where none was.
+    #[must_use]
+    pub fn with_repairs(mut self, repairs_to_come: Vec<Vec<usize>>) -> Self {
+        self.repairs_to_come = repairs_to_come;
+        self
+    }
+
+    /// The repairs of each joint that were still to come in each session; empty where none was.
+    pub fn repairs_to_come(&self) -> &[Vec<usize>] {
+        &self.repairs_to_come
+    }
+
+    /// The repairs of a joint that were still to come in a session; none of the arm as it is now.
+    pub fn to_come(&self, session: Option<usize>, joint: usize) -> usize {
+        let own = session.and_then(|session| self.repairs_to_come.get(session));
+        own.and_then(|own| own.get(joint)).copied().unwrap_or(0)
     }
 
     /// This layout for an arm whose axis variables slide: the period of each one's curve, mm; `None` where it turns. Empty where

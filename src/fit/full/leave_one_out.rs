@@ -3,7 +3,7 @@
 //! A station is left out with all its readings: what the arm did there is common to them, so the other readings of a station would
 //! predict its errors.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector};
 use rayon::prelude::*;
 
 use super::layout::{Block, Layout};
@@ -16,6 +16,7 @@ use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS};
 use super::whitening::noise_factor;
+use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// Gear lines taken per joint in one round.
@@ -154,8 +155,8 @@ impl<'s> Explaining<'s> {
         let between: Vec<Vec<f64>> = joint_pairs.map(of_pair).collect();
         let joints = self.with_plain.par_iter().zip(&shapes);
         let with_plain: Vec<DMatrix<f64>> = joints.map(|(block, own)| block * own).collect();
-        let station = |(place, row): (usize, &Row)| {
-            let mut explained = &row.plain * &self.plain * row.plain.transpose();
+        let station = |(place, row): (usize, &Row), onto_plain: DMatrixView<'_, f64>| {
+            let mut explained = onto_plain * row.plain.transpose();
             let motions = &row.noise.joints;
             for (joint, onto) in with_plain.iter().enumerate() {
                 let along = &row.plain * onto.column(place);
@@ -170,9 +171,32 @@ impl<'s> Explaining<'s> {
             }
             explained
         };
-        let stations = rows.par_iter().enumerate().with_min_len(CHUNK);
-        stations.map(station).collect()
+        let chunk = |(chunk, rows): (usize, &[Row])| {
+            let onto_plain = stacked(rows, self.seen.plain.len()) * &self.plain;
+            let mut first = 0;
+            let explained = rows.iter().enumerate().map(|(own, row)| {
+                let (size, place) = (row.value.len(), chunk * CHUNK + own);
+                first += size;
+                station((place, row), onto_plain.rows(first - size, size))
+            });
+            explained.collect::<Vec<_>>()
+        };
+        let chunks = rows.par_chunks(CHUNK).enumerate();
+        chunks.flat_map_iter(chunk).collect()
     }
+}
+
+/// The plain rows of some stations, one below the other.
+fn stacked(rows: &[Row], columns: usize) -> DMatrix<f64> {
+    let count = rows.iter().map(|row| row.value.len()).sum();
+    let mut stacked = DMatrix::zeros(count, columns);
+    let mut first = 0;
+    for row in rows {
+        let size = row.value.len();
+        stacked.rows_mut(first, size).copy_from(&row.plain);
+        first += size;
+    }
+    stacked
 }
 
 /// A square root `OᵀO` of the covariance of a station's rows that the model leaves open, mm and rad: of the columns of `open` from
@@ -265,17 +289,20 @@ pub(super) fn find_lines(
 ) -> Vec<FoundLine> {
     let motions = |own: &LeftOut| own.noise.station.joints.len();
     let joints = left_out.first().map_or(0, motions);
-    let angles = stations(problem.observations()).into_iter();
-    let angles = angles.map(|own| &problem.observations()[own.start].axes);
-    let angles: Vec<&Vec<f64>> = angles.collect();
+    let firsts = stations(problem.observations()).into_iter();
+    let firsts = firsts.map(|own| &problem.observations()[own.start]);
+    let firsts: Vec<&Observation> = firsts.collect();
     let of_joint = |joint: usize| {
-        let stations = angles.iter().zip(left_out);
-        let stations = stations.map(|(angles, left_out)| {
+        // A gear before a repair had other lines.
+        let is_now = |first: &Observation| layout.to_come(Some(first.session), joint) == 0;
+        let stations = firsts.iter().zip(left_out);
+        let stations = stations.filter(|(first, _)| is_now(first));
+        let stations = stations.map(|(first, left_out)| {
             lines::evidence(
                 &left_out.noise.station.joints[joint],
                 &left_out.residual,
                 &left_out.information,
-                angles[joint],
+                first.axes[joint],
             )
         });
         let stations: Vec<_> = stations.collect();

@@ -33,6 +33,7 @@ impl Block {
             | Self::ApproachOffset
             | Self::WarmUp
             | Self::Curve(_)
+            | Self::Earlier { .. }
             | Self::Ageing { .. }
             | Self::Line { .. } => None,
         }
@@ -110,6 +111,7 @@ impl Block {
     pub(super) const fn shapes(self) -> Option<usize> {
         match self {
             Self::Curve(joint)
+            | Self::Earlier { joint, .. }
             | Self::SessionCurve { joint, .. }
             | Self::Ageing { joint, .. }
             | Self::Line { joint, .. } => Some(joint),

@@ -65,6 +65,9 @@ pub struct SavedFull {
     /// Age of each session, years before the latest; absent where curves do not age.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ages_years: Vec<f64>,
+    /// Repairs of each joint that were still to come in each session; absent where none was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub repairs_to_come: Vec<Vec<usize>>,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighted stations; 0 for none.
@@ -146,6 +149,14 @@ pub enum BlockName {
     Curve {
         /// The joint.
         joint: usize,
+    },
+    /// Zero and curve of a joint in the sessions that had so many of its repairs still to come, in place of `Curve`: a constant, then
+    /// pairs.
+    Earlier {
+        /// The joint.
+        joint: usize,
+        /// Repairs that were still to come.
+        to_come: usize,
     },
     /// Change of a joint's curve in one session: a constant, then pairs.
     SessionCurve {
@@ -234,6 +245,7 @@ impl FullModel {
                 .expect("a layout's curves repeat after a turn or more"),
             slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
             ages_years: self.layout.ages_years().to_vec(),
+            repairs_to_come: self.layout.repairs_to_come().to_vec(),
             span_stations: self.span,
             student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
@@ -334,6 +346,13 @@ impl SavedFull {
         if !self.ages_years.is_empty() {
             same_length("ages", self.sessions.len(), self.ages_years.len())?;
         }
+        if !self.repairs_to_come.is_empty() {
+            let (sessions, joints) = (self.sessions.len(), self.arm.joints.len());
+            let repairs = &self.repairs_to_come;
+            same_length("sessions with repairs", sessions, repairs.len())?;
+            let mut lists = repairs.iter();
+            lists.try_for_each(|own| same_length("joints with repairs", joints, own.len()))?;
+        }
         same_length(
             "joint repeatabilities",
             self.arm.joints.len(),
@@ -341,7 +360,8 @@ impl SavedFull {
         )?;
         let mut layout = Layout::new(self.curve_period_turns.get())
             .with_slides(self.slide_periods_mm()?)
-            .with_ages(self.ages_years.clone());
+            .with_ages(self.ages_years.clone())
+            .with_repairs(self.repairs_to_come.clone());
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block.block(), block.columns);
@@ -404,9 +424,9 @@ impl SavedFull {
             | BlockName::OwnCommandWeight { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
-            BlockName::SessionCurve { .. } | BlockName::Ageing { .. } => {
-                columns.saturating_sub(1) / 2 * 2 + 1
-            }
+            BlockName::Earlier { .. }
+            | BlockName::SessionCurve { .. }
+            | BlockName::Ageing { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
             BlockName::Line { .. } => 2,
             BlockName::Scale { .. } => 1,
         })
@@ -501,6 +521,7 @@ impl SavedBlock {
             Block::Drift(session) => BlockName::Drift { session },
             Block::Scale(session) => BlockName::Scale { session },
             Block::Curve(joint) => BlockName::Curve { joint },
+            Block::Earlier { joint, to_come } => BlockName::Earlier { joint, to_come },
             Block::SessionCurve { session, joint } => BlockName::SessionCurve { session, joint },
             Block::Ageing { joint, step } => BlockName::Ageing { joint, step },
             Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
@@ -525,6 +546,7 @@ impl BlockName {
             Self::Drift { session } => Block::Drift(session),
             Self::Scale { session } => Block::Scale(session),
             Self::Curve { joint } => Block::Curve(joint),
+            Self::Earlier { joint, to_come } => Block::Earlier { joint, to_come },
             Self::SessionCurve { session, joint } => Block::SessionCurve { session, joint },
             Self::Ageing { joint, step } => Block::Ageing { joint, step },
             Self::Line { joint, cycles } => Block::Line { joint, cycles },
@@ -543,9 +565,10 @@ impl BlockName {
             | Self::OwnCommandWeight { session }
             | Self::Drift { session }
             | Self::Scale { session } => (None, Some(session)),
-            Self::Curve { joint } | Self::Ageing { joint, .. } | Self::Line { joint, .. } => {
-                (Some(joint), None)
-            }
+            Self::Curve { joint }
+            | Self::Earlier { joint, .. }
+            | Self::Ageing { joint, .. }
+            | Self::Line { joint, .. } => (Some(joint), None),
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
         }
     }

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::repairs::Repair;
 use crate::fit::observation::Uncertainty;
 
 /// Usual lengths of a slide's kernels, mm: a pinion's turn, and the rails' pieces.
@@ -90,6 +91,9 @@ pub struct FullSettings {
     /// Whether stations are weighted by a Student t of their leave-one-out residual: 0 for no, any other number for yes; its
     /// degrees of freedom are found from the residuals.
     pub student_t: f64,
+    /// Joints that were repaired: a session before says nothing of such a joint as it is now.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub repaired: Vec<Repair>,
 }
 
 impl FullSettings {
@@ -133,6 +137,7 @@ impl Default for FullSettings {
             noise_mm: 0.02,
             joint_noise_rad: 25e-6,
             student_t: 8.0,
+            repaired: Vec::new(),
         }
     }
 }

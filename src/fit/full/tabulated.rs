@@ -36,6 +36,7 @@ impl Tabulated {
     pub fn new(layout: &Layout, mean: &DVector<f64>, sessions: usize) -> Self {
         let joint = |block| match block {
             Block::Curve(joint)
+            | Block::Earlier { joint, .. }
             | Block::SessionCurve { joint, .. }
             | Block::Ageing { joint, .. } => joint + 1,
             _ => 0,
@@ -48,15 +49,27 @@ impl Tabulated {
             }
         }
         let mut own = vec![common.clone(); sessions];
+        for (session, curves) in own.iter_mut().enumerate() {
+            let of_joints = curves.iter_mut().enumerate();
+            of_joints
+                .filter(|(joint, _)| layout.to_come(Some(session), *joint) > 0)
+                .for_each(|(_, curve)| *curve = Curve::zero());
+        }
         for (block, columns) in layout.blocks() {
             let coefficients = &mean.as_slice()[columns];
             match block {
                 Block::SessionCurve { session, joint } => {
                     own[session][joint].add_change(coefficients);
                 }
+                Block::Earlier { joint, to_come } => {
+                    let curves = own.iter_mut().enumerate();
+                    curves
+                        .filter(|(session, _)| layout.to_come(Some(*session), joint) == to_come)
+                        .for_each(|(_, curves)| curves[joint].add_change(coefficients));
+                }
                 Block::Ageing { joint, step } => {
                     for (session, curves) in own.iter_mut().enumerate() {
-                        let share = layout.ageing(session, step);
+                        let share = layout.ageing(session, joint, step);
                         let aged = coefficients.iter().map(|c| share * c);
                         curves[joint].add_change(&aged.collect::<Vec<f64>>());
                     }

@@ -166,7 +166,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     }?;
     survey(file.tracker.tracker_from_base.as_ref())?;
     geometric(&file.fit.geometric)?;
-    full(&file.fit.full)?;
+    full(&file.fit.full, joints)?;
     similarity(&file.similarity, joints)?;
     grid(&file.grid)?;
     wrong_unless(
@@ -400,7 +400,15 @@ fn geometric(fit: &FitSettings) -> Check {
     each(sizes, |size| positive("[fit] blocks.size_mm", size))
 }
 
-fn full(full: &FullSettings) -> Check {
+fn full(full: &FullSettings, joints: usize) -> Check {
+    each(&full.repaired, |repair| {
+        wrong_unless(
+            (1..=joints).contains(&repair.joint),
+            "[[fit.full.repaired]] joint",
+            repair.joint,
+            format!("1 to {joints}, from the base"),
+        )
+    })?;
     let positives = [
         ("short_length_deg", full.short_length_deg),
         ("long_length_deg", full.long_length_deg),

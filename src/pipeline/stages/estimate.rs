@@ -11,7 +11,9 @@ use super::cameras;
 use super::flanges::Flanges;
 use super::judged::{Judged, leaves_sessions_out, sessions_left_out, train_folds};
 use super::observed::Observed;
-use super::{StageError, StageSettings, lengths, mountings, slips, stated_sizes, wrong_targets};
+use super::{
+    StageError, StageSettings, lengths, mountings, repairs, slips, stated_sizes, wrong_targets,
+};
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
@@ -144,6 +146,7 @@ pub(super) fn prepared(
     settings: &StageSettings,
 ) -> Result<Prepared, StageError> {
     one_source_each(training.iter().chain(&*test))?;
+    let settings = &repairs::told(training, test, settings)?;
     test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, training, test, settings)?;
     cameras::leave_out_flips(arm, training, test, settings);

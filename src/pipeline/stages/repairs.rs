@@ -1,0 +1,50 @@
+//! Repairs of joints that the pipeline file states, held against the sessions' dates.
+
+use super::{StageError, StageSettings};
+use crate::io::tables::outcome::JoinedSession;
+use crate::units::WallTime;
+
+/// The settings with those repairs that a session which trains came after: one that is still to come changes nothing. An error where a
+/// session has no date, or where one that judges is from before a repair, when the joint was another.
+pub(super) fn told(
+    training: &[JoinedSession],
+    test: &[JoinedSession],
+    settings: &StageSettings,
+) -> Result<StageSettings, StageError> {
+    let mut settings = settings.clone();
+    if settings.full.repaired.is_empty() {
+        return Ok(settings);
+    }
+    let began = |session: &JoinedSession| {
+        session.started().ok_or_else(|| StageError::Undated {
+            session: session.name.clone(),
+        })
+    };
+    let began: Vec<WallTime> = training.iter().map(began).collect::<Result<_, _>>()?;
+    let latest = began.iter().max();
+    let repaired = &mut settings.full.repaired;
+    repaired.retain(|repair| latest.is_some_and(|latest| *latest >= repair.from.0));
+    for repair in repaired.iter() {
+        let judging = training.last().into_iter().chain(test);
+        let mut judging = judging.filter_map(|own| Some((own, own.started()?)));
+        if let Some((session, _)) = judging.find(|(_, began)| *began < repair.from.0) {
+            return Err(StageError::BeforeRepair {
+                session: session.name.clone(),
+                repair: *repair,
+            });
+        }
+        let dated = training.iter().zip(&began);
+        let before = dated.filter(|(_, began)| **began < repair.from.0);
+        let before: Vec<&str> = before.map(|(own, _)| own.name.as_str()).collect();
+        if !before.is_empty() {
+            tracing::info!(
+                "joint {} was repaired on {}: of it {} {} nothing, of the rest of the arm what the others do",
+                repair.joint,
+                repair.from.0,
+                before.join(", "),
+                if before.len() == 1 { "says" } else { "say" },
+            );
+        }
+    }
+    Ok(settings)
+}
