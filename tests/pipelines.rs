@@ -127,19 +127,41 @@ fn sessions_are_the_folders_with_both_logs_and_others_are_reported() {
 
 #[test]
 fn pools_learn_from_each_all_or_everything_until() {
-    let pieces = |pool: &str| {
-        let pool = format!("folder = \"cell\"\npool = \"{pool}\"");
-        let cell = Cell::new(&[("folder = \"cell\"", &pool)]);
-        let configuration = cell.configuration(&Overrides::default()).expect("good");
+    let cell = |pool: &str| {
+        let pool = format!("folder = \"cell\"\npool = {pool}");
+        Cell::new(&[("folder = \"cell\"", &pool)])
+    };
+    let pieces = |pool: &str, sessions: &[&str]| {
+        let overrides = Overrides {
+            sessions: sessions.iter().map(|&own| own.to_owned()).collect(),
+            ..Overrides::default()
+        };
+        let cell = cell(pool).with_logs("wed", &["controller", "tracker"]);
+        let configuration = cell.configuration(&overrides).expect("good");
         let piece = |p: &posegrid::pipeline::configuration::WorkPiece| {
             let training: Vec<_> = p.training.iter().map(|s| s.name.clone()).collect();
             format!("{}: {}", p.session, training.join(" "))
         };
         configuration.pieces.iter().map(piece).collect::<Vec<_>>()
     };
-    assert_eq!(pieces("each"), ["mon: mon", "tue: tue"]);
-    assert_eq!(pieces("all"), ["pooled: mon tue"]);
-    assert_eq!(pieces("until"), ["mon: mon", "tue: mon tue"]);
+    let two = ["mon", "tue"];
+    assert_eq!(pieces("\"each\"", &two), ["mon: mon", "tue: tue"]);
+    assert_eq!(pieces("\"all\"", &two), ["pooled: mon tue"]);
+    assert_eq!(pieces("\"until\"", &two), ["mon: mon", "tue: mon tue"]);
+    // Of more than the latest two the first is left out; `half` waits and does not count.
+    let latest = |pool: &str| format!("\"{pool}\"\npool_latest = 2");
+    let three = ["tue", "half", "mon", "wed"];
+    assert_eq!(pieces(&latest("all"), &three), ["pooled: mon wed"]);
+    let until = ["tue: tue", "mon: tue mon", "wed: mon wed"];
+    assert_eq!(pieces(&latest("until"), &three), until);
+    for (pool, wanted) in [
+        ("\"each\"\npool_latest = 2", "left out where each session"),
+        ("\"until\"\npool_latest = 1", "2 or more"),
+    ] {
+        let refused = cell(pool).configuration(&Overrides::default());
+        let told = refused.expect_err("no such pool").to_string();
+        assert!(told.contains("pool_latest") && told.contains(wanted), "{told}");
+    }
 }
 
 #[test]
@@ -764,23 +786,25 @@ impl Cell {
             "arm.toml",
             &fs::read_to_string(arm).expect("part of the project"),
         );
-        for log in [
-            "mon/controller",
-            "mon/tracker",
-            "tue/controller",
-            "tue/tracker",
-            "half/controller",
-        ] {
-            write(&format!("cell/{log}.mcap"), "");
-            // Empty for long: nobody writes to it any more.
-            let log = root.path().join(format!("cell/{log}.mcap"));
-            let log = fs::File::options().write(true).open(log).expect("written");
+        fs::create_dir_all(root.path().join("cell/none")).expect("writable");
+        let file = root.path().join("pipeline.toml");
+        let both = ["controller", "tracker"];
+        Self { root, file }
+            .with_logs("mon", &both)
+            .with_logs("tue", &both)
+            .with_logs("half", &both[..1])
+    }
+
+    /// The same cell with empty logs of a session, of an hour ago: nobody writes to them any more.
+    fn with_logs(self, session: &str, logs: &[&str]) -> Self {
+        let folder = self.path("cell").join(session);
+        fs::create_dir_all(&folder).expect("writable");
+        for log in logs {
+            let log = fs::File::create(folder.join(format!("{log}.mcap"))).expect("writable");
             let hour_ago = SystemTime::now() - Duration::from_hours(1);
             log.set_modified(hour_ago).expect("writable");
         }
-        fs::create_dir(root.path().join("cell/none")).expect("writable");
-        let file = root.path().join("pipeline.toml");
-        Self { root, file }
+        self
     }
 
     fn configuration(&self, overrides: &Overrides) -> Result<Configuration, ConfigurationError> {

@@ -255,6 +255,9 @@ pub struct InputSection {
     /// The sessions that are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
+    /// The most sessions that a pool learns from, the latest of them; absent: all.
+    #[serde(default, skip_serializing)]
+    pub pool_latest: Option<usize>,
     /// Time for which a log without an end must not have changed to be taken as damaged, s; until then its session waits.
     #[serde(default = "settle_s", skip_serializing)]
     pub settle_s: u64,

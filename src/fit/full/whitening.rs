@@ -3,7 +3,7 @@
 //! Sums of the shapes of two joints j and l are `Σ_i (J_jᵀ N⁻¹ J_l)_i φ_j(i) φ_l(i)ᵀ`: one number a station weighs a product of two lists,
 //! however many rows the station has ([`super::partition::Seen`]).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 
 use super::partition::Seen;
@@ -62,12 +62,23 @@ pub(super) fn sums_of(
     rows: &[Row],
     prior_mean: &DVector<f64>,
 ) -> Sums {
+    let whitened = whitened(around, (session, stations), rows, prior_mean);
+    Summing::of(around.seen(session), rows, &whitened).sums()
+}
+
+/// The rows of some stations of one session, whitened.
+fn whitened(
+    around: &Around<'_>,
+    (session, stations): (usize, &[usize]),
+    rows: &[Row],
+    prior_mean: &DVector<f64>,
+) -> Vec<Whitened> {
     let seen = around.seen(session);
     let expected = prior_mean.select_rows(&seen.columns);
     let noise = covariances(around.state, rows, stations);
     let stations = rows.par_iter().zip(&noise).with_min_len(CHUNK);
     let whitened = stations.map(|(row, noise)| Whitened::of(row, noise, seen, &expected));
-    Summing::of(seen, rows, &whitened.collect::<Vec<_>>()).sums()
+    whitened.collect()
 }
 
 /// The whitened rows of one station, as [`Row`] has them.
@@ -89,6 +100,22 @@ impl Whitened {
             joints: &inverse * row.motions(),
             values: inverse * (&row.value - row.times(seen, expected)),
             ln_noise,
+        }
+    }
+
+    /// Writes its rows of all columns of the model, transposed: a row of the regression in each column of `into`, which is zero.
+    fn spread(&self, row: &Row, seen: &Seen, into: &mut DMatrixViewMut<'_, f64>) {
+        for (own, mut column) in into.column_iter_mut().enumerate() {
+            let entries = self.plain.row(own);
+            for (&place, entry) in seen.plain.iter().zip(&entries) {
+                column[seen.columns[place]] = *entry;
+            }
+            for (joint, places) in seen.of_joints.iter().enumerate() {
+                let motion = self.joints[(own, joint)];
+                for (&place, shape) in places.iter().zip(&row.shapes[joint]) {
+                    column[seen.columns[place]] = shape * motion;
+                }
+            }
         }
     }
 }
@@ -261,18 +288,13 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
     let (mut first, mut ln_noise) = (0, 0.0);
     for (session, stations) in around.batches() {
         let (seen, rows) = (around.seen(session), around.rows(&stations));
-        let noise = covariances(around.state, &rows, &stations);
-        for (row, noise) in rows.iter().zip(&noise) {
-            let (inverse, ln_own) = whitening(noise);
-            let whole = row.whole(seen, size);
-            let own = &inverse * (&row.value - &whole * prior_mean);
-            let whitened = (inverse * whole).transpose();
-            transposed
-                .columns_mut(first, own.len())
-                .copy_from(&whitened);
-            values.rows_mut(first, own.len()).copy_from(&own);
-            first += own.len();
-            ln_noise += ln_own;
+        let whitened = whitened(around, (session, &stations), &rows, prior_mean);
+        for (row, own) in rows.iter().zip(&whitened) {
+            let size = own.values.len();
+            own.spread(row, seen, &mut transposed.columns_mut(first, size));
+            values.rows_mut(first, size).copy_from(&own.values);
+            first += size;
+            ln_noise += own.ln_noise;
         }
     }
     for (session, row, value) in distances {

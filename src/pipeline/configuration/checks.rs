@@ -16,7 +16,7 @@ use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
 use crate::kinematics::Arm;
-use crate::pipeline::file::{PipelineFile, TrackerFromBase};
+use crate::pipeline::file::{PipelineFile, Pool, TrackerFromBase};
 use crate::report::locate::{LEAST_STATIONS, Locate};
 use crate::similarity::SimilaritySettings;
 
@@ -145,6 +145,15 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
             share,
             "a share from 0 to 1",
         )?;
+    }
+    if let Some(latest) = file.input.pool_latest {
+        wrong_unless(
+            file.input.pool != Pool::Each,
+            "[input] pool_latest",
+            latest,
+            "left out where each session is learnt from by itself; pool = \"until\" or \"all\" has pools",
+        )?;
+        wrong_unless(latest > 1, "[input] pool_latest", latest, "2 or more")?;
     }
     if let Some(kg) = file.robot.valid_for.payload_kg {
         not_negative("[robot.valid_for] payload_kg", kg)?;

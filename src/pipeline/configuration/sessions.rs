@@ -315,7 +315,8 @@ impl Candidates<'_> {
             None => all_but(self.sessions, &test),
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
-        let (pieces, set_aside) = pieces(input.pool, &training, &judges);
+        let latest = input.pool_latest.unwrap_or(usize::MAX);
+        let (pieces, set_aside) = pieces((input.pool, latest), &training, &judges);
         let waits = |aside: &SetAside| matches!(aside.why, Why::Waits(_));
         if pieces.is_empty() && !set_aside.iter().any(waits) {
             return Err(self.nothing(&training, &judges));
@@ -429,8 +430,12 @@ fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {
     others.cloned().collect()
 }
 
-/// The pieces of the sessions that are ready, and the other sessions.
-fn pieces(pool: Pool, training: &[Session], judges: &[Session]) -> (Vec<WorkPiece>, Vec<SetAside>) {
+/// The pieces of the sessions that are ready, pools of at most the `latest` so many of them, and the other sessions.
+fn pieces(
+    (pool, latest): (Pool, usize),
+    training: &[Session],
+    judges: &[Session],
+) -> (Vec<WorkPiece>, Vec<SetAside>) {
     let (mut pieces, mut set_aside) = (Vec::new(), Vec::new());
     let mut ready: Vec<SessionFiles> = Vec::new();
     let test: Result<Vec<SessionFiles>, Why> = judges.iter().map(judge).collect();
@@ -454,22 +459,23 @@ fn pieces(pool: Pool, training: &[Session], judges: &[Session]) -> (Vec<WorkPiec
             }
             (Ok(files), pool) => {
                 ready.push(files);
-                let from = if pool == Pool::Each {
-                    ready.len() - 1
-                } else {
-                    0
-                };
+                let most = if pool == Pool::Each { 1 } else { latest };
                 if pool != Pool::All {
-                    add(&session.name, &ready[from..], &mut set_aside);
+                    add(&session.name, last(&ready, most), &mut set_aside);
                     listed += 1;
                 }
             }
         }
     }
     if pool == Pool::All && !ready.is_empty() {
-        add(POOLED, &ready, &mut set_aside);
+        add(POOLED, last(&ready, latest), &mut set_aside);
     }
     (pieces, set_aside)
+}
+
+/// The last so many, or all where they are fewer.
+fn last<T>(all: &[T], most: usize) -> &[T] {
+    &all[all.len().saturating_sub(most)..]
 }
 
 /// A session that judges; an error states why those that it would judge have no work.

@@ -1,6 +1,7 @@
 //! Models compared with the stations that judge them.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -24,20 +25,29 @@ use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subj
 /// idle now and then.
 const SIDE_BY_SIDE: usize = 12_000;
 
-/// Work on each place, as many at a time as [`SIDE_BY_SIDE`] allows trainings of so many observations; results in the order of places.
+/// Work on each place, as many at a time as [`SIDE_BY_SIDE`] allows trainings of so many observations: one that ends lets the next begin.
+/// Results in the order of places.
 fn side_by_side<T: Send>(
     places: usize,
     observations: usize,
     work: impl Fn(usize) -> Result<T, FitError> + Sync,
 ) -> Result<Vec<T>, FitError> {
-    let at_once = (SIDE_BY_SIDE / observations.max(1)).max(1);
-    let all: Vec<usize> = (0..places).collect();
-    let mut done = Vec::with_capacity(places);
-    for some in all.chunks(at_once) {
-        let some: Result<Vec<T>, FitError> = some.par_iter().map(|&place| work(place)).collect();
-        done.extend(some?);
-    }
-    Ok(done)
+    let at_once = (SIDE_BY_SIDE / observations.max(1)).clamp(1, places.max(1));
+    let next = AtomicUsize::new(0);
+    let lane = |_| {
+        let mut done = Vec::new();
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            if place >= places {
+                return done;
+            }
+            done.push((place, work(place)));
+        }
+    };
+    let lanes = (0..at_once).into_par_iter().with_max_len(1).map(lane);
+    let mut done: Vec<(usize, Result<T, FitError>)> = lanes.flatten_iter().collect();
+    done.sort_by_key(|(place, _)| *place);
+    done.into_iter().map(|(_, done)| done).collect()
 }
 
 /// The models of every fold that holds a station out, in fold order.
