@@ -22,7 +22,7 @@ fn settings() -> FullSettings {
     }
 }
 
-/// Three sessions a month that wander a tenth of their curves away in a year.
+/// Three sessions a month, whose curves wander by three tenths of their size in a year.
 const SLOW: Truth = Truth {
     curve_rad: 2e-4,
     walk_rad: 1e-5,

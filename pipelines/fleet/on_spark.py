@@ -29,6 +29,9 @@ def session(scheduler):
     # A lost worker's tasks are started again as often as a fault's are.
     master = scheduler or f"local[2, {tasks.ATTEMPTS}]"
     builder = SparkSession.builder.master(master).config("spark.task.maxFailures", tasks.ATTEMPTS)
+    if not scheduler:
+        # Spark hands out tasks here and nothing else: its own threads are to leave the cores to them.
+        builder = builder.config("spark.driver.extraJavaOptions", "-XX:+UseSerialGC -XX:TieredStopAtLevel=1")
     return builder.config("spark.ui.enabled", False).config("spark.ui.showConsoleProgress", False).getOrCreate()
 
 
