@@ -160,7 +160,10 @@ fn pools_learn_from_each_all_or_everything_until() {
     ] {
         let refused = cell(pool).configuration(&Overrides::default());
         let told = refused.expect_err("no such pool").to_string();
-        assert!(told.contains("pool_latest") && told.contains(wanted), "{told}");
+        assert!(
+            told.contains("pool_latest") && told.contains(wanted),
+            "{told}"
+        );
     }
 }
 

@@ -132,14 +132,21 @@ impl Layout {
         let Some(age) = self.ages_years.get(session) else {
             return 0.0;
         };
-        let to_come = self.to_come(Some(session), joint);
-        let alike = self.ages_years.iter().enumerate();
-        let alike = alike.filter(|(other, _)| self.to_come(Some(*other), joint) == to_come);
-        let latest = alike.map(|(_, age)| *age).fold(f64::INFINITY, f64::min);
-        if to_come > 0 && super::ageing::begin_years(step) < latest {
+        if super::ageing::begin_years(step) < self.latest_alike_years(session, joint) {
             return 0.0;
         }
         super::ageing::share(*age, step)
+    }
+
+    /// The age of the latest session with the gear of a joint that a session had, years; 0 of that of now.
+    fn latest_alike_years(&self, session: usize, joint: usize) -> f64 {
+        let to_come = self.to_come(Some(session), joint);
+        if to_come == 0 {
+            return 0.0;
+        }
+        let ages = self.ages_years.iter().enumerate();
+        let alike = ages.filter(|(other, _)| self.to_come(Some(*other), joint) == to_come);
+        alike.map(|(_, age)| *age).fold(f64::INFINITY, f64::min)
     }
 
     /// This layout for sessions before which so many repairs of each joint were still to come; empty where none was.
@@ -247,5 +254,24 @@ mod tests {
         assert!(layout.lines(0).is_empty());
         assert_eq!(layout.lines(1), [30.0]);
         assert_eq!(layout.size(), 2);
+    }
+
+    #[test]
+    fn a_gear_before_a_repair_ages_by_what_happened_before_its_own_latest_session() {
+        let layout = Layout::new(1)
+            .with_ages(vec![2.0, 1.0, 0.5, 0.0])
+            .with_repairs(vec![vec![1, 0], vec![1, 0], vec![0, 0], vec![0, 0]]);
+        // The steps begin at 0, 0.1, 0.3, 0.7 and 1.5 years.
+        let repaired: Vec<f64> = (0..5).map(|step| layout.ageing(0, 0, step)).collect();
+        let wanted = (2.0 - 1.5) / 1.6;
+        assert!((repaired[4] - wanted).abs() < 1e-12, "{repaired:?}");
+        assert!(
+            repaired[..4].iter().all(|share| *share == 0.0),
+            "{repaired:?}"
+        );
+        assert!((0..5).all(|step| layout.ageing(1, 0, step) == 0.0));
+        // The other joint, and the new gear, as ever.
+        assert!((layout.ageing(0, 1, 0) - 1.0).abs() < 1e-12);
+        assert!((layout.ageing(2, 0, 2) - 0.5).abs() < 1e-12);
     }
 }
