@@ -47,10 +47,11 @@ def main():
 
     def ended(batches):
         """The rows, as texts, of the tasks with the numbers of a partition."""
-        import pandas
+        import pyarrow
 
         for batch in batches:
-            yield pandas.DataFrame({"row": [json.dumps(tasks.insisted(command, lines[number])) for number in batch["id"]]})
+            rows = [json.dumps(tasks.insisted(command, lines[number])) for number in batch["id"].to_pylist()]
+            yield pyarrow.RecordBatch.from_pydict({"row": rows})
 
     # Spark's processes print messages to what is standard output then: those are told on stderr, and rows alone on stdout.
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -59,7 +60,7 @@ def main():
     # A partition for each task: it is what Spark starts again, and copies where it takes long.
     numbers = spark.range(0, len(lines), 1, max(len(lines), 1))
     try:
-        rows = [json.loads(row) for (row,) in numbers.mapInPandas(ended, "row string").collect()]
+        rows = [json.loads(row) for (row,) in numbers.mapInArrow(ended, "row string").collect()]
     except Exception as error:
         # Spark ended the job, whatever the kind of error: what was done is in the lake, and known when the tasks are listed again.
         rows = [tasks.unfinished(line, "fault", str(error).strip().split("\n")[0]) for line in lines]
