@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -9,6 +10,7 @@ use std::process::{Command, Output};
 use common::pool::{MeasuredArm, Truth, frames, grown, of_session, pooled, trained};
 use posegrid::fit::full::{Day, FullModel, FullSettings, Query, Repair};
 use posegrid::fit::{Measured, Observation};
+use posegrid::io::{schema, table};
 use posegrid::units::WallTime;
 
 /// Coarse curves, as those of the simulated arm are: training takes a second.
@@ -279,6 +281,19 @@ lake = "lake"
     std::fs::write(folder.join("pool.toml"), text).expect("a pipeline file");
 }
 
+/// The sessions that were judged by a training without them, by the table of residuals.
+fn left_out(folder: &Path) -> Vec<String> {
+    let tables = std::fs::read_dir(folder.join("lake/residuals/arm/pooled")).expect("a folder");
+    let paths: Vec<_> = tables.map(|own| own.expect("a table").path()).collect();
+    assert_eq!(paths.len(), 1, "{paths:?}");
+    let schema = schema::find("residuals").expect("a published table");
+    let residuals = table::read(&paths[0], schema).expect("a table by its schema");
+    let (split, session) = (residuals.text("split"), residuals.text("of_session"));
+    let rows = (0..residuals.rows()).filter(|&row| split.value(row) == "session");
+    let sessions: BTreeSet<&str> = rows.map(|row| session.value(row)).collect();
+    sessions.into_iter().map(str::to_owned).collect()
+}
+
 fn run(folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .args(["run", "pool.toml"])
@@ -318,6 +333,7 @@ fn a_repair_that_the_pipeline_file_states_lets_a_pool_go_on() {
     assert!(verified.status.success(), "{}", stderr(&verified));
 
     println!("{}", String::from_utf8_lossy(&told.stdout));
+    assert_eq!(left_out(folder.path()), ["day-7", "day-8"]);
     // Another joint, no date, a session that judges the gear of before, sessions without dates.
     let judging = ("pool = \"all\"", "test = [\"day-2\"]");
     let undated = ("time = { column = \"t\", unit = \"iso8601\" }", "");

@@ -23,6 +23,13 @@ pub struct Repair {
     pub from: Day,
 }
 
+impl Repair {
+    /// Whether it was still to come on a day, days since 1970.
+    pub fn is_to_come(&self, day: f64) -> bool {
+        day < self.from.0.day()
+    }
+}
+
 /// A moment that is stated as text: `2026-05-14`, which stands for its beginning, or `2026-05-14 14:30`, UTC.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
@@ -60,9 +67,9 @@ pub(super) fn to_come(
     let of_session = |day: &Option<f64>| {
         let mut to_come = vec![0; joints];
         for repair in repairs {
-            let is_before = day.is_some_and(|day| day < repair.from.0.day());
+            let is_to_come = day.is_some_and(|day| repair.is_to_come(day));
             let joint = to_come.get_mut(repair.joint.wrapping_sub(1));
-            if let Some(count) = joint.filter(|_| is_before) {
+            if let Some(count) = joint.filter(|_| is_to_come) {
                 *count += 1;
             }
         }

@@ -80,7 +80,8 @@ pub(super) fn leaves_sessions_out(models: &Models, settings: &StageSettings) -> 
         && !frames.iter().any(Frames::has_several_targets)
 }
 
-/// Every session of a pool judged by the models of all the others, its base and target refitted.
+/// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
+/// that of now.
 pub(super) fn sessions_left_out(
     arm: &Arm,
     (observed, training): (&Observed, &[JoinedSession]),
@@ -94,9 +95,12 @@ pub(super) fn sessions_left_out(
         ..locate
     };
     let others = training.len() - 1;
-    progress.begin("sessions left out", training.len() as u64);
-    let judge = |place: usize| {
-        let session = &training[place];
+    let of_now: Vec<usize> = (0..training.len())
+        .filter(|&place| is_of_now(observed, place, settings))
+        .collect();
+    progress.begin("sessions left out", of_now.len() as u64);
+    let judge = |nth: usize| {
+        let (place, session) = (of_now[nth], &training[of_now[nth]]);
         let train = observed.without_session(place);
         let models = fit::models::train_all(arm, &train, others, settings)?;
         let own = observed.own(place);
@@ -111,9 +115,17 @@ pub(super) fn sessions_left_out(
             &models, stations, &locator, &finders,
         )?)
     };
-    let judged = side_by_side(training.len(), observed.all.len(), judge);
+    let judged = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
     Ok(judged?.into_iter().flatten().collect())
+}
+
+/// Whether no repair of a joint was still to come in a session.
+fn is_of_now(observed: &Observed, session: usize, settings: &TrainingSettings<'_>) -> bool {
+    let mut own = observed.of_session(session);
+    let day = own.next().and_then(|(observation, _)| observation.day);
+    let mut repairs = settings.full.repaired.iter();
+    !repairs.any(|repair| day.is_some_and(|day| repair.is_to_come(day)))
 }
 
 /// Models and the stations that judge them.

@@ -38,7 +38,7 @@ pub(super) fn told(
         let before: Vec<&str> = before.map(|(own, _)| own.name.as_str()).collect();
         if !before.is_empty() {
             tracing::info!(
-                "joint {} was repaired on {}: of it {} {} nothing, of the rest of the arm what the others do",
+                "joint {} was repaired on {}: of it {} {} nothing, of the rest of the arm as much as others; none of them is left out in turn",
                 repair.joint,
                 repair.from.0,
                 before.join(", "),
