@@ -162,6 +162,22 @@ impl Cholesky {
     }
 }
 
+/// Matrices of `columns` columns, one below the other.
+pub fn stacked<'m>(
+    parts: impl Iterator<Item = &'m DMatrix<f64>> + Clone,
+    columns: usize,
+) -> DMatrix<f64> {
+    let count = parts.clone().map(DMatrix::nrows).sum();
+    let mut stacked = DMatrix::zeros(count, columns);
+    let mut first = 0;
+    for part in parts {
+        let height = part.nrows();
+        stacked.rows_mut(first, height).copy_from(part);
+        first += height;
+    }
+    stacked
+}
+
 /// `A_22 −= P Pᵀ` on and below the diagonal, in panels of columns that start at whole blocks.
 fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &DMatrix<f64>) {
     let size = matrix.nrows();

@@ -798,7 +798,7 @@ impl Cell {
             .with_logs("half", &both[..1])
     }
 
-    /// The same cell with empty logs of a session, of an hour ago: nobody writes to them any more.
+    /// The same cell with empty logs of a session that were last written an hour ago, so that the session does not wait for them.
     fn with_logs(self, session: &str, logs: &[&str]) -> Self {
         let folder = self.path("cell").join(session);
         fs::create_dir_all(&folder).expect("writable");

@@ -8,8 +8,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use common::pool::{MeasuredArm, Truth, frames, grown, of_session, pooled, trained};
+use common::position;
+use posegrid::fit::Observation;
 use posegrid::fit::full::{Day, FullModel, FullSettings, Query, Repair};
-use posegrid::fit::{Measured, Observation};
 use posegrid::io::{schema, table};
 use posegrid::units::WallTime;
 
@@ -171,12 +172,7 @@ fn sessions_before_a_repair_say_nothing_of_the_joint_and_what_they_know_of_the_o
         assert!(told_mm < untold_mm, "{seed}: {told_mm} {untold_mm}");
         better += usize::from(told_mm < alone_mm);
         // Sessions before are seen with the gear that they had.
-        let left = |own: &Observation| {
-            let Measured::Point(point) = &own.measured else {
-                panic!("a point");
-            };
-            (told.position(&Query::of(own)) - point.position).norm()
-        };
+        let left = |own: &Observation| (told.position(&Query::of(own)) - position(own)).norm();
         let before = &seen[..BEFORE * STATIONS];
         let mean = before.iter().map(left).sum::<f64>() / before.len() as f64;
         assert!(mean < 0.05, "{seed}: {mean} mm left of the sessions before");
@@ -218,9 +214,6 @@ fn a_pool_with_a_repair_predicts_the_same_when_it_is_read_back() {
 fn tabled(folder: &Path, seen: &[Observation], repaired: &str) {
     let mut table = String::from("session,t,q1,q2,q3,q4,q5,q6,x,y,z\n");
     for own in seen {
-        let Measured::Point(point) = &own.measured else {
-            panic!("a point");
-        };
         let (day, minute) = (own.session + 1, own.station);
         write!(
             table,
@@ -232,7 +225,7 @@ fn tabled(folder: &Path, seen: &[Observation], repaired: &str) {
         for angle in &own.axes {
             write!(table, ",{angle}").expect("text");
         }
-        let place = point.position;
+        let place = position(own);
         writeln!(table, ",{},{},{}", place.x, place.y, place.z).expect("text");
     }
     std::fs::create_dir_all(folder.join("measured")).expect("a folder");
@@ -295,8 +288,12 @@ fn left_out(folder: &Path) -> Vec<String> {
 }
 
 fn run(folder: &Path) -> Output {
+    posegrid(folder, &["run", "pool.toml"])
+}
+
+fn posegrid(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_posegrid"))
-        .args(["run", "pool.toml"])
+        .args(arguments)
         .current_dir(folder)
         .output()
         .expect("the program starts")
@@ -325,11 +322,10 @@ fn a_repair_that_the_pipeline_file_states_lets_a_pool_go_on() {
         "{}",
         stderr(&told)
     );
-    let verified = Command::new(env!("CARGO_BIN_EXE_posegrid"))
-        .args(["verify", "lake", "--pipeline", "pool.toml"])
-        .current_dir(folder.path())
-        .output()
-        .expect("the program starts");
+    let verified = posegrid(
+        folder.path(),
+        &["verify", "lake", "--pipeline", "pool.toml"],
+    );
     assert!(verified.status.success(), "{}", stderr(&verified));
 
     println!("{}", String::from_utf8_lossy(&told.stdout));

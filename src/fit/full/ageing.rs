@@ -12,8 +12,6 @@
 //! ([`super::components`]), and a pool whose curves do not change drops the part by its evidence. Sessions of one month, and
 //! sessions without a date, have no such columns.
 
-use crate::fit::observation::Observation;
-
 /// Years of the latest step; sessions that lie closer together do not age.
 const FIRST_YEARS: f64 = 0.1;
 /// Most steps: the last begins half a lifetime of an arm ago.
@@ -44,14 +42,10 @@ pub(super) fn steps(ages_years: &[f64]) -> usize {
         .count()
 }
 
-/// The age of each of `sessions` sessions, years before the latest; empty where one has no date, or all lie closer together than one
-/// step.
-pub(super) fn ages_years(observations: &[Observation], sessions: usize) -> Vec<f64> {
-    let mut days = vec![None; sessions];
-    for observation in observations {
-        days[observation.session] = observation.day;
-    }
-    let Some(days) = days.into_iter().collect::<Option<Vec<f64>>>() else {
+/// The age of sessions of these days (since 1970), years before the latest; empty where one has no date, or all lie closer together than
+/// one step.
+pub(super) fn ages_years(days: &[Option<f64>]) -> Vec<f64> {
+    let Some(days) = days.iter().copied().collect::<Option<Vec<f64>>>() else {
         return Vec::new();
     };
     let latest = days.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -67,8 +61,6 @@ pub(super) fn ages_years(observations: &[Observation], sessions: usize) -> Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Observation;
-    use nalgebra::{Matrix3, Point3};
 
     #[test]
     fn the_change_between_two_ages_has_the_variance_of_the_years_between() {
@@ -86,17 +78,9 @@ mod tests {
     #[test]
     fn three_years_have_five_steps_and_a_month_has_none() {
         assert_eq!(steps(&[0.0, 3.0]), 5);
-        let of = |days: &[Option<f64>]| {
-            let observed = days.iter().enumerate().map(|(session, &day)| Observation {
-                session,
-                day,
-                ..Observation::planned(0, Vec::new(), Point3::origin(), Matrix3::identity())
-            });
-            ages_years(&observed.collect::<Vec<_>>(), days.len())
-        };
-        assert!(of(&[Some(20_000.0), Some(20_030.0)]).is_empty());
-        assert!(of(&[Some(20_000.0), None, Some(21_000.0)]).is_empty());
-        let ages = of(&[Some(20_000.0), Some(20_730.5)]);
+        assert!(ages_years(&[Some(20_000.0), Some(20_030.0)]).is_empty());
+        assert!(ages_years(&[Some(20_000.0), None, Some(21_000.0)]).is_empty());
+        let ages = ages_years(&[Some(20_000.0), Some(20_730.5)]);
         assert!(
             (ages[0] - 2.0).abs() < 1e-9 && ages[1].abs() < 1e-12,
             "{ages:?}"

@@ -35,9 +35,10 @@ pub(super) fn layout(
     let joints = observations.first().map_or(0, |o| o.axes.len());
     let mut layout =
         Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
+    let days = days(observations, sessions);
     layout = layout
-        .with_ages(ageing::ages_years(observations, sessions))
-        .with_repairs(repairs::to_come(&settings.repaired, observations, sessions));
+        .with_ages(ageing::ages_years(&days))
+        .with_repairs(repairs::to_come(&settings.repaired, &days, joints));
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
@@ -86,6 +87,15 @@ pub(super) fn layout(
         }
     }
     layout
+}
+
+/// The day of each session, days since 1970; `None` of one without a date.
+fn days(observations: &[Observation], sessions: usize) -> Vec<Option<f64>> {
+    let mut days = vec![None; sessions];
+    for observation in observations {
+        days[observation.session] = observation.day;
+    }
+    days
 }
 
 /// Whether a session's base may have drifted unseen: references that were followed show the drift itself.

@@ -110,18 +110,16 @@ impl PoseView<'_> {
                 Block::Scale(session) if self.session == Some(session) => {
                     self.scale(columns.start, each);
                 }
-                Block::Curve(joint) if self.is_now(joint, layout) => {
+                Block::Curve(joint) if layout.is_now(self.session, joint) => {
                     self.curve(columns, joint, layout, each);
                 }
                 Block::Earlier { joint, to_come }
                     if layout.to_come(self.session, joint) == to_come =>
                 {
-                    each(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, layout, each);
+                    self.curve_with_constant(columns, joint, layout, each);
                 }
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
-                    each(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, layout, each);
+                    self.curve_with_constant(columns, joint, layout, each);
                 }
                 Block::Ageing { joint, step } => {
                     let share = self
@@ -133,10 +131,9 @@ impl PoseView<'_> {
                     let mut aged = |column: usize, twist: &Twist, amount: f64| {
                         each(column, twist, share * amount);
                     };
-                    aged(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, layout, &mut aged);
+                    self.curve_with_constant(columns, joint, layout, &mut aged);
                 }
-                Block::Line { joint, cycles } if self.is_now(joint, layout) => {
+                Block::Line { joint, cycles } if layout.is_now(self.session, joint) => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
                     each(columns.start, &self.joints[joint], cos);
                     each(columns.start + 1, &self.joints[joint], sin);
@@ -151,11 +148,6 @@ impl PoseView<'_> {
                 | Block::Line { .. } => {}
             }
         }
-    }
-
-    /// Whether the joint has the gear of now, not one before a repair.
-    fn is_now(&self, joint: usize, layout: &Layout) -> bool {
-        layout.to_come(self.session, joint) == 0
     }
 
     /// `J_j` times the generalised force of the variable: `z_j·((o_k − o_j) × (−up))` for a joint that turns, lengths in m.
@@ -238,6 +230,18 @@ impl PoseView<'_> {
         if self.time.is_some() {
             each(column, &away, 1.0);
         }
+    }
+
+    /// A constant, then the pairs of a curve.
+    fn curve_with_constant(
+        &self,
+        columns: Range<usize>,
+        joint: usize,
+        layout: &Layout,
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
+        each(columns.start, &self.joints[joint], 1.0);
+        self.curve(columns.start + 1..columns.end, joint, layout, each);
     }
 
     fn curve(

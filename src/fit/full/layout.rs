@@ -140,10 +140,10 @@ impl Layout {
 
     /// The age of the latest session with the gear of a joint that a session had, years; 0 of that of now.
     fn latest_alike_years(&self, session: usize, joint: usize) -> f64 {
-        let to_come = self.to_come(Some(session), joint);
-        if to_come == 0 {
+        if self.is_now(Some(session), joint) {
             return 0.0;
         }
+        let to_come = self.to_come(Some(session), joint);
         let ages = self.ages_years.iter().enumerate();
         let alike = ages.filter(|(other, _)| self.to_come(Some(*other), joint) == to_come);
         alike.map(|(_, age)| *age).fold(f64::INFINITY, f64::min)
@@ -165,6 +165,11 @@ impl Layout {
     pub fn to_come(&self, session: Option<usize>, joint: usize) -> usize {
         let own = session.and_then(|session| self.repairs_to_come.get(session));
         own.and_then(|own| own.get(joint)).copied().unwrap_or(0)
+    }
+
+    /// Whether a joint had the gear of now in a session, not one before a repair.
+    pub fn is_now(&self, session: Option<usize>, joint: usize) -> bool {
+        self.to_come(session, joint) == 0
     }
 
     /// This layout for an arm whose axis variables slide: the period of each one's curve, mm; `None` where it turns. Empty where

@@ -18,6 +18,7 @@ use super::train::{CHUNK, FEW_HARMONICS};
 use super::whitening::noise_factor;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
+use crate::linalg::stacked;
 
 /// Gear lines taken per joint in one round.
 const LINES_PER_ROUND: usize = 3;
@@ -172,7 +173,8 @@ impl<'s> Explaining<'s> {
             explained
         };
         let chunk = |(chunk, rows): (usize, &[Row])| {
-            let onto_plain = stacked(rows, self.seen.plain.len()) * &self.plain;
+            let plain = rows.iter().map(|row| &row.plain);
+            let onto_plain = stacked(plain, self.seen.plain.len()) * &self.plain;
             let mut first = 0;
             let explained = rows.iter().enumerate().map(|(own, row)| {
                 let (size, place) = (row.value.len(), chunk * CHUNK + own);
@@ -184,19 +186,6 @@ impl<'s> Explaining<'s> {
         let chunks = rows.par_chunks(CHUNK).enumerate();
         chunks.flat_map_iter(chunk).collect()
     }
-}
-
-/// The plain rows of some stations, one below the other.
-fn stacked(rows: &[Row], columns: usize) -> DMatrix<f64> {
-    let count = rows.iter().map(|row| row.value.len()).sum();
-    let mut stacked = DMatrix::zeros(count, columns);
-    let mut first = 0;
-    for row in rows {
-        let size = row.value.len();
-        stacked.rows_mut(first, size).copy_from(&row.plain);
-        first += size;
-    }
-    stacked
 }
 
 /// A square root `OᵀO` of the covariance of a station's rows that the model leaves open, mm and rad: of the columns of `open` from
@@ -294,7 +283,7 @@ pub(super) fn find_lines(
     let firsts: Vec<&Observation> = firsts.collect();
     let of_joint = |joint: usize| {
         // A gear before a repair had other lines.
-        let is_now = |first: &Observation| layout.to_come(Some(first.session), joint) == 0;
+        let is_now = |first: &Observation| layout.is_now(Some(first.session), joint);
         let stations = firsts.iter().zip(left_out);
         let stations = stations.filter(|(first, _)| is_now(first));
         let stations = stations.map(|(first, left_out)| {

@@ -7,7 +7,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::observation::Observation;
 use crate::units::{SLIDE_MM_PER_RAD, WallTime};
 
 /// Standard deviation of a joint's zero before its repair relative to now, rad: wider than a mastering leaves open.
@@ -52,18 +51,9 @@ impl From<Day> for String {
     }
 }
 
-/// Number of repairs that were still to come in each of `sessions` sessions, joint by joint; empty where none was. A session without a
-/// date is taken for one after all repairs.
-pub(super) fn to_come(
-    repairs: &[Repair],
-    observations: &[Observation],
-    sessions: usize,
-) -> Vec<Vec<usize>> {
-    let joints = observations.first().map_or(0, |own| own.axes.len());
-    let mut days = vec![None; sessions];
-    for own in observations {
-        days[own.session] = own.day;
-    }
+/// Number of repairs that were still to come in each session of these days (since 1970), for each of `joints` joints; empty where none
+/// was. A session without a date is taken for one after all repairs.
+pub(super) fn to_come(repairs: &[Repair], days: &[Option<f64>], joints: usize) -> Vec<Vec<usize>> {
     let of_session = |day: &Option<f64>| {
         let mut to_come = vec![0; joints];
         for repair in repairs {
@@ -91,7 +81,6 @@ pub(super) fn zero_variance(slides: bool) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Point3};
 
     fn repair(joint: usize, from: &str) -> Repair {
         let text = format!("joint = {joint}\nfrom = \"{from}\"");
@@ -105,14 +94,7 @@ mod tests {
             repair(2, "2026-08-01 12:00"),
             repair(1, "2026-05-14"),
         ];
-        let of = |days: &[Option<f64>]| {
-            let observed = days.iter().enumerate().map(|(session, &day)| Observation {
-                session,
-                day,
-                ..Observation::planned(0, vec![0.0; 3], Point3::origin(), Matrix3::identity())
-            });
-            to_come(&repairs, &observed.collect::<Vec<_>>(), days.len())
-        };
+        let of = |days: &[Option<f64>]| to_come(&repairs, days, 3);
         let day = repairs[0].from.0.day();
         let found = of(&[Some(day - 0.001), Some(day), Some(day + 100.0), None]);
         assert_eq!(found[0], [1, 2, 0]);

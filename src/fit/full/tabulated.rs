@@ -52,7 +52,7 @@ impl Tabulated {
         for (session, curves) in own.iter_mut().enumerate() {
             let of_joints = curves.iter_mut().enumerate();
             of_joints
-                .filter(|(joint, _)| layout.to_come(Some(session), *joint) > 0)
+                .filter(|(joint, _)| !layout.is_now(Some(session), *joint))
                 .for_each(|(_, curve)| *curve = Curve::zero());
         }
         for (block, columns) in layout.blocks() {

@@ -12,7 +12,7 @@ use super::regression::sessions::SessionSums;
 use super::regression::{Evidence, Sums};
 use super::rows::{Around, Row, covariances};
 use super::train::CHUNK;
-use crate::linalg::gram;
+use crate::linalg::{gram, stacked};
 
 /// The evidence of all rows on the columns.
 pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
@@ -213,16 +213,9 @@ impl<'s> Summing<'s> {
 
     fn add_plain(&self, sums: &mut Sums) {
         let plain = &self.seen.plain;
-        let count = self.stations.iter().map(|own| own.values.len()).sum();
-        let mut rows = DMatrix::zeros(count, plain.len());
-        let mut values = DVector::zeros(count);
-        let mut first = 0;
-        for own in self.stations {
-            let size = own.values.len();
-            rows.rows_mut(first, size).copy_from(&own.plain);
-            values.rows_mut(first, size).copy_from(&own.values);
-            first += size;
-        }
+        let rows = stacked(self.stations.iter().map(|own| &own.plain), plain.len());
+        let values = self.stations.iter().flat_map(|own| own.values.iter());
+        let values = DVector::from_iterator(rows.nrows(), values.copied());
         put(
             &mut sums.information,
             (plain, plain),

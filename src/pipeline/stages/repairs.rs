@@ -15,26 +15,26 @@ pub(super) fn told(
     if settings.full.repaired.is_empty() {
         return Ok(settings);
     }
-    let began = |session: &JoinedSession| {
-        session.started().ok_or_else(|| StageError::Undated {
+    let day = |session: &JoinedSession| {
+        let began = session.started().map(WallTime::day);
+        began.ok_or_else(|| StageError::Undated {
             session: session.name.clone(),
         })
     };
-    let began: Vec<WallTime> = training.iter().map(began).collect::<Result<_, _>>()?;
-    let latest = began.iter().max();
+    let days: Vec<f64> = training.iter().map(day).collect::<Result<_, _>>()?;
     let repaired = &mut settings.full.repaired;
-    repaired.retain(|repair| latest.is_some_and(|latest| *latest >= repair.from.0));
+    repaired.retain(|repair| days.iter().any(|day| !repair.is_to_come(*day)));
     for repair in repaired.iter() {
         let judging = training.last().into_iter().chain(test);
-        let mut judging = judging.filter_map(|own| Some((own, own.started()?)));
-        if let Some((session, _)) = judging.find(|(_, began)| *began < repair.from.0) {
+        let mut judging = judging.filter_map(|own| Some((own, own.started()?.day())));
+        if let Some((session, _)) = judging.find(|(_, day)| repair.is_to_come(*day)) {
             return Err(StageError::BeforeRepair {
                 session: session.name.clone(),
                 repair: *repair,
             });
         }
-        let dated = training.iter().zip(&began);
-        let before = dated.filter(|(_, began)| **began < repair.from.0);
+        let dated = training.iter().zip(&days);
+        let before = dated.filter(|(_, day)| repair.is_to_come(**day));
         let before: Vec<&str> = before.map(|(own, _)| own.name.as_str()).collect();
         if !before.is_empty() {
             tracing::info!(

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::{Posterior, Root, Sums, add_one};
 use crate::fit::full::partition::Partition;
-use crate::linalg::{Cholesky, gram};
+use crate::linalg::{Cholesky, gram, stacked};
 
 /// Sessions whose parts of Schur's complement are summed by one product; fixed, so that results do not depend on the number of
 /// threads.
@@ -161,15 +161,8 @@ impl OwnSums {
 impl OwnRoot {
     /// `Σ Wᵀ W` of some sessions.
     fn explained(some: &[Self], shared: usize) -> DMatrix<f64> {
-        let rows = some.iter().map(|own| own.across.nrows()).sum();
-        let mut stacked = DMatrix::zeros(rows, shared);
-        let mut first = 0;
-        for own in some {
-            let height = own.across.nrows();
-            stacked.rows_mut(first, height).copy_from(&own.across);
-            first += height;
-        }
-        gram(&stacked.as_view())
+        let across = some.iter().map(|own| &own.across);
+        gram(&stacked(across, shared).as_view())
     }
 }
 
