@@ -74,6 +74,7 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
         fit: &FitSettings::default(),
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals: false,
     };
     train(arm, observations, sessions, &settings)

@@ -52,6 +52,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
             ..FullSettings::default()
         },
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals: false,
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");

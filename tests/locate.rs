@@ -62,6 +62,7 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
         fit: &fit,
         full: &full,
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals: false,
     })
 }

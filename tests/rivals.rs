@@ -26,6 +26,7 @@ fn models(arm: &Arm, observations: &[Observation], rivals: bool) -> Models {
         fit: &FitSettings::default(),
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals,
     };
     train_all(arm, observations, 1, &settings).expect("a fit")

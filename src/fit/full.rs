@@ -12,12 +12,12 @@
 mod ageing;
 pub mod approach;
 mod before;
+mod carried;
 mod columns;
 pub mod components;
 pub mod curves;
 pub mod design;
 pub mod elsewhere;
-mod growing;
 mod held_out;
 pub mod layout;
 mod leave_one_out;
@@ -39,6 +39,8 @@ pub mod tabulated;
 pub mod train;
 mod whitening;
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::frames::{Channel, Frames, PerChannel};
@@ -50,9 +52,9 @@ use super::scale::ScaleEvidence;
 use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
+pub use carried::{Carried, Carrying, Sizes};
 use components::Part;
 use design::PoseView;
-pub use growing::PoolSums;
 use layout::{Block, Layout};
 use leave_one_out::{LeftOut, of_observations};
 use noise::{NoisyReading, Repeatability, StationNoise};
@@ -98,6 +100,7 @@ pub struct FullModel {
     pub left_out: Vec<DVector<f64>>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
+    leaves: Option<Arc<Carried>>,
 }
 
 /// Values for predictions that are computed once from the model.
@@ -151,19 +154,18 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let start = (frames, geometry);
-        let pool = Self::train_pool(arm, observations, start, prior, settings, up);
-        pool.map(|(model, _)| model)
+        Self::train_carrying(arm, observations, start, prior, (settings, None), up)
     }
 
-    /// [`Self::train`], with the sums that a further session can be added to; none of a single session, of curves that age, or with a repair.
-    pub fn train_pool(
+    /// [`Self::train`] on a session on top of what those before it said ([`carried`]), where sessions are learnt so.
+    pub fn train_carrying(
         arm: &Arm,
         observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
-        settings: &FullSettings,
+        (settings, carrying): (&FullSettings, Option<&Carrying>),
         up: Option<UnitVector3<f64>>,
-    ) -> Option<(Self, Option<PoolSums>)> {
+    ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
         let turned = is_turned(observations);
         let problem = Problem::with_target_turn(
@@ -176,23 +178,28 @@ impl FullModel {
         );
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
-        let settled = train::train(&problem, start.clone(), settings, up)?;
-        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
+        let of_training = (settings, carrying);
+        let settled = train::train(&problem, start.clone(), of_training, up)?;
+        let leaves = settled.carried(&problem, settings, up).map(Arc::new);
+        let (mut settled, curves) =
+            settled.without_curves_that_fail(&problem, start, of_training, up);
         let scale_evidence = settled.scale_evidence(&problem);
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
-        let mut sums = PoolSums::of(&mut settled, &problem, turned);
         let empty =
             Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
         let problems = (&problem, empty);
-        let model = Self {
+        Some(Self {
             scale_evidence,
             parts,
+            leaves,
             ..Self::of_settled(problems, settled, settings, up)
-        };
-        if let Some(sums) = &mut sums {
-            sums.of_model(&model);
-        }
-        Some((model, sums))
+        })
+    }
+
+    /// What the sessions so far said, for the next to be learnt on top of; `None` where sessions are not learnt so, and of a model
+    /// that was read back.
+    pub const fn leaves(&self) -> Option<&Arc<Carried>> {
+        self.leaves.as_ref()
     }
 
     /// The model of a settled training on a problem, and the same problem without observations to predict with.
@@ -236,6 +243,7 @@ impl FullModel {
             weights,
             left_out,
             parts: Vec::new(),
+            leaves: None,
         }
     }
 

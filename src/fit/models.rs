@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::UnitVector3;
 
-use super::full::{FullModel, FullSettings};
+use super::full::{Carrying, FullModel, FullSettings};
 use super::model::PoseModel;
 use super::observation::Observation;
 use super::registry::{Made, Model};
@@ -20,6 +20,8 @@ pub struct TrainingSettings<'s> {
     pub full: &'s FullSettings,
     /// Direction of up in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
+    /// That sessions are learnt one on top of the other, and what those before said; `None` where they are learnt from together.
+    pub carrying: Option<&'s Carrying>,
     /// Whether rivals are trained to be compared ([`super::rivals`]).
     pub rivals: bool,
 }
@@ -68,13 +70,13 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        FullModel::train(
+        let of_training = (settings.full, settings.carrying);
+        FullModel::train_carrying(
             arm,
             observations,
-            frames,
-            geometry,
+            (frames, geometry),
             &prior,
-            settings.full,
+            of_training,
             settings.up,
         )
     };

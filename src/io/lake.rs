@@ -13,7 +13,7 @@
 //! grids by theirs in `grids` ([`Lake::start_grids`]).
 //!
 //! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
-//! histories keep (`history`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
+//! histories keep (`history`), what sessions said to the next (`learnt`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
@@ -26,6 +26,7 @@ mod error;
 mod files;
 mod history;
 mod index;
+mod learnt;
 mod lock;
 mod name;
 mod parts;
@@ -246,6 +247,7 @@ impl Lake {
             .chain([PAGES])
             .map(|folder| root.join(folder))
             .chain([root.join(history::FOLDER).join(history::FIGURES)])
+            .chain([root.join(learnt::FOLDER)])
             .collect();
         let index = root.join(index::FOLDER);
         let compact = root.join(COMPACT);
@@ -260,9 +262,9 @@ impl Lake {
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
-        let alone = root.join(index::ALONE);
+        let [alone, joined] = [index::ALONE, index::JOINED].map(|own| root.join(own));
         folders.extend(
-            [index, alone, history]
+            [index, alone, joined, history]
                 .into_iter()
                 .filter(|own| own.is_dir()),
         );

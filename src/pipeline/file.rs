@@ -253,7 +253,7 @@ pub struct InputSection {
     #[serde(default = "corrected_targets", skip_serializing)]
     pub corrected_targets: LogNames,
     /// The sessions that are learnt from together.
-    #[serde(default, skip_serializing)]
+    #[serde(default, skip_serializing_if = "Pool::is_told_by_sessions")]
     pub pool: Pool,
     /// The most sessions that a pool learns from, the latest of them; absent: all.
     #[serde(default, skip_serializing)]
@@ -378,6 +378,15 @@ pub enum Pool {
     All,
     /// Each one with all before it, in the order listed (by name where they are found).
     Until,
+    /// Each one on top of what those before it said, in that order, at its own cost.
+    Growing,
+}
+
+impl Pool {
+    /// Whether the sessions of a piece of work tell how they are learnt from.
+    const fn is_told_by_sessions(&self) -> bool {
+        !matches!(self, Self::Growing)
+    }
 }
 
 /// `[commanded]`.

@@ -4,12 +4,14 @@
 //! unchanged. Otherwise the sessions are joined, or read as joined where the lake has them (`joined`), the stages run, and all
 //! tables are written before the row of `runs` that makes the run exist.
 
+mod earlier;
 mod error;
 mod estimated;
 mod gridded;
 mod inputs;
 mod joined;
 mod known;
+mod learnt;
 mod mounting;
 pub mod publish;
 mod session;
@@ -39,6 +41,7 @@ use crate::page::Statements;
 use crate::progress::Progress;
 use crate::report::{Angles, Split};
 
+use earlier::Earlier;
 pub use error::RunError;
 use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
@@ -137,8 +140,8 @@ pub fn run_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    with_files(configuration, piece, |piece| {
-        run_local(configuration, piece, progress)
+    with_files(configuration, piece, |piece, known| {
+        run_local(configuration, piece, known, progress)
     })
 }
 
@@ -148,8 +151,8 @@ pub fn join_session(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<SessionDone, RunError> {
-    with_files(configuration, piece, |piece| {
-        join_local(configuration, piece, progress)
+    with_files(configuration, piece, |piece, known| {
+        join_local(configuration, piece, known, progress)
     })
 }
 
@@ -191,13 +194,14 @@ fn with_joined<T>(
     configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
-    work_with: impl FnOnce(&Joiner<'_>, Sessions) -> Result<T, RunError>,
+    work_with: impl Fn(&Joiner<'_>, Sessions) -> Result<T, RunError>,
 ) -> Result<T, RunError> {
-    with_files(configuration, piece, |piece| {
+    with_files(configuration, piece, |piece, known| {
         let joiner = Joiner {
             configuration,
             work: &work(configuration, piece)?,
             lake: &Lake::at(&configuration.lake)?,
+            known,
             progress,
         };
         let sessions = joiner.all(piece, None)?;
@@ -205,15 +209,35 @@ fn with_joined<T>(
     })
 }
 
-/// Work with the files of a piece on this machine.
+/// Work with the files of a piece on this machine; not with those of sessions that are known without them, unless what the lake should have
+/// of these is gone.
 fn with_files<T>(
     configuration: &Configuration,
     piece: &WorkPiece,
-    work: impl FnOnce(&WorkPiece) -> Result<T, RunError>,
+    work: impl Fn(&WorkPiece, &Earlier) -> Result<T, RunError>,
+) -> Result<T, RunError> {
+    let known = Earlier::of(configuration, piece)?;
+    let work = |piece: &WorkPiece| work(piece, &known);
+    if let Some(few) = known.without_files(piece) {
+        match with_all_files(configuration, &few, &work) {
+            Err(error) if error.is_of_lost_result() => {
+                tracing::warn!("{error}; files of earlier sessions are read again");
+            }
+            done => return done,
+        }
+    }
+    with_all_files(configuration, piece, &work)
+}
+
+/// Work with all files of a piece on this machine.
+fn with_all_files<T>(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    work: &impl Fn(&WorkPiece) -> Result<T, RunError>,
 ) -> Result<T, RunError> {
     let fetched = Fetched::of(&configuration.tree, piece)?;
     work(fetched.piece()).map_err(|error| {
-        if fetched.is_copied() {
+        if fetched.is_copied() && !error.is_of_lost_result() {
             RunError::Copied {
                 session: error.session().map(str::to_owned),
                 is_fault: error.is_fault(),
@@ -229,12 +253,14 @@ fn with_files<T>(
 fn join_local(
     configuration: &Configuration,
     piece: &WorkPiece,
+    known: &Earlier,
     progress: &dyn Progress,
 ) -> Result<SessionDone, RunError> {
     let joiner = Joiner {
         configuration,
         work: &work(configuration, piece)?,
         lake: &Lake::at(&configuration.lake)?,
+        known,
         progress,
     };
     let files = piece
@@ -250,6 +276,7 @@ fn join_local(
 fn run_local(
     configuration: &Configuration,
     piece: &WorkPiece,
+    known: &Earlier,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
     let work = work(configuration, piece)?;
@@ -262,6 +289,7 @@ fn run_local(
         configuration,
         work: &work,
         lake: &lake,
+        known,
         progress,
     };
     let sessions = joiner.all(piece, Some(&mut run))?;

@@ -3,6 +3,7 @@
 
 mod between_sessions;
 mod cameras;
+mod carried;
 mod driven;
 mod estimate;
 mod figures;
@@ -41,6 +42,7 @@ use crate::report::locate::{Locate, Locator};
 use crate::report::{Angles, Model, Residual, ResidualSet, Split, rivals};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
+pub use carried::{Held, Learning, Learnt};
 use estimate::training_settings;
 pub use estimate::{Estimate, estimate};
 use figures::FigureMaker;
@@ -191,7 +193,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    let estimate = estimate(arm, (training, test), None, settings, progress)?;
+    let estimate = estimate(arm, (training, test), (None, None), settings, progress)?;
     results(arm, estimate, None, progress)
 }
 

@@ -122,6 +122,7 @@ impl Robot<'_> {
                 full
             },
             up: settings.up,
+            carrying: None,
             rivals: false,
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;

@@ -9,7 +9,7 @@ mod common;
 
 use std::time::Instant;
 
-use common::pool::{MeasuredArm, Truth, frames, grown, pooled};
+use common::pool::{MeasuredArm, Truth, after, frames, one_by_one, trained};
 use posegrid::fit::Observation;
 use posegrid::fit::full::FullSettings;
 

@@ -107,6 +107,7 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
         fit: &FitSettings::default(),
         full,
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals: false,
     };
     train(&own.arm, &observations, 1, &settings).expect("a fit")

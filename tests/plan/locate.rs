@@ -77,6 +77,7 @@ impl<'a> Remounted<'a> {
             fit: &settings.fit,
             full: &settings.full,
             up: settings.up,
+            carrying: None,
             rivals: false,
         };
         let locate = Locate {

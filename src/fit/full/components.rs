@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
 
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
@@ -15,7 +16,7 @@ use super::spectrum::{Kernel, Spectra, smooth_variances};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// The part that a component belongs to.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Part {
     /// The short kernel of one joint's curve.
     ShortCurve(usize),
@@ -54,6 +55,56 @@ pub struct Component {
     profiles: Vec<(Range<usize>, Vec<f64>)>,
     expected: f64,
     weight: f64,
+    /// What earlier sessions showed of it: sum of squares, in units of the size, and how many coefficients they determined.
+    earlier: (f64, f64),
+}
+
+/// The size of a part, with what the sessions so far showed of it where each has one of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Size {
+    /// A variance.
+    pub size: f64,
+    /// Sum of squares of the coefficients, each over its profile.
+    squares: f64,
+    /// How many coefficients the rows determined.
+    counted: f64,
+}
+
+impl Size {
+    /// A size that no session showed yet.
+    pub const fn expected(size: f64) -> Self {
+        Self {
+            size,
+            squares: 0.0,
+            counted: 0.0,
+        }
+    }
+
+    /// The size after a session in which coefficients had these squares over their prior variance, as [`Components::update`] has them: the
+    /// positive root of its fixed point, at what all sessions showed.
+    #[must_use]
+    pub fn after(self, expected: f64, squares: f64, counted: f64) -> Self {
+        let squares = self.squares + self.size * squares;
+        let counted = self.counted + counted;
+        // weight a²/expected + (counted − weight) a = squares.
+        let (weight, half) = (WEIGHT / expected, 0.5 * (counted - WEIGHT));
+        let root = half.mul_add(half, weight * squares).sqrt();
+        Self {
+            size: (root - half) / weight,
+            squares,
+            counted,
+        }
+    }
+}
+
+impl Part {
+    /// Whether each session has one of its own, all of one size.
+    pub(super) const fn is_of_one_session(self) -> bool {
+        matches!(
+            self,
+            Self::Drift | Self::SessionCurve | Self::SessionCommandWeight | Self::Ageing
+        )
+    }
 }
 
 /// All components, and the columns whose prior is fixed.
@@ -126,15 +177,10 @@ impl Components {
         variances: &DVector<f64>,
     ) {
         for component in &mut self.all {
-            let (mut squared, mut counted) = (0.0, 0.0);
-            for (columns, profile) in &component.profiles {
-                for (column, share) in columns.clone().zip(profile) {
-                    if variances[column] > 0.0 {
-                        let own = component.size * share / variances[column];
-                        squared += own * squares[column];
-                        counted += own * determined[column];
-                    }
-                }
+            let (mut squared, mut counted) = component.shown(squares, determined, variances);
+            if component.earlier.1 > 0.0 {
+                squared += component.earlier.0 / component.size;
+                counted += component.earlier.1;
             }
             let weight = component.weight;
             let ratio =
@@ -153,11 +199,50 @@ impl Components {
             .map(|component| component.size)
     }
 
-    /// Takes the sizes of parts that another model has too.
-    pub(super) fn take_sizes(&mut self, other: &Self) {
+    /// Starts from the sizes that earlier sessions showed.
+    pub(super) fn take_sizes(&mut self, sizes: &[(Part, Size)]) {
         for own in &mut self.all {
-            own.size = other.size(own.part).unwrap_or(own.size);
+            let known = sizes.iter().find(|(part, _)| *part == own.part);
+            if let Some((_, known)) = known {
+                own.size = known.size;
+                own.earlier = (known.squares, known.counted);
+            }
         }
+    }
+
+    /// The size of each part, for the next session to start from; arguments as of [`Self::update`].
+    pub(super) fn sizes(
+        &self,
+        squares: &DVector<f64>,
+        determined: &DVector<f64>,
+        variances: &DVector<f64>,
+    ) -> Vec<(Part, Size)> {
+        let size = |own: &Component| {
+            if !own.part.is_of_one_session() {
+                return (own.part, Size::expected(own.size));
+            }
+            // What it showed of its curves is seen with the next session.
+            if own.part == Part::SessionCurve {
+                let (squares, counted) = own.earlier;
+                return (
+                    own.part,
+                    Size {
+                        size: own.size,
+                        squares,
+                        counted,
+                    },
+                );
+            }
+            let (squared, counted) = own.shown(squares, determined, variances);
+            let size = Size {
+                size: own.size,
+                squares: own.earlier.0 + own.size * squared,
+                counted: own.earlier.1 + counted,
+            };
+            (own.part, size)
+        };
+        let sized = self.all.iter().filter(|own| own.size > 0.0);
+        sized.map(size).collect()
     }
 
     /// Sets the size of every component for which `is_of` is true to zero: the model without that part.
@@ -287,7 +372,30 @@ impl Components {
             profiles: vec![(columns, profile)],
             expected: size,
             weight,
+            earlier: (0.0, 0.0),
         });
+    }
+}
+
+impl Component {
+    /// Its share of the squares and of what is determined, as of [`Components::update`].
+    fn shown(
+        &self,
+        squares: &DVector<f64>,
+        determined: &DVector<f64>,
+        variances: &DVector<f64>,
+    ) -> (f64, f64) {
+        let (mut squared, mut counted) = (0.0, 0.0);
+        for (columns, profile) in &self.profiles {
+            for (column, share) in columns.clone().zip(profile) {
+                if variances[column] > 0.0 {
+                    let own = self.size * share / variances[column];
+                    squared += own * squares[column];
+                    counted += own * determined[column];
+                }
+            }
+        }
+        (squared, counted)
     }
 }
 
@@ -306,7 +414,7 @@ fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64;
 }
 
 /// Shares of the variance of a curve's change between sessions over its `columns` columns: a constant, then pairs.
-fn change_profile(
+pub(super) fn change_profile(
     layout: &Layout,
     settings: &FullSettings,
     joint: usize,

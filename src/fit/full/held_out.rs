@@ -10,6 +10,7 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
+use super::carried::Carrying;
 use super::leave_one_out::{firsts, left_open};
 use super::parts::PartEvidence;
 use super::regression::Evidence;
@@ -27,7 +28,7 @@ impl Settled {
         self,
         problem: &Problem<'_>,
         start: DVector<f64>,
-        settings: &FullSettings,
+        (settings, carrying): (&FullSettings, Option<&Carrying>),
         up: Option<Vector3<f64>>,
     ) -> (Self, Option<PartEvidence>) {
         let plain = FullSettings {
@@ -35,7 +36,7 @@ impl Settled {
             gear_lines: false,
             ..settings.clone()
         };
-        let Some(plain) = train(problem, start, &plain, up) else {
+        let Some(plain) = train(problem, start, (&plain, carrying), up) else {
             return (self, None);
         };
         let folds = folds(problem, &self.state.offsets);

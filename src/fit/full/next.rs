@@ -170,6 +170,7 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: Vec::new(),
             left_out: Vec::new(),
+            leaves: None,
             parts: self.parts.clone(),
         })
     }
@@ -437,6 +438,7 @@ impl FullModel {
             weights,
             left_out,
             parts: self.parts.clone(),
+            leaves: None,
         })
     }
 
@@ -450,6 +452,9 @@ impl FullModel {
             offsets: self.offsets.clone(),
             span: self.span,
             middles: self.middles.clone(),
+            carries: false,
+            before: None,
+            held: None,
         }
     }
 

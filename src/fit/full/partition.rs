@@ -20,7 +20,7 @@ pub struct Partition {
 
 impl Block {
     /// The session that the block belongs to alone; `None` of a shared one, and of the unknowns, which have either kind.
-    const fn session(self) -> Option<usize> {
+    pub(super) const fn session(self) -> Option<usize> {
         match self {
             Self::SessionCommandWeight(session)
             | Self::OwnCommandWeight(session)
@@ -37,24 +37,6 @@ impl Block {
             | Self::Ageing { .. }
             | Self::Line { .. } => None,
         }
-    }
-}
-
-impl Block {
-    /// This block as the session after `last` has it; `None` unless it belongs to `last` alone.
-    pub(super) fn of_next(self, last: usize) -> Option<Self> {
-        if self.session() != Some(last) {
-            return None;
-        }
-        let session = last + 1;
-        Some(match self {
-            Self::SessionCommandWeight(_) => Self::SessionCommandWeight(session),
-            Self::OwnCommandWeight(_) => Self::OwnCommandWeight(session),
-            Self::Drift(_) => Self::Drift(session),
-            Self::Scale(_) => Self::Scale(session),
-            Self::SessionCurve { joint, .. } => Self::SessionCurve { session, joint },
-            other => other,
-        })
     }
 }
 

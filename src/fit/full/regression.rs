@@ -27,7 +27,7 @@ pub enum Evidence {
 }
 
 /// Sums over whitened rows.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sums {
     /// `Φᵀ N⁻¹ Φ`.
     pub information: DMatrix<f64>,
@@ -153,6 +153,85 @@ impl Sums {
         own.zip_apply(&other.information, |own, other| *own += share * other);
         self.moment.axpy(share, &other.moment, 1.0);
         self.add_squares(other, share);
+    }
+
+    /// The sums without some columns, which are eliminated at their prior variances (Schur's complement); the others keep their order.
+    /// `None` if rounding made a matrix indefinite.
+    pub(super) fn without(&self, eliminated: &[usize], variances: &[f64]) -> Option<Self> {
+        let mut is_kept = vec![true; self.moment.len()];
+        for &column in eliminated {
+            is_kept[column] = false;
+        }
+        let kept: Vec<usize> = (0..is_kept.len()).filter(|&own| is_kept[own]).collect();
+        let mut left = self.selected(&kept);
+        if eliminated.is_empty() {
+            return Some(left);
+        }
+        let own = self.selected(eliminated);
+        let scale = DVector::from_iterator(variances.len(), variances.iter().map(|v| v.sqrt()));
+        let mut matrix = own.scaled(&scale);
+        add_one(&mut matrix);
+        let factor = Cholesky::new(matrix)?;
+        // With the moment as one more column.
+        let count = kept.len();
+        let mut across = DMatrix::zeros(eliminated.len(), count + 1);
+        for (mut column, &place) in across.column_iter_mut().zip(&kept) {
+            for (entry, &row) in column.iter_mut().zip(eliminated) {
+                *entry = self.information[(row, place)];
+            }
+        }
+        across.set_column(count, &own.moment);
+        for mut column in across.column_iter_mut() {
+            column.component_mul_assign(&scale);
+        }
+        let explained = gram(&factor.forward(&across, 0).as_view());
+        left.information -= explained.view((0, 0), (count, count));
+        left.moment -= explained.view((0, count), (count, 1));
+        left.square -= explained[(count, count)];
+        left.ln_noise += factor.ln_determinant();
+        Some(left)
+    }
+
+    /// The sums of rows that have these columns of the rows of these, some twice.
+    pub(super) fn selected(&self, columns: &[usize]) -> Self {
+        Self {
+            information: self
+                .information
+                .select_columns(columns)
+                .select_rows(columns),
+            moment: self.moment.select_rows(columns),
+            ..*self
+        }
+    }
+
+    /// The sums where the columns' values are relative to values that are larger by `away`.
+    pub(super) fn moved(mut self, away: &DVector<f64>) -> Self {
+        let pulled = &self.information * away;
+        self.square += away.dot(&(&pulled - 2.0 * &self.moment));
+        self.moment -= pulled;
+        self
+    }
+
+    /// The sums with each column at its place among `size`; what is beyond is left out.
+    pub(super) fn placed(&self, places: &[usize], size: usize) -> Self {
+        let mut placed = Self {
+            square: self.square,
+            ln_noise: self.ln_noise,
+            ..Self::zero(size)
+        };
+        let inside = || {
+            places
+                .iter()
+                .enumerate()
+                .filter(|(_, place)| **place < size)
+        };
+        for (column, &to) in inside() {
+            placed.moment[to] = self.moment[column];
+            for (row, &place) in inside() {
+                placed.information[(place, to)] = self.information[(row, column)];
+            }
+        }
+        placed
     }
 
     /// The part of [`Self::add`] that is of no column.

@@ -303,6 +303,7 @@ impl FullModel {
             repeatability: saved.repeatability.repeatability(),
             weights: Vec::new(),
             left_out: Vec::new(),
+            leaves: None,
             parts: saved
                 .parts
                 .iter()
@@ -620,7 +621,7 @@ impl SavedPart {
 }
 
 /// The lower triangle, column by column, as base64 of little-endian numbers.
-fn encode(lower: &DMatrix<f64>) -> String {
+pub(super) fn encode(lower: &DMatrix<f64>) -> String {
     let columns = lower.column_iter().enumerate();
     let below = columns.flat_map(|(column, own)| own.into_iter().skip(column));
     encode_numbers(below)
@@ -633,7 +634,7 @@ fn encode_numbers<'n>(numbers: impl Iterator<Item = &'n f64>) -> String {
 }
 
 /// The factor of `size` columns; `size` was checked against lists already read.
-fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
+pub(super) fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
     let mut numbers = decode_numbers(text, size * (size + 1) / 2)?.into_iter();
     let mut lower = DMatrix::zeros(size, size);
     for column in 0..size {

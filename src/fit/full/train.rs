@@ -5,9 +5,11 @@
 //! weights and new gear lines.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{DVector, Point3, Vector3};
 
+use super::carried::{Carried, Carrying, Entered, Sizes};
 use super::columns::{layout, middles, unknown_variances};
 use super::components::Components;
 use super::layout::{Block, Layout};
@@ -50,6 +52,12 @@ pub struct State {
     pub span: f64,
     /// The middle of each session's stations, in the base frame, mm.
     pub middles: Vec<Point3<f64>>,
+    /// Whether sessions are learnt one on top of the other.
+    pub(super) carries: bool,
+    /// What the sessions before it said.
+    pub(super) before: Option<Arc<Entered>>,
+    /// Sizes that are not to be found again.
+    pub(super) held: Option<Arc<Sizes>>,
 }
 
 /// A converged model.
@@ -71,10 +79,10 @@ pub struct Settled {
 pub fn train(
     problem: &Problem<'_>,
     start: DVector<f64>,
-    settings: &FullSettings,
+    (settings, carrying): (&FullSettings, Option<&Carrying>),
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let mut state = State::new(problem, start, settings, up.is_some());
+    let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
     let expected = state.repeatability.clone();
     state
         .repeatability
@@ -82,7 +90,7 @@ pub fn train(
     for (round, &steps) in STEPS.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
-        let evidence = evidence(&around, &prior_mean);
+        let evidence = evidence(&around, &prior_mean)?;
         let mut components = state.components.clone();
         let posterior = settle(&mut components, &evidence, steps)?;
         let left_out = leave_one_out(&around, &prior_mean, &posterior);
@@ -113,16 +121,36 @@ pub fn train(
 }
 
 impl State {
+    /// The state before the first round; `None` where rounding made a matrix of what was carried over indefinite.
     pub(super) fn new(
         problem: &Problem<'_>,
         offsets: DVector<f64>,
-        settings: &FullSettings,
+        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        has_up: bool,
+    ) -> Option<Self> {
+        let own = Self::expected(problem, offsets, (settings, carrying), has_up);
+        let mut state = match carrying.and_then(|own| own.before.as_deref()) {
+            Some(before) => own.after(before, problem.observations(), settings)?,
+            None => own,
+        };
+        if let Some(held) = &state.held {
+            state.components.take_sizes(held.all());
+        }
+        Some(state)
+    }
+
+    /// The state with expected sizes.
+    pub(super) fn expected(
+        problem: &Problem<'_>,
+        offsets: DVector<f64>,
+        (settings, carrying): (&FullSettings, Option<&Carrying>),
         has_up: bool,
     ) -> Self {
         let observations = problem.observations();
         let last = observations.iter().map(|o| o.station).max().unwrap_or(0);
-        let span = (last + 1) as f64;
-        let layout = layout(problem, &offsets, settings, has_up, span);
+        let before = carrying.and_then(|own| own.before.as_deref());
+        let span = ((last + 1) as f64).max(before.map_or(0.0, Carried::span));
+        let layout = layout(problem, &offsets, (settings, carrying), has_up, span);
         let components = Components::new(&layout, &unknown_variances(problem), settings, span);
         let joints = observations.first().map_or(0, |o| o.axes.len());
         let sources = observations.iter().filter_map(of_length).max();
@@ -140,7 +168,27 @@ impl State {
             offsets,
             span,
             layout,
+            carries: carrying.is_some(),
+            before: None,
+            held: carrying.and_then(|own| own.held.clone()),
         }
+    }
+
+    /// The state on top of what earlier sessions said: their gear lines, and the sizes that they showed.
+    fn after(
+        mut self,
+        before: &Carried,
+        observations: &[Observation],
+        settings: &FullSettings,
+    ) -> Option<Self> {
+        let entered = before.entered(observations, &self.layout, settings)?;
+        for (joint, cycles) in entered.now().lines().filter(|_| settings.gear_lines) {
+            self.layout.push(Block::Line { joint, cycles }, 2);
+        }
+        self.components.add_lines(&self.layout, settings);
+        self.components.take_sizes(entered.now().sizes());
+        self.before = Some(Arc::new(entered));
+        Some(self)
     }
 
     fn take_in(&mut self, found: &[FoundLine], settings: &FullSettings) {

@@ -14,8 +14,20 @@ use super::rows::{Around, Row, covariances};
 use super::train::CHUNK;
 use crate::linalg::{gram, stacked};
 
+/// The evidence of all rows on the columns, on top of what was carried over; `None` where rounding made a matrix of that indefinite.
+pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Option<Evidence> {
+    if around.state.carries {
+        let mut own = sums(around, prior_mean);
+        if let Some(before) = &around.state.before {
+            own.add(&before.sums(around, prior_mean)?, 1.0);
+        }
+        return Some(Evidence::Sums(own));
+    }
+    Some(of_rows(around, prior_mean))
+}
+
 /// The evidence of all rows on the columns.
-pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
+fn of_rows(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
     let distances = around.problem.distances(&around.state.offsets).count();
     let partition = &around.partition;
     let own = partition.own.iter().map(Vec::len).max();

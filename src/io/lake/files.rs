@@ -8,7 +8,7 @@ use std::fs::File;
 
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name};
+use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, learnt, name};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
@@ -92,10 +92,12 @@ impl Stands {
             [history::FOLDER, history::FIGURES, _, _, name] => {
                 Self::in_history(name, &[history::RUN])
             }
+            [learnt::FOLDER, _, _, name] => Self::in_index(name, name.ends_with(learnt::ENDING)),
             [index::FOLDER, name] => Self::in_index(name, name == "runs.jsonl"),
             [index::FOLDER, "alone", name] => {
                 Self::in_index(name, name.strip_suffix(".json").is_some())
             }
+            [index::FOLDER, "joined", name] => Self::in_index(name, name.ends_with(".jsonl")),
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
                 None => Self::Temporary,
                 Some(true) => Self::Own,
@@ -170,6 +172,8 @@ mod tests {
             (".history/r.jsonl.zst", Stands::Own),
             (".history/figures/r/mon/0a.json.zst", Stands::Own),
             (".history/figures/r/mon/0a.json", Stands::Foreign),
+            (".learnt/r/mon/0a.bin", Stands::Own),
+            (".learnt/r/mon/0a.parquet", Stands::Foreign),
             (
                 ".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0",
                 Stands::Temporary,
@@ -188,6 +192,8 @@ mod tests {
             (".index/more.jsonl", Stands::Foreign),
             (".index/alone/5e.json", Stands::Own),
             (".index/alone/5e.txt", Stands::Foreign),
+            (".index/joined/r%20x.jsonl", Stands::Own),
+            (".index/joined/r%20x.json", Stands::Foreign),
             ("compact/states/00000001.jsonl", Stands::Own),
             ("compact/runs/2026-11/0a.parquet", Stands::Own),
             ("compact/keys/undated/0a.txt.zst", Stands::Own),

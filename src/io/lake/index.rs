@@ -16,6 +16,8 @@ pub(super) const FOLDER: &str = ".index";
 const KEY: &str = ".index/runs.jsonl";
 /// The folder in it with a file for each task that was done alone.
 pub(super) const ALONE: &str = ".index/alone";
+/// The folder in it with a file for each robot whose sessions are learnt one on top of the other: their names as joined.
+pub(super) const JOINED: &str = ".index/joined";
 /// Number of its files that are open at once.
 const OPEN_AT_ONCE: usize = 256;
 
@@ -79,6 +81,22 @@ impl Lake {
         self.put_whole(&key, text)
     }
 
+    /// What the index says of the sessions of a robot as joined; empty where there is nothing that can be read.
+    pub fn joined_index(&self, robot: &str) -> String {
+        let read = || {
+            let mut text = String::new();
+            let mut file = self.store.open(&joined(robot).ok()?).ok()?;
+            file.read_to_string(&mut text).ok()?;
+            Some(text)
+        };
+        read().unwrap_or_default()
+    }
+
+    /// Replaces what the index says of the sessions of a robot as joined, completely or not at all.
+    pub fn put_joined_index(&self, robot: &str, text: &str) -> Result<(), LakeError> {
+        self.put_whole(&joined(robot)?, text)
+    }
+
     fn put_whole(&self, key: &str, text: &str) -> Result<(), LakeError> {
         let mut temporary = self.store.temporary(key)?;
         let written = temporary.write_all(text.as_bytes());
@@ -93,6 +111,13 @@ impl Lake {
         let listed = self.store.list(RUNS, 2..=2)?.into_iter();
         Ok(listed.map(|listed| listed.key).collect())
     }
+}
+
+fn joined(robot: &str) -> Result<String, LakeError> {
+    Ok(format!(
+        "{JOINED}/{}.jsonl",
+        super::encoded("robot", robot)?
+    ))
 }
 
 /// The key of the file of a single task; `None` of a text that is no state, which has hexadecimal digits only.

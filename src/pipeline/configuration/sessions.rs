@@ -453,7 +453,7 @@ fn pieces(
             (Err(why), Pool::Each) => {
                 set_aside.push(SetAside::new(&session.name, why.clone(), listed));
             }
-            (Err(why), Pool::All | Pool::Until) => {
+            (Err(why), Pool::All | Pool::Until | Pool::Growing) => {
                 let why = why.map(|reason| format!("{reason}; the pool learns without it"));
                 set_aside.push(SetAside::new(&session.name, why, listed));
             }

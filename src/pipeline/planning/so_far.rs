@@ -215,6 +215,7 @@ impl Planning {
             fit: &stages.fit,
             full: &settings.full,
             up: settings.up,
+            carrying: None,
             rivals: false,
         };
         let Some(known) = &settings.known else {

@@ -4,23 +4,18 @@
 //! ([`estimate_settings`](crate::pipeline::keys::estimate_settings)) and the version. Runs that differ in steps, tolerance, figures or in
 //! the sessions that only judge start from the same estimate.
 
-use super::joined::Sessions;
+use super::joined::{Joiner, Sessions};
 use super::{EstimateDone, RunError};
-use crate::io::lake::{ESTIMATES, Lake};
+use crate::io::lake::ESTIMATES;
 use crate::io::tables::PublishError;
 use crate::io::tables::estimates::{self, NoEstimate};
 use crate::manifest::{ROBOT, RunKey, Work};
-use crate::pipeline::configuration::Configuration;
 use crate::pipeline::stages::{self, Estimate, StageError};
-use crate::progress::Progress;
 
 /// Where estimates are made.
 pub(super) struct Estimator<'a> {
-    pub(super) configuration: &'a Configuration,
-    /// The work of the piece.
-    pub(super) work: &'a Work,
-    pub(super) lake: &'a Lake,
-    pub(super) progress: &'a dyn Progress,
+    /// Where the sessions of the piece are joined.
+    pub(super) joiner: &'a Joiner<'a>,
 }
 
 impl Estimator<'_> {
@@ -28,20 +23,31 @@ impl Estimator<'_> {
     pub(super) fn estimate(&self, sessions: Sessions) -> Result<(Estimate, RunKey), RunError> {
         let own = self.work_of(&sessions);
         let key = own.key();
-        if let Some(estimate) = self.before(&sessions, &key)? {
+        if let Some(estimate) = self.stored(&sessions, &key)? {
             return Ok((estimate, key));
         }
-        let both = (sessions.training, sessions.test);
-        let settings = &self.configuration.stages;
-        let arm = &self.configuration.arm;
-        let estimate = stages::estimate(arm, both, None, settings, self.progress)?;
+        let Joiner {
+            configuration,
+            progress,
+            ..
+        } = self.joiner;
+        let estimate = if configuration.grows {
+            self.on_top(sessions)?
+        } else {
+            let both = (sessions.training, sessions.test);
+            let (arm, settings) = (&configuration.arm, &configuration.stages);
+            stages::estimate(arm, both, (None, None), settings, *progress)?
+        };
         self.publish(&own, &estimate)?;
         Ok((estimate, key))
     }
 
     /// The estimate for later runs, in words.
     pub(super) fn made(&self, sessions: Sessions) -> Result<EstimateDone, RunError> {
-        let already_there = self.lake.has(ESTIMATES, &self.work_of(&sessions).key())?;
+        let already_there = self
+            .joiner
+            .lake
+            .has(ESTIMATES, &self.work_of(&sessions).key())?;
         let (estimate, key) = self.estimate(sessions)?;
         Ok(EstimateDone {
             session: key.session,
@@ -54,21 +60,33 @@ impl Estimator<'_> {
 
     /// The estimate as work of its own.
     fn work_of(&self, sessions: &Sessions) -> Work {
-        let robot = self.work.inputs.iter().find(|input| input.name == ROBOT);
+        let training = sessions.earlier.len() + sessions.training.len();
+        self.work_with(&self.joiner.work.session, &sessions.made_of[..training])
+    }
+
+    /// An estimate of this session from these sessions as joined.
+    pub(super) fn work_with(&self, session: &str, training: &[RunKey]) -> Work {
+        let Joiner {
+            configuration,
+            work,
+            ..
+        } = self.joiner;
+        let robot = work.inputs.iter().find(|input| input.name == ROBOT);
         let digest = robot.map_or("", |robot| robot.digest.as_str());
-        let training = sessions.made_of.iter().take(sessions.training.len());
+        let training = training.iter().map(|own| (&own.session, &own.run));
         estimates::work(
-            &self.work.robot,
-            &self.work.session,
-            estimates::inputs(digest, training.map(|own| (&own.session, &own.run))),
-            self.configuration.estimate_settings.clone(),
+            &work.robot,
+            session,
+            estimates::inputs(digest, training),
+            configuration.estimate_settings.clone(),
         )
     }
 
     /// An estimate that the lake has; `None` where it has to be trained.
-    fn before(&self, sessions: &Sessions, key: &RunKey) -> Result<Option<Estimate>, RunError> {
-        let is_all_there_is = self.configuration.from_estimates;
-        if !self.lake.has(ESTIMATES, key)? {
+    fn stored(&self, sessions: &Sessions, key: &RunKey) -> Result<Option<Estimate>, RunError> {
+        let configuration = self.joiner.configuration;
+        let is_all_there_is = configuration.from_estimates;
+        if !self.joiner.lake.has(ESTIMATES, key)? {
             let session = key.session.clone();
             return if is_all_there_is {
                 Err(RunError::NoEstimate { session })
@@ -98,27 +116,28 @@ impl Estimator<'_> {
             run: key.run.clone(),
             source: Box::new(source),
         };
-        let settings = &self.configuration.stages;
+        let Joiner {
+            configuration,
+            lake,
+            progress,
+            ..
+        } = self.joiner;
+        let settings = &configuration.stages;
         let targets = &settings.fit.target_names;
-        let stored = estimates::restored(self.lake, key, targets).map_err(unread)?;
+        let stored = estimates::restored(lake, key, targets).map_err(unread)?;
         let both = (sessions.training.clone(), sessions.test.clone());
-        let arm = &self.configuration.arm;
-        Ok(stages::estimate(
-            arm,
-            both,
-            Some(stored),
-            settings,
-            self.progress,
-        )?)
+        let from = (Some(stored), None);
+        let arm = &configuration.arm;
+        Ok(stages::estimate(arm, both, from, settings, *progress)?)
     }
 
     /// Publishes what was trained, and the errors that it leaves, unless the lake has it.
     fn publish(&self, work: &Work, estimate: &Estimate) -> Result<(), PublishError> {
         let key = work.key();
-        let Some(mut open) = self.lake.start_estimate(&key)? else {
+        let Some(mut open) = self.joiner.lake.start_estimate(&key)? else {
             return Ok(());
         };
-        let targets = &self.configuration.stages.fit.target_names;
+        let targets = &self.joiner.configuration.stages.fit.target_names;
         open.publish(&estimates::residuals(estimate.residuals(), targets, &key)?)?;
         let row = estimates::table(&estimate.stored(), work, open.written())?;
         open.commit(&row)?;

@@ -5,6 +5,7 @@
 //! and the version. Runs that differ in what comes after the join start from the same result, whatever pipeline file they are of. Commands
 //! and the check of the set-up follow from its stations, and are found anew.
 
+use super::earlier::Earlier;
 use super::estimated::Estimator;
 use super::inputs::is_of_session;
 use super::session::{of_joined, session};
@@ -19,11 +20,13 @@ use crate::progress::Progress;
 
 /// The sessions of a piece of work as joined.
 pub(super) struct Sessions {
+    /// Those that the session which trains is learnt on top of, where sessions are learnt so.
+    pub(super) earlier: Vec<SessionFiles>,
     /// Those that train.
     pub(super) training: Vec<JoinedSession>,
     /// Those that only judge.
     pub(super) test: Vec<JoinedSession>,
-    /// The name of each in the lake, in that order.
+    /// The name of each in the lake, in that order: earlier ones, those that train, those that judge.
     pub(super) made_of: Vec<RunKey>,
 }
 
@@ -33,18 +36,15 @@ pub(super) struct Joiner<'a> {
     /// The work of the piece, with the inputs of all its sessions.
     pub(super) work: &'a Work,
     pub(super) lake: &'a Lake,
+    /// What is known of its sessions without their files.
+    pub(super) known: &'a Earlier,
     pub(super) progress: &'a dyn Progress,
 }
 
 impl<'a> Joiner<'a> {
     /// Where the estimates of these sessions are made.
-    pub(super) const fn estimator(&self) -> Estimator<'a> {
-        Estimator {
-            configuration: self.configuration,
-            work: self.work,
-            lake: self.lake,
-            progress: self.progress,
-        }
+    pub(super) const fn estimator(&'a self) -> Estimator<'a> {
+        Estimator { joiner: self }
     }
 
     /// Every session of a piece of work; decoded samples of logs are written to `run`, where there is one.
@@ -53,18 +53,28 @@ impl<'a> Joiner<'a> {
         piece: &WorkPiece,
         mut run: Option<&mut OpenRun<'_>>,
     ) -> Result<Sessions, RunError> {
-        let mut made_of = Vec::new();
+        let own = if self.configuration.grows {
+            1
+        } else {
+            piece.training.len()
+        };
+        let (earlier, own) = piece
+            .training
+            .split_at(piece.training.len().saturating_sub(own));
+        // Their results are named, and read where nothing is kept of what they said.
+        let mut made_of: Vec<RunKey> = earlier.iter().map(|own| self.work_of(own).key()).collect();
         let mut joined = |files: &SessionFiles| {
             let one = self.one(files, run.as_deref_mut());
             let (session, key) = one.map_err(|error| error.of(files))?;
             made_of.push(key);
             Ok(session)
         };
-        let training = piece.training.iter().map(&mut joined);
+        let training = own.iter().map(&mut joined);
         let training = training.collect::<Result<Vec<_>, RunError>>()?;
         let test = piece.test.iter().map(&mut joined);
         let test = test.collect::<Result<Vec<_>, RunError>>()?;
         Ok(Sessions {
+            earlier: earlier.to_vec(),
             training,
             test,
             made_of,
@@ -85,18 +95,28 @@ impl<'a> Joiner<'a> {
     }
 
     /// One session and its name in the lake.
-    fn one(
+    pub(super) fn one(
         &self,
         files: &SessionFiles,
         run: Option<&mut OpenRun<'_>>,
     ) -> Result<(JoinedSession, RunKey), RunError> {
         let own = self.work_of(files);
         let key = own.key();
-        if let Some(session) = self.before(files, &key)? {
-            return Ok((session, key));
+        let session = match self.before(files, &key)? {
+            Some(session) => session,
+            None => {
+                let session = session(self.configuration, files, run, self.progress)?;
+                self.publish(&own, &session)?;
+                session
+            }
+        };
+        let inputs = own.inputs.into_iter().filter(|own| own.name != ROBOT);
+        if let Err(error) = self.known.add(self.lake, &key, inputs) {
+            tracing::warn!(
+                "session {}: the index of joined sessions is not kept: {error}",
+                key.session
+            );
         }
-        let session = session(self.configuration, files, run, self.progress)?;
-        self.publish(&own, &session)?;
         Ok((session, key))
     }
 

@@ -8,6 +8,7 @@ use std::iter;
 use std::time::Duration;
 
 use super::cameras;
+use super::carried::{Learning, Learnt};
 use super::flanges::Flanges;
 use super::judged::{Judged, leaves_sessions_out, sessions_left_out, train_folds};
 use super::observed::Observed;
@@ -47,6 +48,8 @@ pub struct Estimate {
     pub(super) sources: Vec<Source>,
     /// Their lengths by each model.
     pub(super) length_residuals: Vec<LengthResidual>,
+    /// What it leaves to the next session, where sessions are learnt one on top of the other; `None` where the models were read back.
+    pub(super) learnt: Option<Learnt>,
 }
 
 /// Models, and residuals of models that nothing else asks for.
@@ -64,7 +67,7 @@ pub(super) struct Trained {
 pub fn estimate(
     arm: &Arm,
     (mut training, mut test): (Vec<JoinedSession>, Vec<JoinedSession>),
-    stored: Option<StoredTrainings>,
+    (stored, learning): (Option<StoredTrainings>, Option<&Learning>),
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
@@ -73,8 +76,13 @@ pub fn estimate(
         camera_size,
         stated_sizes,
     } = &prepared(arm, (&mut training, &mut test), settings)?;
-    let mut observed = Observed::new(arm, &training, settings);
+    let folds = stored.as_ref().and_then(StoredTrainings::folds_of_stations);
+    let mut observed = match folds {
+        Some(folds) => Observed::with_folds(arm, &training, settings, &folds)?,
+        None => Observed::new(arm, &training, settings, learning),
+    };
     let (sessions, train) = (training.len(), training_settings(settings));
+    let whole = learning.map_or(train, |own| own.whole(train));
     let Known {
         models,
         folds,
@@ -83,9 +91,11 @@ pub fn estimate(
     } = if let Some(stored) = stored {
         restored(arm, stored, &observed, settings)?
     } else {
-        let models = fit::models::train_all(arm, &observed.all, sessions, &train)?;
-        check_pool(arm, &observed, &models, &training, settings)?;
-        let folds = train_folds(arm, &observed, sessions, &train, progress)?;
+        let models = fit::models::train_all(arm, &observed.all, sessions, &whole)?;
+        if learning.is_none_or(|own| own.sessions() > 0) {
+            check_pool(arm, &observed, &models, &training, settings)?;
+        }
+        let folds = train_folds(arm, &observed, sessions, (&train, learning), progress)?;
         Known {
             models,
             folds,
@@ -94,6 +104,8 @@ pub fn estimate(
         }
     };
     log_rival_times(&training, iter::once(&models).chain(folds.iter().flatten()));
+    let seen = observed.seen.clone();
+    let learnt = seen.and_then(|seen| Learnt::of(&models, &folds, seen));
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
     let length_residuals =
         lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
@@ -129,6 +141,7 @@ pub fn estimate(
         stated_sizes: stated_sizes.clone(),
         sources,
         length_residuals,
+        learnt,
     })
 }
 
@@ -167,6 +180,11 @@ impl Estimate {
         self.observed.all.len()
     }
 
+    /// What it leaves to the next session ([`Learning`]); `None` where sessions are not learnt so, or the models were read back.
+    pub const fn learnt(&self) -> Option<&Learnt> {
+        self.learnt.as_ref()
+    }
+
     /// Root mean square of measured minus predicted position by the identified geometry, per axis, mm.
     pub const fn misfit_mm(&self) -> f64 {
         self.trained.models.geometric.misfit_mm
@@ -180,7 +198,10 @@ impl Estimate {
     /// What was trained, for a later run to start from.
     pub fn stored(&self) -> StoredTrainings {
         let trained = &self.trained;
-        let of_fold = |models: &Option<Models>| models.as_ref().map(StoredModels::of);
+        let of_fold = |models: &Option<Models>| {
+            let stored = models.as_ref().map(StoredModels::of);
+            stored.map(StoredModels::for_predictions)
+        };
         StoredTrainings {
             models: StoredModels::of(&trained.models),
             folds: trained.folds.iter().map(of_fold).collect(),
@@ -298,6 +319,7 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         fit: &settings.fit,
         full: &settings.full,
         up: settings.up,
+        carrying: None,
         rivals: settings.rivals,
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::StageSettings;
+use super::carried::Learning;
 use super::observed::Observed;
 use super::turns::commanded_turns;
 use crate::fit::commanded::CommandedPose;
@@ -55,14 +56,16 @@ pub(super) fn train_folds(
     arm: &Arm,
     observed: &Observed,
     sessions: usize,
-    settings: &TrainingSettings<'_>,
+    (settings, learning): (&TrainingSettings<'_>, Option<&Learning>),
     progress: &dyn Progress,
 ) -> Result<Vec<Option<Models>>, FitError> {
     progress.begin("folds", holdout::FOLDS as u64);
     let train = |fold: usize| {
-        let held_out = observed.folds.contains(&fold);
-        let models = held_out
-            .then(|| fit::models::train_all(arm, &observed.without(fold), sessions, settings));
+        // What a fold carries over is that of all sessions, of this one too where it holds none of its stations out.
+        let is_needed = learning.is_some() || observed.folds.contains(&fold);
+        let own = learning.map_or(*settings, |own| own.fold(fold, *settings));
+        let models =
+            is_needed.then(|| fit::models::train_all(arm, &observed.without(fold), sessions, &own));
         progress.advance(1);
         models.transpose()
     };

@@ -347,6 +347,7 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         fit: &FIT,
         full: &FULL,
         up: Some(Vector3::z_axis()),
+        carrying: None,
         rivals: false,
     };
     let models = fit::models::train_all(&ARM, &observations, 1, &settings);

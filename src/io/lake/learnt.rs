@@ -1,0 +1,52 @@
+//! What sessions said to the next ones, beside the tables and no part of them: `.learnt/ROBOT/SESSION/ESTIMATE.bin`.
+//!
+//! Nothing published follows from it being there: it may be removed, and is then made again from the sessions as joined. The lake keeps
+//! that of the last sessions alone, some ten megabytes each, since each next one has what those before it said.
+
+use std::io::{Read as _, Write as _};
+
+use super::error::folder_error;
+use super::{Lake, LakeError, session_key};
+use crate::io::input::Bound;
+use crate::manifest::RunKey;
+
+/// The folder of it.
+pub(super) const FOLDER: &str = ".learnt";
+/// Ending of a file.
+pub(super) const ENDING: &str = ".bin";
+
+impl Lake {
+    /// What the sessions of an estimate said, as it was kept; `None` where there is nothing that can be read.
+    pub fn learnt(&self, estimate: &RunKey) -> Option<Vec<u8>> {
+        let file = self.store.open(&learnt(estimate).ok()?).ok()?;
+        let most = Bound::TABLE.bytes;
+        let mut bytes = Vec::new();
+        file.take(most).read_to_end(&mut bytes).ok()?;
+        Some(bytes)
+    }
+
+    /// Keeps what the sessions of an estimate said, completely or not at all.
+    pub fn put_learnt(&self, estimate: &RunKey, bytes: &[u8]) -> Result<(), LakeError> {
+        let key = learnt(estimate)?;
+        let mut temporary = self.store.temporary(&key)?;
+        let written = temporary.write_all(bytes);
+        let written = written.and_then(|()| temporary.sync());
+        written.map_err(folder_error("write", &self.written_at(&key)))?;
+        self.store.put(&key, temporary)?;
+        Ok(())
+    }
+
+    /// Removes what the sessions of an estimate said, where it is there.
+    pub fn remove_learnt(&self, estimate: &RunKey) -> Result<(), LakeError> {
+        let key = learnt(estimate)?;
+        if self.store.exists(&key)? {
+            self.store.remove(&key)?;
+        }
+        Ok(())
+    }
+}
+
+fn learnt(estimate: &RunKey) -> Result<String, LakeError> {
+    let run = super::encoded("run", &estimate.run)?;
+    Ok(format!("{}/{run}{ENDING}", session_key(FOLDER, estimate)?))
+}
