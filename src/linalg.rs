@@ -2,11 +2,15 @@
 //!
 //! Only operations that the error model needs and that nalgebra does not block: Cholesky, and products with `L⁻¹`.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 
 /// Width of a block: three of them fit into a core's fast cache.
 const BLOCK: usize = 64;
+/// Width of what is worked on at once: a product packs its factors anew, which a few columns would not repay.
+const WIDE: usize = 4 * BLOCK;
 
 /// The lower triangular L of `L Lᵀ = A`, with the inverses of its diagonal blocks.
 #[derive(Debug, Clone)]
@@ -96,25 +100,22 @@ impl Cholesky {
     pub fn forward(&self, right: &DMatrix<f64>, first: usize) -> DMatrix<f64> {
         let size = self.size();
         let mut solved = DMatrix::zeros(size - first, right.ncols());
-        for (block, inverse) in self
-            .diagonal_inverses
-            .iter()
-            .enumerate()
-            .skip(first / BLOCK)
-        {
-            let row = block * BLOCK;
-            let width = inverse.nrows();
-            let mut rest = right.rows(row - first, width).into_owned();
-            let done = solved.rows(0, row - first);
-            rest.gemm(
-                -1.0,
-                &self.lower.view((row, first), (width, row - first)),
-                &done,
-                1.0,
-            );
-            solved
-                .rows_mut(row - first, width)
-                .copy_from(&(inverse * rest));
+        for top in (first..size).step_by(WIDE) {
+            let height = WIDE.min(size - top);
+            let mut rest = right.rows(top - first, height).into_owned();
+            let before = self.lower.view((top, first), (height, top - first));
+            rest.gemm(-1.0, &before, &solved.rows(0, top - first), 1.0);
+            for row in (top..top + height).step_by(BLOCK) {
+                let inverse = &self.diagonal_inverses[row / BLOCK];
+                let width = inverse.nrows();
+                let mut own = rest.rows(row - top, width).into_owned();
+                let before = self.lower.view((row, top), (width, row - top));
+                let done = solved.rows(top - first, row - top);
+                own.gemm(-1.0, &before, &done, 1.0);
+                solved
+                    .rows_mut(row - first, width)
+                    .copy_from(&(inverse * own));
+            }
         }
         solved
     }
@@ -125,10 +126,10 @@ impl Cholesky {
         let mut inverse = DMatrix::zeros(size, size);
         inverse
             .as_mut_slice()
-            .par_chunks_mut(size * BLOCK)
+            .par_chunks_mut(size * WIDE)
             .enumerate()
             .for_each(|(block, columns)| {
-                let first = block * BLOCK;
+                let first = block * WIDE;
                 let width = columns.len() / size;
                 let mut right = DMatrix::zeros(size - first, width);
                 right.fill_diagonal(1.0);
@@ -178,7 +179,7 @@ pub fn stacked<'m>(
     stacked
 }
 
-/// `A_22 −= P Pᵀ` on and below the diagonal, in panels of columns that start at whole blocks.
+/// `A_22 −= P Pᵀ` on and below the diagonal and somewhat above, in panels of columns that start at whole blocks.
 fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &DMatrix<f64>) {
     let size = matrix.nrows();
     if end >= size {
@@ -186,11 +187,11 @@ fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &DMatrix<f64>) {
     }
     let transposed = panel.transpose();
     matrix.as_mut_slice()[end * size..]
-        .par_chunks_mut(size * BLOCK)
+        .par_chunks_mut(size * WIDE)
         .enumerate()
         .for_each(|(block, columns)| {
             let width = columns.len() / size;
-            let first = block * BLOCK;
+            let first = block * WIDE;
             let below = size - end - first;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
             let right = transposed.columns(first, width);
@@ -242,19 +243,28 @@ pub fn gram(rows: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let transposed = rows.transpose();
     let mut gram = DMatrix::zeros(size, size);
     gram.as_mut_slice()
-        .par_chunks_mut((size * BLOCK).max(1))
+        .par_chunks_mut((size * WIDE).max(1))
         .enumerate()
         .for_each(|(block, columns)| {
-            let first = block * BLOCK;
+            let first = block * WIDE;
             let width = columns.len() / size;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
-            let below = size - first;
-            view.rows_mut(first, below).gemm(
-                1.0,
-                &transposed.rows(first, below),
-                &rows.columns(first, width),
-                0.0,
-            );
+            let mut put = |left: Range<usize>, right: Range<usize>| {
+                let own = (left.start, right.start - first);
+                view.view_mut(own, (left.len(), right.len())).gemm(
+                    1.0,
+                    &transposed.rows(left.start, left.len()),
+                    &rows.columns(right.start, right.len()),
+                    0.0,
+                );
+            };
+            let end = first + width;
+            for own in (first..end).step_by(BLOCK) {
+                put(own..end, own..(own + BLOCK).min(end));
+            }
+            if end < size {
+                put(end..size, first..end);
+            }
         });
     gram.fill_upper_triangle_with_lower_triangle();
     gram
@@ -274,7 +284,7 @@ mod tests {
 
     #[test]
     fn gram_is_the_plain_product() {
-        let rows = DMatrix::from_fn(70, 150, |i, j| ((i * 13 + j * 7) as f64).cos());
+        let rows = DMatrix::from_fn(70, 350, |i, j| ((i * 13 + j * 7) as f64).cos());
         assert!(
             (gram(&rows.as_view()) - rows.transpose() * &rows)
                 .abs()
@@ -285,7 +295,7 @@ mod tests {
 
     #[test]
     fn factor_solves_as_nalgebra_does() {
-        for size in [1, 63, 64, 65, 200] {
+        for size in [1, 63, 64, 65, 200, 257, 600] {
             let matrix = matrix(size);
             let right = DVector::from_fn(size, |i, _| (i as f64).sin());
             let ours = Cholesky::new(matrix.clone()).expect("positive definite");

@@ -316,7 +316,9 @@ fn run_local(
         &configuration.valid_for,
         &lake,
     )?;
-    let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
+    let on_top = on_top_of(configuration, piece);
+    let remarks = driven.lines.iter().cloned().chain(promised).chain(on_top);
+    let remarks: Vec<String> = remarks.collect();
     let compared = compared(&outcome);
     let said = Statements {
         compared: compared.clone(),
@@ -347,6 +349,23 @@ fn run_local(
         tables: configuration.lake.clone(),
         page: page(&lake, &key)?,
     })
+}
+
+/// What a session was learnt on top of, in words; `None` where sessions are not learnt so, and of the first.
+fn on_top_of(configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
+    let (_, earlier) = piece
+        .training
+        .split_last()
+        .filter(|_| configuration.grows)?;
+    let (first, last) = (&earlier.first()?.name, &earlier.last()?.name);
+    let which = if earlier.len() == 1 {
+        format!("the session before it, {first}")
+    } else {
+        format!("{} sessions before it, {first} to {last}", earlier.len())
+    };
+    Some(format!(
+        "the arm was learnt on top of {which}; the identified geometry alone is of this session alone"
+    ))
 }
 
 /// The statements of the page that no table has.

@@ -1,17 +1,17 @@
-//! What a pool costs as it grows: training on all, and the memory that it takes.
+//! What a pool costs as it grows: training on all, each session on top of those before it, and the memory that it takes.
 //!
-//! `cargo bench --bench pools` trains the full error model on 10, 30 and 100 sessions of 600 stations of one simulated UR10, and
-//! prints wall time, the time a session, what one more session takes, and the most memory that the process held. The time a session
-//! stays what it is: the cost of a pool is linear. Without `--bench` (as `cargo test` calls it) small pools show that it works.
+//! `cargo bench --bench pools` trains the full error model on 1, 10, 30 and 100 sessions of 600 stations of one simulated UR10, together and
+//! one on top of the other, and prints wall time, what one more session takes of the latter, the bytes that it leaves, and the most memory
+//! that the process held. Without `--bench` (as `cargo test` calls it) small pools show that it works.
 
 #[path = "../common/mod.rs"]
 mod common;
 
 use std::time::Instant;
 
-use common::pool::{MeasuredArm, Truth, after, frames, one_by_one, trained};
+use common::pool::{MeasuredArm, Truth, frames, learnt, one_by_one, trained};
 use posegrid::fit::Observation;
-use posegrid::fit::full::FullSettings;
+use posegrid::fit::full::{Carrying, FullSettings};
 
 const TRUTH: Truth = Truth {
     curve_rad: 2e-4,
@@ -32,25 +32,34 @@ fn main() {
         harmonics,
         ..FullSettings::default()
     };
-    println!("sessions  stations   columns   wall s a session s one more s  peak MB");
+    println!(
+        "sessions  stations   columns  together s  one by one s  one more s  leaves MB  peak MB"
+    );
     for sessions in pools {
         let mut measured = MeasuredArm::new(TRUTH, 7);
         let seen: Vec<Observation> = (0..sessions)
             .flat_map(|_| measured.session(stations))
             .collect();
         let start = frames(&measured.arm, &seen[..stations]);
+        let arm = measured.arm.clone();
         let began = Instant::now();
-        let (model, pool) = pooled(&measured.arm, &seen, &start, &settings);
-        let wall_s = began.elapsed().as_secs_f64();
+        let one_by_one = one_by_one(&arm, &seen, &start, &settings);
+        let one_by_one_s = began.elapsed().as_secs_f64();
+        let before = one_by_one.leaves().cloned();
+        let leaves = before.as_ref().and_then(|own| own.packed().ok());
+        let leaves_mb = leaves.map_or(0, |own| own.len()) as f64 / 1e6;
         let next = measured.session(stations);
         let began = Instant::now();
-        let more = pool.map(|pool| grown(&measured.arm, &pool, &next, &start, &settings));
-        let more_s = more.map_or(0.0, |_| began.elapsed().as_secs_f64());
-        let (columns, count) = (model.layout().size(), seen.len());
-        let each = wall_s / f64::from(sessions);
+        let carrying = Carrying { before, held: None };
+        learnt(&arm, &carrying, &next, &start, &settings);
+        let more_s = began.elapsed().as_secs_f64();
         let peak = peak_mb();
+        let began = Instant::now();
+        let together = trained(&arm, &seen, &start, &settings);
+        let together_s = began.elapsed().as_secs_f64();
+        let (columns, count) = (together.layout().size(), seen.len());
         println!(
-            "{sessions:>8} {count:>9} {columns:>9} {wall_s:>8.2} {each:>11.3} {more_s:>10.2} {peak:>8.0}"
+            "{sessions:>8} {count:>9} {columns:>9} {together_s:>11.2} {one_by_one_s:>13.2} {more_s:>11.2} {leaves_mb:>10.1} {peak:>8.0}"
         );
     }
 }

@@ -22,7 +22,7 @@
 //!
 //! What earlier sessions said stays as it was summed: their weights, and rows evaluated at the geometry of then. An angle that moved by
 //! φ since then bends a metre by `φ²/2` metres. A session's own columns were eliminated at the sizes that were known then; where these
-//! have moved since by more than a factor of two, all sessions are to be learnt again with the sizes of now ([`Carried::stale`]).
+//! have moved since by more than a factor of four, all sessions are to be learnt again with the sizes of now ([`Carried::stale`]).
 
 mod column;
 mod leaving;
@@ -62,7 +62,7 @@ pub struct Carrying {
 pub struct Sizes(Vec<(Part, Size)>);
 
 /// Sizes that have moved by more than this factor since sums were made are another model's.
-const STALE: f64 = 2.0;
+const STALE: f64 = 4.0;
 
 impl Sizes {
     /// The size of a part.
