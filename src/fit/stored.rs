@@ -46,6 +46,24 @@ impl StoredModels {
         }
     }
 
+    /// The models without those built on them, to predict another session than that which trained, where sessions were learnt one on top of
+    /// the other.
+    pub fn for_another_session(
+        self,
+        arm: &Arm,
+        settings: &TrainingSettings<'_>,
+    ) -> Result<Models, SavedError> {
+        let full = self.full.map(StoredFull::for_another_session);
+        let plain = TrainingSettings {
+            rivals: false,
+            ..*settings
+        };
+        let own = Self { full, ..self };
+        let mut models = own.restored(arm, &[], &plain, StoredFull::model)?;
+        models.on_top.clear();
+        Ok(models)
+    }
+
     /// The models; arm, observations and settings are those of their training.
     pub fn models(
         self,

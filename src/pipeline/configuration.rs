@@ -93,8 +93,8 @@ pub struct Configuration {
     pub estimate_settings: String,
     /// Those of them that the grids of an estimate read, likewise: part of the name of all grids.
     pub grids_settings: String,
-    /// Whether each session is learnt on top of those before it.
-    pub grows: bool,
+    /// The sessions that are learnt from together.
+    pub pool: Pool,
     /// Whether the work is with estimates that the lake has, so that nothing is trained.
     pub from_estimates: bool,
     /// Whether it is with grids that the lake has too.
@@ -115,6 +115,13 @@ pub struct Configuration {
     pub logs: bool,
     /// The id of the sampling plan that the sessions were measured by, where their logs do not state it.
     pub sampling_plan: Option<String>,
+}
+
+impl Configuration {
+    /// Whether each session is learnt on top of those before it.
+    pub fn grows(&self) -> bool {
+        self.pool == Pool::Growing
+    }
 }
 
 /// The reading of what sessions were recorded as.
@@ -214,7 +221,7 @@ impl Configuration {
             join_settings,
             estimate_settings: settings_of_training(&file)?,
             grids_settings: settings_of_grids(&file)?,
-            grows: file.input.pool == Pool::Growing,
+            pool: file.input.pool,
             from_estimates: overrides.from_estimates,
             from_grids: overrides.from_grids,
             remarks: remarks(&file),

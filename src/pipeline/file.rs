@@ -384,6 +384,7 @@ pub enum Pool {
 
 impl Pool {
     /// Whether the sessions of a piece of work tell how they are learnt from.
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
     const fn is_told_by_sessions(&self) -> bool {
         !matches!(self, Self::Growing)
     }

@@ -356,7 +356,7 @@ fn on_top_of(configuration: &Configuration, piece: &WorkPiece) -> Option<String>
     let (_, earlier) = piece
         .training
         .split_last()
-        .filter(|_| configuration.grows)?;
+        .filter(|_| configuration.grows())?;
     let (first, last) = (&earlier.first()?.name, &earlier.last()?.name);
     let which = if earlier.len() == 1 {
         format!("the session before it, {first}")

@@ -215,10 +215,16 @@ fn recomputed(
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),
     };
+    sought.hand_over(&claim.key.robot, temporary.path());
     let known_arm = cited::known_arm(&claim, register);
     let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
     let known_arm = known_arm.as_ref().and_then(Place::as_path);
-    let source = Source::find(&claim, (pipeline, sought), known_arm, temporary.path());
+    let source = Source::find(
+        &claim,
+        (pipeline, &mut *sought),
+        known_arm,
+        temporary.path(),
+    );
     let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
         Ok((work, source)) => (source, work),
         Err(NoSource::Missing(lost, reason)) => {
@@ -245,5 +251,7 @@ fn recomputed(
         let cited = Citation::new(Role::Planned, &plan, register, lake);
         verified.cited.push(cited);
     }
-    recompute::again(verified, &source, lake, temporary.path(), progress)
+    let recomputed = recompute::again(verified, &source, lake, temporary.path(), progress);
+    sought.keep(claim.key.robot, temporary);
+    recomputed
 }

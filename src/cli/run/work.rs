@@ -145,7 +145,7 @@ pub fn all(
 /// Pieces that are done one after the other: those of a robot whose sessions are learnt one on top of the other, and every other by itself.
 fn units(pieces: &[FleetPiece<'_>]) -> Vec<Range<usize>> {
     let one_by_one = |a: &FleetPiece<'_>, b: &FleetPiece<'_>| {
-        a.configuration.grows && std::ptr::eq(a.configuration, b.configuration)
+        a.configuration.grows() && std::ptr::eq(a.configuration, b.configuration)
     };
     let units = pieces.chunk_by(one_by_one);
     let places = units.scan(0, |next, unit| {

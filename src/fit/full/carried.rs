@@ -22,7 +22,7 @@
 //!
 //! What earlier sessions said stays as it was summed: their weights, and rows evaluated at the geometry of then. An angle that moved by
 //! φ since then bends a metre by `φ²/2` metres. A session's own columns were eliminated at the sizes that were known then; where these
-//! have moved since by more than a factor of four, all sessions are to be learnt again with the sizes of now ([`Carried::stale`]).
+//! have grown since by more than a factor of four, all sessions are to be learnt again with the sizes of now ([`Carried::stale`]).
 
 mod column;
 mod leaving;
@@ -61,7 +61,8 @@ pub struct Carrying {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sizes(Vec<(Part, Size)>);
 
-/// Sizes that have moved by more than this factor since sums were made are another model's.
+/// Sizes that have grown by more than this factor since sums were made are another model's: the sums promise too much. Of smaller ones they
+/// say somewhat less than they could.
 const STALE: f64 = 4.0;
 
 impl Sizes {
@@ -122,12 +123,17 @@ impl Carried {
         self.sessions
     }
 
-    /// Whether sizes of what belongs to one session are others now than those that the sums were made with, so that all sessions are to be
-    /// learnt again with those of now ([`Self::held`]).
+    /// The day of the last session, since 1970; `None` without a date.
+    pub const fn day(&self) -> Option<f64> {
+        self.day
+    }
+
+    /// Whether sizes of what belongs to one session are much larger now than those that the sums were made with, so that all sessions are to
+    /// be learnt again with those of now ([`Self::held`]).
     pub fn stale(&self) -> bool {
         let moved = |(part, before): &(Part, Size)| {
             let now = self.sizes.of(*part).map_or(before.size, |own| own.size);
-            (now / before.size).ln().abs() > STALE.ln()
+            now > STALE * before.size
         };
         self.made_with.0.iter().any(moved)
     }

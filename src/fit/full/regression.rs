@@ -462,4 +462,36 @@ mod tests {
             &rows * (&v - &v * rows.transpose() * s_inverse * &rows * &v) * rows.transpose();
         assert!((half.transpose() * half - covariance).abs().max() < 1e-12);
     }
+
+    #[test]
+    fn sums_without_columns_say_of_the_others_what_all_say() {
+        let rows = DMatrix::from_fn(9, 5, |i, j| ((3 * i + 5 * j) as f64).sin());
+        let values = DVector::from_fn(9, |i, _| (i as f64).cos());
+        let variances = [0.5, 2.0, 0.0, 1.5, 0.7];
+        let sums = Sums::new(&rows, &values, 0.3);
+        let posterior = |sums: &Sums, variances: &[f64]| {
+            let variances = DVector::from_column_slice(variances);
+            sums.posterior(&variances).expect("positive definite")
+        };
+        let all = posterior(&sums, &variances);
+        let some = sums
+            .without(&[3, 1, 2], &[1.5, 2.0, 0.0])
+            .expect("positive definite");
+        let left = posterior(&some, &[0.5, 0.7]);
+        assert!((left.mean() - all.mean().select_rows(&[0, 4])).norm() < 1e-12);
+        let covariance = all.covariance_of(&[0, 4]) - left.covariance_of(&[0, 1]);
+        assert!(covariance.norm() < 1e-12, "{covariance}");
+        assert!((left.log_evidence - all.log_evidence).abs() < 1e-12);
+    }
+
+    #[test]
+    fn sums_relative_to_other_values_say_the_same() {
+        let rows = DMatrix::from_fn(9, 3, |i, j| ((3 * i + 5 * j) as f64).sin());
+        let values = DVector::from_fn(9, |i, _| (i as f64).cos());
+        let away = DVector::from_vec(vec![0.2, -0.4, 0.1]);
+        let moved = Sums::new(&rows, &values, 0.0).moved(&away);
+        let directly = Sums::new(&rows, &(values - &rows * &away), 0.0);
+        assert!((moved.moment - directly.moment).norm() < 1e-12);
+        assert!((moved.square - directly.square).abs() < 1e-12);
+    }
 }

@@ -116,6 +116,15 @@ impl StoredFull {
         self.grew
     }
 
+    /// Without the weights of the stations that trained, to predict another session.
+    #[must_use]
+    pub fn for_another_session(self) -> Self {
+        Self {
+            weights: Vec::new(),
+            ..self
+        }
+    }
+
     /// Without the factor of its covariance, for its predictions alone.
     #[must_use]
     pub fn for_predictions(self) -> Self {

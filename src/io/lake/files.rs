@@ -97,7 +97,9 @@ impl Stands {
             [index::FOLDER, "alone", name] => {
                 Self::in_index(name, name.strip_suffix(".json").is_some())
             }
-            [index::FOLDER, "joined", name] => Self::in_index(name, name.ends_with(".jsonl")),
+            [index::FOLDER, "joined", name] => {
+                Self::in_index(name, name.strip_suffix(".jsonl").is_some())
+            }
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
                 None => Self::Temporary,
                 Some(true) => Self::Own,

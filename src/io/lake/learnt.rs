@@ -3,7 +3,9 @@
 //! Nothing published follows from it being there: it may be removed, and is then made again from the sessions as joined. The lake keeps
 //! that of the last sessions alone, some ten megabytes each, since each next one has what those before it said.
 
-use std::io::{Read as _, Write as _};
+use std::fs;
+use std::io::{self, Read as _, Write as _};
+use std::path::Path;
 
 use super::error::folder_error;
 use super::{Lake, LakeError, session_key};
@@ -34,6 +36,14 @@ impl Lake {
         written.map_err(folder_error("write", &self.written_at(&key)))?;
         self.store.put(&key, temporary)?;
         Ok(())
+    }
+
+    /// Moves what sessions said from a lake in one folder to that in another; nothing where there is nothing.
+    pub fn move_learnt(from: &Path, to: &Path) -> io::Result<()> {
+        match fs::rename(from.join(FOLDER), to.join(FOLDER)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            moved => moved,
+        }
     }
 
     /// Removes what the sessions of an estimate said, where it is there.

@@ -31,7 +31,7 @@ impl Estimator<'_> {
             progress,
             ..
         } = self.joiner;
-        let estimate = if configuration.grows {
+        let estimate = if configuration.grows() {
             self.on_top(sessions)?
         } else {
             let both = (sessions.training, sessions.test);

@@ -53,7 +53,7 @@ impl<'a> Joiner<'a> {
         piece: &WorkPiece,
         mut run: Option<&mut OpenRun<'_>>,
     ) -> Result<Sessions, RunError> {
-        let own = if self.configuration.grows {
+        let own = if self.configuration.grows() {
             1
         } else {
             piece.training.len()
@@ -102,13 +102,12 @@ impl<'a> Joiner<'a> {
     ) -> Result<(JoinedSession, RunKey), RunError> {
         let own = self.work_of(files);
         let key = own.key();
-        let session = match self.before(files, &key)? {
-            Some(session) => session,
-            None => {
-                let session = session(self.configuration, files, run, self.progress)?;
-                self.publish(&own, &session)?;
-                session
-            }
+        let session = if let Some(session) = self.before(files, &key)? {
+            session
+        } else {
+            let session = session(self.configuration, files, run, self.progress)?;
+            self.publish(&own, &session)?;
+            session
         };
         let inputs = own.inputs.into_iter().filter(|own| own.name != ROBOT);
         if let Err(error) = self.known.add(self.lake, &key, inputs) {

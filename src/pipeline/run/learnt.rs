@@ -69,7 +69,7 @@ impl Estimator<'_> {
             return Ok((estimate, learnt));
         };
         tracing::info!(
-            "session {}: the sizes of what differs between sessions have moved: {} sessions are learnt again",
+            "session {}: sessions differ by much more than the first ones showed: {} sessions are learnt again",
             both.0.last().map_or("", |own| &own.name),
             earlier.len() + 1
         );

@@ -12,17 +12,22 @@ use serde::{Deserialize, Serialize};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::full::{Carried, Carrying, Sizes};
 use crate::fit::holdout::{Blocks, FOLDS, extent};
+use crate::fit::saved::SavedError;
+use crate::fit::stored::StoredModels;
 use crate::fit::visits::{self, Dwell};
 use crate::fit::{Models, TrainingSettings};
+use crate::kinematics::Arm;
 
 /// What some sessions said, for the next to be learnt on top of.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Learnt {
     /// All stations.
     whole: Arc<Carried>,
     /// Those that each fold does not hold out.
     folds: Vec<Arc<Carried>>,
     seen: Seen,
+    /// The models of all stations, which the next session judges.
+    models: StoredModels,
 }
 
 /// The sizes with which sessions are learnt again.
@@ -123,6 +128,8 @@ pub struct Learning {
     whole: Carrying,
     folds: Vec<Carrying>,
     pub(super) before: Option<Seen>,
+    /// The models of the sessions so far.
+    models: Option<StoredModels>,
 }
 
 impl Learning {
@@ -139,7 +146,24 @@ impl Learning {
             },
             folds: (0..FOLDS).map(fold).collect(),
             before: before.map(|own| own.seen.clone()),
+            models: before.map(|own| own.models.clone()),
         }
+    }
+
+    /// The models of the sessions before, to be judged by the session that is learnt on top of them; `None` before the first, and where a joint
+    /// was repaired in between, so that the arm is another.
+    pub(super) fn models_before(
+        &self,
+        arm: &Arm,
+        day: Option<f64>,
+        settings: &TrainingSettings<'_>,
+    ) -> Option<Result<Models, SavedError>> {
+        let models = self.models.clone()?;
+        let then = self.whole.before.as_ref()?.day();
+        let mut repairs = settings.full.repaired.iter();
+        let is_another = repairs.any(|repair| then.is_some_and(|day| repair.is_to_come(day)));
+        let is_known = settings.full.repaired.is_empty() || then.is_some() && day.is_some();
+        (is_known && !is_another).then(|| models.for_another_session(arm, settings))
     }
 
     /// Number of sessions before.
@@ -180,6 +204,7 @@ impl Learnt {
             whole: leaves(models)?,
             folds: folds.collect::<Option<_>>()?,
             seen,
+            models: StoredModels::of(models),
         })
     }
 
@@ -200,11 +225,11 @@ impl Learnt {
     /// # Errors
     /// Where a number cannot be written as text, which only one that is not finite could cause.
     pub fn packed(&self) -> serde_json::Result<Vec<u8>> {
-        let seen = serde_json::to_vec(&self.seen)?;
+        let head = serde_json::to_vec(&(&self.seen, &self.models))?;
         let trainings = std::iter::once(&self.whole).chain(&self.folds);
         let parts = trainings.map(|own| own.packed());
         let mut bytes = Vec::new();
-        for part in std::iter::once(Ok(seen)).chain(parts) {
+        for part in std::iter::once(Ok(head)).chain(parts) {
             let part = part?;
             bytes.extend((part.len() as u64).to_le_bytes());
             bytes.extend(part);
@@ -222,14 +247,48 @@ impl Learnt {
             parts.push(part);
             bytes = behind;
         }
-        let (seen, trainings) = parts.split_first()?;
+        let (head, trainings) = parts.split_first()?;
+        let (seen, models) = serde_json::from_slice(head).ok()?;
         let mut trainings = trainings
             .iter()
             .map(|own| Carried::unpacked(own).map(Arc::new));
         Some(Self {
             whole: trainings.next()??,
             folds: trainings.collect::<Option<_>>()?,
-            seen: serde_json::from_slice(seen).ok()?,
+            seen,
+            models,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dwell(joints: &[f64]) -> Dwell<'_> {
+        Dwell {
+            command: None,
+            joints,
+            counted: &[],
+        }
+    }
+
+    #[test]
+    fn a_pose_is_in_the_fold_of_its_first_visit_and_blocks_are_those_of_the_first_session() {
+        let joints: Vec<[f64; 2]> = (0..5).map(|k| [f64::from(k), 0.0]).collect();
+        let dwells: Vec<Dwell<'_>> = joints.iter().map(|own| dwell(own)).collect();
+        let place = |x: f64| Point3::new(x, 0.0, 0.0);
+        // Blocks of 100 mm from 0: indices 0, 1, 2, 3 and 4.
+        let flanges: Vec<Point3<f64>> = (0..5).map(|k| place(100.0 * f64::from(k))).collect();
+        let (folds, first) = Seen::folds(None, &dwells, &flanges, &Blocks::default());
+        assert_eq!(folds, [0, 1, 0, 1, 0]);
+        // The second pose again, seen over the edge of its block; a new pose far outside; and that once more over its edge.
+        let (new, again) = ([9.0, 0.0], [9.0005, 0.0]);
+        let dwells = [dwell(&joints[1]), dwell(&new), dwell(&again)];
+        let flanges = [place(99.9), place(1150.0), place(1201.0)];
+        let (folds, second) = Seen::folds(Some(&first), &dwells, &flanges, &Blocks::default());
+        assert_eq!(folds, [1, 1, 1]);
+        assert_eq!((first.poses.len(), second.poses.len()), (5, 6));
+        assert_eq!(first.blocks, second.blocks);
     }
 }

@@ -10,7 +10,9 @@ use std::time::Duration;
 use super::cameras;
 use super::carried::{Learning, Learnt};
 use super::flanges::Flanges;
-use super::judged::{Judged, leaves_sessions_out, sessions_left_out, train_folds};
+use super::judged::{
+    Judged, judged_by_earlier, judges_earlier, leaves_sessions_out, sessions_left_out, train_folds,
+};
 use super::observed::Observed;
 use super::{
     StageError, StageSettings, lengths, mountings, repairs, slips, stated_sizes, wrong_targets,
@@ -123,7 +125,14 @@ pub fn estimate(
                 progress,
             )?
         }
-        None => Vec::new(),
+        None => match learning.filter(|_| judges_earlier(&models, &settings)) {
+            Some(learning) => {
+                let (train, sessions) = (training_settings(&settings), &flanges.training);
+                let own = (&observed, &sessions[..]);
+                judged_by_earlier(arm, own, learning, &train, settings.locate)?
+            }
+            None => Vec::new(),
+        },
     };
     let trained = Trained {
         models,

@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::StageSettings;
 use super::carried::Learning;
 use super::observed::Observed;
 use super::turns::commanded_turns;
+use super::{StageError, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{
     self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, TrainingSettings, holdout,
@@ -77,10 +77,13 @@ pub(super) fn train_folds(
 /// Whether each session of a pool is judged by a training on the others. A session left out has a mounting of its own, of which one target
 /// alone can be found.
 pub(super) fn leaves_sessions_out(models: &Models, settings: &StageSettings) -> bool {
-    let frames = &models.base_target.frames;
-    frames.len() > 1
-        && settings.leave_sessions_out
-        && !frames.iter().any(Frames::has_several_targets)
+    models.base_target.frames.len() > 1 && judges_earlier(models, settings)
+}
+
+/// Whether a session that is learnt on top of others first judges what these said, likewise.
+pub(super) fn judges_earlier(models: &Models, settings: &StageSettings) -> bool {
+    let mut frames = models.base_target.frames.iter();
+    settings.leave_sessions_out && !frames.any(Frames::has_several_targets)
 }
 
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
@@ -121,6 +124,34 @@ pub(super) fn sessions_left_out(
     let judged = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
     Ok(judged?.into_iter().flatten().collect())
+}
+
+/// A session judged by the models of those that it is learnt on top of, base and target refitted; nothing of the first, and after a repair.
+pub(super) fn judged_by_earlier(
+    arm: &Arm,
+    (observed, training): (&Observed, &[JoinedSession]),
+    learning: &Learning,
+    settings: &TrainingSettings<'_>,
+    locate: Locate,
+) -> Result<Vec<ResidualSet>, StageError> {
+    let own = observed.own(0);
+    let day = own.first().and_then(|observation| observation.day);
+    let Some(models) = learning.models_before(arm, day, settings) else {
+        return Ok(Vec::new());
+    };
+    let models = models?;
+    let locate = Locate {
+        target: LocateTarget::Own,
+        ..locate
+    };
+    let stations = Stations {
+        session: &training[0].name,
+        observations: &own,
+    };
+    let locator = Locator::new(&models, arm, locate, settings);
+    let finders = locator.finders(&models, &own);
+    let judged = unseen::unseen_session(&models, stations, &locator, &finders);
+    Ok(judged.map_err(FitError::from)?)
 }
 
 /// Whether no repair of a joint was still to come in a session.

@@ -69,7 +69,9 @@ impl<'p> Places<'p> {
             Column::Constant(joint) => Some(self.layout.size() + joint),
             Column::Last { .. } => None,
             Column::Of { block, place } => {
-                let is_told_over_as_many = block != Block::WarmUp || carried.span == self.span;
+                // A number of stations.
+                let is_told_over_as_many =
+                    block != Block::WarmUp || (carried.span - self.span).abs() < 0.5;
                 let joint = block.shapes();
                 let period =
                     |of: &[Option<f64>]| joint.and_then(|joint| of.get(joint).copied().flatten());
