@@ -309,9 +309,10 @@ lake = "lake"
     std::fs::write(folder.join("pool.toml"), text).expect("a pipeline file");
 }
 
-/// The sessions that were judged by a training without them, by the table of residuals.
-fn left_out(folder: &Path) -> Vec<String> {
-    let tables = std::fs::read_dir(folder.join("lake/residuals/arm/pooled")).expect("a folder");
+/// The sessions that were judged by a training without them, by the table of residuals of a session.
+fn left_out(folder: &Path, session: &str) -> Vec<String> {
+    let of_session = folder.join("lake/residuals/arm").join(session);
+    let tables = std::fs::read_dir(of_session).expect("a folder");
     let paths: Vec<_> = tables.map(|own| own.expect("a table").path()).collect();
     assert_eq!(paths.len(), 1, "{paths:?}");
     let schema = schema::find("residuals").expect("a published table");
@@ -364,7 +365,7 @@ fn a_repair_that_the_pipeline_file_states_lets_a_pool_go_on() {
     assert!(verified.status.success(), "{}", stderr(&verified));
 
     println!("{}", String::from_utf8_lossy(&told.stdout));
-    assert_eq!(left_out(folder.path()), ["day-7", "day-8"]);
+    assert_eq!(left_out(folder.path(), "pooled"), ["day-7", "day-8"]);
     // Another joint, no date, a session that judges the gear of before, sessions without dates.
     let judging = ("pool = \"all\"", "test = [\"day-2\"]");
     let undated = ("time = { column = \"t\", unit = \"iso8601\" }", "");
@@ -409,6 +410,47 @@ fn results(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
+/// Writes the sessions as one table, and a pipeline file of a pool that grows, with this tolerance.
+fn tabled_growing(folder: &Path, seen: &[Observation], mm: &str) {
+    tabled(folder, seen, "");
+    let path = folder.join("pool.toml");
+    let text = std::fs::read_to_string(&path).expect("written above");
+    let text = text.replace("pool = \"all\"", "pool = \"growing\"");
+    std::fs::write(&path, text.replace("mm = 0.5", mm)).expect("a pipeline file");
+}
+
+#[test]
+fn a_session_of_another_arm_is_left_out_of_those_after_it_and_not_found_again_each_night() {
+    const STATIONS: usize = 60;
+    let mut measured = MeasuredArm::new(STEADY, 17);
+    let mut other = MeasuredArm::new(STEADY, 18);
+    let mut seen: Vec<Observation> = Vec::new();
+    for day in 0..6 {
+        let (own, foreign) = (measured.session(STATIONS), other.session(STATIONS));
+        seen.extend(if day == 3 { foreign } else { own });
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    tabled_growing(folder.path(), &seen[..5 * STATIONS], "mm = 0.5");
+    let done = run(folder.path());
+    let told = stderr(&done);
+    assert_eq!(done.status.code(), Some(1), "{told}");
+    assert!(
+        told.contains("session day-4 does not fit the arm"),
+        "{told}"
+    );
+    assert!(told.contains("going on without day-4"), "{told}");
+    let foreign = folder.path().join("lake/estimates/arm/day-4");
+    assert_eq!(std::fs::read_dir(foreign).map_or(0, Iterator::count), 0);
+    // The next night learns its own session alone.
+    tabled_growing(folder.path(), &seen, "mm = 0.5");
+    let next = run(folder.path());
+    let told = stderr(&next);
+    assert!(told.contains("going on without day-4"), "{told}");
+    assert!(!told.contains("is learnt for it"), "{told}");
+    let kept = folder.path().join("lake/.learnt/arm/day-6");
+    assert_eq!(std::fs::read_dir(kept).expect("it was learnt").count(), 1);
+}
+
 #[test]
 fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
     const SESSIONS: usize = 5;
@@ -418,11 +460,7 @@ fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
         .flat_map(|_| measured.session(STATIONS))
         .collect();
     let growing = |folder: &Path, sessions: usize, mm: &str| {
-        tabled(folder, &seen[..sessions * STATIONS], "");
-        let path = folder.join("pool.toml");
-        let text = std::fs::read_to_string(&path).expect("written above");
-        let text = text.replace("pool = \"all\"", "pool = \"growing\"");
-        std::fs::write(&path, text.replace("mm = 0.5", mm)).expect("a pipeline file");
+        tabled_growing(folder, &seen[..sessions * STATIONS], mm);
     };
     let at_once = tempfile::tempdir().expect("a temporary folder");
     growing(at_once.path(), SESSIONS, "mm = 0.5");
@@ -459,6 +497,9 @@ fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
     for own in last {
         assert!(same.contains(&own), "{own}");
     }
+    // Each session first judges what was known the night before.
+    assert!(left_out(nightly.path(), "day-1").is_empty());
+    assert_eq!(left_out(at_once.path(), "day-5"), ["day-5"]);
     // Another tolerance trains nothing, and no file of an earlier session is needed.
     growing(nightly.path(), SESSIONS, "mm = 0.4");
     std::fs::remove_file(nightly.path().join("measured/stations.csv")).expect("a file");

@@ -262,10 +262,11 @@ impl Lake {
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
-        let [alone, joined] = [index::ALONE, index::JOINED].map(|own| root.join(own));
+        let beside = [index::ALONE, index::JOINED, index::REFUSED].map(|own| root.join(own));
         folders.extend(
-            [index, alone, joined, history]
+            [index, history]
                 .into_iter()
+                .chain(beside)
                 .filter(|own| own.is_dir()),
         );
         for table in subfolders(&compact)? {

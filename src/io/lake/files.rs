@@ -97,7 +97,7 @@ impl Stands {
             [index::FOLDER, "alone", name] => {
                 Self::in_index(name, name.strip_suffix(".json").is_some())
             }
-            [index::FOLDER, "joined", name] => {
+            [index::FOLDER, "joined" | "refused", name] => {
                 Self::in_index(name, name.strip_suffix(".jsonl").is_some())
             }
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {

@@ -89,6 +89,12 @@ pub enum RunError {
         /// The session.
         session: String,
     },
+    /// A session that could not be learnt on top of those before it, as was found before.
+    #[error("{reason}")]
+    Refused {
+        /// Why.
+        reason: String,
+    },
     /// What a session leaves for the next cannot be written.
     #[error("session {session}: what it leaves for the next session cannot be written: {source}")]
     NotPacked {

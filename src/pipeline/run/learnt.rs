@@ -3,14 +3,40 @@
 //! It follows from those sessions in their order, the robot file, the settings of training and the version, as the estimate of the last of
 //! them does, and is named after that. The lake keeps it of the last two sessions; where it has none, it is made again from the last
 //! session that it has, or from the first: whether it was there changes no result, only the time that the next one takes.
+//!
+//! A session that cannot be learnt, as it is of another arm for one, is left out of those after it. The lake keeps that too, so that each
+//! night does not find it again.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
 
 use super::RunError;
 use super::estimated::Estimator;
 use super::joined::{Joiner, Sessions};
 use crate::io::tables::outcome::JoinedSession;
 use crate::manifest::RunKey;
-use crate::pipeline::configuration::SessionFiles;
-use crate::pipeline::stages::{self, Estimate, Held, Learning, Learnt};
+use crate::pipeline::configuration::{Recorded, SessionFiles};
+use crate::pipeline::stages::{self, Estimate, Learning, Learnt};
+
+/// A session that cannot be learnt on top of those before it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Line {
+    /// The estimate that it would have.
+    estimate: String,
+    session: String,
+    reason: String,
+}
+
+/// The lines of an index by their estimates; those that cannot be read are left out.
+fn parsed(text: &str) -> BTreeMap<String, Line> {
+    let lines = text
+        .lines()
+        .filter_map(|line| serde_json::from_str(line).ok());
+    lines
+        .map(|line: Line| (line.estimate.clone(), line))
+        .collect()
+}
 
 /// What the lake keeps is that of so many last sessions: a night that is done again needs what the one before it said.
 const KEPT: usize = 2;
@@ -35,6 +61,19 @@ impl Estimator<'_> {
     /// What the sessions before the last said; `None` where there are none.
     fn before(&self, sessions: &Sessions, keys: &[RunKey]) -> Result<Option<Learnt>, RunError> {
         let earlier = &sessions.earlier;
+        // Those that cannot be joined are told of before anything is learnt.
+        for files in earlier {
+            if !matches!(files.recorded, Recorded::Joined(_)) {
+                self.joined(files)?;
+            }
+        }
+        let refused = parsed(&self.joiner.lake.refused_index(&self.joiner.work.robot));
+        for (files, key) in earlier.iter().zip(keys) {
+            if let Some(line) = refused.get(&key.run) {
+                let reason = line.reason.clone();
+                return Err(RunError::Refused { reason }.of(files));
+            }
+        }
         let kept = (1..=earlier.len()).rev().find_map(|count| {
             let learnt = self.kept(&keys[count - 1])?;
             Some((count, Some(learnt)))
@@ -50,7 +89,10 @@ impl Estimator<'_> {
             );
             let both = (vec![self.joined(&earlier[place])?], Vec::new());
             let learnt = self.learnt(both, &earlier[..place], before.as_ref());
-            let (_, learnt) = learnt.map_err(|error| error.of(&earlier[place]))?;
+            let (_, learnt) = learnt.map_err(|error| {
+                self.refuse(&keys[place], &error);
+                error.of(&earlier[place])
+            })?;
             self.keep(&keys[..=place], &learnt)?;
             before = Some(learnt);
         }
@@ -64,7 +106,7 @@ impl Estimator<'_> {
         earlier: &[SessionFiles],
         before: Option<&Learnt>,
     ) -> Result<(Estimate, Learnt), RunError> {
-        let (estimate, learnt) = self.once(both.clone(), (before, None))?;
+        let (estimate, learnt) = self.once(both.clone(), &Learning::after(before))?;
         let Some(held) = learnt.stale() else {
             return Ok((estimate, learnt));
         };
@@ -73,19 +115,20 @@ impl Estimator<'_> {
             both.0.last().map_or("", |own| &own.name),
             earlier.len() + 1
         );
-        let mut before = None;
+        let mut again = None;
         for files in earlier {
             let both = (vec![self.joined(files)?], Vec::new());
-            let again = self.once(both, (before.as_ref(), Some(&held)));
-            before = Some(again.map_err(|error| error.of(files))?.1);
+            let learning = Learning::again(again.as_ref(), &held, None);
+            let learnt = self.once(both, &learning);
+            again = Some(learnt.map_err(|error| error.of(files))?.1);
         }
-        self.once(both, (before.as_ref(), Some(&held)))
+        self.once(both, &Learning::again(again.as_ref(), &held, before))
     }
 
     fn once(
         &self,
         both: (Vec<JoinedSession>, Vec<JoinedSession>),
-        (before, held): (Option<&Learnt>, Option<&Held>),
+        learning: &Learning,
     ) -> Result<(Estimate, Learnt), RunError> {
         let name = both
             .0
@@ -97,8 +140,7 @@ impl Estimator<'_> {
             ..
         } = self.joiner;
         let (arm, settings) = (&configuration.arm, &configuration.stages);
-        let learning = Learning::after(before, held);
-        let from = (None, Some(&learning));
+        let from = (None, Some(learning));
         let estimate = stages::estimate(arm, both, from, settings, *progress)?;
         let learnt = estimate.learnt().cloned();
         let learnt = learnt.ok_or(RunError::NotLearnt { session: name })?;
@@ -120,6 +162,28 @@ impl Estimator<'_> {
             self.work_with(name, &sessions.made_of[..count]).key()
         };
         counted.map(key).collect()
+    }
+
+    /// Keeps that the last session of a chain cannot be learnt, where that is the session's fault.
+    fn refuse(&self, key: &RunKey, error: &RunError) {
+        if !matches!(error, RunError::Stage(_) | RunError::NotLearnt { .. }) {
+            return;
+        }
+        let (lake, robot) = (self.joiner.lake, &self.joiner.work.robot);
+        let mut all = parsed(&lake.refused_index(robot));
+        let line = Line {
+            estimate: key.run.clone(),
+            session: key.session.clone(),
+            reason: error.to_string(),
+        };
+        all.insert(line.estimate.clone(), line);
+        let lines = all
+            .values()
+            .filter_map(|own| serde_json::to_string(own).ok());
+        let text: String = lines.flat_map(|line| [line, "\n".to_owned()]).collect();
+        if let Err(error) = lake.put_refused_index(robot, &text) {
+            tracing::warn!("session {}: {error}", key.session);
+        }
     }
 
     fn kept(&self, key: &RunKey) -> Option<Learnt> {

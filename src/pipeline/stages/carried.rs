@@ -133,8 +133,18 @@ pub struct Learning {
 }
 
 impl Learning {
-    /// On top of these sessions, of none before the first; with these sizes where all are learnt again.
-    pub fn after(before: Option<&Learnt>, held: Option<&Held>) -> Self {
+    /// On top of these sessions; of none before the first.
+    pub fn after(before: Option<&Learnt>) -> Self {
+        Self::with(before, None, before)
+    }
+
+    /// Again with these sizes, on top of what the sessions before say with them; the session judges what they said `first`, as the sizes are
+    /// its own too.
+    pub fn again(before: Option<&Learnt>, held: &Held, first: Option<&Learnt>) -> Self {
+        Self::with(before, Some(held), first)
+    }
+
+    fn with(before: Option<&Learnt>, held: Option<&Held>, first: Option<&Learnt>) -> Self {
         let fold = |fold: usize| Carrying {
             before: before.and_then(|own| own.folds.get(fold)).cloned(),
             held: held.and_then(|own| own.folds.get(fold)).cloned(),
@@ -146,7 +156,7 @@ impl Learning {
             },
             folds: (0..FOLDS).map(fold).collect(),
             before: before.map(|own| own.seen.clone()),
-            models: before.map(|own| own.models.clone()),
+            models: first.map(|own| own.models.clone()),
         }
     }
 

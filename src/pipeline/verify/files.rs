@@ -149,7 +149,7 @@ fn topmost(key: &str) -> String {
     let parts: Vec<&str> = key.split('/').collect();
     let is_own = |folder: &str| Lake::folders().any(|own| own == folder);
     let parts = match parts[..] {
-        [".index", "alone" | "joined", _, ..] => &parts[..3],
+        [".index", "alone" | "joined" | "refused", _, ..] => &parts[..3],
         [".history" | ".index" | ".learnt", _, ..] => &parts[..2],
         [first, _, ..] if !is_own(first) => &parts[..1],
         [_, _, _, _, _, ..] => &parts[..4],
