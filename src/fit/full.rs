@@ -12,7 +12,7 @@
 mod ageing;
 pub mod approach;
 mod before;
-mod carried;
+pub mod carried;
 mod columns;
 pub mod components;
 pub mod curves;

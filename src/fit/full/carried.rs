@@ -13,8 +13,8 @@
 //! part of the sums, so none counts twice. This is the recursive form of least squares (Plackett 1950) of the information filter.
 //!
 //! On the way from one session to the next
-//! 1. joints that were repaired lose curve, gear lines and zero ([`super::repairs`]);
-//! 2. the curves of all others may have changed, the more the longer it is ago ([`super::ageing`]): a change `w ~ N(0, a · years ·
+//! 1. joints that were repaired lose curve, gear lines and zero (`repairs`);
+//! 2. the curves of all others may have changed, the more the longer it is ago (`ageing`): a change `w ~ N(0, a · years ·
 //!    profile)` is put in and eliminated. Its size `a` follows from what each session showed of it.
 //!
 //! Whether a change stays or is one session's own shows in the next session alone. So the changes of the last session's curves are carried
