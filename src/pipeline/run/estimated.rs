@@ -6,6 +6,7 @@
 
 use super::joined::{Joiner, Sessions};
 use super::{EstimateDone, RunError};
+use crate::fit::saved::SavedError;
 use crate::io::lake::ESTIMATES;
 use crate::io::tables::PublishError;
 use crate::io::tables::estimates::{self, NoEstimate};
@@ -96,6 +97,14 @@ impl Estimator<'_> {
         }
         match self.restored(sessions, key) {
             Ok(estimate) => Ok(Some(estimate)),
+            // Orientations that folds left are in no table, and the folds' own models are kept for predictions alone.
+            Err(RunError::Stage(StageError::Stored(SavedError::NoFold))) => {
+                tracing::info!(
+                    "session {}: it was learnt on top of others and has errors of orientation, which are not kept: it is trained again",
+                    key.session
+                );
+                Ok(None)
+            }
             Err(RunError::EstimateUnread { .. } | RunError::Stage(StageError::Stored(_)))
                 if !is_all_there_is =>
             {
