@@ -100,6 +100,7 @@ pub struct FullModel {
     pub left_out: Vec<DVector<f64>>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
+    /// What the sessions so far said, for the next session; `None` where sessions are trained together.
     leaves: Option<Arc<Carried>>,
 }
 

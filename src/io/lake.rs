@@ -13,7 +13,8 @@
 //! grids by theirs in `grids` ([`Lake::start_grids`]).
 //!
 //! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
-//! histories keep (`history`), what sessions said to the next (`learnt`), the index of finished work (`index`) and the tables for people by month ([`CompactState`]).
+//! histories keep (`history`), what sessions said to the next (`learnt`), the index of finished work (`index`) and the tables for people
+//! by month ([`CompactState`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing

@@ -12,6 +12,7 @@ mod inputs;
 mod joined;
 mod known;
 mod learnt;
+mod lines;
 mod mounting;
 pub mod publish;
 mod session;

@@ -39,7 +39,7 @@ use super::columns::{day_of, few_harmonics};
 use super::components::{Part, Size, change_profile};
 use super::layout::{Block, Layout};
 use super::regression::Sums;
-use super::repairs;
+use super::repairs::{self, Repair};
 use super::rows::Around;
 use super::settings::FullSettings;
 use super::spectrum::Spectra;
@@ -84,7 +84,8 @@ impl Sizes {
 }
 
 /// What some sessions said of the arm that they share.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Carried {
     columns: Vec<Column>,
     /// Over `columns`, of values relative to `at`.
@@ -101,7 +102,7 @@ pub struct Carried {
     slide_periods_mm: Vec<Option<f64>>,
     /// Stations over which the warm-up is told.
     span: f64,
-    /// Of the last session, days since 1970.
+    /// Day of the last session, days since 1970; `None` without a date.
     day: Option<f64>,
     sessions: usize,
 }
@@ -123,9 +124,9 @@ impl Carried {
         self.sessions
     }
 
-    /// The day of the last session, since 1970; `None` without a date.
-    pub const fn day(&self) -> Option<f64> {
-        self.day
+    /// The joints (from 0) that were repaired between the last session and one of this day, days since 1970; none where one has no date.
+    pub fn repaired_since(&self, all: &[Repair], day: Option<f64>) -> Vec<usize> {
+        repairs::between(all, self.day, day)
     }
 
     /// Whether sizes of what belongs to one session are much larger now than those that the sums were made with, so that all sessions are to
@@ -212,7 +213,7 @@ impl Carried {
         settings: &FullSettings,
     ) -> Option<Entered> {
         let day = day_of(observations);
-        let repaired = repairs::between(&settings.repaired, self.day, day);
+        let repaired = self.repaired_since(&settings.repaired, day);
         let mut then = self.clone();
         for (column, own) in then.columns.iter().enumerate() {
             if let Column::Constant(joint) = own {

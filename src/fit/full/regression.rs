@@ -10,6 +10,7 @@ pub mod sessions;
 use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use crate::linalg::{Cholesky, gram};
 use few_rows::{FewRoot, FewRows};
@@ -27,9 +28,11 @@ pub enum Evidence {
 }
 
 /// Sums over whitened rows.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Sums {
-    /// `Φᵀ N⁻¹ Φ`.
+    /// `Φᵀ N⁻¹ Φ`; not written as text, as it has millions of numbers.
+    #[serde(skip, default = "no_information")]
     pub information: DMatrix<f64>,
     /// `Φᵀ N⁻¹ y`.
     pub moment: DVector<f64>,
@@ -37,6 +40,11 @@ pub struct Sums {
     pub square: f64,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
+}
+
+/// The information of sums that were read from a text, which has none.
+fn no_information() -> DMatrix<f64> {
+    DMatrix::zeros(0, 0)
 }
 
 /// The posterior at given prior variances.

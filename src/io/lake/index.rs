@@ -39,7 +39,7 @@ impl Lake {
 
     /// Replaces the index, completely or not at all.
     pub fn put_index(&self, text: &str) -> Result<(), LakeError> {
-        self.put_whole(KEY, text)
+        self.put_whole(KEY, text.as_bytes())
     }
 
     /// The files of single tasks, by the states that they are named after.
@@ -69,10 +69,7 @@ impl Lake {
 
     /// The file of a single task; `None` where it cannot be read.
     pub fn told_alone(&self, state: &str) -> Option<String> {
-        let mut text = String::new();
-        let mut file = self.store.open(&alone(state)?).ok()?;
-        file.read_to_string(&mut text).ok()?;
-        Some(text)
+        self.text_at(&alone(state)?)
     }
 
     /// Writes the file of a single task, completely or not at all.
@@ -80,7 +77,7 @@ impl Lake {
         let Some(key) = alone(state) else {
             return Ok(());
         };
-        self.put_whole(&key, text)
+        self.put_whole(&key, text.as_bytes())
     }
 
     /// What the index says of the sessions of a robot as joined; empty where there is nothing that can be read.
@@ -90,7 +87,7 @@ impl Lake {
 
     /// Replaces what the index says of the sessions of a robot as joined, completely or not at all.
     pub fn put_joined_index(&self, robot: &str, text: &str) -> Result<(), LakeError> {
-        self.put_whole(&joined(robot)?, text)
+        self.put_whole(&joined(robot)?, text.as_bytes())
     }
 
     /// The sessions of a robot that could not be learnt on top of others; empty where there is nothing that can be read.
@@ -100,22 +97,26 @@ impl Lake {
 
     /// Replaces what the index says of such sessions, completely or not at all.
     pub fn put_refused_index(&self, robot: &str, text: &str) -> Result<(), LakeError> {
-        self.put_whole(&refused(robot)?, text)
+        self.put_whole(&refused(robot)?, text.as_bytes())
     }
 
     fn text_of(&self, key: Result<String, LakeError>) -> String {
-        let read = || {
-            let mut text = String::new();
-            let mut file = self.store.open(&key.ok()?).ok()?;
-            file.read_to_string(&mut text).ok()?;
-            Some(text)
-        };
-        read().unwrap_or_default()
+        key.ok()
+            .and_then(|key| self.text_at(&key))
+            .unwrap_or_default()
     }
 
-    fn put_whole(&self, key: &str, text: &str) -> Result<(), LakeError> {
+    fn text_at(&self, key: &str) -> Option<String> {
+        let mut text = String::new();
+        let mut file = self.store.open(key).ok()?;
+        file.read_to_string(&mut text).ok()?;
+        Some(text)
+    }
+
+    /// Writes a file beside the tables, completely or not at all.
+    pub(super) fn put_whole(&self, key: &str, bytes: &[u8]) -> Result<(), LakeError> {
         let mut temporary = self.store.temporary(key)?;
-        let written = temporary.write_all(text.as_bytes());
+        let written = temporary.write_all(bytes);
         let written = written.and_then(|()| temporary.sync());
         written.map_err(folder_error("write", &self.written_at(key)))?;
         self.store.put(key, temporary)?;

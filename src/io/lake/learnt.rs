@@ -1,13 +1,12 @@
 //! What sessions said to the next ones, beside the tables and no part of them: `.learnt/ROBOT/SESSION/ESTIMATE.bin`.
 //!
 //! Nothing published follows from it being there: it may be removed, and is then made again from the sessions as joined. The lake keeps
-//! that of the last sessions alone, some ten megabytes each, since each next one has what those before it said.
+//! that of the last sessions alone, some tens of megabytes each, since each next one has what those before it said.
 
 use std::fs;
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, Read as _};
 use std::path::Path;
 
-use super::error::folder_error;
 use super::{Lake, LakeError, session_key};
 use crate::io::input::Bound;
 use crate::manifest::RunKey;
@@ -29,13 +28,7 @@ impl Lake {
 
     /// Keeps what the sessions of an estimate said, completely or not at all.
     pub fn put_learnt(&self, estimate: &RunKey, bytes: &[u8]) -> Result<(), LakeError> {
-        let key = learnt(estimate)?;
-        let mut temporary = self.store.temporary(&key)?;
-        let written = temporary.write_all(bytes);
-        let written = written.and_then(|()| temporary.sync());
-        written.map_err(folder_error("write", &self.written_at(&key)))?;
-        self.store.put(&key, temporary)?;
-        Ok(())
+        self.put_whole(&learnt(estimate)?, bytes)
     }
 
     /// Moves what sessions said from a lake in one folder to that in another; nothing where there is nothing.

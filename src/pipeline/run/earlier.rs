@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::RunError;
 use super::known::session_state;
+use super::{RunError, lines};
 use crate::io::lake::{Lake, LakeError};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION};
 use crate::pipeline::configuration::{
@@ -57,7 +57,7 @@ impl Earlier {
         let lines = Lake::at(&configuration.lake)?.joined_index(&robot);
         Ok(Self {
             states: piece.training.iter().filter_map(state).collect(),
-            known: parsed(&lines),
+            known: by_state(&lines),
             robot: Some(robot),
         })
     }
@@ -101,21 +101,13 @@ impl Earlier {
         if self.known.get(state) == Some(&line) {
             return Ok(());
         }
-        let mut all = parsed(&lake.joined_index(robot));
+        let mut all = by_state(&lake.joined_index(robot));
         all.retain(|_, own| own.session != line.session);
         all.insert(state.clone(), line);
-        let lines = all
-            .values()
-            .filter_map(|own| serde_json::to_string(own).ok());
-        let text: String = lines.flat_map(|line| [line, "\n".to_owned()]).collect();
-        lake.put_joined_index(robot, &text)
+        lake.put_joined_index(robot, &lines::text(&all))
     }
 }
 
-/// The lines of an index by their states; those that cannot be read are left out.
-fn parsed(text: &str) -> BTreeMap<String, Line> {
-    let lines = text
-        .lines()
-        .filter_map(|line| serde_json::from_str(line).ok());
-    lines.map(|line: Line| (line.state.clone(), line)).collect()
+fn by_state(text: &str) -> BTreeMap<String, Line> {
+    lines::parsed(text, |line: &Line| &line.state)
 }

@@ -36,7 +36,7 @@ pub(super) struct Joiner<'a> {
     /// The work of the piece, with the inputs of all its sessions.
     pub(super) work: &'a Work,
     pub(super) lake: &'a Lake,
-    /// What is known of its sessions without their files.
+    /// The states of the sessions' files, and the index of joined sessions.
     pub(super) known: &'a Earlier,
     pub(super) progress: &'a dyn Progress,
 }

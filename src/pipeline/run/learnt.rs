@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::RunError;
 use super::estimated::Estimator;
 use super::joined::{Joiner, Sessions};
+use super::{RunError, lines};
 use crate::io::tables::outcome::JoinedSession;
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::{Recorded, SessionFiles};
@@ -28,14 +28,8 @@ struct Line {
     reason: String,
 }
 
-/// The lines of an index by their estimates; those that cannot be read are left out.
-fn parsed(text: &str) -> BTreeMap<String, Line> {
-    let lines = text
-        .lines()
-        .filter_map(|line| serde_json::from_str(line).ok());
-    lines
-        .map(|line: Line| (line.estimate.clone(), line))
-        .collect()
+fn by_estimate(text: &str) -> BTreeMap<String, Line> {
+    lines::parsed(text, |line: &Line| &line.estimate)
 }
 
 /// What the lake keeps is that of so many last sessions: a night that is done again needs what the one before it said.
@@ -67,7 +61,7 @@ impl Estimator<'_> {
                 self.joined(files)?;
             }
         }
-        let refused = parsed(&self.joiner.lake.refused_index(&self.joiner.work.robot));
+        let refused = by_estimate(&self.joiner.lake.refused_index(&self.joiner.work.robot));
         for (files, key) in earlier.iter().zip(keys) {
             if let Some(line) = refused.get(&key.run) {
                 let reason = line.reason.clone();
@@ -170,18 +164,14 @@ impl Estimator<'_> {
             return;
         }
         let (lake, robot) = (self.joiner.lake, &self.joiner.work.robot);
-        let mut all = parsed(&lake.refused_index(robot));
+        let mut all = by_estimate(&lake.refused_index(robot));
         let line = Line {
             estimate: key.run.clone(),
             session: key.session.clone(),
             reason: error.to_string(),
         };
         all.insert(line.estimate.clone(), line);
-        let lines = all
-            .values()
-            .filter_map(|own| serde_json::to_string(own).ok());
-        let text: String = lines.flat_map(|line| [line, "\n".to_owned()]).collect();
-        if let Err(error) = lake.put_refused_index(robot, &text) {
+        if let Err(error) = lake.put_refused_index(robot, &lines::text(&all)) {
             tracing::warn!("session {}: {error}", key.session);
         }
     }

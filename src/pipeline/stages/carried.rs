@@ -53,7 +53,7 @@ struct Pose {
     command: Option<(Point3<f64>, Option<UnitQuaternion<f64>>)>,
     joints: Vec<f64>,
     counted: Vec<f64>,
-    /// Of the nominal flange, mm.
+    /// Position of the nominal flange in the base frame, mm.
     flange: Point3<f64>,
 }
 
@@ -169,11 +169,11 @@ impl Learning {
         settings: &TrainingSettings<'_>,
     ) -> Option<Result<Models, SavedError>> {
         let models = self.models.clone()?;
-        let then = self.whole.before.as_ref()?.day();
-        let mut repairs = settings.full.repaired.iter();
-        let is_another = repairs.any(|repair| then.is_some_and(|day| repair.is_to_come(day)));
-        let is_known = settings.full.repaired.is_empty() || then.is_some() && day.is_some();
-        (is_known && !is_another).then(|| models.for_another_session(arm, settings))
+        let before = self.whole.before.as_ref()?;
+        let repaired = before.repaired_since(&settings.full.repaired, day);
+        repaired
+            .is_empty()
+            .then(|| models.for_another_session(arm, settings))
     }
 
     /// Number of sessions before.

@@ -50,7 +50,7 @@ pub struct Estimate {
     pub(super) sources: Vec<Source>,
     /// Their lengths by each model.
     pub(super) length_residuals: Vec<LengthResidual>,
-    /// What it leaves to the next session, where sessions are learnt one on top of the other; `None` where the models were read back.
+    /// The sums that the next session is trained on top of; `None` unless the pool grows, and where the models were read back.
     pub(super) learnt: Option<Learnt>,
 }
 
@@ -189,7 +189,7 @@ impl Estimate {
         self.observed.all.len()
     }
 
-    /// What it leaves to the next session ([`Learning`]); `None` where sessions are not learnt so, or the models were read back.
+    /// The sums that the next session is trained on top of ([`Learning`]); `None` unless the pool grows, and where the models were read back.
     pub const fn learnt(&self) -> Option<&Learnt> {
         self.learnt.as_ref()
     }

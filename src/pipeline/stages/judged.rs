@@ -95,11 +95,6 @@ pub(super) fn sessions_left_out(
     locate: Locate,
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {
-    let locate = Locate {
-        // Each session of a pool has a mounting of its own.
-        target: LocateTarget::Own,
-        ..locate
-    };
     let others = training.len() - 1;
     let of_now: Vec<usize> = (0..training.len())
         .filter(|&place| is_of_now(observed, place, settings))
@@ -110,16 +105,9 @@ pub(super) fn sessions_left_out(
         let train = observed.without_session(place);
         let models = fit::models::train_all(arm, &train, others, settings)?;
         let own = observed.own(place);
-        let stations = Stations {
-            session: &session.name,
-            observations: &own,
-        };
-        let locator = Locator::new(&models, arm, locate, settings);
-        let finders = locator.finders(&models, &own);
         progress.advance(1);
-        Ok(unseen::unseen_session(
-            &models, stations, &locator, &finders,
-        )?)
+        let judged = judged_apart(arm, &models, (session, &own), settings, locate)?;
+        Ok(judged)
     };
     let judged = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
@@ -139,19 +127,29 @@ pub(super) fn judged_by_earlier(
     let Some(models) = learning.models_before(arm, day, settings) else {
         return Ok(Vec::new());
     };
-    let models = models?;
+    let judged = judged_apart(arm, &models?, (&training[0], &own), settings, locate);
+    Ok(judged.map_err(FitError::from)?)
+}
+
+/// A session judged by models that never saw it, with a mounting of its own: base and target are found from some of its stations.
+fn judged_apart(
+    arm: &Arm,
+    models: &Models,
+    (session, observations): (&JoinedSession, &[Observation]),
+    settings: &TrainingSettings<'_>,
+    locate: Locate,
+) -> Result<Vec<ResidualSet>, SeveralSources> {
     let locate = Locate {
         target: LocateTarget::Own,
         ..locate
     };
     let stations = Stations {
-        session: &training[0].name,
-        observations: &own,
+        session: &session.name,
+        observations,
     };
-    let locator = Locator::new(&models, arm, locate, settings);
-    let finders = locator.finders(&models, &own);
-    let judged = unseen::unseen_session(&models, stations, &locator, &finders);
-    Ok(judged.map_err(FitError::from)?)
+    let locator = Locator::new(models, arm, locate, settings);
+    let finders = locator.finders(models, observations);
+    unseen::unseen_session(models, stations, &locator, &finders)
 }
 
 /// Whether no repair of a joint was still to come in a session.

@@ -3,8 +3,8 @@
 use nalgebra::{DVector, Vector3};
 
 use super::column::Column;
-use super::places::{Behind, Places};
-use super::{Carried, Sizes};
+use super::places::Places;
+use super::{Carried, Entered, Sizes};
 use crate::fit::full::columns::day_of;
 use crate::fit::full::components::{Part, Size};
 use crate::fit::full::layout::Block;
@@ -123,8 +123,7 @@ impl Settled {
     fn total(&self, around: &Around<'_>, places: &Places<'_>) -> Option<Total> {
         let own = self.state.components.variances();
         let before = self.state.before.as_deref();
-        let behind = before.map(|entered| Behind { entered });
-        let (changes, last) = behind.as_ref().map(Behind::variances).unwrap_or_default();
+        let (changes, last) = before.map(Entered::variances_behind).unwrap_or_default();
         let zeros = places.constants();
         let (size, joints) = (own.len(), zeros.len());
         let all = size + joints + changes.len() + last.len();
@@ -134,8 +133,8 @@ impl Settled {
         let mut total = sums(around, &self.prior_mean)
             .selected(&columns)
             .placed(&first, all);
-        if let Some(behind) = &behind {
-            total.add(&places.laid(&behind.entered.then, Some(behind), all)?, 1.0);
+        if let Some(before) = before {
+            total.add(&places.laid(&before.then, Some(before), all)?, 1.0);
         }
         Some(Total {
             sums: total,

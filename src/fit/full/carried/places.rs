@@ -10,7 +10,7 @@ use crate::fit::full::rows::Around;
 use crate::fit::problem::Unknown;
 
 /// The columns of a session's model, by which those carried over are found. Behind them are the zeros that joints had before, then
-/// [`Behind`].
+/// changes ([`Entered::variances_behind`]).
 pub(super) struct Places<'p> {
     pub(super) layout: &'p Layout,
     unknowns: &'p [Unknown],
@@ -19,17 +19,12 @@ pub(super) struct Places<'p> {
     pub(super) at: DVector<f64>,
 }
 
-/// Columns that a session's model does not have: changes since the session before, and that session's own changes.
-pub(super) struct Behind<'e> {
-    pub(super) entered: &'e Entered,
-}
-
-impl Behind<'_> {
-    /// The prior variance of each.
-    pub(super) fn variances(&self) -> (Vec<f64>, Vec<f64>) {
-        let Entered { then, changes, .. } = self.entered;
-        let changed = changes.iter().map(|(_, variance)| *variance);
-        let last = then.columns.iter().zip(&then.variances);
+impl Entered {
+    /// The prior variance of each change since the session before, and of each change of that session alone: columns that a session's model
+    /// does not have.
+    pub(super) fn variances_behind(&self) -> (Vec<f64>, Vec<f64>) {
+        let changed = self.changes.iter().map(|(_, variance)| *variance);
+        let last = self.then.columns.iter().zip(&self.then.variances);
         let last = last.filter(|(own, _)| own.is_of_last());
         (
             changed.collect(),
@@ -89,11 +84,11 @@ impl<'p> Places<'p> {
     pub(super) fn laid(
         &self,
         carried: &Carried,
-        behind: Option<&Behind<'_>>,
+        behind: Option<&Entered>,
         size: usize,
     ) -> Option<Sums> {
         let all = carried.columns.len();
-        let changes = behind.map_or(&[][..], |own| &own.entered.changes);
+        let changes = behind.map_or(&[][..], |own| &own.changes);
         let mut twice: Vec<usize> = (0..all).collect();
         twice.extend(changes.iter().map(|(column, _)| *column));
         let first = self.layout.size() + self.constants().len();
