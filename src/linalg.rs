@@ -25,20 +25,25 @@ impl Cholesky {
     pub fn new(mut matrix: DMatrix<f64>) -> Option<Self> {
         let size = matrix.nrows();
         let mut diagonal_inverses = Vec::with_capacity(size.div_ceil(BLOCK));
-        for first in (0..size).step_by(BLOCK) {
-            let end = (first + BLOCK).min(size);
-            let width = end - first;
-            let block = small_cholesky(matrix.view((first, first), (width, width)).into_owned())?;
-            let inverse = small_inverse(&block);
+        for first in (0..size).step_by(WIDE) {
+            let width = WIDE.min(size - first);
+            let end = first + width;
+            let corner = matrix.view((first, first), (width, width)).into_owned();
+            let corner = factored(corner, &mut diagonal_inverses)?;
+            let own = &diagonal_inverses[first / BLOCK..];
+            let panel = behind(
+                &matrix.view((end, first), (size - end, width)),
+                &corner,
+                own,
+            );
             matrix
                 .view_mut((first, first), (width, width))
-                .copy_from(&block);
-            let panel = matrix.view((end, first), (size - end, width)) * inverse.transpose();
-            matrix
-                .view_mut((end, first), (size - end, width))
-                .copy_from(&panel);
+                .copy_from(&corner);
+            for (place, part) in panel.iter().enumerate() {
+                let to = (end + place * WIDE, first);
+                matrix.view_mut(to, part.shape()).copy_from(part);
+            }
             subtract_outer(&mut matrix, end, &panel);
-            diagonal_inverses.push(inverse);
         }
         Some(Self {
             lower: matrix,
@@ -92,32 +97,47 @@ impl Cholesky {
     /// `A⁻¹ b`.
     pub fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
         let columns = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
-        let half = self.forward(&columns, 0);
+        let half = self.forward(columns, 0);
         self.backward(half.column(0).into_owned())
     }
 
-    /// `L⁻¹ B`.
-    pub fn forward(&self, right: &DMatrix<f64>, first: usize) -> DMatrix<f64> {
+    /// `L⁻¹ B`, L without its rows and columns before `first`, which is the first of a block.
+    pub fn forward(&self, right: DMatrix<f64>, first: usize) -> DMatrix<f64> {
         let size = self.size();
-        let mut solved = DMatrix::zeros(size - first, right.ncols());
+        let mut solved = right;
         for top in (first..size).step_by(WIDE) {
-            let height = WIDE.min(size - top);
-            let mut rest = right.rows(top - first, height).into_owned();
-            let before = self.lower.view((top, first), (height, top - first));
-            rest.gemm(-1.0, &before, &solved.rows(0, top - first), 1.0);
-            for row in (top..top + height).step_by(BLOCK) {
+            let bottom = (top + WIDE).min(size);
+            self.subtract_before(&mut solved, first, first..top, top..bottom);
+            for row in (top..bottom).step_by(BLOCK) {
                 let inverse = &self.diagonal_inverses[row / BLOCK];
                 let width = inverse.nrows();
-                let mut own = rest.rows(row - top, width).into_owned();
-                let before = self.lower.view((row, top), (width, row - top));
-                let done = solved.rows(top - first, row - top);
-                own.gemm(-1.0, &before, &done, 1.0);
-                solved
-                    .rows_mut(row - first, width)
-                    .copy_from(&(inverse * own));
+                self.subtract_before(&mut solved, first, top..row, row..row + width);
+                let mut own = solved.rows_mut(row - first, width);
+                own.copy_from(&(inverse * &own));
             }
         }
         solved
+    }
+
+    /// Subtracts from the rows `own` of a right-hand side that starts at row `first` what those of `before`, which are solved, explain.
+    fn subtract_before(
+        &self,
+        solved: &mut DMatrix<f64>,
+        first: usize,
+        before: Range<usize>,
+        own: Range<usize>,
+    ) {
+        if before.is_empty() {
+            return;
+        }
+        let lower = self
+            .lower
+            .view((own.start, before.start), (own.len(), before.len()));
+        let (done, mut rest) = solved.rows_range_pair_mut(
+            before.start - first..before.end - first,
+            own.start - first..own.end - first,
+        );
+        rest.gemm(-1.0, &lower, &done, 1.0);
     }
 
     /// `L⁻¹`, for variances: the diagonal of `A⁻¹` is the squared norms of its columns.
@@ -133,7 +153,7 @@ impl Cholesky {
                 let width = columns.len() / size;
                 let mut right = DMatrix::zeros(size - first, width);
                 right.fill_diagonal(1.0);
-                let solved = self.forward(&right, first);
+                let solved = self.forward(right, first);
                 let mut view = DMatrixViewMut::from_slice(columns, size, width);
                 view.rows_mut(first, size - first).copy_from(&solved);
             });
@@ -179,25 +199,95 @@ pub fn stacked<'m>(
     stacked
 }
 
-/// `A_22 −= P Pᵀ` on and below the diagonal and somewhat above, in panels of columns that start at whole blocks.
-fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &DMatrix<f64>) {
+/// The lower Cholesky factor of a few blocks, whose diagonals' inverses are appended to `inverses`; `None` if they are not positive
+/// definite.
+fn factored(mut matrix: DMatrix<f64>, inverses: &mut Vec<DMatrix<f64>>) -> Option<DMatrix<f64>> {
+    let size = matrix.nrows();
+    for first in (0..size).step_by(BLOCK) {
+        let width = BLOCK.min(size - first);
+        let end = first + width;
+        let block = small_cholesky(matrix.view((first, first), (width, width)).into_owned())?;
+        let inverse = small_inverse(&block);
+        let below = matrix.view((end, first), (size - end, width)) * inverse.transpose();
+        let mut own = matrix.view_mut((first, first), (width, width));
+        own.copy_from(&block);
+        let mut own = matrix.view_mut((end, first), (size - end, width));
+        own.copy_from(&below);
+        let mut rest = matrix.view_mut((end, end), (size - end, size - end));
+        rest.gemm(-1.0, &below, &below.transpose(), 1.0);
+        inverses.push(inverse);
+    }
+    Some(matrix)
+}
+
+/// `P L⁻ᵀ` for the columns P below the factor L of a few blocks, whose diagonals' inverses are `inverses`: [`WIDE`] rows after each
+/// other.
+fn behind(
+    columns: &DMatrixView<'_, f64>,
+    lower: &DMatrix<f64>,
+    inverses: &[DMatrix<f64>],
+) -> Vec<DMatrix<f64>> {
+    let tops: Vec<usize> = (0..columns.nrows()).step_by(WIDE).collect();
+    let of_rows = |&top: &usize| {
+        let height = WIDE.min(columns.nrows() - top);
+        let mut own = columns.rows(top, height).into_owned();
+        let mut first = 0;
+        for inverse in inverses {
+            let width = inverse.nrows();
+            let (done, mut rest) = own.columns_range_pair_mut(..first, first..first + width);
+            if first > 0 {
+                let across = lower.view((first, 0), (width, first)).transpose();
+                rest.gemm(-1.0, &done, &across, 1.0);
+            }
+            rest.copy_from(&(&rest * inverse.transpose()));
+            first += width;
+        }
+        own
+    };
+    tops.par_iter().map(of_rows).collect()
+}
+
+/// `A_22 −= P Pᵀ` on and below the diagonal and somewhat above, for P in parts of [`WIDE`] rows.
+fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &[DMatrix<f64>]) {
     let size = matrix.nrows();
     if end >= size {
         return;
     }
-    let transposed = panel.transpose();
     matrix.as_mut_slice()[end * size..]
         .par_chunks_mut(size * WIDE)
         .enumerate()
         .for_each(|(block, columns)| {
             let width = columns.len() / size;
-            let first = block * WIDE;
-            let below = size - end - first;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
-            let right = transposed.columns(first, width);
-            view.rows_mut(end + first, below)
-                .gemm(-1.0, &panel.rows(first, below), &right, 1.0);
+            let right = panel[block].transpose();
+            for (place, part) in panel.iter().enumerate().skip(block) {
+                view.rows_mut(end + place * WIDE, part.nrows())
+                    .gemm(-1.0, part, &right, 1.0);
+            }
         });
+}
+
+/// Puts the inverse of a small symmetric matrix in its place, by elimination without exchanging rows, which a definite one does not
+/// need; `false` where a pivot is zero or not a number, and then what is left there is meaningless.
+pub fn invert_small(matrix: &mut DMatrix<f64>) -> bool {
+    let size = matrix.nrows();
+    for pivot in 0..size {
+        let own = matrix[(pivot, pivot)].recip();
+        if !own.is_finite() {
+            return false;
+        }
+        for column in (0..size).filter(|&column| column != pivot) {
+            let share = matrix[(pivot, column)] * own;
+            for row in 0..size {
+                let taken = matrix[(row, pivot)] * share;
+                matrix[(row, column)] -= taken;
+            }
+            matrix[(pivot, column)] = share;
+        }
+        matrix.column_mut(pivot).scale_mut(-own);
+        matrix[(pivot, pivot)] = own;
+    }
+    true
 }
 
 /// The lower Cholesky factor of one block, zeros above the diagonal.
@@ -240,9 +330,37 @@ fn small_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
 /// `Σ_rows Hᵀ H` of stacked rows, lower and upper triangle, panels of columns in parallel.
 pub fn gram(rows: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let size = rows.ncols();
-    let transposed = rows.transpose();
     let mut gram = DMatrix::zeros(size, size);
-    gram.as_mut_slice()
+    add_products(&mut gram, 1.0, rows, size, |_| 0);
+    mirror(&mut gram);
+    gram
+}
+
+/// Subtracts `Hᵀ H` of stacked rows from a symmetric matrix, of which only the lower triangle is then right.
+pub fn subtract_gram(matrix: &mut DMatrix<f64>, rows: &DMatrix<f64>) {
+    add_products(matrix, -1.0, &rows.as_view(), rows.ncols(), |_| 0);
+}
+
+/// `Lᵀ L` of a lower triangular matrix, whose entries above the diagonal are zero.
+pub fn gram_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut gram = DMatrix::zeros(lower.ncols(), lower.ncols());
+    add_products(&mut gram, 1.0, &lower.as_view(), WIDE, |column| column);
+    mirror(&mut gram);
+    gram
+}
+
+/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, where the columns from one on have no entry before its `first_row`; below
+/// the diagonal at most `tall` rows at once.
+fn add_products(
+    sum: &mut DMatrix<f64>,
+    share: f64,
+    rows: &DMatrixView<'_, f64>,
+    tall: usize,
+    first_row: impl Fn(usize) -> usize + Sync,
+) {
+    let size = rows.ncols();
+    let transposed = transposed(rows);
+    sum.as_mut_slice()
         .par_chunks_mut((size * WIDE).max(1))
         .enumerate()
         .for_each(|(block, columns)| {
@@ -251,23 +369,55 @@ pub fn gram(rows: &DMatrixView<'_, f64>) -> DMatrix<f64> {
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
             let mut put = |left: Range<usize>, right: Range<usize>| {
                 let own = (left.start, right.start - first);
+                let from = first_row(left.start);
+                let count = rows.nrows() - from;
                 view.view_mut(own, (left.len(), right.len())).gemm(
+                    share,
+                    &transposed.view((left.start, from), (left.len(), count)),
+                    &rows.view((from, right.start), (count, right.len())),
                     1.0,
-                    &transposed.rows(left.start, left.len()),
-                    &rows.columns(right.start, right.len()),
-                    0.0,
                 );
             };
             let end = first + width;
             for own in (first..end).step_by(BLOCK) {
                 put(own..end, own..(own + BLOCK).min(end));
             }
-            if end < size {
-                put(end..size, first..end);
+            for below in (end..size).step_by(tall.max(1)) {
+                put(below..(below + tall).min(size), first..end);
             }
         });
-    gram.fill_upper_triangle_with_lower_triangle();
-    gram
+}
+
+/// The transpose, block by block as [`mirror`] goes.
+pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
+    let (height, width) = matrix.shape();
+    let mut transposed = DMatrix::zeros(width, height);
+    for column in (0..width).step_by(BLOCK) {
+        let columns = BLOCK.min(width - column);
+        for row in (0..height).step_by(BLOCK) {
+            let rows = BLOCK.min(height - row);
+            let block = matrix.view((row, column), (rows, columns));
+            let mut own = transposed.view_mut((column, row), (columns, rows));
+            block.transpose_to(&mut own);
+        }
+    }
+    transposed
+}
+
+/// Copies the lower triangle into the upper one, block by block, so that what is read and written stays in the cache.
+fn mirror(matrix: &mut DMatrix<f64>) {
+    let size = matrix.nrows();
+    for first in (0..size).step_by(BLOCK) {
+        let width = BLOCK.min(size - first);
+        let mut corner = matrix.view_mut((first, first), (width, width));
+        corner.fill_upper_triangle_with_lower_triangle();
+        for below in (first + width..size).step_by(BLOCK) {
+            let height = BLOCK.min(size - below);
+            let block = matrix.view((below, first), (height, width)).transpose();
+            let mut above = matrix.view_mut((first, below), (width, height));
+            above.copy_from(&block);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -311,6 +461,26 @@ mod tests {
                     .max()
                     < 1e-8
             );
+        }
+    }
+
+    #[test]
+    fn a_small_inverse_is_that_of_nalgebra() {
+        for size in [1, 3, 6, 11] {
+            let mut own = matrix(size);
+            let theirs = own.clone().try_inverse().expect("positive definite");
+            assert!(invert_small(&mut own));
+            assert!((own - theirs).norm() < 1e-12, "size {size}");
+        }
+        assert!(!invert_small(&mut DMatrix::zeros(3, 3)));
+    }
+
+    #[test]
+    fn products_of_a_triangle_are_the_plain_ones() {
+        for size in [5, 64, 300, 600] {
+            let lower = matrix(size).lower_triangle();
+            let apart = gram_of_lower(&lower) - gram(&lower.as_view());
+            assert!(apart.norm() < 1e-9 * lower.norm_squared(), "size {size}");
         }
     }
 

@@ -323,6 +323,46 @@ fn left_out(folder: &Path, session: &str) -> Vec<String> {
     sessions.into_iter().map(str::to_owned).collect()
 }
 
+/// Mean error of the full model in a session that only judged, its base found from its first stations, mm.
+fn judged_mm(folder: &Path, session: &str) -> f64 {
+    let schema = schema::find("residuals").expect("a published table");
+    let tables = std::fs::read_dir(folder.join("lake/residuals/arm/pooled")).expect("a folder");
+    let paths: Vec<_> = tables.map(|own| own.expect("a table").path()).collect();
+    let residuals = table::read(&paths[0], schema).expect("a table by its schema");
+    let is = |row: usize, column: &str, wanted: &str| residuals.text(column).value(row) == wanted;
+    let rows = (0..residuals.rows()).filter(|&row| {
+        is(row, "of_session", session)
+            && is(row, "split", "session")
+            && is(row, "model", "full")
+            && is(row, "base_refit", "first")
+    });
+    let errors: Vec<f64> = rows
+        .map(|row| residuals.f64("residual_mm").value(row))
+        .collect();
+    assert!(errors.len() > 50, "{} errors", errors.len());
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+#[test]
+fn a_session_that_only_judges_has_the_target_of_the_latest_that_trained() {
+    let mut measured = MeasuredArm::new(STEADY, 5);
+    let mut seen = measured.session(80);
+    measured.remount(Vector3::new(1.5, -1.0, 0.5));
+    seen.extend((0..2).flat_map(|_| measured.session(80)));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    tabled(folder, &seen, "");
+    let file = folder.join("pool.toml");
+    let text = std::fs::read_to_string(&file).expect("a pipeline file");
+    let sessions = "sessions = [\"day-1\", \"day-2\"]\ntest = [\"day-3\"]\npool = \"all\"";
+    std::fs::write(&file, text.replace("pool = \"all\"", sessions)).expect("a pipeline file");
+    let output = run(folder);
+    assert!(output.status.success(), "{}", stderr(&output));
+    // The target of the first session is 1.9 mm away.
+    let error = judged_mm(folder, "day-3");
+    assert!(error < 0.15, "{error} mm");
+}
+
 fn run(folder: &Path) -> Output {
     posegrid(folder, &["run", "pool.toml"])
 }

@@ -42,6 +42,7 @@ mod whitening;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
+use rayon::prelude::*;
 
 use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
@@ -64,6 +65,9 @@ pub use repairs::{Day, Repair};
 pub use settings::FullSettings;
 use student::Tails;
 use tabulated::Tabulated;
+
+/// Positions whose covariances are found together: their rows are one right-hand side.
+const POSITIONS: usize = 64;
 
 /// The full error model of an arm, trained.
 #[derive(Debug)]
@@ -370,14 +374,18 @@ impl FullModel {
 
     /// Covariance of predicted positions whose rows are stacked, three each, mm².
     pub fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
-        let half = self.posterior.half(rows);
-        (0..rows.nrows() / 3)
-            .map(|i| {
-                let own = half.columns(3 * i, 3);
+        let firsts: Vec<usize> = (0..rows.nrows()).step_by(3 * POSITIONS).collect();
+        let some = |&first: &usize| {
+            let count = (3 * POSITIONS).min(rows.nrows() - first);
+            let half = self.posterior.half(&rows.rows(first, count).into_owned());
+            let positions = (0..count / 3).map(|place| {
+                let own = half.columns(3 * place, 3);
                 let covariance = own.tr_mul(&own);
                 Matrix3::from_fn(|row, column| covariance[(row, column)])
-            })
-            .collect()
+            });
+            positions.collect::<Vec<_>>()
+        };
+        firsts.par_iter().flat_map_iter(some).collect()
     }
 
     /// The unknowns of geometry and frames, in column order.
@@ -423,12 +431,11 @@ impl FullModel {
         &self.frames
     }
 
-    /// Noise covariance of one measured position, in addition to the model's own covariance, at full weight, tracker frame,
-    /// mm²; zero where none was measured.
-    pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        // The noise is also needed for sessions that took no part: it is in the frame of the first session's source.
+    /// Noise covariance of one position measured with the base of a session that trained, in addition to the model's own covariance, at
+    /// full weight, tracker frame, mm²; zero where none was measured.
+    pub fn noise(&self, observation: &Observation, session: usize) -> Matrix3<f64> {
         let channel = Channel {
-            session: 0,
+            session,
             ..observation.channel()
         };
         let view = self.ready.chains.of(channel).view(&observation.axes);

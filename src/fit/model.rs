@@ -88,8 +88,9 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         vec![Matrix3::zeros(); rows.nrows() / 3]
     }
 
-    /// Noise covariance of one measured position, in addition to the model's own covariance, tracker frame, mm².
-    fn noise(&self, observation: &Observation) -> Matrix3<f64> {
+    /// Noise covariance of one position measured with the base of a session, in addition to the model's own covariance, tracker frame,
+    /// mm².
+    fn noise(&self, observation: &Observation, _session: usize) -> Matrix3<f64> {
         let point = observation.point();
         point.map_or_else(Matrix3::zeros, |point| {
             point.factor * point.factor.transpose()

@@ -164,6 +164,12 @@ impl Models {
         }
     }
 
+    /// The latest session that trained, of which another session has what is not found of its own: its base, and its targets where they
+    /// were not taken off since.
+    pub const fn latest(&self) -> usize {
+        self.base_target.frames.len().saturating_sub(1)
+    }
+
     /// This model, or the best one where the training does not have it.
     pub fn or_best(&self, model: Model) -> &dyn PoseModel {
         self.get(model).unwrap_or_else(|| self.best().1)

@@ -275,7 +275,7 @@ pub fn candidate(
     let instrument = source.uncertainty.covariance(&position);
     let observation = Observation::planned(0, arm.axes(joints), position, instrument);
     Candidate {
-        noise: model.noise(&observation),
+        noise: model.noise(&observation, 0),
         axes: observation.axes,
     }
 }

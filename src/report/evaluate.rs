@@ -87,8 +87,8 @@ pub(super) fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>
     }
 }
 
-/// A model with its predictions in the tracker's frame: with the session's own frames, or with those of the first session
-/// where it is unseen.
+/// A model with its predictions in the tracker's frame: with the session's own frames, or with those of the latest session
+/// that trained where it is unseen.
 ///
 /// `None` where there is no such model, or it has no prediction at these angles: figures of other stations would not be
 /// comparable.
@@ -99,11 +99,11 @@ pub(super) fn predictions<'m>(
     observations: &[Observation],
     own: bool,
 ) -> Option<(&'m dyn PoseModel, Vec<Predicted>)> {
-    let model = models.get(model)?;
+    let (model, latest) = (models.get(model)?, models.latest());
     let of = |o: &Observation| {
         let axes = axes_at(o, angles)?;
         let known = known_at(o, angles);
-        let session = if own { o.session } else { 0 };
+        let session = if own { o.session } else { latest };
         let query = Query {
             axes: &axes,
             known,
@@ -166,10 +166,10 @@ fn turn(
     Ok(Some(Turn { attained, wanted }))
 }
 
-/// The target of an observation; `None` where its session has only one. An unseen session has those of the first.
+/// The target of an observation; `None` where its session has only one. An unseen session has those of the latest that trained.
 pub(super) fn target_read(models: &Models, observation: &Observation) -> Option<TargetId> {
     let frames = &models.base_target.frames;
-    let own = frames.get(observation.session).or_else(|| frames.first())?;
+    let own = frames.get(observation.session).or_else(|| frames.last())?;
     own.has_several_targets().then_some(observation.target)
 }
 
@@ -196,7 +196,7 @@ fn own_covariances(
             .into_iter()
             .zip(predictions)
             .zip(observations)
-            .map(|((open, predicted), o)| open + predicted.alone() + model.noise(o))
+            .map(|((open, predicted), o)| open + predicted.alone() + model.noise(o, o.session))
             .collect(),
     )
 }

@@ -184,8 +184,10 @@ impl Locator {
     ) -> Self {
         let full = models.full.as_ref();
         let own_target = locate.with_target();
-        let elsewhere =
-            full.and_then(|full| full.elsewhere(arm, (0, own_target), settings.full, settings.up));
+        let elsewhere = full.and_then(|full| {
+            let mounted = (models.latest(), own_target);
+            full.elsewhere(arm, mounted, settings.full, settings.up)
+        });
         // Both mountings may be off.
         let apart = |sd_mm: f64| sd_mm * 2.0_f64.sqrt();
         Self {
@@ -244,7 +246,7 @@ impl Locator {
         let poses: Vec<Observation> = poses.collect();
         let (model, _) = models.best();
         let (it, predictions) = predictions(models, model, Angles::Reported, &poses, false)?;
-        let to_base = it.frames()[0]
+        let to_base = it.frames()[models.latest()]
             .tracker_from_base(poses.first()?.source)
             .isometry()
             .inverse();
@@ -350,9 +352,11 @@ impl Locator {
         let angles = Angles::Commanded;
         let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
         let source = observations.first()?.source;
-        let to_tracker = *full.frames()[0].tracker_from_base(source).isometry();
+        let latest = models.latest();
+        let base = full.frames()[latest].tracker_from_base(source);
+        let to_tracker = *base.isometry();
         let alone = predictions.iter().zip(observations);
-        let alone = alone.map(|(p, o)| turned(&(full.noise(o) + p.alone()), &to_tracker));
+        let alone = alone.map(|(p, o)| turned(&(full.noise(o, latest) + p.alone()), &to_tracker));
         let to_base = to_tracker.inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();

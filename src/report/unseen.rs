@@ -34,12 +34,12 @@ pub fn unseen_session(
         let Some((it, predictions)) = found else {
             continue;
         };
-        // An unseen session is predicted with the frames of the first.
-        let trained = it.frames()[0].main()?;
+        let trained = it.frames()[models.latest()].main()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
-        let noise = noise(it, &predictions, stations.observations, &to_base);
+        let measured = (stations.observations, models.latest());
+        let noise = noise(it, &predictions, measured, &to_base);
         let poses = match model {
             Model::Full => locator.poses(stations.observations, angles, &placed, noise),
             _ => (model.is_rival()).then(|| locator.poses_apart(&placed, noise)),
@@ -72,16 +72,17 @@ pub fn unseen_session(
     Ok(sets)
 }
 
-/// Noise of each measured position and of unknown settling errors, in the axes of the base, mm².
+/// Noise of each measured position and of unknown settling errors, in the axes of the base, mm²; of observations with the frames of a
+/// session that trained.
 fn noise(
     model: &dyn PoseModel,
     predictions: &[Predicted],
-    observations: &[Observation],
+    (observations, session): (&[Observation], usize),
     to_base: &Isometry3<f64>,
 ) -> Vec<Matrix3<f64>> {
     let to_tracker = to_base.inverse();
     let own = predictions.iter().zip(observations);
-    own.map(|(predicted, o)| turned(&(model.noise(o) + predicted.alone()), &to_tracker))
+    own.map(|(predicted, o)| turned(&(model.noise(o, session) + predicted.alone()), &to_tracker))
         .collect()
 }
 

@@ -36,6 +36,8 @@ pub struct MeasuredArm {
     curves: Vec<Vec<[f64; 2]>>,
     /// What each joint's zero is off, rad.
     zeros: Vec<f64>,
+    /// The target in the flange, mm.
+    target: Point3<f64>,
     numbers: Numbers,
     sessions: usize,
 }
@@ -50,6 +52,7 @@ impl MeasuredArm {
             truth,
             curves: vec![vec![[0.0; 2]; HARMONICS]; 6],
             zeros: vec![0.0; 6],
+            target: Point3::new(60.0, -35.0, 110.0),
             numbers: Numbers(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1),
             sessions: 0,
         };
@@ -63,6 +66,11 @@ impl MeasuredArm {
             *pair = pair.map(|_| self.truth.curve_rad * self.numbers.normal());
         }
         self.zeros[joint] += zero_rad;
+    }
+
+    /// Takes the target off and mounts it again, so far from where it was, mm.
+    pub fn remount(&mut self, by: Vector3<f64>) {
+        self.target += by;
     }
 
     /// The curves after a change of this size.
@@ -144,8 +152,7 @@ impl MeasuredArm {
         };
         let attained = axes.iter().zip(curves).map(error).zip(&self.zeros);
         let attained: Vec<f64> = attained.map(|(own, zero)| own + zero).collect();
-        let lever = Point3::new(60.0, -35.0, 110.0);
-        self.arm.chain().nominal(&attained) * lever
+        self.arm.chain().nominal(&attained) * self.target
     }
 }
 

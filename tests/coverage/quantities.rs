@@ -242,7 +242,7 @@ fn positions(session: &Session, angles: Angles, tally: &mut Tally) {
 fn measured(session: &Session, o: &Observation) -> f64 {
     let model = &session.model;
     let predicted = model.predict(&query(o, Angles::Both, &[]));
-    let covariance = model.covariances(&predicted.rows)[0] + model.noise(o);
+    let covariance = model.covariances(&predicted.rows)[0] + model.noise(o, o.session);
     let off = predicted.position - o.point().expect("a position").position;
     let factor = covariance.cholesky().expect("positive definite");
     off.dot(&factor.solve(&off))

@@ -14,12 +14,17 @@ use super::carried::Carrying;
 use super::leave_one_out::{firsts, left_open};
 use super::parts::PartEvidence;
 use super::regression::Evidence;
-use super::rows::{Around, Row, covariances, stations};
+use super::rows::{Around, Coefficients, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
 use super::whitening::sums_of;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::problem::Problem;
+
+/// Number of blocks that suffice where they all say the same clearly.
+const CLEAR: usize = 3;
+/// Logarithm of a ratio of mean distances that is clear: the means of a block of a hundred stations are known to some 5 %.
+const CLEARLY: f64 = 0.25;
 
 impl Settled {
     /// This model, or the one without curves and gear lines where that predicts left-out blocks better on the mean; with the
@@ -36,49 +41,60 @@ impl Settled {
             gear_lines: false,
             ..settings.clone()
         };
-        let Some(plain) = train(problem, start, (&plain, carrying), up) else {
+        let Some(without) = self.with_fewer_parts(problem, (&plain, carrying), up) else {
             return (self, None);
         };
-        let folds = folds(problem, &self.state.offsets);
-        let of = |model: &Self| model.mean_left_out(problem, &folds, up);
-        let (Some(with), Some(without)) = (of(&self), of(&plain)) else {
+        let Some(apart) = self.ln_smaller_than(&without, problem, up) else {
             return (self, None);
         };
-        let kept = with <= without;
+        let kept = apart >= 0.0;
         let rows = 3 * problem.observations().len();
         let evidence = PartEvidence {
             name: "joint_curves",
             // The log likelihood of left-out residuals, each model with residuals of its own size.
-            gain: rows as f64 * (without / with).ln(),
+            gain: rows as f64 * apart,
             kept,
         };
-        (if kept { self } else { plain }, Some(evidence))
+        if kept {
+            return (self, Some(evidence));
+        }
+        // What is published is trained to its end.
+        let plain = train(problem, start, (&plain, carrying), up);
+        (plain.unwrap_or(without), Some(evidence))
     }
 
-    /// Mean distance of measured and predicted positions over all observations, each predicted without its block, mm; `None` where
-    /// a block cannot be left out.
-    fn mean_left_out(
+    /// The logarithm of how much smaller the mean distance of measured and predicted positions is than by `other`, each predicted
+    /// without its block; `None` where a block cannot be left out. Blocks are asked until [`CLEAR`] of them have all said the same.
+    fn ln_smaller_than(
         &self,
+        other: &Self,
         problem: &Problem<'_>,
-        folds: &[usize],
         up: Option<Vector3<f64>>,
     ) -> Option<f64> {
-        let around = Around::new(problem, &self.state, up);
-        let mut total = 0.0;
+        let folds = folds(problem, &self.state.offsets);
+        let around = [self, other].map(|own| Around::new(problem, &own.state, up));
+        let (mut sums, mut said) = ([0.0, 0.0], Vec::new());
         for fold in 0..FOLDS {
-            let own: Vec<usize> = (0..around.count())
+            let block: Vec<usize> = (0..folds.len())
                 .filter(|&place| folds[place] == fold)
                 .collect();
-            total += self.left_out(&around, &own)?;
+            if block.is_empty() {
+                continue;
+            }
+            let own = self.left_out(&around[0], &block)?;
+            let others = other.left_out(&around[1], &block)?;
+            sums = [sums[0] + own, sums[1] + others];
+            said.push((others / own).ln());
+            let clear = |sign: f64| said.iter().all(|apart| sign * apart > CLEARLY);
+            if said.len() >= CLEAR && (clear(1.0) || clear(-1.0)) {
+                break;
+            }
         }
-        Some(total / problem.observations().len().max(1) as f64)
+        Some((sums[1] / sums[0]).ln())
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
     fn left_out(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
-        if block.is_empty() {
-            return Some(0.0);
-        }
         if matches!(self.evidence, Evidence::Rows(_)) {
             return self.left_out_of_few(around, block);
         }
@@ -92,12 +108,11 @@ impl Settled {
         let posterior = others.posterior_at(self.posterior.scale.clone())?;
         let mean = posterior.mean() + &self.prior_mean;
         let batches = batches.iter().map(|(session, stations)| {
-            let seen = around.seen(*session);
-            let own = mean.select_rows(&seen.columns);
+            let own = Coefficients::of(around.seen(*session), &mean);
             let rows = around.rows(stations);
             let away = rows
                 .iter()
-                .map(|row| distance(row, &(&row.value - row.times(seen, &own))));
+                .map(|row| distance(row, &(&row.value - row.times(&own))));
             away.sum::<f64>()
         });
         Some(batches.sum())
@@ -118,8 +133,7 @@ impl Settled {
         let session = |place: usize| around.session(place);
         for &place in block {
             let (row, size) = (&rows[place], rows[place].value.len());
-            let seen = around.seen(session(place));
-            let expected = row.times(seen, &mean.select_rows(&seen.columns));
+            let expected = row.times(&Coefficients::of(around.seen(session(place)), &mean));
             left.rows_mut(first, size)
                 .copy_from(&(&row.value - expected));
             noise

@@ -3,25 +3,29 @@
 //! A station is left out with all its readings: what the arm did there is common to them, so the other readings of a station would
 //! predict its errors.
 
-use nalgebra::{DMatrix, DMatrixView, DVector};
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
-use super::noise::NoiseEvidence;
+use super::noise::{NoiseEvidence, StationNoise};
 use super::partition::Seen;
 use super::regression::Posterior;
-use super::rows::{Around, Row, stations};
+use super::rows::{Around, Coefficients, Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS};
-use super::whitening::noise_factor;
+use super::whitening::{noise_factor, pairs};
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
-use crate::linalg::stacked;
+use crate::linalg::{invert_small, stacked};
 
 /// Gear lines taken per joint in one round.
 const LINES_PER_ROUND: usize = 3;
+/// Stations whose rows one product takes: of fewer it would pack its other factor more often than that repays.
+const TOGETHER: usize = 4 * CHUNK;
 
 /// The leave-one-out result of one station.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,24 +89,15 @@ pub(super) fn leave_one_out(
             }
             (None, None) => Vec::new(),
         };
-        let expected = mean.select_rows(&seen.columns);
-        let stations = stations
-            .par_iter()
-            .zip(&rows)
-            .zip(noise.par_iter().zip(&explained));
-        let each = stations
-            .with_min_len(CHUNK)
-            .map(|((&place, row), (noise, explained))| {
-                let share = around.state.tails.information(row.value.len() as f64);
-                let left = &row.value - row.times(seen, &expected);
-                left_out_of(
-                    row,
-                    left,
-                    noise,
-                    explained,
-                    (around.state.weights[place], share),
-                )
-            });
+        let expected = Coefficients::of(seen, &mean);
+        let rows = rows.into_par_iter().zip(noise.par_iter().zip(explained));
+        let each = stations.par_iter().zip(rows).with_min_len(CHUNK);
+        let each = each.map(|(&place, (row, (noise, explained)))| {
+            let share = around.state.tails.information(row.value.len() as f64);
+            let left = &row.value - row.times(&expected);
+            let weight = around.state.weights[place];
+            left_out_of(row.noise, left, noise, explained, (weight, share))
+        });
         left_out.par_extend(each);
     }
     left_out
@@ -126,8 +121,6 @@ impl<'s> Explaining<'s> {
                 covariance[(rows[row], columns[column])]
             })
         };
-        let joints = seen.of_joints.len();
-        let pairs = (0..joints).flat_map(|j| (j..joints).map(move |l| (j, l)));
         let of_pair =
             |(j, l): (usize, usize)| ((j, l), block(&seen.of_joints[j], &seen.of_joints[l]));
         Self {
@@ -137,7 +130,7 @@ impl<'s> Explaining<'s> {
                 .iter()
                 .map(|own| block(&seen.plain, own))
                 .collect(),
-            of_joints: pairs.map(of_pair).collect(),
+            of_joints: pairs(seen.of_joints.len()).map(of_pair).collect(),
             seen,
         }
     }
@@ -154,37 +147,46 @@ impl<'s> Explaining<'s> {
         };
         let joint_pairs = self.of_joints.par_iter();
         let between: Vec<Vec<f64>> = joint_pairs.map(of_pair).collect();
-        let joints = self.with_plain.par_iter().zip(&shapes);
-        let with_plain: Vec<DMatrix<f64>> = joints.map(|(block, own)| block * own).collect();
-        let station = |(place, row): (usize, &Row), onto_plain: DMatrixView<'_, f64>| {
-            let mut explained = onto_plain * row.plain.transpose();
-            let motions = &row.noise.joints;
-            for (joint, onto) in with_plain.iter().enumerate() {
-                let along = &row.plain * onto.column(place);
-                explained.ger(1.0, &along, &motions[joint], 1.0);
-                explained.ger(1.0, &motions[joint], &along, 1.0);
-            }
-            for (((j, l), _), between) in self.of_joints.iter().zip(&between) {
-                explained.ger(between[place], &motions[*j], &motions[*l], 1.0);
-                if j != l {
-                    explained.ger(between[place], &motions[*l], &motions[*j], 1.0);
-                }
-            }
-            explained
-        };
         let chunk = |(chunk, rows): (usize, &[Row])| {
+            let first = chunk * TOGETHER;
             let plain = rows.iter().map(|row| &row.plain);
             let onto_plain = stacked(plain, self.seen.plain.len()) * &self.plain;
-            let mut first = 0;
+            let onto_joints = self.onto_joints(&shapes, first..first + rows.len());
+            let mut row_place = 0;
             let explained = rows.iter().enumerate().map(|(own, row)| {
-                let (size, place) = (row.value.len(), chunk * CHUNK + own);
-                first += size;
-                station((place, row), onto_plain.rows(first - size, size))
+                let (size, joints) = (row.value.len(), shapes.len());
+                row_place += size;
+                let mut of_pairs = DMatrix::zeros(joints, joints);
+                for (((j, l), _), between) in self.of_joints.iter().zip(&between) {
+                    of_pairs[(*j, *l)] = between[first + own];
+                    of_pairs[(*l, *j)] = between[first + own];
+                }
+                let mut explained = onto_plain.rows(row_place - size, size) * row.plain.transpose();
+                // What joints share with each other counts half here and half in the transpose.
+                let motions = &row.noise.joints;
+                let mut along = &row.plain * onto_joints.columns(joints * own, joints);
+                along.gemm(0.5, motions, &of_pairs, 1.0);
+                let across = along * motions.transpose();
+                explained += across.transpose();
+                explained + across
             });
             explained.collect::<Vec<_>>()
         };
-        let chunks = rows.par_chunks(CHUNK).enumerate();
+        let chunks = rows.par_chunks(TOGETHER).enumerate();
         chunks.flat_map_iter(chunk).collect()
+    }
+
+    /// Covariance of the plain columns with the errors of the joints of some stations: the columns of a station's joints beside each
+    /// other.
+    fn onto_joints(&self, shapes: &[DMatrix<f64>], stations: Range<usize>) -> DMatrix<f64> {
+        let (joints, count) = (shapes.len(), stations.len());
+        let mut onto = DMatrix::zeros(self.seen.plain.len(), joints * count);
+        for (joint, (block, own)) in self.with_plain.iter().zip(shapes).enumerate() {
+            let own = own.columns(stations.start, count);
+            let mut into = onto.columns_with_step_mut(joint, count, joints - 1);
+            into.gemm(1.0, block, &own, 0.0);
+        }
+        onto
     }
 }
 
@@ -235,37 +237,35 @@ pub(super) fn firsts<'r>(rows: impl IntoIterator<Item = &'r Row>) -> Vec<usize> 
     places.collect()
 }
 
+/// With noise `N` and explained covariance `H` the covariance `K⁻¹` of the residual as predicted by all others is `N (N − H)⁻¹ N`, and
+/// the residual `N (N − H)⁻¹ r`.
 fn left_out_of(
-    row: &Row,
+    station: StationNoise,
     left: DVector<f64>,
     noise: &DMatrix<f64>,
-    explained: &DMatrix<f64>,
+    explained: DMatrix<f64>,
     (weight, share): (f64, f64),
 ) -> LeftOut {
-    let inverse = |matrix: &DMatrix<f64>| {
+    let inverse = |mut matrix: DMatrix<f64>| {
+        assert!(invert_small(&mut matrix), "a positive definite covariance");
         matrix
-            .clone()
-            .try_inverse()
-            .expect("a positive definite covariance")
     };
-    let noise_inverse = inverse(noise);
-    let alpha = &noise_inverse * left;
-    let information = &noise_inverse - &noise_inverse * explained * &noise_inverse;
-    let covariance = inverse(&information);
-    let residual = &covariance * &alpha;
+    let raised = noise * inverse(noise - explained);
+    let residual = &raised * left;
+    let covariance = raised * noise;
     let open = &covariance - noise;
-    let at_weight_one = &open + noise * (weight * share);
-    let distance_squared = residual.dot(&(inverse(&at_weight_one) * &residual));
+    let at_weight_one = inverse(&open + noise * (weight * share));
+    let distance_squared = residual.dot(&(at_weight_one * &residual));
     LeftOut {
         noise: NoiseEvidence {
             residual: residual.clone(),
             open,
-            station: row.noise.clone(),
+            station,
             weight,
             information: share,
         },
         residual,
-        information,
+        information: inverse(covariance),
         distance_squared,
     }
 }
@@ -276,7 +276,7 @@ pub(super) fn find_lines(
     left_out: &[LeftOut],
     settings: &FullSettings,
 ) -> Vec<FoundLine> {
-    let motions = |own: &LeftOut| own.noise.station.joints.len();
+    let motions = |own: &LeftOut| own.noise.station.joints.ncols();
     let joints = left_out.first().map_or(0, motions);
     let firsts = stations(problem.observations()).into_iter();
     let firsts = firsts.map(|own| &problem.observations()[own.start]);
@@ -288,7 +288,7 @@ pub(super) fn find_lines(
         let stations = stations.filter(|(first, _)| is_now(first));
         let stations = stations.map(|(first, left_out)| {
             lines::evidence(
-                &left_out.noise.station.joints[joint],
+                &left_out.noise.station.joints.column(joint),
                 &left_out.residual,
                 &left_out.information,
                 first.axes[joint],

@@ -5,7 +5,7 @@
 
 use std::array::from_fn;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
 /// A gear line that was found.
@@ -41,7 +41,7 @@ const SAME: f64 = 0.6;
 
 /// Evidence of one station for one joint.
 pub fn evidence(
-    column: &DVector<f64>,
+    column: &DVectorView<'_, f64>,
     residual: &DVector<f64>,
     information: &DMatrix<f64>,
     angle: f64,

@@ -10,13 +10,16 @@
 //! prior pulls to the expected size `a_k` with no more than ν₀ observations, from below and from above: none falls to
 //! zero. The stated variance of a source that reads a length has a factor of its own, found by the same rule.
 
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::settings::FullSettings;
+use super::train::CHUNK;
 use crate::fit::observation::Observation;
 use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::Twist;
+use crate::linalg::invert_small;
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// Variances of the repeatability.
@@ -69,14 +72,21 @@ impl Repeatability {
 
     /// The covariance of a station's residual at weight 1.
     pub fn covariance(&self, station: &StationNoise) -> DMatrix<f64> {
-        let mut covariance = self.of_readings(station);
-        for axis in station.common.column_iter() {
-            covariance.ger(self.position, &axis, &axis, 1.0);
-        }
-        for (column, variance) in station.joints.iter().zip(&self.joints) {
-            covariance.ger(*variance, column, column, 1.0);
-        }
+        let size = station.common.nrows();
+        let mut covariance = DMatrix::zeros(size, size);
+        self.add_to(station, 1.0, &mut covariance);
         covariance
+    }
+
+    /// Adds `share` times a station's covariance at weight 1.
+    pub(super) fn add_to(&self, station: &StationNoise, share: f64, sum: &mut DMatrix<f64>) {
+        self.add_readings(station, share, sum);
+        for axis in station.common.column_iter() {
+            sum.ger(share * self.position, &axis, &axis, 1.0);
+        }
+        for (column, variance) in station.joints.column_iter().zip(&self.joints) {
+            sum.ger(share * variance, &column, &column, 1.0);
+        }
     }
 
     /// Factor of an instrument's stated variance; 1 of one that reads places.
@@ -85,33 +95,38 @@ impl Repeatability {
         own.copied().unwrap_or(1.0)
     }
 
-    /// The part of a station's covariance that is each reading's own.
-    fn of_readings(&self, station: &StationNoise) -> DMatrix<f64> {
-        let size = station.common.nrows();
-        let mut covariance = DMatrix::zeros(size, size);
+    /// Adds `share` times the part of a station's covariance that is each reading's own.
+    fn add_readings(&self, station: &StationNoise, share: f64, sum: &mut DMatrix<f64>) {
         for (first, reading) in station.firsts() {
-            let own = &reading.instrument * self.factor(reading.of_length);
-            let rows = own.nrows();
-            covariance
-                .view_mut((first, first), (rows, rows))
-                .copy_from(&own);
+            let (rows, factor) = (reading.rows(), share * self.factor(reading.of_length));
+            let mut own = sum.view_mut((first, first), (rows, rows));
+            own.zip_apply(&reading.instrument, |sum, stated| *sum += factor * stated);
             if let (Some(own), true) = (self.own, reading.is_place()) {
-                (first..first + 3).for_each(|row| covariance[(row, row)] += own);
+                (first..first + 3).for_each(|row| sum[(row, row)] += share * own);
             }
-            (first + 3..first + rows).for_each(|row| covariance[(row, row)] += self.orientation);
+            let turns = first + 3..first + rows;
+            turns.for_each(|row| sum[(row, row)] += share * self.orientation);
         }
-        covariance
     }
 
     /// Moves the sizes to values at which the leave-one-out residuals have their expected size; `before` holds the sizes
     /// expected before any residual.
-    pub fn update(&mut self, evidence: &[NoiseEvidence], before: &Self) {
+    pub fn update(&mut self, evidence: &[&NoiseEvidence], before: &Self) {
         for _ in 0..PASSES {
             let lengths = Term::lengths(self);
             let size = lengths + self.lengths.len();
+            let chunks = evidence.par_chunks(CHUNK).map(|stations| {
+                let mut sums = (DVector::zeros(size), DVector::zeros(size));
+                let (found, expected) = &mut sums;
+                stations
+                    .iter()
+                    .for_each(|own| own.add_to(self, found, expected));
+                sums
+            });
             let (mut found, mut expected) = (DVector::zeros(size), DVector::zeros(size));
-            for own in evidence {
-                own.add_to(self, &mut found, &mut expected);
+            for (own_found, own_expected) in chunks.collect::<Vec<_>>() {
+                found += own_found;
+                expected += own_expected;
             }
             let step = |variance: &mut f64, term: usize, before: f64| {
                 let found = *variance * found[term] + PRIOR * (before / *variance).min(1.0);
@@ -155,8 +170,8 @@ pub struct StationNoise {
     pub readings: Vec<ReadingNoise>,
     /// The change of the rows by a translation of the flange along each axis of the first reading's frame.
     pub common: DMatrix<f64>,
-    /// The change of the rows by a unit of each joint.
-    pub joints: Vec<DVector<f64>>,
+    /// The change of the rows by a unit of each joint, a column for each.
+    pub joints: DMatrix<f64>,
 }
 
 /// The noise of one reading alone.
@@ -200,13 +215,13 @@ impl StationNoise {
         });
         let joints = readings.first().map_or(0, |reading| reading.joints.len());
         let mut common = DMatrix::zeros(size(readings), 3);
-        let mut columns = vec![DVector::zeros(common.nrows()); joints];
+        let mut columns = DMatrix::zeros(common.nrows(), joints);
         let mut first = 0;
         for reading in readings {
             let rows = reading.shown.rows();
             let mut part = common.rows_mut(first, rows);
             part.copy_from(&of_translation(reading, &readings[0]));
-            for (own, twist) in columns.iter_mut().zip(reading.joints) {
+            for (mut own, twist) in columns.column_iter_mut().zip(reading.joints) {
                 let own = &mut own.as_mut_slice()[first..first + rows];
                 moved(reading.shown, twist, 1.0, own);
             }
@@ -280,10 +295,9 @@ impl NoiseEvidence {
     /// does not.
     fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
         let counted = self.weight * self.information;
-        let noise = sizes.covariance(&self.station) / counted;
-        let k = (&self.open + noise)
-            .try_inverse()
-            .expect("a positive definite covariance");
+        let mut k = self.open.clone();
+        sizes.add_to(&self.station, counted.recip(), &mut k);
+        assert!(invert_small(&mut k), "a positive definite covariance");
         let alpha = &k * &self.residual;
         let mut add = |term: usize, square: f64, trace: f64| {
             found[term] += square / (counted * self.information);
@@ -291,11 +305,11 @@ impl NoiseEvidence {
         };
         for axis in self.station.common.column_iter() {
             let square = axis.dot(&alpha).powi(2);
-            add(Term::POSITION, square, axis.dot(&(&k * axis)));
+            add(Term::POSITION, square, quadratic(&k, &axis));
         }
-        for (joint, column) in self.station.joints.iter().enumerate() {
-            let square = alpha.dot(column).powi(2);
-            add(Term::JOINTS + joint, square, column.dot(&(&k * column)));
+        for (joint, column) in self.station.joints.column_iter().enumerate() {
+            let square = alpha.dot(&column).powi(2);
+            add(Term::JOINTS + joint, square, quadratic(&k, &column));
         }
         for (first, reading) in self.station.firsts() {
             let last = first + reading.rows();
@@ -316,6 +330,12 @@ impl NoiseEvidence {
             }
         }
     }
+}
+
+/// `vᵀ A v` for a few rows.
+fn quadratic(matrix: &DMatrix<f64>, vector: &DVectorView<'_, f64>) -> f64 {
+    let columns = matrix.column_iter().zip(vector.iter());
+    columns.map(|(column, own)| own * column.dot(vector)).sum()
 }
 
 #[cfg(test)]
@@ -340,7 +360,7 @@ mod tests {
                     of_length: None,
                 }],
                 common: DMatrix::identity(3, 3),
-                joints: Vec::new(),
+                joints: DMatrix::zeros(3, 0),
             },
             weight: 1.0,
             information: 1.0,
@@ -351,7 +371,8 @@ mod tests {
     fn found_mm(count: usize, sd_mm: f64) -> f64 {
         let expected = Repeatability::expected(&FullSettings::default(), &[]);
         let mut sizes = expected.clone();
-        sizes.update(&residuals(count, sd_mm), &expected);
+        let residuals = residuals(count, sd_mm);
+        sizes.update(&residuals.iter().collect::<Vec<_>>(), &expected);
         sizes.position.sqrt()
     }
 

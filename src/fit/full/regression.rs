@@ -12,9 +12,12 @@ use std::borrow::Cow;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::linalg::{Cholesky, gram};
+use crate::linalg::{Cholesky, gram, gram_of_lower};
 use few_rows::{FewRoot, FewRows};
 use sessions::{Arrow, SessionSums};
+
+/// Columns of a part of a pool that are few: their covariance costs a twentieth of another posterior.
+const SMALL_PART: usize = 100;
 
 /// Evidence on the columns: whitened rows.
 #[derive(Debug, Clone)]
@@ -75,7 +78,7 @@ impl Root {
     /// `Rᵀ B`, where `R Rᵀ = M⁻¹`.
     fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
         match self {
-            Self::Columns(factor) => factor.forward(&right, 0),
+            Self::Columns(factor) => factor.forward(right, 0),
             Self::Rows(rows) => rows.half(right),
             Self::Sessions(arrow) => arrow.half(&right),
         }
@@ -85,7 +88,7 @@ impl Root {
     fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
             Self::Columns(factor) => {
-                let half = factor.forward(&chosen(factor.size(), columns), 0);
+                let half = factor.forward(chosen(factor.size(), columns), 0);
                 half.tr_mul(&half)
             }
             Self::Rows(rows) => rows.covariance_of(columns),
@@ -123,11 +126,12 @@ impl Evidence {
     /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a
     /// matrix indefinite.
     ///
-    /// A small part's follows from the covariance of its own columns. A pool has thousands of columns of one part, and there the
+    /// A small part's follows from the covariance of its own columns. A pool may have thousands of columns of one part, and there the
     /// posterior without them costs less.
     pub(super) fn gain_of(&self, posterior: &Posterior, columns: &[usize]) -> Option<f64> {
-        let Self::Sessions(sums) = self else {
-            return posterior.gain_of(columns);
+        let sums = match self {
+            Self::Sessions(sums) if columns.len() > SMALL_PART => sums,
+            _ => return posterior.gain_of(columns),
         };
         let without = sums.posterior_at(posterior.scale_without(columns))?;
         Some(posterior.log_evidence - without.log_evidence)
@@ -192,7 +196,7 @@ impl Sums {
         for mut column in across.column_iter_mut() {
             column.component_mul_assign(&scale);
         }
-        let explained = gram(&factor.forward(&across, 0).as_view());
+        let explained = gram(&factor.forward(across, 0).as_view());
         left.information -= explained.view((0, 0), (count, count));
         left.moment -= explained.view((0, count), (count, 1));
         left.square -= explained[(count, count)];
@@ -333,8 +337,8 @@ impl Posterior {
     pub(super) fn by_session(&self) -> BySession<'_> {
         let shared = match &self.root {
             Root::Sessions(arrow) => arrow.of_shared(),
-            Root::Columns(factor) => gram(&factor.inverse_lower().as_view()),
-            Root::Rows(rows) => gram(&rows.of_columns().inverse_lower().as_view()),
+            Root::Columns(factor) => gram_of_lower(&factor.inverse_lower()),
+            Root::Rows(rows) => gram_of_lower(&rows.of_columns().inverse_lower()),
         };
         BySession {
             posterior: self,

@@ -36,28 +36,33 @@ pub struct Row {
     pub noise: StationNoise,
 }
 
+/// Coefficients of [`Seen::columns`], as [`Row`] has their columns.
+pub struct Coefficients {
+    plain: DVector<f64>,
+    of_joints: Vec<DVector<f64>>,
+}
+
+impl Coefficients {
+    /// Those that a session sees, of the columns of the model.
+    pub fn of(seen: &Seen, columns: &DVector<f64>) -> Self {
+        let own = columns.select_rows(&seen.columns);
+        let joints = seen.of_joints.iter();
+        Self {
+            plain: own.select_rows(&seen.plain),
+            of_joints: joints.map(|places| own.select_rows(places)).collect(),
+        }
+    }
+}
+
 impl Row {
-    /// The product of its rows and coefficients of [`Seen::columns`].
-    pub fn times(&self, seen: &Seen, coefficients: &DVector<f64>) -> DVector<f64> {
-        let plain = coefficients.select_rows(&seen.plain);
-        let mut product = &self.plain * plain;
-        let joints = self.shapes.iter().zip(&seen.of_joints);
-        for ((shapes, places), motion) in joints.zip(&self.noise.joints) {
-            let numbers = shapes.iter().zip(places);
-            let error: f64 = numbers.map(|(own, &place)| own * coefficients[place]).sum();
-            product.axpy(error, motion, 1.0);
+    /// The product of its rows and coefficients.
+    pub fn times(&self, coefficients: &Coefficients) -> DVector<f64> {
+        let mut product = &self.plain * &coefficients.plain;
+        let joints = self.shapes.iter().zip(&coefficients.of_joints);
+        for ((shapes, own), motion) in joints.zip(self.noise.joints.column_iter()) {
+            product.axpy(shapes.dot(own), &motion, 1.0);
         }
         product
-    }
-
-    /// The motion of the rows by each joint, a column for each.
-    pub fn motions(&self) -> DMatrix<f64> {
-        let joints = &self.noise.joints;
-        let mut motions = DMatrix::zeros(self.value.len(), joints.len());
-        for (mut column, joint) in motions.column_iter_mut().zip(joints) {
-            column.copy_from(joint);
-        }
-        motions
     }
 
     /// The numbers of each joint's shapes of some stations, a column for each station.
@@ -80,10 +85,10 @@ impl Row {
             rows.column_mut(seen.columns[place]).copy_from(&own);
         }
         let joints = self.shapes.iter().zip(&seen.of_joints);
-        for ((shapes, places), motion) in joints.zip(&self.noise.joints) {
+        for ((shapes, places), motion) in joints.zip(self.noise.joints.column_iter()) {
             for (share, &place) in shapes.iter().zip(places) {
                 rows.column_mut(seen.columns[place])
-                    .axpy(*share, motion, 0.0);
+                    .axpy(*share, &motion, 0.0);
             }
         }
         rows
@@ -329,12 +334,16 @@ fn below<'r>(
 /// Covariance of a station's noise at its weight.
 pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
-    state.repeatability.covariance(&row.noise) / counted
+    let size = row.value.len();
+    let mut covariance = DMatrix::zeros(size, size);
+    let own = &state.repeatability;
+    own.add_to(&row.noise, counted.recip(), &mut covariance);
+    covariance
 }
 
 /// Covariance of the noise of each of these stations at its weight.
 pub(super) fn covariances(state: &State, rows: &[Row], stations: &[usize]) -> Vec<DMatrix<f64>> {
-    let weighted = rows.iter().zip(stations);
+    let weighted = rows.par_iter().zip(stations).with_min_len(CHUNK);
     weighted
         .map(|(row, &station)| covariance(state, row, state.weights[station]))
         .collect()

@@ -26,6 +26,8 @@ use crate::fit::problem::Problem;
 
 /// Steps of the variance components in each round; the last round only converges.
 const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
+/// Those of a training that starts where another with more parts ended.
+const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 /// Number of first rounds after which gear lines are searched for.
 const LINE_ROUNDS: usize = 3;
 /// Harmonics of a joint that hardly moves the target.
@@ -82,12 +84,38 @@ pub fn train(
     (settings, carrying): (&FullSettings, Option<&Carrying>),
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
+    let state = State::new(problem, start, (settings, carrying), up.is_some())?;
+    settled(problem, state, settings, up, &STEPS)
+}
+
+impl Settled {
+    /// Trains a model with fewer parts on the same stations: it starts where this one ended, but for the sizes.
+    pub(super) fn with_fewer_parts(
+        &self,
+        problem: &Problem<'_>,
+        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        up: Option<Vector3<f64>>,
+    ) -> Option<Self> {
+        let start = self.state.offsets.clone();
+        let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
+        state.weights.clone_from(&self.state.weights);
+        settled(problem, state, settings, up, &FEWER_STEPS)
+    }
+}
+
+/// The rounds of a training, each with so many steps of the variance components.
+fn settled(
+    problem: &Problem<'_>,
+    mut state: State,
+    settings: &FullSettings,
+    up: Option<Vector3<f64>>,
+    rounds: &[usize],
+) -> Option<Settled> {
     let expected = state.repeatability.clone();
     state
         .repeatability
         .start_from(problem.misfit_mm(&state.offsets));
-    for (round, &steps) in STEPS.iter().enumerate() {
+    for (round, &steps) in rounds.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
         let evidence = evidence(&around, &prior_mean)?;
@@ -95,7 +123,7 @@ pub fn train(
         let posterior = settle(&mut components, &evidence, steps)?;
         let left_out = leave_one_out(&around, &prior_mean, &posterior);
         state.components = components;
-        if round + 1 == STEPS.len() {
+        if round + 1 == rounds.len() {
             return Some(Settled {
                 state,
                 evidence,
@@ -104,7 +132,7 @@ pub fn train(
                 left_out,
             });
         }
-        let noise: Vec<_> = left_out.iter().map(|l| l.noise.clone()).collect();
+        let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
         state.repeatability.update(&noise, &expected);
         if settings.student_t > 0.0 {
             state.tails = Tails::found(&left_out);

@@ -10,9 +10,9 @@ use super::partition::Seen;
 use super::regression::few_rows::FewRows;
 use super::regression::sessions::SessionSums;
 use super::regression::{Evidence, Sums};
-use super::rows::{Around, Row, covariances};
+use super::rows::{Around, Coefficients, Row, covariances};
 use super::train::CHUNK;
-use crate::linalg::{gram, stacked};
+use crate::linalg::{gram, stacked, transposed};
 
 /// The evidence of all rows on the columns, on top of what was carried over; `None` where rounding made a matrix of that indefinite.
 pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Option<Evidence> {
@@ -85,11 +85,10 @@ fn whitened(
     rows: &[Row],
     prior_mean: &DVector<f64>,
 ) -> Vec<Whitened> {
-    let seen = around.seen(session);
-    let expected = prior_mean.select_rows(&seen.columns);
+    let expected = Coefficients::of(around.seen(session), prior_mean);
     let noise = covariances(around.state, rows, stations);
     let stations = rows.par_iter().zip(&noise).with_min_len(CHUNK);
-    let whitened = stations.map(|(row, noise)| Whitened::of(row, noise, seen, &expected));
+    let whitened = stations.map(|(row, noise)| Whitened::of(row, noise, &expected));
     whitened.collect()
 }
 
@@ -105,12 +104,12 @@ struct Whitened {
 
 impl Whitened {
     /// A station's rows and values, less those expected, times the inverse of its noise's Cholesky factor.
-    fn of(row: &Row, noise: &DMatrix<f64>, seen: &Seen, expected: &DVector<f64>) -> Self {
+    fn of(row: &Row, noise: &DMatrix<f64>, expected: &Coefficients) -> Self {
         let (inverse, ln_noise) = whitening(noise);
         Self {
             plain: &inverse * &row.plain,
-            joints: &inverse * row.motions(),
-            values: inverse * (&row.value - row.times(seen, expected)),
+            joints: &inverse * &row.noise.joints,
+            values: inverse * (&row.value - row.times(expected)),
             ln_noise,
         }
     }
@@ -160,16 +159,32 @@ struct Summing<'s> {
     shapes: Vec<DMatrix<f64>>,
     /// `shapes` transposed: a row for each station.
     by_station: Vec<DMatrix<f64>>,
+    /// The products of the motions of two joints: a row for each station, a column for each [pair](pairs).
+    weights: DMatrix<f64>,
+}
+
+/// The pairs of joints, each once.
+pub(super) fn pairs(joints: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..joints).flat_map(move |j| (j..joints).map(move |l| (j, l)))
 }
 
 impl<'s> Summing<'s> {
     fn of(seen: &'s Seen, rows: &[Row], stations: &'s [Whitened]) -> Self {
         let shapes = Row::shapes_of(rows, seen);
+        let joints = shapes.len();
+        let mut weights = DMatrix::zeros(stations.len(), pairs(joints).count());
+        for (own, mut row) in stations.iter().zip(weights.row_iter_mut()) {
+            for (weight, (j, l)) in row.iter_mut().zip(pairs(joints)) {
+                *weight = own.joints.column(j).dot(&own.joints.column(l));
+            }
+        }
+        let by_station = shapes.par_iter().map(|own| transposed(&own.as_view()));
         Self {
-            by_station: shapes.iter().map(DMatrix::transpose).collect(),
+            by_station: by_station.collect(),
             seen,
             stations,
             shapes,
+            weights,
         }
     }
 
@@ -177,10 +192,9 @@ impl<'s> Summing<'s> {
         let mut sums = Sums::zero(self.seen.columns.len());
         let of_joints = &self.seen.of_joints;
         let joints = of_joints.len();
-        let pairs: Vec<_> = (0..joints)
-            .flat_map(|j| (j..joints).map(move |l| (j, l)))
-            .collect();
-        let blocks = pairs.par_iter().map(|&(j, l)| self.of_joints(j, l));
+        let pairs: Vec<_> = pairs(joints).collect();
+        let numbered = pairs.par_iter().enumerate();
+        let blocks = numbered.map(|(pair, &(j, l))| self.of_joints(pair, j, l));
         for (&(j, l), block) in pairs.iter().zip(blocks.collect::<Vec<_>>()) {
             put(
                 &mut sums.information,
@@ -202,10 +216,9 @@ impl<'s> Summing<'s> {
         sums
     }
 
-    /// The sums of the shapes of two joints.
-    fn of_joints(&self, j: usize, l: usize) -> DMatrix<f64> {
-        let weighs = |own: &Whitened| own.joints.column(j).dot(&own.joints.column(l));
-        let weights = self.numbers(weighs);
+    /// The sums of the shapes of two joints, a pair.
+    fn of_joints(&self, pair: usize, j: usize, l: usize) -> DMatrix<f64> {
+        let weights = self.weights.column(pair);
         let mut weighed = self.by_station[l].clone();
         for mut column in weighed.column_iter_mut() {
             column.component_mul_assign(&weights);
@@ -247,15 +260,21 @@ impl<'s> Summing<'s> {
 fn put(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
     put_one(all, (rows, columns), block);
     if rows != columns {
-        put_one(all, (columns, rows), &block.transpose());
+        put_one(all, (columns, rows), &transposed(&block.as_view()));
     }
 }
 
 fn put_one(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
+    // Nearly all places follow each other.
+    let runs = rows.chunk_by(|own, next| own + 1 == *next);
+    let runs: Vec<(usize, usize)> = runs.map(|run| (run[0], run.len())).collect();
     for (own, &into) in block.column_iter().zip(columns) {
         let mut column = all.column_mut(into);
-        for (&place, entry) in rows.iter().zip(own.iter()) {
-            column[place] = *entry;
+        let mut first = 0;
+        for &(place, count) in &runs {
+            let mut own_run = column.rows_mut(place, count);
+            own_run.copy_from(&own.rows(first, count));
+            first += count;
         }
     }
 }

@@ -111,8 +111,8 @@ impl PoseModel for FullModel {
         self.covariances(rows)
     }
 
-    fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        self.noise(observation)
+    fn noise(&self, observation: &Observation, session: usize) -> Matrix3<f64> {
+        self.noise(observation, session)
     }
 
     fn drift_variance(&self) -> f64 {

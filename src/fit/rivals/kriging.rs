@@ -110,8 +110,8 @@ impl ErrorMap for Kriging {
     fn at(&self, place: &Place<'_>) -> Estimate {
         let near = |own: &Vec<f64>| self.kernel.correlation(place.axes, own);
         let row = DMatrix::from_iterator(self.axes.len(), 1, self.axes.iter().map(near));
-        let explained = self.factor.forward(&row, 0).norm_squared();
         let mean = self.weights.tr_mul(&row);
+        let explained = self.factor.forward(row, 0).norm_squared();
         Estimate {
             error: Vector3::new(mean[0], mean[1], mean[2]),
             variance: self.size * (1.0 - explained).max(0.0) + self.beyond,

@@ -58,16 +58,17 @@ impl Flanges {
             .map(|(session, frames)| derived.session(session, frames, settings))
             .collect();
         let own = test.into_iter();
-        // An unseen session has its targets in the places of the first.
+        // An unseen session has its targets in the places of the latest that trained.
+        let latest = &frames[models.latest()];
         let test: Vec<JoinedSession> = own
-            .map(|session| derived.session(session, &frames[0], settings))
+            .map(|session| derived.session(session, latest, settings))
             .collect();
         for (place, session) in training.iter().enumerate() {
             let own = observed.all.iter_mut();
             add_flanges(own.filter(|o| o.session == place), session, &frames[place]);
         }
         for (seen, session) in seen.iter_mut().zip(&test) {
-            add_flanges(seen.iter_mut(), session, &frames[0]);
+            add_flanges(seen.iter_mut(), session, latest);
         }
         Ok(Self {
             noise: flange::noise_of_poses(&settings.noise, &derived.orientations_rad),

@@ -132,7 +132,7 @@ impl Sources<'_> {
     /// are found from its stations `finders`. `None` where they do not span space.
     fn unseen(&self, visits: &Visits<'_>, finders: &BTreeSet<usize>) -> Option<Iso9283> {
         let with_target = self.settings.locate.with_target();
-        let trained = *self.frames.first()?;
+        let trained = *self.frames.last()?;
         let error_frame = self.error_frame(trained);
         let first: Vec<(&Station, Point3<f64>)> = paired(visits.session)
             .filter(|(station, _, _)| finders.contains(&station.number))

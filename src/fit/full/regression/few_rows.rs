@@ -80,7 +80,7 @@ impl FewRoot {
             let width = AT_ONCE.min(columns - first);
             let half = self
                 .factor
-                .forward(&self.transposed.rows(first, width).transpose(), 0);
+                .forward(self.transposed.rows(first, width).transpose(), 0);
             let norms = half.column_iter().map(|column| column.norm_squared());
             norms.collect::<Vec<f64>>()
         };
@@ -90,7 +90,7 @@ impl FewRoot {
 
     /// `Tᵀ B`.
     pub(super) fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
-        let mut shown = self.factor.forward(&self.transposed.tr_mul(&right), 0);
+        let mut shown = self.factor.forward(self.transposed.tr_mul(&right), 0);
         let mut raised = self.factor.lower().clone();
         (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);
         let solved = raised.tr_solve_lower_triangular_mut(&mut shown);
@@ -103,7 +103,7 @@ impl FewRoot {
     /// The block of `M⁻¹` of some columns: `I − ZᵀZ` with `Z = L⁻¹ S`.
     pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         let own = self.transposed.select_rows(columns);
-        let explained = self.factor.forward(&own.transpose(), 0);
+        let explained = self.factor.forward(own.transpose(), 0);
         DMatrix::identity(columns.len(), columns.len()) - explained.tr_mul(&explained)
     }
 

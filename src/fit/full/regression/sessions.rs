@@ -17,11 +17,7 @@ use rayon::prelude::*;
 
 use super::{Posterior, Root, Sums, add_one};
 use crate::fit::full::partition::Partition;
-use crate::linalg::{Cholesky, gram, stacked};
-
-/// Sessions whose parts of Schur's complement are summed by one product; fixed, so that results do not depend on the number of
-/// threads.
-const AT_ONCE: usize = 8;
+use crate::linalg::{Cholesky, gram, gram_of_lower, subtract_gram, transposed};
 
 /// The sums of a pool.
 #[derive(Debug, Clone)]
@@ -108,8 +104,8 @@ impl SessionSums {
         let own = own.collect::<Option<Vec<OwnRoot>>>()?;
         let mut matrix = self.common.scaled(&of_shared);
         add_one(&mut matrix);
-        for some in own.chunks(AT_ONCE) {
-            matrix -= OwnRoot::explained(some, shared.len());
+        for root in &own {
+            subtract_gram(&mut matrix, &root.across);
         }
         let arrow = Arrow {
             common: Cholesky::new(matrix)?,
@@ -153,16 +149,8 @@ impl OwnSums {
             column.component_mul_assign(own);
             column *= *shared;
         }
-        let across = factor.forward(&across, 0);
+        let across = factor.forward(across, 0);
         Some(OwnRoot { factor, across })
-    }
-}
-
-impl OwnRoot {
-    /// `Σ Wᵀ W` of some sessions.
-    fn explained(some: &[Self], shared: usize) -> DMatrix<f64> {
-        let across = some.iter().map(|own| &own.across);
-        gram(&stacked(across, shared).as_view())
     }
 }
 
@@ -207,14 +195,14 @@ impl Arrow {
             if own.iter().all(|entry| *entry == 0.0) {
                 continue;
             }
-            let own = root.factor.forward(&own, 0);
+            let own = root.factor.forward(own, 0);
             shared.gemm(-1.0, &root.across.transpose(), &own, 1.0);
             put_rows(&mut half, places, &own);
         }
         put_rows(
             &mut half,
             &self.partition.common,
-            &self.common.forward(&shared, 0),
+            &self.common.forward(shared, 0),
         );
         half
     }
@@ -246,8 +234,8 @@ impl Arrow {
         };
         let own = self.own.par_iter().map(|root| {
             let inverse = root.factor.inverse_lower();
-            let onto = root.across.transpose() * &inverse;
-            let shared = self.common.forward(&onto, 0);
+            let onto = transposed(&root.across.as_view()) * &inverse;
+            let shared = self.common.forward(onto, 0);
             let norms = |column: usize| {
                 inverse.column(column).norm_squared() + shared.column(column).norm_squared()
             };
@@ -262,7 +250,7 @@ impl Arrow {
 
     /// `S⁻¹`: the covariance of the shared columns.
     pub(super) fn of_shared(&self) -> DMatrix<f64> {
-        gram(&self.common.inverse_lower().as_view())
+        gram_of_lower(&self.common.inverse_lower())
     }
 
     /// The covariance of a session's own columns, then the shared ones, from that of the shared ones.
@@ -270,15 +258,15 @@ impl Arrow {
         let root = &self.own[session];
         let (own, common) = root.across.shape();
         let inverse = root.factor.inverse_lower();
-        let onto = inverse.transpose() * &root.across;
+        let onto = transposed(&inverse.as_view()) * &root.across;
         let across = -(&onto * shared);
         let mut covariance = DMatrix::zeros(own + common, own + common);
-        let of_own = inverse.transpose() * inverse - &across * onto.transpose();
+        let of_own = gram_of_lower(&inverse) - &across * transposed(&onto.as_view());
         covariance.view_mut((0, 0), (own, own)).copy_from(&of_own);
         let mut corner = covariance.view_mut((0, own), (own, common));
         corner.copy_from(&across);
         let mut corner = covariance.view_mut((own, 0), (common, own));
-        corner.copy_from(&across.transpose());
+        corner.copy_from(&transposed(&across.as_view()));
         let mut corner = covariance.view_mut((own, own), (common, common));
         corner.copy_from(shared);
         covariance
@@ -298,8 +286,8 @@ impl Arrow {
             }
         };
         let mut of_shared = self.common.product();
-        for some in self.own.chunks(AT_ONCE) {
-            of_shared += OwnRoot::explained(some, shared.len());
+        for root in &self.own {
+            of_shared += gram(&root.across.as_view());
         }
         put(shared, shared, &of_shared);
         for (root, places) in self.own.iter().zip(&self.partition.own) {
