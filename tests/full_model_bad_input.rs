@@ -75,6 +75,7 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals: false,
     };
     train(arm, observations, sessions, &settings)

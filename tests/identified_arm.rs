@@ -53,6 +53,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
         },
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals: false,
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");

@@ -63,6 +63,7 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
         full: &full,
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals: false,
     })
 }

@@ -61,7 +61,7 @@ fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     let model = FullModel::expected(arm, &frames[0], &poses, poses.len(), &prior, &full, up);
     let candidate = |o: &Observation| Candidate {
         axes: o.axes.clone(),
-        noise: model.noise(o),
+        noise: model.noise(o, o.session),
     };
     let candidates: Vec<Candidate> = session.iter().map(candidate).collect();
     let mut design = Design::new(&model, &candidates, &poses);

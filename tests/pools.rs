@@ -9,6 +9,7 @@ use std::process::{Command, Output};
 
 use common::pool::{MeasuredArm, Truth, frames, learnt, of_session, one_by_one, trained};
 use common::position;
+use nalgebra::Vector3;
 use posegrid::fit::Observation;
 use posegrid::fit::full::{Carried, Carrying, Day, FullModel, FullSettings, Query, Repair};
 use posegrid::io::{schema, table};

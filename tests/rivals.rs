@@ -27,6 +27,7 @@ fn models(arm: &Arm, observations: &[Observation], rivals: bool) -> Models {
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals,
     };
     train_all(arm, observations, 1, &settings).expect("a fit")
@@ -71,7 +72,7 @@ fn residuals(model: &dyn PoseModel, test: &[Observation], own: bool) -> Residual
     each.map(|((predicted, o), measured)| {
         let covariance = predicted.open.as_ref().map(|open| {
             let shared = model.covariances(&open.rows)[0];
-            shared + open.alone + turn * model.noise(o) * turn.transpose()
+            shared + open.alone + turn * model.noise(o, o.session) * turn.transpose()
         });
         (base * measured - predicted.position, covariance)
     })

@@ -54,10 +54,10 @@ use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 pub use carried::{Carried, Carrying, Sizes};
-use components::Part;
+use components::{Part, Size};
 use design::PoseView;
 use layout::{Block, Layout};
-use leave_one_out::{LeftOut, of_observations};
+use leave_one_out::{LeftOut, of_observations, of_readings};
 use noise::{NoisyReading, Repeatability, StationNoise};
 pub use parts::PartEvidence;
 use regression::Posterior;
@@ -100,8 +100,11 @@ pub struct FullModel {
     pub repeatability: Repeatability,
     /// Weight of each observation: its station's.
     pub weights: Vec<f64>,
-    /// Residual of each observation that it was trained on, as predicted without its station, mm and rad.
+    /// Residual of each observation that it was trained on, as predicted without its station, mm and rad; none of a model that was read
+    /// back or trained near another.
     pub left_out: Vec<DVector<f64>>,
+    /// The sizes of its parts but for gear lines; none of a model that was read back.
+    sizes: Vec<(Part, Size)>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
     /// What the sessions so far said, for the next session; `None` where sessions are trained together.
@@ -159,7 +162,7 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let start = (frames, geometry);
-        Self::train_carrying(arm, observations, start, prior, (settings, None), up)
+        Self::train_carrying(arm, observations, start, prior, (settings, None, None), up)
     }
 
     /// [`Self::train`] on a session on top of what those before it said ([`carried`]), where sessions are learnt so.
@@ -168,7 +171,7 @@ impl FullModel {
         observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
-        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        (settings, carrying, near): (&FullSettings, Option<&Carrying>, Option<&Self>),
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
@@ -184,7 +187,8 @@ impl FullModel {
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let of_training = (settings, carrying);
-        let settled = train::train(&problem, start.clone(), of_training, up)?;
+        let near = near.map(Self::near);
+        let settled = train::train(&problem, start.clone(), of_training, near.as_ref(), up)?;
         let leaves = settled.carried(&problem, settings, up).map(Arc::new);
         let (mut settled, curves) =
             settled.without_curves_that_fail(&problem, start, of_training, up);
@@ -192,13 +196,27 @@ impl FullModel {
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let empty =
             Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
+        // What is trained near another only judges.
+        let left_out = match near {
+            None => settled.leave_one_out(&problem, up),
+            Some(_) => Vec::new(),
+        };
         let problems = (&problem, empty);
         Some(Self {
             scale_evidence,
             parts,
             leaves,
-            ..Self::of_settled(problems, settled, settings, up)
+            ..Self::of_settled(problems, (settled, &left_out), settings, up)
         })
+    }
+
+    /// The sizes at which a training on nearly the same stations starts.
+    fn near(&self) -> train::Near<'_> {
+        train::Near {
+            sizes: &self.sizes,
+            repeatability: &self.repeatability,
+            tails: self.tails,
+        }
     }
 
     /// What the sessions so far said, for the next to be learnt on top of; `None` where sessions are not learnt so, and of a model
@@ -210,7 +228,7 @@ impl FullModel {
     /// The model of a settled training on a problem, and the same problem without observations to predict with.
     fn of_settled(
         (problem, empty): (&Problem<'_>, Problem<'static>),
-        settled: train::Settled,
+        (settled, left_out): (train::Settled, &[LeftOut]),
         settings: &FullSettings,
         up: Option<Vector3<f64>>,
     ) -> Self {
@@ -220,11 +238,10 @@ impl FullModel {
         let train::Settled {
             mut state,
             posterior,
-            left_out,
             ..
         } = settled;
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
-        let (left_out, weights) = of_observations(&left_out, &state.weights);
+        let weights = of_readings(problem.observations(), &state.weights);
         Self {
             ready: Ready::of(problem, &state.offsets, &state.layout, &mean),
             problem: empty,
@@ -246,7 +263,8 @@ impl FullModel {
             span: state.span,
             repeatability: state.repeatability,
             weights,
-            left_out,
+            left_out: of_observations(left_out),
+            sizes: state.components.start_sizes(),
             parts: Vec::new(),
             leaves: None,
         }

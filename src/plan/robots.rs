@@ -123,6 +123,7 @@ impl Robot<'_> {
             },
             up: settings.up,
             carrying: None,
+            near: None,
             rivals: false,
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;

@@ -201,7 +201,10 @@ pub fn learnt(
     let geometry = vec![0.0; arm.chain().parameters().len()];
     let start = (std::slice::from_ref(frames), &geometry[..]);
     let prior = FitSettings::default().prior();
-    let (with, up) = ((settings, Some(carrying)), Some(Vector3::z_axis()));
+    let (with, up) = (
+        (settings, Some(carrying), None),
+        Some(Vector3::z_axis()),
+    );
     FullModel::train_carrying(arm, &one, start, &prior, with, up).expect("a model")
 }
 

@@ -108,6 +108,7 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
         full,
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals: false,
     };
     train(&own.arm, &observations, 1, &settings).expect("a fit")

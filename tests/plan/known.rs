@@ -246,7 +246,7 @@ fn chosen_from(known: &FullModel, session: &[Observation], count: usize) -> Vec<
     let poses: Vec<Vec<f64>> = session.iter().map(|o| o.axes.clone()).collect();
     let candidate = |o: &Observation| Candidate {
         axes: o.axes.clone(),
-        noise: known.noise(o),
+        noise: known.noise(o, o.session),
     };
     let candidates: Vec<Candidate> = session.iter().map(candidate).collect();
     let mut design = Design::new(known, &candidates, &poses);

@@ -78,6 +78,7 @@ impl<'a> Remounted<'a> {
             full: &settings.full,
             up: settings.up,
             carrying: None,
+            near: None,
             rivals: false,
         };
         let locate = Locate {

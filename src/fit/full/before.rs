@@ -63,6 +63,7 @@ impl FullModel {
             repeatability: state.repeatability,
             weights: Vec::new(),
             left_out: Vec::new(),
+            sizes: Vec::new(),
             parts: Vec::new(),
             leaves: None,
         }

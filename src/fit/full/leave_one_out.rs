@@ -56,17 +56,17 @@ impl LeftOut {
     }
 }
 
-/// The residual of each observation as predicted without its station, and its station's weight.
-pub(super) fn of_observations(
-    left_out: &[LeftOut],
-    weights: &[f64],
-) -> (Vec<DVector<f64>>, Vec<f64>) {
-    let stations = left_out.iter().zip(weights);
-    let each = stations.flat_map(|(station, weight)| {
-        let readings = station.of_readings();
-        readings.map(|residual| (residual, *weight))
-    });
-    each.unzip()
+/// The residual of each observation as predicted without its station.
+pub(super) fn of_observations(left_out: &[LeftOut]) -> Vec<DVector<f64>> {
+    left_out.iter().flat_map(LeftOut::of_readings).collect()
+}
+
+/// The weight of each observation from those of the stations.
+pub(super) fn of_readings(observations: &[Observation], weights: &[f64]) -> Vec<f64> {
+    let stations = stations(observations).into_iter().zip(weights);
+    stations
+        .flat_map(|(own, weight)| own.map(|_| *weight))
+        .collect()
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 use super::approach::ApproachOffsets;
 use super::components::Components;
 use super::layout::{Block, Layout};
-use super::leave_one_out::{leave_one_out, of_observations};
+use super::leave_one_out::{leave_one_out, of_observations, of_readings};
 use super::regression::{Posterior, Root};
 use super::rows::{Around, stations};
 use super::train::State;
@@ -170,6 +170,7 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: Vec::new(),
             left_out: Vec::new(),
+            sizes: Vec::new(),
             leaves: None,
             parts: self.parts.clone(),
         })
@@ -415,7 +416,6 @@ impl FullModel {
         let mean = posterior.mean() + expected;
         let approach = ApproachOffsets::of(&observations, &state.layout, &mean);
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
-        let (left_out, weights) = of_observations(&left_out, &state.weights);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             frames: problem.frames(&state.offsets),
@@ -435,8 +435,9 @@ impl FullModel {
             posterior,
             span: self.span,
             repeatability: self.repeatability.clone(),
-            weights,
-            left_out,
+            weights: of_readings(&observations, &state.weights),
+            left_out: of_observations(&left_out),
+            sizes: self.sizes.clone(),
             parts: self.parts.clone(),
             leaves: None,
         })

@@ -303,6 +303,7 @@ impl FullModel {
             repeatability: saved.repeatability.repeatability(),
             weights: Vec::new(),
             left_out: Vec::new(),
+            sizes: Vec::new(),
             leaves: None,
             parts: saved
                 .parts

@@ -191,6 +191,7 @@ impl StoredFull {
             repeatability: self.repeatability,
             weights: self.weights,
             left_out: Vec::new(),
+            sizes: Vec::new(),
             leaves: None,
         })
     }

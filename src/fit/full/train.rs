@@ -11,7 +11,7 @@ use nalgebra::{DVector, Point3, Vector3};
 
 use super::carried::{Carried, Carrying, Entered, Sizes};
 use super::columns::{layout, middles, unknown_variances};
-use super::components::Components;
+use super::components::{Components, Part, Size};
 use super::layout::{Block, Layout};
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
@@ -26,6 +26,8 @@ use crate::fit::problem::Problem;
 
 /// Steps of the variance components in each round; the last round only converges.
 const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
+/// Those of a training that starts at the sizes of another.
+const NEAR_STEPS: [usize; 4] = [1, 1, 1, 2];
 /// Those of a training that starts where another with more parts ended.
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 /// Number of first rounds after which gear lines are searched for.
@@ -73,22 +75,52 @@ pub struct Settled {
     pub posterior: Posterior,
     /// Prior mean of the columns at the last round's offsets.
     pub prior_mean: DVector<f64>,
-    /// Leave-one-out residuals of the last round, station by station.
-    pub left_out: Vec<LeftOut>,
 }
 
-/// Trains on `problem` from the offsets of a geometric fit; `None` if a factorisation fails.
+/// The sizes of a model of nearly the same stations, at which a training starts: of its parts but for gear lines, of the noise, and of
+/// the tails.
+#[derive(Debug)]
+pub struct Near<'m> {
+    pub(super) sizes: &'m [(Part, Size)],
+    pub(super) repeatability: &'m Repeatability,
+    pub(super) tails: Tails,
+}
+
+/// Trains on `problem` from the offsets of a geometric fit, and from the sizes of a model that is `near`; `None` if a factorisation
+/// fails.
 pub fn train(
     problem: &Problem<'_>,
     start: DVector<f64>,
     (settings, carrying): (&FullSettings, Option<&Carrying>),
+    near: Option<&Near<'_>>,
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let state = State::new(problem, start, (settings, carrying), up.is_some())?;
-    settled(problem, state, settings, up, &STEPS)
+    let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
+    let expected = state.repeatability.clone();
+    let rounds = if let Some(near) = near {
+        state.components.take_sizes(near.sizes);
+        state.repeatability = near.repeatability.clone();
+        state.tails = near.tails;
+        &NEAR_STEPS[..]
+    } else {
+        let misfit_mm = problem.misfit_mm(&state.offsets);
+        state.repeatability.start_from(misfit_mm);
+        &STEPS[..]
+    };
+    settled(problem, (state, &expected), settings, up, rounds)
 }
 
 impl Settled {
+    /// Leave-one-out residuals of the last round, station by station.
+    pub(super) fn leave_one_out(
+        &self,
+        problem: &Problem<'_>,
+        up: Option<Vector3<f64>>,
+    ) -> Vec<LeftOut> {
+        let around = Around::new(problem, &self.state, up);
+        leave_one_out(&around, &self.prior_mean, &self.posterior)
+    }
+
     /// Trains a model with fewer parts on the same stations: it starts where this one ended, but for the sizes.
     pub(super) fn with_fewer_parts(
         &self,
@@ -99,41 +131,40 @@ impl Settled {
         let start = self.state.offsets.clone();
         let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
         state.weights.clone_from(&self.state.weights);
-        settled(problem, state, settings, up, &FEWER_STEPS)
+        let expected = state.repeatability.clone();
+        let misfit_mm = problem.misfit_mm(&state.offsets);
+        state.repeatability.start_from(misfit_mm);
+        settled(problem, (state, &expected), settings, up, &FEWER_STEPS)
     }
 }
 
 /// The rounds of a training, each with so many steps of the variance components.
 fn settled(
     problem: &Problem<'_>,
-    mut state: State,
+    (mut state, expected): (State, &Repeatability),
     settings: &FullSettings,
     up: Option<Vector3<f64>>,
     rounds: &[usize],
 ) -> Option<Settled> {
-    let expected = state.repeatability.clone();
-    state
-        .repeatability
-        .start_from(problem.misfit_mm(&state.offsets));
     for (round, &steps) in rounds.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
         let evidence = evidence(&around, &prior_mean)?;
         let mut components = state.components.clone();
         let posterior = settle(&mut components, &evidence, steps)?;
-        let left_out = leave_one_out(&around, &prior_mean, &posterior);
-        state.components = components;
         if round + 1 == rounds.len() {
+            state.components = components;
             return Some(Settled {
                 state,
                 evidence,
                 posterior,
                 prior_mean,
-                left_out,
             });
         }
+        let left_out = leave_one_out(&around, &prior_mean, &posterior);
+        state.components = components;
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
-        state.repeatability.update(&noise, &expected);
+        state.repeatability.update(&noise, expected);
         if settings.student_t > 0.0 {
             state.tails = Tails::found(&left_out);
         }

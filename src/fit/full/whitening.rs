@@ -219,11 +219,13 @@ impl<'s> Summing<'s> {
     /// The sums of the shapes of two joints, a pair.
     fn of_joints(&self, pair: usize, j: usize, l: usize) -> DMatrix<f64> {
         let weights = self.weights.column(pair);
-        let mut weighed = self.by_station[l].clone();
-        for mut column in weighed.column_iter_mut() {
-            column.component_mul_assign(&weights);
+        let (stations, shapes) = self.by_station[l].shape();
+        let mut weighed = Vec::with_capacity(stations * shapes);
+        for column in self.by_station[l].column_iter() {
+            let entries = column.iter().zip(weights.iter());
+            weighed.extend(entries.map(|(own, weight)| own * weight));
         }
-        &self.shapes[j] * weighed
+        &self.shapes[j] * DMatrix::from_vec(stations, shapes, weighed)
     }
 
     /// The sums of the plain columns with a joint's shapes, and the moment of the shapes.

@@ -216,6 +216,7 @@ impl Planning {
             full: &settings.full,
             up: settings.up,
             carrying: None,
+            near: None,
             rivals: false,
         };
         let Some(known) = &settings.known else {

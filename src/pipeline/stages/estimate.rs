@@ -97,7 +97,7 @@ pub fn estimate(
         if learning.is_none_or(|own| own.sessions() > 0) {
             check_pool(arm, &observed, &models, &training, settings)?;
         }
-        let folds = train_folds(arm, &observed, sessions, (&train, learning), progress)?;
+        let folds = train_folds(arm, &observed, &models, (&train, learning), progress)?;
         Known {
             models,
             folds,
@@ -120,8 +120,8 @@ pub fn estimate(
             sessions_left_out(
                 arm,
                 (&observed, sessions),
-                &train,
-                settings.locate,
+                &models,
+                (&train, settings.locate),
                 progress,
             )?
         }
@@ -329,6 +329,7 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         full: &settings.full,
         up: settings.up,
         carrying: None,
+        near: None,
         rivals: settings.rivals,
     }
 }

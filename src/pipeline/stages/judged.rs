@@ -51,19 +51,24 @@ fn side_by_side<T: Send>(
     done.into_iter().map(|(_, done)| done).collect()
 }
 
-/// The models of every fold that holds a station out, in fold order.
+/// The models of every fold that holds a station out, in fold order; their trainings start at the sizes of the model of all stations.
 pub(super) fn train_folds(
     arm: &Arm,
     observed: &Observed,
-    sessions: usize,
+    models: &Models,
     (settings, learning): (&TrainingSettings<'_>, Option<&Learning>),
     progress: &dyn Progress,
 ) -> Result<Vec<Option<Models>>, FitError> {
     progress.begin("folds", holdout::FOLDS as u64);
+    let sessions = models.base_target.frames.len();
+    let settings = TrainingSettings {
+        near: models.full.as_ref(),
+        ..*settings
+    };
     let train = |fold: usize| {
         // What a fold carries over is that of all sessions, of this one too where it holds none of its stations out.
         let is_needed = learning.is_some() || observed.folds.contains(&fold);
-        let own = learning.map_or(*settings, |own| own.fold(fold, *settings));
+        let own = learning.map_or(settings, |own| own.fold(fold, settings));
         let models =
             is_needed.then(|| fit::models::train_all(arm, &observed.without(fold), sessions, &own));
         progress.advance(1);
@@ -87,15 +92,19 @@ pub(super) fn judges_earlier(models: &Models, settings: &StageSettings) -> bool 
 }
 
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
-/// that of now.
+/// that of now. Trainings start at the sizes of the model of all sessions.
 pub(super) fn sessions_left_out(
     arm: &Arm,
     (observed, training): (&Observed, &[JoinedSession]),
-    settings: &TrainingSettings<'_>,
-    locate: Locate,
+    models: &Models,
+    (settings, locate): (&TrainingSettings<'_>, Locate),
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {
     let others = training.len() - 1;
+    let settings = &TrainingSettings {
+        near: models.full.as_ref(),
+        ..*settings
+    };
     let of_now: Vec<usize> = (0..training.len())
         .filter(|&place| is_of_now(observed, place, settings))
         .collect();

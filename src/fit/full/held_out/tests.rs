@@ -150,7 +150,7 @@ fn with_settled(harmonics: usize, check: impl Fn(&Problem<'_>, &Settled)) {
         harmonics,
         ..settings()
     };
-    let settled = train(&problem, start, (&settings, None), None).expect("a model");
+    let settled = train(&problem, start, (&settings, None), None, None).expect("a model");
     check(&problem, &settled);
 }
 
@@ -255,7 +255,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
         drift: true,
         ..settings()
     };
-    let settled = train(&problem, start, (&settings, None), None).expect("a model");
+    let settled = train(&problem, start, (&settings, None), None, None).expect("a model");
     check(&problem, &settled);
 }
 
@@ -284,7 +284,7 @@ fn the_sums_of_a_pool_are_those_of_its_rows() {
         let apart = dense.log_evidence - settled.posterior.log_evidence;
         assert!(apart.abs() < 1e-6, "{apart}");
         let mean = dense.mean() + &settled.prior_mean;
-        for (place, own) in settled.left_out.iter().enumerate() {
+        for (place, own) in settled.leave_one_out(&problem, None).iter().enumerate() {
             let row = &rows[place];
             let whole = row.whole(around.seen(around.session(place)), size);
             let half = dense.half(&whole);

@@ -348,6 +348,7 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         full: &FULL,
         up: Some(Vector3::z_axis()),
         carrying: None,
+        near: None,
         rivals: false,
     };
     let models = fit::models::train_all(&ARM, &observations, 1, &settings);
