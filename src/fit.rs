@@ -64,6 +64,7 @@ use thiserror::Error;
 
 pub use error_frame::{ErrorBase, ErrorFrame, FrameUncertainty, SurveyedBase};
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
+pub use full::Purpose;
 pub use gap::{Gap, Refusal};
 pub use gauge::{Anchor, Gauge, Plane, Sees};
 pub use holdout::Blocks;

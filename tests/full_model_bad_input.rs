@@ -12,7 +12,7 @@ use posegrid::fit::full::layout::Block;
 use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::models::{Models, train};
 use posegrid::fit::same_arm::{self, NotOneArm};
-use posegrid::fit::{self, FitError, FitSettings, Observation, TrainingSettings};
+use posegrid::fit::{self, FitError, FitSettings, Observation, Purpose, TrainingSettings};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
@@ -75,7 +75,7 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: false,
     };
     train(arm, observations, sessions, &settings)

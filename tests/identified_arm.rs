@@ -8,7 +8,7 @@ use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJ
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{self, FitSettings, FrameUncertainty, Model, TrainingSettings};
+use posegrid::fit::{self, FitSettings, FrameUncertainty, Model, Purpose, TrainingSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::kinematics::Arm;
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
@@ -53,7 +53,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
         },
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: false,
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");

@@ -6,8 +6,8 @@ mod common;
 use nalgebra::Vector3;
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{
-    self, FitSettings, KnownTarget, Models, Noise, Observation, Source, TrackerUncertainty,
-    TrainingSettings,
+    self, FitSettings, KnownTarget, Models, Noise, Observation, Purpose, Source,
+    TrackerUncertainty, TrainingSettings,
 };
 use posegrid::grid::Tolerance;
 use posegrid::join::ReadingKind;
@@ -63,7 +63,7 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
         full: &full,
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: false,
     })
 }

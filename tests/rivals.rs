@@ -15,7 +15,8 @@ use posegrid::fit::rivals::idw::{Idw, Space};
 use posegrid::fit::rivals::kriging::Kriging;
 use posegrid::fit::rivals::{Rival, Sample, samples, slides};
 use posegrid::fit::{
-    Blocks, FitSettings, IdentifiedGeometry, Model, Observation, PoseModel, TrainingSettings,
+    Blocks, FitSettings, IdentifiedGeometry, Model, Observation, PoseModel, Purpose,
+    TrainingSettings,
 };
 use posegrid::geometry::align;
 use posegrid::kinematics::Arm;
@@ -27,7 +28,7 @@ fn models(arm: &Arm, observations: &[Observation], rivals: bool) -> Models {
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals,
     };
     train_all(arm, observations, 1, &settings).expect("a fit")

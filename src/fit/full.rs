@@ -54,7 +54,7 @@ use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 pub use carried::{Carried, Carrying, Sizes};
-use components::{Part, Size};
+use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
 use leave_one_out::{LeftOut, of_observations, of_readings};
@@ -68,6 +68,15 @@ use tabulated::Tabulated;
 
 /// Positions whose covariances are found together: their rows are one right-hand side.
 const POSITIONS: usize = 64;
+
+/// What a model is trained for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// To be published, with the residual of each station as predicted by all others.
+    Published,
+    /// To judge stations that it does not see, of which it needs none of its own.
+    Judges,
+}
 
 /// The full error model of an arm, trained.
 #[derive(Debug)]
@@ -101,10 +110,8 @@ pub struct FullModel {
     /// Weight of each observation: its station's.
     pub weights: Vec<f64>,
     /// Residual of each observation that it was trained on, as predicted without its station, mm and rad; none of a model that was read
-    /// back or trained near another.
+    /// back or only judges.
     pub left_out: Vec<DVector<f64>>,
-    /// The sizes of its parts but for gear lines; none of a model that was read back.
-    sizes: Vec<(Part, Size)>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
     /// What the sessions so far said, for the next session; `None` where sessions are trained together.
@@ -162,7 +169,14 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let start = (frames, geometry);
-        Self::train_carrying(arm, observations, start, prior, (settings, None, None), up)
+        Self::train_carrying(
+            arm,
+            observations,
+            start,
+            prior,
+            (settings, None, Purpose::Published),
+            up,
+        )
     }
 
     /// [`Self::train`] on a session on top of what those before it said ([`carried`]), where sessions are learnt so.
@@ -171,7 +185,7 @@ impl FullModel {
         observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
-        (settings, carrying, near): (&FullSettings, Option<&Carrying>, Option<&Self>),
+        (settings, carrying, purpose): (&FullSettings, Option<&Carrying>, Purpose),
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
@@ -187,8 +201,7 @@ impl FullModel {
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let of_training = (settings, carrying);
-        let near = near.map(Self::near);
-        let settled = train::train(&problem, start.clone(), of_training, near.as_ref(), up)?;
+        let settled = train::train(&problem, start.clone(), of_training, up)?;
         let leaves = settled.carried(&problem, settings, up).map(Arc::new);
         let (mut settled, curves) =
             settled.without_curves_that_fail(&problem, start, of_training, up);
@@ -196,10 +209,9 @@ impl FullModel {
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let empty =
             Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
-        // What is trained near another only judges.
-        let left_out = match near {
-            None => settled.leave_one_out(&problem, up),
-            Some(_) => Vec::new(),
+        let left_out = match purpose {
+            Purpose::Published => settled.leave_one_out(&problem, up),
+            Purpose::Judges => Vec::new(),
         };
         let problems = (&problem, empty);
         Some(Self {
@@ -208,15 +220,6 @@ impl FullModel {
             leaves,
             ..Self::of_settled(problems, (settled, &left_out), settings, up)
         })
-    }
-
-    /// The sizes at which a training on nearly the same stations starts.
-    fn near(&self) -> train::Near<'_> {
-        train::Near {
-            sizes: &self.sizes,
-            repeatability: &self.repeatability,
-            tails: self.tails,
-        }
     }
 
     /// What the sessions so far said, for the next to be learnt on top of; `None` where sessions are not learnt so, and of a model
@@ -264,7 +267,6 @@ impl FullModel {
             repeatability: state.repeatability,
             weights,
             left_out: of_observations(left_out),
-            sizes: state.components.start_sizes(),
             parts: Vec::new(),
             leaves: None,
         }

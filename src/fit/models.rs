@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::UnitVector3;
 
-use super::full::{Carrying, FullModel, FullSettings};
+use super::full::{Carrying, FullModel, FullSettings, Purpose};
 use super::model::PoseModel;
 use super::observation::Observation;
 use super::registry::{Made, Model};
@@ -22,8 +22,8 @@ pub struct TrainingSettings<'s> {
     pub up: Option<UnitVector3<f64>>,
     /// That sessions are learnt one on top of the other, and what those before said; `None` where they are learnt from together.
     pub carrying: Option<&'s Carrying>,
-    /// The full error model of nearly the same stations, at whose sizes the training of a fold starts; gear lines are found anew.
-    pub near: Option<&'s FullModel>,
+    /// What the full error model is trained for.
+    pub purpose: Purpose,
     /// Whether rivals are trained to be compared ([`super::rivals`]).
     pub rivals: bool,
 }
@@ -72,7 +72,7 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        let of_training = (settings.full, settings.carrying, settings.near);
+        let of_training = (settings.full, settings.carrying, settings.purpose);
         FullModel::train_carrying(
             arm,
             observations,

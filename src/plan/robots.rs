@@ -8,7 +8,7 @@ use super::known::KnownArm;
 use super::settings::PlanSettings;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::FullSettings;
-use crate::fit::{self, ErrorFrame, FitError, Models, Observation, TrainingSettings};
+use crate::fit::{self, ErrorFrame, FitError, Models, Observation, Purpose, TrainingSettings};
 use crate::join::{Pairing, Station};
 use crate::kinematics::Arm;
 use crate::simulate::{ArmErrors, Commanded, Ingredient, SimulateSettings, Stream, Visit, visits};
@@ -123,7 +123,7 @@ impl Robot<'_> {
             },
             up: settings.up,
             carrying: None,
-            near: None,
+            purpose: Purpose::Judges,
             rivals: false,
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use posegrid::fit::commanded::SettlingError;
-use posegrid::fit::full::{Carrying, FullModel, FullSettings, Query, Sizes};
+use posegrid::fit::full::{Carrying, FullModel, FullSettings, Purpose, Query, Sizes};
 use posegrid::fit::{
     self, FitSettings, Frames, Freedom, Measured, MeasuredPoint, Observation, SourceId, TargetId,
 };
@@ -202,7 +202,7 @@ pub fn learnt(
     let start = (std::slice::from_ref(frames), &geometry[..]);
     let prior = FitSettings::default().prior();
     let (with, up) = (
-        (settings, Some(carrying), None),
+        (settings, Some(carrying), Purpose::Published),
         Some(Vector3::z_axis()),
     );
     FullModel::train_carrying(arm, &one, start, &prior, with, up).expect("a model")

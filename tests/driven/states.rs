@@ -6,7 +6,7 @@ use posegrid::figures::share_interval;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::models::train;
-use posegrid::fit::{self, ErrorFrame, FitSettings, Models, TrainingSettings};
+use posegrid::fit::{self, ErrorFrame, FitSettings, Models, Purpose, TrainingSettings};
 use posegrid::history::between;
 use posegrid::history::estimate::Estimate;
 use posegrid::history::hypotheses::Hypothesis;
@@ -108,7 +108,7 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
         full,
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: false,
     };
     train(&own.arm, &observations, 1, &settings).expect("a fit")

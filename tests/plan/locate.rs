@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::{self, Models, Observation, TrainingSettings};
+use posegrid::fit::{self, Models, Observation, Purpose, TrainingSettings};
 use posegrid::pipeline::planning::Planning;
 use posegrid::plan::locate::{Identified, LocatePlan, locate};
 use posegrid::plan::robots::{Robot, stations};
@@ -78,7 +78,7 @@ impl<'a> Remounted<'a> {
             full: &settings.full,
             up: settings.up,
             carrying: None,
-            near: None,
+            purpose: Purpose::Published,
             rivals: false,
         };
         let locate = Locate {

@@ -63,7 +63,6 @@ impl FullModel {
             repeatability: state.repeatability,
             weights: Vec::new(),
             left_out: Vec::new(),
-            sizes: Vec::new(),
             parts: Vec::new(),
             leaves: None,
         }

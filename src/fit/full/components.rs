@@ -210,15 +210,6 @@ impl Components {
         }
     }
 
-    /// The size of each part but for gear lines, for another training to start from.
-    pub(super) fn start_sizes(&self) -> Vec<(Part, Size)> {
-        let is_line = |own: &&Component| matches!(own.part, Part::Line { .. });
-        let others = self.all.iter().filter(|own| !is_line(own));
-        others
-            .map(|own| (own.part, Size::expected(own.size)))
-            .collect()
-    }
-
     /// The size of each part, for the next session to start from; arguments as of [`Self::update`].
     pub(super) fn sizes(
         &self,

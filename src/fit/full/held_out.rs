@@ -59,7 +59,7 @@ impl Settled {
             return (self, Some(evidence));
         }
         // What is published is trained to its end.
-        let plain = train(problem, start, (&plain, carrying), None, up);
+        let plain = train(problem, start, (&plain, carrying), up);
         (plain.unwrap_or(without), Some(evidence))
     }
 

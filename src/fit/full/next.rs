@@ -170,7 +170,6 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: Vec::new(),
             left_out: Vec::new(),
-            sizes: Vec::new(),
             leaves: None,
             parts: self.parts.clone(),
         })
@@ -437,7 +436,6 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: of_readings(&observations, &state.weights),
             left_out: of_observations(&left_out),
-            sizes: self.sizes.clone(),
             parts: self.parts.clone(),
             leaves: None,
         })

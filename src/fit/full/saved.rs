@@ -303,7 +303,6 @@ impl FullModel {
             repeatability: saved.repeatability.repeatability(),
             weights: Vec::new(),
             left_out: Vec::new(),
-            sizes: Vec::new(),
             leaves: None,
             parts: saved
                 .parts

@@ -191,7 +191,6 @@ impl StoredFull {
             repeatability: self.repeatability,
             weights: self.weights,
             left_out: Vec::new(),
-            sizes: Vec::new(),
             leaves: None,
         })
     }

@@ -11,7 +11,7 @@ use nalgebra::{DVector, Point3, Vector3};
 
 use super::carried::{Carried, Carrying, Entered, Sizes};
 use super::columns::{layout, middles, unknown_variances};
-use super::components::{Components, Part, Size};
+use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
@@ -26,8 +26,6 @@ use crate::fit::problem::Problem;
 
 /// Steps of the variance components in each round; the last round only converges.
 const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
-/// Those of a training that starts at the sizes of another.
-const NEAR_STEPS: [usize; 4] = [1, 1, 1, 2];
 /// Those of a training that starts where another with more parts ended.
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 /// Number of first rounds after which gear lines are searched for.
@@ -77,37 +75,15 @@ pub struct Settled {
     pub prior_mean: DVector<f64>,
 }
 
-/// The sizes of a model of nearly the same stations, at which a training starts: of its parts but for gear lines, of the noise, and of
-/// the tails.
-#[derive(Debug)]
-pub struct Near<'m> {
-    pub(super) sizes: &'m [(Part, Size)],
-    pub(super) repeatability: &'m Repeatability,
-    pub(super) tails: Tails,
-}
-
-/// Trains on `problem` from the offsets of a geometric fit, and from the sizes of a model that is `near`; `None` if a factorisation
-/// fails.
+/// Trains on `problem` from the offsets of a geometric fit; `None` if a factorisation fails.
 pub fn train(
     problem: &Problem<'_>,
     start: DVector<f64>,
     (settings, carrying): (&FullSettings, Option<&Carrying>),
-    near: Option<&Near<'_>>,
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
-    let expected = state.repeatability.clone();
-    let rounds = if let Some(near) = near {
-        state.components.take_sizes(near.sizes);
-        state.repeatability = near.repeatability.clone();
-        state.tails = near.tails;
-        &NEAR_STEPS[..]
-    } else {
-        let misfit_mm = problem.misfit_mm(&state.offsets);
-        state.repeatability.start_from(misfit_mm);
-        &STEPS[..]
-    };
-    settled(problem, (state, &expected), settings, up, rounds)
+    let state = State::new(problem, start, (settings, carrying), up.is_some())?;
+    settled(problem, state, settings, up, &STEPS)
 }
 
 impl Settled {
@@ -131,21 +107,21 @@ impl Settled {
         let start = self.state.offsets.clone();
         let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
         state.weights.clone_from(&self.state.weights);
-        let expected = state.repeatability.clone();
-        let misfit_mm = problem.misfit_mm(&state.offsets);
-        state.repeatability.start_from(misfit_mm);
-        settled(problem, (state, &expected), settings, up, &FEWER_STEPS)
+        settled(problem, state, settings, up, &FEWER_STEPS)
     }
 }
 
 /// The rounds of a training, each with so many steps of the variance components.
 fn settled(
     problem: &Problem<'_>,
-    (mut state, expected): (State, &Repeatability),
+    mut state: State,
     settings: &FullSettings,
     up: Option<Vector3<f64>>,
     rounds: &[usize],
 ) -> Option<Settled> {
+    let expected = state.repeatability.clone();
+    let misfit_mm = problem.misfit_mm(&state.offsets);
+    state.repeatability.start_from(misfit_mm);
     for (round, &steps) in rounds.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
@@ -164,7 +140,7 @@ fn settled(
         let left_out = leave_one_out(&around, &prior_mean, &posterior);
         state.components = components;
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
-        state.repeatability.update(&noise, expected);
+        state.repeatability.update(&noise, &expected);
         if settings.student_t > 0.0 {
             state.tails = Tails::found(&left_out);
         }

@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use super::{Planning, PlanningError, SESSION};
 use crate::fit::full::FullModel;
-use crate::fit::{self, FitError, Observation, SourceId, TrainingSettings};
+use crate::fit::{self, FitError, Observation, Purpose, SourceId, TrainingSettings};
 use crate::io::lake::Lake;
 use crate::io::table::Row as _;
 use crate::io::tables::outcome::JoinedSession;
@@ -216,7 +216,7 @@ impl Planning {
             full: &settings.full,
             up: settings.up,
             carrying: None,
-            near: None,
+            purpose: Purpose::Judges,
             rivals: false,
         };
         let Some(known) = &settings.known else {

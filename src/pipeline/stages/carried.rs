@@ -192,7 +192,7 @@ impl Learning {
         }
     }
 
-    /// The settings of the training without a fold, which starts at the sizes that its own sessions before showed.
+    /// The settings of the training without a fold.
     pub(super) fn fold<'s>(
         &'s self,
         fold: usize,
@@ -200,7 +200,6 @@ impl Learning {
     ) -> TrainingSettings<'s> {
         TrainingSettings {
             carrying: self.folds.get(fold),
-            near: None,
             ..settings
         }
     }

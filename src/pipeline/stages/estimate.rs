@@ -22,7 +22,7 @@ use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
-use crate::fit::{self, Model, Models, TrainingSettings};
+use crate::fit::{self, Model, Models, Purpose, TrainingSettings};
 use crate::geometry::{symmetric, upper};
 use crate::io::tables::estimates::StoredTrainings;
 use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
@@ -97,7 +97,7 @@ pub fn estimate(
         if learning.is_none_or(|own| own.sessions() > 0) {
             check_pool(arm, &observed, &models, &training, settings)?;
         }
-        let folds = train_folds(arm, &observed, &models, (&train, learning), progress)?;
+        let folds = train_folds(arm, &observed, sessions, (&train, learning), progress)?;
         Known {
             models,
             folds,
@@ -120,7 +120,6 @@ pub fn estimate(
             sessions_left_out(
                 arm,
                 (&observed, sessions),
-                &models,
                 (&train, settings.locate),
                 progress,
             )?
@@ -329,7 +328,7 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         full: &settings.full,
         up: settings.up,
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: settings.rivals,
     }
 }

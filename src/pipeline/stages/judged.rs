@@ -11,7 +11,8 @@ use super::turns::commanded_turns;
 use super::{StageError, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{
-    self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, TrainingSettings, holdout,
+    self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, Purpose, TrainingSettings,
+    holdout,
 };
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::{SeveralSources, Station};
@@ -51,18 +52,17 @@ fn side_by_side<T: Send>(
     done.into_iter().map(|(_, done)| done).collect()
 }
 
-/// The models of every fold that holds a station out, in fold order; their trainings start at the sizes of the model of all stations.
+/// The models of every fold that holds a station out, in fold order.
 pub(super) fn train_folds(
     arm: &Arm,
     observed: &Observed,
-    models: &Models,
+    sessions: usize,
     (settings, learning): (&TrainingSettings<'_>, Option<&Learning>),
     progress: &dyn Progress,
 ) -> Result<Vec<Option<Models>>, FitError> {
     progress.begin("folds", holdout::FOLDS as u64);
-    let sessions = models.base_target.frames.len();
     let settings = TrainingSettings {
-        near: models.full.as_ref(),
+        purpose: Purpose::Judges,
         ..*settings
     };
     let train = |fold: usize| {
@@ -92,17 +92,16 @@ pub(super) fn judges_earlier(models: &Models, settings: &StageSettings) -> bool 
 }
 
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
-/// that of now. Trainings start at the sizes of the model of all sessions.
+/// that of now.
 pub(super) fn sessions_left_out(
     arm: &Arm,
     (observed, training): (&Observed, &[JoinedSession]),
-    models: &Models,
     (settings, locate): (&TrainingSettings<'_>, Locate),
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {
     let others = training.len() - 1;
     let settings = &TrainingSettings {
-        near: models.full.as_ref(),
+        purpose: Purpose::Judges,
         ..*settings
     };
     let of_now: Vec<usize> = (0..training.len())

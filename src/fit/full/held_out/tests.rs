@@ -150,7 +150,7 @@ fn with_settled(harmonics: usize, check: impl Fn(&Problem<'_>, &Settled)) {
         harmonics,
         ..settings()
     };
-    let settled = train(&problem, start, (&settings, None), None, None).expect("a model");
+    let settled = train(&problem, start, (&settings, None), None).expect("a model");
     check(&problem, &settled);
 }
 
@@ -255,7 +255,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
         drift: true,
         ..settings()
     };
-    let settled = train(&problem, start, (&settings, None), None, None).expect("a model");
+    let settled = train(&problem, start, (&settings, None), None).expect("a model");
     check(&problem, &settled);
 }
 

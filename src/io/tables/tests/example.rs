@@ -14,7 +14,7 @@ use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
     self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
-    Observation, PoseModel, Prediction, Source, SourceId, SourceSize, ToolErrors,
+    Observation, PoseModel, Prediction, Purpose, Source, SourceId, SourceSize, ToolErrors,
     TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
@@ -348,7 +348,7 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         full: &FULL,
         up: Some(Vector3::z_axis()),
         carrying: None,
-        near: None,
+        purpose: Purpose::Published,
         rivals: false,
     };
     let models = fit::models::train_all(&ARM, &observations, 1, &settings);
