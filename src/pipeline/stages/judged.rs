@@ -207,28 +207,30 @@ impl Judged<'_> {
             }
             sets
         };
-        self.training.iter().enumerate().flat_map(of).collect()
+        let sessions = self.training.par_iter().enumerate();
+        sessions.flat_map_iter(of).collect()
     }
 
     /// Every station judged once, by the models of the fold that held it out.
     fn blocks(&self) -> Vec<ResidualSet> {
+        let held_out = |place: usize| {
+            let folds = self.folds.iter().enumerate();
+            folds.filter_map(move |(fold, models)| Some((place, fold, models.as_ref()?)))
+        };
+        let parts: Vec<_> = (0..self.training.len()).flat_map(held_out).collect();
+        let judged = parts.par_iter().map(|&(place, fold, models)| {
+            let own = self.observed.of_session(place);
+            let own = own.filter(|(_, of)| *of == fold);
+            let own: Vec<_> = own.map(|(o, _)| o.clone()).collect();
+            let stations = Stations {
+                session: &self.training[place].name,
+                observations: &own,
+            };
+            evaluate::own_session(models, stations, Split::Blocks, Some(fold))
+        });
         let mut sets: Vec<ResidualSet> = Vec::new();
-        for (place, session) in self.training.iter().enumerate() {
-            for (fold, models) in self.folds.iter().enumerate() {
-                let Some(models) = models else { continue };
-                let held_out = self
-                    .observed
-                    .of_session(place)
-                    .filter(|(_, own)| *own == fold);
-                let own: Vec<_> = held_out.map(|(o, _)| o.clone()).collect();
-                let stations = Stations {
-                    session: &session.name,
-                    observations: &own,
-                };
-                for set in evaluate::own_session(models, stations, Split::Blocks, Some(fold)) {
-                    merge(&mut sets, set);
-                }
-            }
+        for set in judged.collect::<Vec<_>>().into_iter().flatten() {
+            merge(&mut sets, set);
         }
         sets
     }
