@@ -201,7 +201,12 @@ impl<'a> View<'a> {
 
     /// True pose of the target in the tracker frame at a moment of the controller's time, mm.
     pub(super) fn tracker_from_target(&self, t_s: f64) -> Isometry3<f64> {
-        self.tracker_moved(t_s) * self.tracker_from_base * self.base_from_target(t_s)
+        self.seen(t_s, &self.base_from_target(t_s))
+    }
+
+    /// The pose in the tracker frame of a target that is at this pose in the base frame at that moment, mm.
+    pub(super) fn seen(&self, t_s: f64, base_from_target: &Isometry3<f64>) -> Isometry3<f64> {
+        self.tracker_moved(t_s) * self.tracker_from_base * base_from_target
     }
 
     /// Readings at the tracker's own rate for as long as the controller runs.

@@ -122,7 +122,7 @@ impl TrueStation {
     pub(super) fn of(number: usize, stop: &Stop, view: &View<'_>) -> Self {
         let stamp = |t_s: f64| view.clock.origin.plus_ns(ns(t_s));
         let middle_s = stop.start_s.midpoint(stop.end_s);
-        let tracker_from_target = view.tracker_from_target(middle_s);
+        let base_from_target = view.base_from_target(middle_s);
         Self {
             number,
             start: stamp(stop.start_s),
@@ -135,8 +135,8 @@ impl TrueStation {
             repeated: stop.repeated.clone(),
             base_drift_mm: view.base_drift(middle_s),
             tracker_moved: view.tracker_moved(middle_s),
-            base_from_target: view.base_from_target(middle_s),
-            tracker_from_target,
+            tracker_from_target: view.seen(middle_s, &base_from_target),
+            base_from_target,
         }
     }
 

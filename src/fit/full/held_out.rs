@@ -23,8 +23,10 @@ use crate::fit::problem::Problem;
 
 /// Number of blocks that suffice where they all say the same clearly.
 const CLEAR: usize = 3;
-/// Logarithm of a ratio of mean distances that is clear: the means of a block of a hundred stations are known to some 5 %.
+/// Logarithm of a ratio of mean distances that is clear.
 const CLEARLY: f64 = 0.25;
+/// Stations of a block whose mean distance is known to some 5 %.
+const MANY: usize = 100;
 
 impl Settled {
     /// This model, or the one without curves and gear lines where that predicts left-out blocks better on the mean; with the
@@ -64,7 +66,7 @@ impl Settled {
     }
 
     /// The logarithm of how much smaller the mean distance of measured and predicted positions is than by `other`, each predicted
-    /// without its block; `None` where a block cannot be left out. Blocks are asked until [`CLEAR`] of them have all said the same.
+    /// without its block; `None` where a block cannot be left out. Blocks are asked until [`CLEAR`] large ones have all said the same.
     fn ln_smaller_than(
         &self,
         other: &Self,
@@ -84,7 +86,8 @@ impl Settled {
             let own = self.left_out(&around[0], &block)?;
             let others = other.left_out(&around[1], &block)?;
             sums = [sums[0] + own, sums[1] + others];
-            said.push((others / own).ln());
+            let apart = (others / own).ln();
+            said.push(if block.len() < MANY { 0.0 } else { apart });
             let clear = |sign: f64| said.iter().all(|apart| sign * apart > CLEARLY);
             if said.len() >= CLEAR && (clear(1.0) || clear(-1.0)) {
                 break;

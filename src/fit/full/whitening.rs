@@ -3,11 +3,13 @@
 //! Sums of the shapes of two joints j and l are `Σ_i (J_jᵀ N⁻¹ J_l)_i φ_j(i) φ_l(i)ᵀ`: one number a station weighs a product of two lists,
 //! however many rows the station has ([`super::partition::Seen`]).
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 
 use super::partition::Seen;
-use super::regression::few_rows::FewRows;
+use super::regression::few_rows::{ByMotion, FewRows, Shapes};
 use super::regression::sessions::SessionSums;
 use super::regression::{Evidence, Sums};
 use super::rows::{Around, Coefficients, Row, covariances};
@@ -126,6 +128,28 @@ impl Whitened {
                 for (&place, shape) in places.iter().zip(&row.shapes[joint]) {
                     column[seen.columns[place]] = shape * motion;
                 }
+            }
+        }
+    }
+}
+
+impl Whitened {
+    /// Adds its rows, which begin at `first`, to those that are seen by what moves them; `places` has the place of each column among
+    /// its joint's.
+    fn part(
+        &self,
+        row: &Row,
+        seen: &Seen,
+        places: &[usize],
+        (first, into): (usize, &mut ByMotion),
+    ) {
+        let (station, size) = (into.stations.len(), self.values.len());
+        into.stations.push(first..first + size);
+        for (joint, own) in into.joints.iter_mut().enumerate() {
+            let motions = self.joints.column(joint);
+            own.motions.rows_mut(first, size).copy_from(&motions);
+            for (&place, number) in seen.of_joints[joint].iter().zip(&row.shapes[joint]) {
+                own.numbers[(places[seen.columns[place]], station)] = *number;
             }
         }
     }
@@ -311,6 +335,13 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
     let count = around.row_count() + distances.len();
     let mut transposed = DMatrix::zeros(size, count);
     let mut values = DVector::zeros(count);
+    let mut columns = by_motion(around, count);
+    let mut places = vec![0; size];
+    for own in &columns.joints {
+        for (place, &column) in own.columns.iter().enumerate() {
+            places[column] = place;
+        }
+    }
     let (mut first, mut ln_noise) = (0, 0.0);
     for (session, stations) in around.batches() {
         let (seen, rows) = (around.seen(session), around.rows(&stations));
@@ -318,6 +349,7 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
         for (row, own) in rows.iter().zip(&whitened) {
             let size = own.values.len();
             own.spread(row, seen, &mut transposed.columns_mut(first, size));
+            own.part(row, seen, &places, (first, &mut columns));
             values.rows_mut(first, size).copy_from(&own.values);
             first += size;
             ln_noise += own.ln_noise;
@@ -333,7 +365,30 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
     }
     FewRows {
         transposed,
+        columns: Arc::new(columns),
         values,
         ln_noise,
+    }
+}
+
+/// The columns of the model by what they move, for `rows` rows, of which none is there yet.
+fn by_motion(around: &Around<'_>, rows: usize) -> ByMotion {
+    let joints = around.state.repeatability.joints.len();
+    let (mut plain, mut of_joints) = (Vec::new(), vec![Vec::new(); joints]);
+    for (block, columns) in around.state.layout.blocks() {
+        match block.shapes() {
+            Some(joint) => of_joints[joint].extend(columns),
+            None => plain.extend(columns),
+        }
+    }
+    let shapes = |columns: Vec<usize>| Shapes {
+        numbers: DMatrix::zeros(columns.len(), around.count()),
+        motions: DVector::zeros(rows),
+        columns,
+    };
+    ByMotion {
+        plain,
+        joints: of_joints.into_iter().map(shapes).collect(),
+        stations: Vec::new(),
     }
 }

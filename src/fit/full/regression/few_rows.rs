@@ -3,28 +3,56 @@
 //! With `W` the whitened rows and `S = W √v`, the values have the covariance `K = I + S Sᵀ = L Lᵀ`. What is asked of the
 //! columns' information `M = I + SᵀS` follows from it (the identities are Woodbury's):
 //! - mean `u = Sᵀ K⁻¹ y`, and `ln |M| = ln |K|`;
-//! - determined shares `diag (I − M⁻¹)`: the squared norms of the columns of `L⁻¹ S`;
+//! - determined shares `diag (I − M⁻¹)`: the diagonal of `Sᵀ K⁻¹ S`;
 //! - a square root of `M⁻¹ = T Tᵀ`: `T = I − Sᵀ L⁻ᵀ (L + I)⁻¹ S` (Andrews 1968), in which nothing cancels;
 //! - what the model leaves open of its own rows: `I − S M⁻¹ Sᵀ = K⁻¹`.
+//!
+//! Most columns are shapes of a joint, which move the rows of a station by the joint's motion times a number. So what they say of two
+//! stations is one number times the product of two motions, and K and the determined shares follow from products over stations instead
+//! of rows.
+
+use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::{Posterior, Root};
-use crate::linalg::{Cholesky, gram};
-
-/// Columns that a worker takes at once; fixed, so that results do not depend on the number of threads.
-const AT_ONCE: usize = 64;
+use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 
 /// Whitened rows, kept as they are.
 #[derive(Debug, Clone)]
 pub struct FewRows {
     /// `Wᵀ`: a row of the regression in each column.
     pub transposed: DMatrix<f64>,
+    /// The columns of `W` by what they move.
+    pub columns: Arc<ByMotion>,
     /// The whitened values.
     pub values: DVector<f64>,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
+}
+
+/// The columns of few rows: shapes of joints, which every station sees through the joint's motion, and others.
+#[derive(Debug, Clone, Default)]
+pub struct ByMotion {
+    /// The columns that are no shapes.
+    pub plain: Vec<usize>,
+    /// The shapes of each joint.
+    pub joints: Vec<Shapes>,
+    /// The rows of each station.
+    pub stations: Vec<Range<usize>>,
+}
+
+/// The columns of one joint's shapes: the entry of a row is the station's number times the row's motion.
+#[derive(Debug, Clone)]
+pub struct Shapes {
+    /// The columns.
+    pub columns: Vec<usize>,
+    /// The numbers: a row for each of `columns`, a column for each station.
+    pub numbers: DMatrix<f64>,
+    /// The whitened motion of each row by the joint.
+    pub motions: DVector<f64>,
 }
 
 /// Rows times the prior's standard deviations, and the factor of their values' covariance.
@@ -32,8 +60,101 @@ pub struct FewRows {
 pub struct FewRoot {
     /// `Sᵀ`: a row of the regression in each column.
     transposed: DMatrix<f64>,
+    columns: Arc<ByMotion>,
+    /// The prior's standard deviations.
+    scale: DVector<f64>,
     /// Cholesky factor of K.
     factor: Cholesky,
+}
+
+impl ByMotion {
+    /// All of `columns` columns as no shapes.
+    pub fn plain(columns: usize) -> Self {
+        Self {
+            plain: (0..columns).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// `S Sᵀ`, of which the lower triangle is right, for `Sᵀ` and the scale in it.
+    fn product(&self, of_rows: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
+        let plain = of_rows.select_rows(&self.plain);
+        let mut product = gram(&plain.as_view());
+        let alike = self.joints.par_iter().map(|own| {
+            let scaled = own.scaled(scale);
+            gram(&scaled.as_view())
+        });
+        for (own, alike) in self.joints.iter().zip(alike.collect::<Vec<_>>()) {
+            for (station, columns) in self.stations.iter().enumerate() {
+                for (other, rows) in self.stations.iter().enumerate().skip(station) {
+                    let share = alike[(other, station)];
+                    for column in columns.clone() {
+                        let by = share * own.motions[column];
+                        for row in rows.clone() {
+                            product[(row, column)] += by * own.motions[row];
+                        }
+                    }
+                }
+            }
+        }
+        product
+    }
+
+    /// The diagonal of `Sᵀ K⁻¹ S`, for `Sᵀ`, the scale in it and the factor of K.
+    fn squares(
+        &self,
+        of_rows: &DMatrix<f64>,
+        scale: &DVector<f64>,
+        factor: &Cholesky,
+    ) -> DVector<f64> {
+        let mut squares = DVector::zeros(scale.len());
+        // Where a base is hardly expected somewhere its column is far longer than one; its square is the norm of `L⁻¹ S`.
+        let plain = factor.forward(of_rows.select_rows(&self.plain).transpose(), 0);
+        for (&column, half) in self.plain.iter().zip(plain.column_iter()) {
+            squares[column] = half.norm_squared();
+        }
+        if self.joints.is_empty() {
+            return squares;
+        }
+        let covariance = gram_of_lower(&factor.inverse_lower());
+        let of_joint = |own: &Shapes| {
+            let count = self.stations.len();
+            let across = DMatrix::from_fn(count, count, |station, other| {
+                let (rows, columns) = (&self.stations[station], &self.stations[other]);
+                let block = columns.clone().map(|column| {
+                    let rows = rows.clone();
+                    let along = rows.map(|row| own.motions[row] * covariance[(row, column)]);
+                    own.motions[column] * along.sum::<f64>()
+                });
+                block.sum::<f64>()
+            });
+            let scaled = own.scaled(scale);
+            let scaled = transposed(&scaled.as_view());
+            let onto = across * &scaled;
+            let columns = scaled.column_iter().zip(onto.column_iter());
+            let squares: Vec<f64> = columns.map(|(own, onto)| own.dot(&onto)).collect();
+            squares
+        };
+        let of_joints: Vec<Vec<f64>> = self.joints.par_iter().map(of_joint).collect();
+        for (own, found) in self.joints.iter().zip(of_joints) {
+            for (&column, square) in own.columns.iter().zip(found) {
+                squares[column] = square;
+            }
+        }
+        squares
+    }
+}
+
+impl Shapes {
+    /// The numbers times the scale of their columns.
+    fn scaled(&self, scale: &DVector<f64>) -> DMatrix<f64> {
+        let own = scale.select_rows(&self.columns);
+        let mut scaled = self.numbers.clone();
+        for mut station in scaled.column_iter_mut() {
+            station.component_mul_assign(&own);
+        }
+        scaled
+    }
 }
 
 impl FewRows {
@@ -46,6 +167,7 @@ impl FewRows {
     pub fn none(columns: usize) -> Self {
         Self {
             transposed: DMatrix::zeros(columns, 0),
+            columns: Arc::new(ByMotion::plain(columns)),
             values: DVector::zeros(0),
             ln_noise: 0.0,
         }
@@ -57,7 +179,7 @@ impl FewRows {
         for mut row in transposed.column_iter_mut() {
             row.component_mul_assign(&scale);
         }
-        let mut covariance = gram(&transposed.as_view());
+        let mut covariance = self.columns.product(&transposed, &scale);
         (0..self.values.len()).for_each(|row| covariance[(row, row)] += 1.0);
         let factor = Cholesky::new(covariance)?;
         let explained = factor.solve(&self.values);
@@ -65,8 +187,13 @@ impl FewRows {
         Some(Posterior {
             whitened: &transposed * explained,
             log_evidence: -0.5 * (quadratic + factor.ln_determinant() + self.ln_noise),
+            root: Root::Rows(FewRoot {
+                transposed,
+                columns: Arc::clone(&self.columns),
+                scale: scale.clone(),
+                factor,
+            }),
             scale,
-            root: Root::Rows(FewRoot { transposed, factor }),
         })
     }
 }
@@ -74,18 +201,8 @@ impl FewRows {
 impl FewRoot {
     /// `1 − Σ_kk/v_k` of each column.
     pub(super) fn determined(&self) -> DVector<f64> {
-        let columns = self.transposed.nrows();
-        let firsts: Vec<usize> = (0..columns).step_by(AT_ONCE).collect();
-        let part = |first: usize| {
-            let width = AT_ONCE.min(columns - first);
-            let half = self
-                .factor
-                .forward(self.transposed.rows(first, width).transpose(), 0);
-            let norms = half.column_iter().map(|column| column.norm_squared());
-            norms.collect::<Vec<f64>>()
-        };
-        let parts: Vec<Vec<f64>> = firsts.into_par_iter().map(part).collect();
-        DVector::from_vec(parts.concat())
+        let own = &self.columns;
+        own.squares(&self.transposed, &self.scale, &self.factor)
     }
 
     /// `Tᵀ B`.
@@ -152,11 +269,60 @@ mod tests {
         let values = DVector::from_fn(rows, |row, _| (row as f64).cos());
         let scale = DVector::from_fn(columns, |column, _| [0.5, 300.0, 0.0][column % 3]);
         let few = FewRows {
+            columns: Arc::new(ByMotion::plain(columns)),
             transposed,
             values,
             ln_noise: 0.7,
         };
         (few, scale)
+    }
+
+    /// The same rows, some of whose columns are shapes of two joints, seen by stations of three rows and one row of none.
+    fn by_motion(stations: usize, columns: usize) -> (FewRows, DVector<f64>) {
+        let (mut few, scale) = few(3 * stations + 1, columns);
+        let joint = |joint: usize| {
+            let own: Vec<usize> = (0..columns).filter(|own| own % 5 == joint).collect();
+            let number = |own: usize, station: usize| ((own * 11 + station * 5) as f64).cos();
+            let mut shapes = Shapes {
+                numbers: DMatrix::from_fn(own.len(), stations, number),
+                motions: DVector::from_fn(3 * stations + 1, |row, _| {
+                    ((row * 3 + joint) as f64 * 0.7).sin()
+                }),
+                columns: own,
+            };
+            shapes.motions[3 * stations] = 0.0;
+            shapes
+        };
+        let joints = vec![joint(0), joint(3)];
+        for own in &joints {
+            for (place, &column) in own.columns.iter().enumerate() {
+                for row in 0..=3 * stations {
+                    let number = own.numbers[(place, (row / 3).min(stations - 1))];
+                    few.transposed[(column, row)] = own.motions[row] * number;
+                }
+            }
+        }
+        few.columns = Arc::new(ByMotion {
+            plain: (0..columns)
+                .filter(|own| ![0, 3].contains(&(own % 5)))
+                .collect(),
+            stations: (0..stations).map(|own| 3 * own..3 * own + 3).collect(),
+            joints,
+        });
+        (few, scale)
+    }
+
+    #[test]
+    fn products_over_stations_are_those_over_rows() {
+        let (few, scale) = by_motion(12, 70);
+        let by_rows = few.posterior_at(scale.clone()).expect("positive definite");
+        let by_columns = summed(&few, &scale);
+        let apart = (by_rows.mean() - by_columns.mean()).amax();
+        assert!(apart < 1e-7, "means {apart}");
+        let apart = (by_rows.determined() - by_columns.determined()).amax();
+        assert!(apart < 1e-8, "determined {apart}");
+        let apart = by_rows.log_evidence - by_columns.log_evidence;
+        assert!(apart.abs() < 1e-6, "evidence {apart}");
     }
 
     /// The posterior of the same rows, by their sums.
@@ -227,6 +393,8 @@ mod tests {
         assert!(Cholesky::new(information).is_none(), "an easier case");
         let root = FewRoot {
             transposed: rows.transpose(),
+            columns: Arc::new(ByMotion::plain(8)),
+            scale: DVector::repeat(8, 1.0),
             factor: Cholesky::new(DMatrix::identity(3, 3)).expect("positive"),
         };
         let diagonal = root.of_columns().lower().diagonal();
