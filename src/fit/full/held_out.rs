@@ -75,6 +75,7 @@ impl Settled {
     ) -> Option<f64> {
         let folds = folds(problem, &self.state.offsets);
         let around = [self, other].map(|own| Around::new(problem, &own.state, up));
+        let known = [self.known(&around[0])?, other.known(&around[1])?];
         let (mut sums, mut said) = ([0.0, 0.0], Vec::new());
         for fold in 0..FOLDS {
             let block: Vec<usize> = (0..folds.len())
@@ -83,8 +84,8 @@ impl Settled {
             if block.is_empty() {
                 continue;
             }
-            let own = self.left_out(&around[0], &block)?;
-            let others = other.left_out(&around[1], &block)?;
+            let own = self.left_out(&around[0], &known[0], &block)?;
+            let others = other.left_out(&around[1], &known[1], &block)?;
             sums = [sums[0] + own, sums[1] + others];
             let apart = (others / own).ln();
             said.push(if block.len() < MANY { 0.0 } else { apart });
@@ -96,10 +97,22 @@ impl Settled {
         Some((sums[1] / sums[0]).ln())
     }
 
+    /// What leaving out any block needs of all rows; `None` where they are few and their covariance cannot be found.
+    fn known(&self, around: &Around<'_>) -> Option<Known> {
+        if !matches!(self.evidence, Evidence::Rows(_)) {
+            return Some(Known::Sums);
+        }
+        let all: Vec<usize> = (0..around.count()).collect();
+        let rows = around.rows(&all);
+        let noise = covariances(around.state, &rows, &all);
+        let open = left_open(&self.posterior, &noise)?;
+        Some(Known::Rows { rows, noise, open })
+    }
+
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
-    fn left_out(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
-        if matches!(self.evidence, Evidence::Rows(_)) {
-            return self.left_out_of_few(around, block);
+    fn left_out(&self, around: &Around<'_>, known: &Known, block: &[usize]) -> Option<f64> {
+        if let Known::Rows { rows, noise, open } = known {
+            return self.left_out_of_few(around, (rows, noise, open), block);
         }
         let mut others = self.evidence.clone();
         let batches = around.batches_of(block);
@@ -123,11 +136,12 @@ impl Settled {
 
     /// [`Self::left_out`] of rows that are few: with `N` the block's noise, `H` the covariance that the model explains there and `r` its
     /// residuals, those left out are `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
-    fn left_out_of_few(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
-        let all: Vec<usize> = (0..around.count()).collect();
-        let rows = around.rows(&all);
-        let covariances = covariances(around.state, &rows, &all);
-        let open = left_open(&self.posterior, &covariances)?;
+    fn left_out_of_few(
+        &self,
+        around: &Around<'_>,
+        (rows, covariances, open): (&[Row], &[DMatrix<f64>], &DMatrix<f64>),
+        block: &[usize],
+    ) -> Option<f64> {
         let mean = self.posterior.mean() + &self.prior_mean;
         let count = block.iter().map(|&place| rows[place].value.len()).sum();
         let mut left = DVector::zeros(count);
@@ -144,7 +158,7 @@ impl Settled {
                 .copy_from(&covariances[place]);
             first += size;
         }
-        let half = open.select_columns(&rows_of(&rows, block));
+        let half = open.select_columns(&rows_of(rows, block));
         let residual = noise * half.tr_mul(&half).cholesky()?.solve(&left);
         first = 0;
         let away = block.iter().map(|&place| {
@@ -155,6 +169,20 @@ impl Settled {
         });
         Some(away.sum())
     }
+}
+
+/// What a model knows of all its rows before a block is left out.
+enum Known {
+    /// Nothing but their sums.
+    Sums,
+    /// Few rows.
+    Rows {
+        rows: Vec<Row>,
+        /// Covariance of the noise of each station.
+        noise: Vec<DMatrix<f64>>,
+        /// A square root of the covariance of all rows that the model leaves open.
+        open: DMatrix<f64>,
+    },
 }
 
 /// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.

@@ -17,6 +17,9 @@ use crate::join::ReadingKind;
 use crate::kinematics::batch::{BLOCK, Block, Column};
 use crate::kinematics::{BatchChain, BatchColumns};
 
+/// Columns of a product of rows with themselves that are found at once: what is above the diagonal there is found in vain.
+const GRAM_COLUMNS: usize = 16;
+
 /// The readings of one channel as columns.
 #[derive(Debug)]
 pub struct Stations {
@@ -329,14 +332,22 @@ impl BlockRows {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }
 
-    /// `Aᵀ A` of all columns A, the residual's last.
+    /// `Aᵀ A` of all columns A, the residual's last; on and below its diagonal.
     pub fn gram(&self) -> DMatrix<f64> {
         let size = self.unknowns.len() + 1;
         let columns = DMatrixView::from_slice(&self.values, self.rows, size);
         let transposed =
             DMatrixView::from_slice_with_strides(&self.values, size, self.rows, self.rows, 1);
         let mut gram = DMatrix::zeros(size, size);
-        gram.gemm(1.0, &transposed, &columns, 0.0);
+        for first in (0..size).step_by(GRAM_COLUMNS) {
+            let (width, below) = (GRAM_COLUMNS.min(size - first), size - first);
+            gram.view_mut((first, first), (below, width)).gemm(
+                1.0,
+                &transposed.rows(first, below),
+                &columns.columns(first, width),
+                0.0,
+            );
+        }
         gram
     }
 }
