@@ -118,9 +118,9 @@ impl Repeatability {
             let chunks = evidence.par_chunks(CHUNK).map(|stations| {
                 let mut sums = (DVector::zeros(size), DVector::zeros(size));
                 let (found, expected) = &mut sums;
-                stations
-                    .iter()
-                    .for_each(|own| own.add_to(self, found, expected));
+                for own in stations {
+                    own.add_to(self, found, expected);
+                }
                 sums
             });
             let (mut found, mut expected) = (DVector::zeros(size), DVector::zeros(size));

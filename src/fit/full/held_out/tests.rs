@@ -285,7 +285,7 @@ fn the_sums_of_a_pool_are_those_of_its_rows() {
         let apart = dense.log_evidence - settled.posterior.log_evidence;
         assert!(apart.abs() < 1e-6, "{apart}");
         let mean = dense.mean() + &settled.prior_mean;
-        for (place, own) in settled.leave_one_out(&problem, None).iter().enumerate() {
+        for (place, own) in settled.leave_one_out(problem, None).iter().enumerate() {
             let row = &rows[place];
             let whole = row.whole(around.seen(around.session(place)), size);
             let half = dense.half(&whole);

@@ -7,18 +7,17 @@
 //! - a square root of `M⁻¹ = T Tᵀ`: `T = I − Sᵀ L⁻ᵀ (L + I)⁻¹ S` (Andrews 1968), in which nothing cancels;
 //! - what the model leaves open of its own rows: `I − S M⁻¹ Sᵀ = K⁻¹`.
 //!
-//! Most columns are shapes of a joint, which move the rows of a station by the joint's motion times a number. So what they say of two
-//! stations is one number times the product of two motions, and K and the determined shares follow from products over stations instead
-//! of rows.
+//! Most columns are shapes of a joint: what they say follows from products over stations instead of rows ([`ByMotion`]).
 
-use std::ops::Range;
+mod by_motion;
+
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::{Posterior, Root};
-use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
+use crate::linalg::{Cholesky, gram};
+pub use by_motion::{ByMotion, Shapes};
 
 /// Whitened rows, kept as they are.
 #[derive(Debug, Clone)]
@@ -33,28 +32,6 @@ pub struct FewRows {
     pub ln_noise: f64,
 }
 
-/// The columns of few rows: shapes of joints, which every station sees through the joint's motion, and others.
-#[derive(Debug, Clone, Default)]
-pub struct ByMotion {
-    /// The columns that are no shapes.
-    pub plain: Vec<usize>,
-    /// The shapes of each joint.
-    pub joints: Vec<Shapes>,
-    /// The rows of each station.
-    pub stations: Vec<Range<usize>>,
-}
-
-/// The columns of one joint's shapes: the entry of a row is the station's number times the row's motion.
-#[derive(Debug, Clone)]
-pub struct Shapes {
-    /// The columns.
-    pub columns: Vec<usize>,
-    /// The numbers: a row for each of `columns`, a column for each station.
-    pub numbers: DMatrix<f64>,
-    /// The whitened motion of each row by the joint.
-    pub motions: DVector<f64>,
-}
-
 /// Rows times the prior's standard deviations, and the factor of their values' covariance.
 #[derive(Debug, Clone)]
 pub struct FewRoot {
@@ -65,96 +42,6 @@ pub struct FewRoot {
     scale: DVector<f64>,
     /// Cholesky factor of K.
     factor: Cholesky,
-}
-
-impl ByMotion {
-    /// All of `columns` columns as no shapes.
-    pub fn plain(columns: usize) -> Self {
-        Self {
-            plain: (0..columns).collect(),
-            ..Self::default()
-        }
-    }
-
-    /// `S Sᵀ`, of which the lower triangle is right, for `Sᵀ` and the scale in it.
-    fn product(&self, of_rows: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
-        let plain = of_rows.select_rows(&self.plain);
-        let mut product = gram(&plain.as_view());
-        let alike = self.joints.par_iter().map(|own| {
-            let scaled = own.scaled(scale);
-            gram(&scaled.as_view())
-        });
-        for (own, alike) in self.joints.iter().zip(alike.collect::<Vec<_>>()) {
-            for (station, columns) in self.stations.iter().enumerate() {
-                for (other, rows) in self.stations.iter().enumerate().skip(station) {
-                    let share = alike[(other, station)];
-                    for column in columns.clone() {
-                        let by = share * own.motions[column];
-                        for row in rows.clone() {
-                            product[(row, column)] += by * own.motions[row];
-                        }
-                    }
-                }
-            }
-        }
-        product
-    }
-
-    /// The diagonal of `Sᵀ K⁻¹ S`, for `Sᵀ`, the scale in it and the factor of K.
-    fn squares(
-        &self,
-        of_rows: &DMatrix<f64>,
-        scale: &DVector<f64>,
-        factor: &Cholesky,
-    ) -> DVector<f64> {
-        let mut squares = DVector::zeros(scale.len());
-        // Where a base is hardly expected somewhere its column is far longer than one; its square is the norm of `L⁻¹ S`.
-        let plain = factor.forward(of_rows.select_rows(&self.plain).transpose(), 0);
-        for (&column, half) in self.plain.iter().zip(plain.column_iter()) {
-            squares[column] = half.norm_squared();
-        }
-        if self.joints.is_empty() {
-            return squares;
-        }
-        let covariance = gram_of_lower(&factor.inverse_lower());
-        let of_joint = |own: &Shapes| {
-            let count = self.stations.len();
-            let across = DMatrix::from_fn(count, count, |station, other| {
-                let (rows, columns) = (&self.stations[station], &self.stations[other]);
-                let block = columns.clone().map(|column| {
-                    let rows = rows.clone();
-                    let along = rows.map(|row| own.motions[row] * covariance[(row, column)]);
-                    own.motions[column] * along.sum::<f64>()
-                });
-                block.sum::<f64>()
-            });
-            let scaled = own.scaled(scale);
-            let scaled = transposed(&scaled.as_view());
-            let onto = across * &scaled;
-            let columns = scaled.column_iter().zip(onto.column_iter());
-            let squares: Vec<f64> = columns.map(|(own, onto)| own.dot(&onto)).collect();
-            squares
-        };
-        let of_joints: Vec<Vec<f64>> = self.joints.par_iter().map(of_joint).collect();
-        for (own, found) in self.joints.iter().zip(of_joints) {
-            for (&column, square) in own.columns.iter().zip(found) {
-                squares[column] = square;
-            }
-        }
-        squares
-    }
-}
-
-impl Shapes {
-    /// The numbers times the scale of their columns.
-    fn scaled(&self, scale: &DVector<f64>) -> DMatrix<f64> {
-        let own = scale.select_rows(&self.columns);
-        let mut scaled = self.numbers.clone();
-        for mut station in scaled.column_iter_mut() {
-            station.component_mul_assign(&own);
-        }
-        scaled
-    }
 }
 
 impl FewRows {
