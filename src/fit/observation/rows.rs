@@ -17,7 +17,8 @@ use crate::join::ReadingKind;
 use crate::kinematics::batch::{BLOCK, Block, Column};
 use crate::kinematics::{BatchChain, BatchColumns};
 
-/// Columns of a product of rows with themselves that are found at once: what is above the diagonal there is found in vain.
+/// Columns of a product of rows with themselves that are found at once, and up to twice as many at its end: what is above the diagonal
+/// there is found in vain. Never so few that nalgebra would take a transposed view column by column, which it cannot (0.34.2).
 const GRAM_COLUMNS: usize = 16;
 
 /// The readings of one channel as columns.
@@ -339,14 +340,21 @@ impl BlockRows {
         let transposed =
             DMatrixView::from_slice_with_strides(&self.values, size, self.rows, self.rows, 1);
         let mut gram = DMatrix::zeros(size, size);
-        for first in (0..size).step_by(GRAM_COLUMNS) {
-            let (width, below) = (GRAM_COLUMNS.min(size - first), size - first);
+        let mut first = 0;
+        while first < size {
+            let below = size - first;
+            let width = if below < 2 * GRAM_COLUMNS {
+                below
+            } else {
+                GRAM_COLUMNS
+            };
             gram.view_mut((first, first), (below, width)).gemm(
                 1.0,
                 &transposed.rows(first, below),
                 &columns.columns(first, width),
                 0.0,
             );
+            first += width;
         }
         gram
     }
