@@ -358,7 +358,11 @@ fn a_session_that_only_judges_has_the_target_of_the_latest_that_trained() {
     let sessions = "sessions = [\"day-1\", \"day-2\"]\ntest = [\"day-3\"]\npool = \"all\"";
     std::fs::write(&file, text.replace("pool = \"all\"", sessions)).expect("a pipeline file");
     let output = run(folder);
-    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(
+        matches!(output.status.code(), Some(0 | 3)),
+        "{}",
+        stderr(&output)
+    );
     // The target of the first session is 1.9 mm away.
     let error = judged_mm(folder, "day-3");
     assert!(error < 0.15, "{error} mm");

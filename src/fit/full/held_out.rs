@@ -43,7 +43,15 @@ impl Settled {
             gear_lines: false,
             ..settings.clone()
         };
-        let Some(without) = self.with_fewer_parts(problem, (&plain, carrying), up) else {
+        let of_plain = (&plain, carrying);
+        // Of few stations a shorter training says something else, and a whole one takes no time.
+        let is_few = matches!(self.evidence, Evidence::Rows(_));
+        let without = if is_few {
+            train(problem, start.clone(), of_plain, up)
+        } else {
+            self.with_fewer_parts(problem, of_plain, up)
+        };
+        let Some(without) = without else {
             return (self, None);
         };
         let Some(apart) = self.ln_smaller_than(&without, problem, up) else {
@@ -60,9 +68,12 @@ impl Settled {
         if kept {
             return (self, Some(evidence));
         }
-        // What is published is trained to its end.
-        let plain = train(problem, start, (&plain, carrying), up);
-        (plain.unwrap_or(without), Some(evidence))
+        let whole = if is_few {
+            None
+        } else {
+            train(problem, start, of_plain, up)
+        };
+        (whole.unwrap_or(without), Some(evidence))
     }
 
     /// The logarithm of how much smaller the mean distance of measured and predicted positions is than by `other`, each predicted
