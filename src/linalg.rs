@@ -388,7 +388,7 @@ fn add_products(
         });
 }
 
-/// The transpose, block by block as [`mirror`] goes.
+/// The transpose, block by block, so that what is read and written stays in the cache.
 pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let (height, width) = matrix.shape();
     let mut transposed = DMatrix::zeros(width, height);
