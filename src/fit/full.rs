@@ -482,7 +482,8 @@ impl FullModel {
             joints,
             base,
         };
-        self.repeatability.covariance(&StationNoise::of(&[reading]))
+        self.repeatability
+            .covariance(&StationNoise::of(&[reading]), 1.0)
     }
 
     /// Variance of measured minus predicted length of a reading that took no part, mm²: of the prediction with the instrument's place, and

@@ -158,16 +158,17 @@ impl Settled {
         let mut left = DVector::zeros(count);
         let mut noise = DMatrix::zeros(count, count);
         let mut first = 0;
-        let session = |place: usize| around.session(place);
-        for &place in block {
-            let (row, size) = (&rows[place], rows[place].value.len());
-            let expected = row.times(&Coefficients::of(around.seen(session(place)), &mean));
-            left.rows_mut(first, size)
-                .copy_from(&(&row.value - expected));
-            noise
-                .view_mut((first, first), (size, size))
-                .copy_from(&covariances[place]);
-            first += size;
+        for (session, stations) in around.batches_of(block) {
+            let own = Coefficients::of(around.seen(session), &mean);
+            for place in stations {
+                let (row, size) = (&rows[place], rows[place].value.len());
+                let mut residual = left.rows_mut(first, size);
+                residual.copy_from(&(&row.value - row.times(&own)));
+                noise
+                    .view_mut((first, first), (size, size))
+                    .copy_from(&covariances[place]);
+                first += size;
+            }
         }
         let half = open.select_columns(&rows_of(rows, block));
         let residual = noise * half.tr_mul(&half).cholesky()?.solve(&left);

@@ -152,16 +152,15 @@ impl<'s> Explaining<'s> {
             let plain = rows.iter().map(|row| &row.plain);
             let onto_plain = stacked(plain, self.seen.plain.len()) * &self.plain;
             let onto_joints = self.onto_joints(&shapes, first..first + rows.len());
-            let mut row_place = 0;
-            let explained = rows.iter().enumerate().map(|(own, row)| {
+            let places = firsts(rows).into_iter().zip(rows).enumerate();
+            let explained = places.map(|(own, (first_row, row))| {
                 let (size, joints) = (row.value.len(), shapes.len());
-                row_place += size;
                 let mut of_pairs = DMatrix::zeros(joints, joints);
                 for (((j, l), _), between) in self.of_joints.iter().zip(&between) {
                     of_pairs[(*j, *l)] = between[first + own];
                     of_pairs[(*l, *j)] = between[first + own];
                 }
-                let mut explained = onto_plain.rows(row_place - size, size) * row.plain.transpose();
+                let mut explained = onto_plain.rows(first_row, size) * row.plain.transpose();
                 // What joints share with each other counts half here and half in the transpose.
                 let motions = &row.noise.joints;
                 let mut along = &row.plain * onto_joints.columns(joints * own, joints);

@@ -70,16 +70,16 @@ impl Repeatability {
         self.position = self.position.max(misfit_mm.powi(2));
     }
 
-    /// The covariance of a station's residual at weight 1.
-    pub fn covariance(&self, station: &StationNoise) -> DMatrix<f64> {
+    /// `share` times the covariance of a station's residual at weight 1.
+    pub fn covariance(&self, station: &StationNoise, share: f64) -> DMatrix<f64> {
         let size = station.common.nrows();
         let mut covariance = DMatrix::zeros(size, size);
-        self.add_to(station, 1.0, &mut covariance);
+        self.add_to(station, share, &mut covariance);
         covariance
     }
 
-    /// Adds `share` times a station's covariance at weight 1.
-    pub(super) fn add_to(&self, station: &StationNoise, share: f64, sum: &mut DMatrix<f64>) {
+    /// Adds [`Self::covariance`].
+    fn add_to(&self, station: &StationNoise, share: f64, sum: &mut DMatrix<f64>) {
         self.add_readings(station, share, sum);
         for axis in station.common.column_iter() {
             sum.ger(share * self.position, &axis, &axis, 1.0);

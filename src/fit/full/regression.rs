@@ -312,7 +312,7 @@ impl Posterior {
     pub fn determined(&self) -> DVector<f64> {
         let factor = match &self.root {
             Root::Columns(factor) => factor,
-            Root::Rows(rows) => return rows.determined(),
+            Root::Rows(rows) => return rows.determined(&self.scale),
             Root::Sessions(arrow) => return arrow.determined(),
         };
         let inverse = factor.inverse_lower();

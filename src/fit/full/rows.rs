@@ -334,11 +334,7 @@ fn below<'r>(
 /// Covariance of a station's noise at its weight.
 pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
-    let size = row.value.len();
-    let mut covariance = DMatrix::zeros(size, size);
-    let own = &state.repeatability;
-    own.add_to(&row.noise, counted.recip(), &mut covariance);
-    covariance
+    state.repeatability.covariance(&row.noise, counted.recip())
 }
 
 /// Covariance of the noise of each of these stations at its weight.

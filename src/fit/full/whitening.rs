@@ -131,9 +131,7 @@ impl Whitened {
             }
         }
     }
-}
 
-impl Whitened {
     /// Adds its rows, which begin at `first`, to those that are seen by what moves them; `places` has the place of each column among
     /// its joint's.
     fn part(

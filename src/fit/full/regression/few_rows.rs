@@ -38,8 +38,6 @@ pub struct FewRoot {
     /// `Sᵀ`: a row of the regression in each column.
     transposed: DMatrix<f64>,
     columns: Arc<ByMotion>,
-    /// The prior's standard deviations.
-    scale: DVector<f64>,
     /// Cholesky factor of K.
     factor: Cholesky,
 }
@@ -77,7 +75,6 @@ impl FewRows {
             root: Root::Rows(FewRoot {
                 transposed,
                 columns: Arc::clone(&self.columns),
-                scale: scale.clone(),
                 factor,
             }),
             scale,
@@ -86,10 +83,9 @@ impl FewRows {
 }
 
 impl FewRoot {
-    /// `1 − Σ_kk/v_k` of each column.
-    pub(super) fn determined(&self) -> DVector<f64> {
-        let own = &self.columns;
-        own.squares(&self.transposed, &self.scale, &self.factor)
+    /// `1 − Σ_kk/v_k` of each column, at the prior's standard deviations in its rows.
+    pub(super) fn determined(&self, scale: &DVector<f64>) -> DVector<f64> {
+        self.columns.squares(&self.transposed, scale, &self.factor)
     }
 
     /// `Tᵀ B`.
@@ -164,7 +160,8 @@ mod tests {
         (few, scale)
     }
 
-    /// The same rows, some of whose columns are shapes of two joints, seen by stations of three rows and one row of none.
+    /// Rows as of [`few`]: three for each station, and a last one that is of none. Of every five columns the first is a shape of one joint
+    /// and the fourth of another.
     fn by_motion(stations: usize, columns: usize) -> (FewRows, DVector<f64>) {
         let (mut few, scale) = few(3 * stations + 1, columns);
         let joint = |joint: usize| {
@@ -202,14 +199,21 @@ mod tests {
     #[test]
     fn products_over_stations_are_those_over_rows() {
         let (few, scale) = by_motion(12, 70);
+        both(&few, &scale);
+    }
+
+    /// The posterior of rows by themselves and by their sums, which say the same.
+    fn both(few: &FewRows, scale: &DVector<f64>) -> [Posterior; 2] {
+        let size = few.transposed.shape();
         let by_rows = few.posterior_at(scale.clone()).expect("positive definite");
-        let by_columns = summed(&few, &scale);
+        let by_columns = summed(few, scale);
         let apart = (by_rows.mean() - by_columns.mean()).amax();
-        assert!(apart < 1e-7, "means {apart}");
+        assert!(apart < 1e-7, "{size:?}: means {apart}");
         let apart = (by_rows.determined() - by_columns.determined()).amax();
-        assert!(apart < 1e-8, "determined {apart}");
+        assert!(apart < 1e-8, "{size:?}: determined {apart}");
         let apart = by_rows.log_evidence - by_columns.log_evidence;
-        assert!(apart.abs() < 1e-6, "evidence {apart}");
+        assert!(apart.abs() < 1e-6, "{size:?}: evidence {apart}");
+        [by_rows, by_columns]
     }
 
     /// The posterior of the same rows, by their sums.
@@ -222,14 +226,7 @@ mod tests {
     fn a_factor_of_rows_gives_what_a_factor_of_columns_gives() {
         for (rows, columns) in [(1, 3), (7, 30), (70, 150)] {
             let (few, scale) = few(rows, columns);
-            let by_rows = few.posterior_at(scale.clone()).expect("positive definite");
-            let by_columns = summed(&few, &scale);
-            let apart = (by_rows.mean() - by_columns.mean()).amax();
-            assert!(apart < 1e-7, "{rows} × {columns}: means {apart}");
-            let apart = (by_rows.determined() - by_columns.determined()).amax();
-            assert!(apart < 1e-8, "{rows} × {columns}: determined {apart}");
-            let apart = by_rows.log_evidence - by_columns.log_evidence;
-            assert!(apart.abs() < 1e-6, "{rows} × {columns}: evidence {apart}");
+            let [by_rows, by_columns] = both(&few, &scale);
             let shown = DMatrix::from_fn(4, columns, |row, column| ((row + column) as f64).sin());
             let covariance = |posterior: &Posterior| {
                 let half = posterior.half(&shown);
@@ -281,7 +278,6 @@ mod tests {
         let root = FewRoot {
             transposed: rows.transpose(),
             columns: Arc::new(ByMotion::plain(8)),
-            scale: DVector::repeat(8, 1.0),
             factor: Cholesky::new(DMatrix::identity(3, 3)).expect("positive"),
         };
         let diagonal = root.of_columns().lower().diagonal();

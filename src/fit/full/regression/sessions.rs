@@ -196,7 +196,7 @@ impl Arrow {
                 continue;
             }
             let own = root.factor.forward(own, 0);
-            shared.gemm(-1.0, &root.across.transpose(), &own, 1.0);
+            shared.gemm(-1.0, &transposed(&root.across.as_view()), &own, 1.0);
             put_rows(&mut half, places, &own);
         }
         put_rows(
