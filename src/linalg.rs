@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Width of a block: three of them fit into a core's fast cache.
 const BLOCK: usize = 64;
+/// Numbers of one line of the cache.
+const TILE: usize = 8;
 /// Width of what is worked on at once: a product packs its factors anew, which a few columns would not repay.
 const WIDE: usize = 4 * BLOCK;
 
@@ -290,76 +292,101 @@ pub fn invert_small(matrix: &mut DMatrix<f64>) -> bool {
     true
 }
 
-/// The lower Cholesky factor of one block, zeros above the diagonal.
+/// The lower Cholesky factor of one block, zeros above the diagonal: column after column, as they lie in memory.
 fn small_cholesky(mut block: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = block.nrows();
-    for j in 0..size {
-        let mut pivot = block[(j, j)];
-        for k in 0..j {
-            pivot -= block[(j, k)] * block[(j, k)];
-        }
-        if !pivot.is_finite() || pivot <= 0.0 {
+    for (pivot, column) in (0..size).zip(1..) {
+        let (done, rest) = block.as_mut_slice().split_at_mut(column * size);
+        let own = &mut done[pivot * size..];
+        let root = own[pivot].sqrt();
+        // The root of a negative number is none.
+        if !root.is_finite() || root <= 0.0 {
             return None;
         }
-        let pivot = pivot.sqrt();
-        block[(j, j)] = pivot;
-        for i in j + 1..size {
-            let dot: f64 = (0..j).map(|k| block[(i, k)] * block[(j, k)]).sum();
-            block[(i, j)] = (block[(i, j)] - dot) / pivot;
-            block[(j, i)] = 0.0;
+        own[..pivot].fill(0.0);
+        own[pivot] = root;
+        own[column..].iter_mut().for_each(|entry| *entry /= root);
+        for (row, later) in (column..size).zip(rest.chunks_exact_mut(size)) {
+            subtract(&mut later[row..], own[row], &own[row..]);
         }
     }
     Some(block)
 }
 
+/// The inverse of a lower triangular block, column after column.
 fn small_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
     let size = lower.nrows();
     let mut inverse = DMatrix::zeros(size, size);
-    for column in 0..size {
-        inverse[(column, column)] = lower[(column, column)].recip();
-        for row in column + 1..size {
-            let dot: f64 = (column..row)
-                .map(|k| lower[(row, k)] * inverse[(k, column)])
-                .sum();
-            inverse[(row, column)] = -dot / lower[(row, row)];
+    for (first, solved) in inverse.as_mut_slice().chunks_exact_mut(size).enumerate() {
+        solved[first] = 1.0;
+        let columns = lower.as_slice().chunks_exact(size).enumerate();
+        for (row, column) in columns.skip(first) {
+            let entry = solved[row] / column[row];
+            solved[row] = entry;
+            subtract(&mut solved[row + 1..], entry, &column[row + 1..]);
         }
     }
     inverse
 }
 
+/// Subtracts a multiple of one list from another.
+fn subtract(from: &mut [f64], share: f64, taken: &[f64]) {
+    for (own, taken) in from.iter_mut().zip(taken) {
+        *own -= share * taken;
+    }
+}
+
 /// `Σ_rows Hᵀ H` of stacked rows, lower and upper triangle, panels of columns in parallel.
 pub fn gram(rows: &DMatrixView<'_, f64>) -> DMatrix<f64> {
+    gram_of_both(rows, &transposed(rows).as_view())
+}
+
+/// [`gram`] of rows that stand as columns.
+pub fn gram_of_columns(columns: &DMatrixView<'_, f64>) -> DMatrix<f64> {
+    gram_of_both(&transposed(columns).as_view(), columns)
+}
+
+fn gram_of_both(rows: &DMatrixView<'_, f64>, columns: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let size = rows.ncols();
     let mut gram = DMatrix::zeros(size, size);
-    add_products(&mut gram, 1.0, rows, size, |_| 0);
+    add_products(&mut gram, 1.0, (rows, columns), size, |_| 0);
     mirror(&mut gram);
     gram
 }
 
 /// Subtracts `Hᵀ H` of stacked rows from a symmetric matrix, of which only the lower triangle is then right.
 pub fn subtract_gram(matrix: &mut DMatrix<f64>, rows: &DMatrix<f64>) {
-    add_products(matrix, -1.0, &rows.as_view(), rows.ncols(), |_| 0);
+    let rows = rows.as_view();
+    let columns = transposed(&rows);
+    add_products(
+        matrix,
+        -1.0,
+        (&rows, &columns.as_view()),
+        rows.ncols(),
+        |_| 0,
+    );
 }
 
 /// `Lᵀ L` of a lower triangular matrix, whose entries above the diagonal are zero.
 pub fn gram_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(lower.ncols(), lower.ncols());
-    add_products(&mut gram, 1.0, &lower.as_view(), WIDE, |column| column);
+    let (rows, columns) = (lower.as_view(), transposed(&lower.as_view()));
+    let both = (&rows, &columns.as_view());
+    add_products(&mut gram, 1.0, both, WIDE, |column| column);
     mirror(&mut gram);
     gram
 }
 
-/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, where the columns from one on have no entry before its `first_row`; below
+/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, for H and its transpose, where the columns from one on have no entry before its `first_row`; below
 /// the diagonal at most `tall` rows at once.
 fn add_products(
     sum: &mut DMatrix<f64>,
     share: f64,
-    rows: &DMatrixView<'_, f64>,
+    (rows, transposed): (&DMatrixView<'_, f64>, &DMatrixView<'_, f64>),
     tall: usize,
     first_row: impl Fn(usize) -> usize + Sync,
 ) {
     let size = rows.ncols();
-    let transposed = transposed(rows);
     sum.as_mut_slice()
         .par_chunks_mut((size * WIDE).max(1))
         .enumerate()
@@ -388,24 +415,34 @@ fn add_products(
         });
 }
 
-/// The transpose, block by block, so that what is read and written stays in the cache.
+/// The transpose, tile by tile, so that a line of the cache is read and written once.
 pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let (height, width) = matrix.shape();
     let mut transposed = DMatrix::zeros(width, height);
-    for column in (0..width).step_by(BLOCK) {
-        let columns = BLOCK.min(width - column);
-        for row in (0..height).step_by(BLOCK) {
-            let rows = BLOCK.min(height - row);
-            let block = matrix.view((row, column), (rows, columns));
-            let mut own = transposed.view_mut((column, row), (columns, rows));
-            block.transpose_to(&mut own);
+    let into = transposed.as_mut_slice();
+    for first in (0..width).step_by(TILE) {
+        let count = TILE.min(width - first);
+        // Of a last tile that is narrower the last column is read again.
+        let columns: [_; TILE] =
+            std::array::from_fn(|own| matrix.column(first + own.min(count - 1)));
+        let columns = columns.each_ref().map(nalgebra::Matrix::as_slice);
+        for row in (0..height).step_by(TILE) {
+            let rows = TILE.min(height - row);
+            for own in row..row + rows {
+                let entries: [f64; TILE] = columns.map(|column| column[own]);
+                let into = &mut into[own * width + first..][..count];
+                match into.first_chunk_mut() {
+                    Some(whole) => *whole = entries,
+                    None => into.copy_from_slice(&entries[..count]),
+                }
+            }
         }
     }
     transposed
 }
 
 /// Copies the lower triangle into the upper one, block by block, so that what is read and written stays in the cache.
-fn mirror(matrix: &mut DMatrix<f64>) {
+pub fn mirror(matrix: &mut DMatrix<f64>) {
     let size = matrix.nrows();
     for first in (0..size).step_by(BLOCK) {
         let width = BLOCK.min(size - first);

@@ -20,7 +20,7 @@ use super::chain::Chain;
 use super::sin_cos::sin_cos;
 
 pub use super::sin_cos::{BLOCK, Block};
-pub use columns::{BatchColumns, Column};
+pub use columns::{BatchColumns, Column, Variables};
 use dh::{Joint, Link};
 
 /// A chain at given offsets, ready for many poses.

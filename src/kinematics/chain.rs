@@ -131,8 +131,11 @@ impl Chain {
 
     /// The end of the nominal chain: [`Self::forward`] with no offsets.
     pub fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
-        let transforms = self.elements.iter().map(|element| element.nominal(q));
-        transforms.fold(Isometry3::identity(), |end, transform| end * transform)
+        let mut end = Isometry3::identity();
+        for element in &self.elements {
+            element.carry(&mut end, q, 0.0);
+        }
+        end
     }
 
     /// The origin and z axis of each axis variable's first joint in the root frame, at `q` with `offsets`.
@@ -225,7 +228,11 @@ impl Chain {
         let mut next = offsets.iter();
         for element in &self.elements {
             at(element, &frame);
-            frame *= element.transform(q, &mut next);
+            let offset = match element {
+                Element::Free { .. } => *next.next().expect("one offset for each free parameter"),
+                _ => 0.0,
+            };
+            element.carry(&mut frame, q, offset);
         }
         frame
     }
@@ -248,16 +255,18 @@ impl Element {
         }
     }
 
-    fn transform<'a>(
-        &self,
-        q: &[f64],
-        offsets: &mut impl Iterator<Item = &'a f64>,
-    ) -> Isometry3<f64> {
+    /// Carries a frame over the element, a free one with `offset` added to its nominal value.
+    fn carry(&self, frame: &mut Isometry3<f64>, q: &[f64], offset: f64) {
         match self {
+            Self::Fixed(isometry) => *frame *= isometry,
+            Self::Joint {
+                motion,
+                joint,
+                sign,
+            } => motion.carry(frame, sign * q[*joint]),
             Self::Free {
                 motion, nominal, ..
-            } => motion.by(nominal + offsets.next().expect("one offset for each free parameter")),
-            other => other.nominal(q),
+            } => motion.carry(frame, nominal + offset),
         }
     }
 

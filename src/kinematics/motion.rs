@@ -72,6 +72,22 @@ impl Motion {
         }
     }
 
+    /// Moves a frame by `amount` (mm or rad) along or about its own axis: [`Self::by`], which most free parameters do not need, as they
+    /// are zero.
+    pub fn carry(self, frame: &mut Isometry3<f64>, amount: f64) {
+        if amount == 0.0 {
+            return;
+        }
+        match self {
+            Self::Translation(axis) => {
+                frame.translation.vector += frame.rotation * (axis.unit().into_inner() * amount);
+            }
+            Self::Rotation(axis) => {
+                frame.rotation *= UnitQuaternion::from_axis_angle(&axis.unit(), amount);
+            }
+        }
+    }
+
     /// The transform of this motion by `amount` (mm or rad).
     pub fn by(self, amount: f64) -> Isometry3<f64> {
         match self {

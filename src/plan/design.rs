@@ -12,7 +12,7 @@
 //!
 //! After each choice K is conditioned on it, by steps of a Cholesky factor whose rows are kept for the candidates alone.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
@@ -41,7 +41,7 @@ pub struct Design<'c> {
     /// Covariance of each candidate with itself.
     own: Vec<Matrix3<f64>>,
     /// Rows of the Cholesky factor, three for each choice, over the candidates.
-    factor: Vec<DMatrix<f64>>,
+    factor: Vec<Vec<f64>>,
     /// Covariance of each pose of the region.
     region: Vec<Matrix3<f64>>,
     /// The candidates chosen, in order.
@@ -126,19 +126,18 @@ impl<'c> Design<'c> {
             .expect("noise is positive")
             .l();
         let inverse = factor.try_inverse().expect("a factor of a positive matrix");
-        let inverse = DMatrix::from_column_slice(3, 3, inverse.as_slice());
-        let rows = &inverse * self.with_candidates(candidate);
-        let region = self.cross.columns(3 * candidate, 3) * inverse.transpose();
+        let rows = self.with_candidates(candidate, &inverse);
+        let region = self.cross.fixed_columns::<3>(3 * candidate) * inverse.transpose();
         for (place, own) in self.own.iter_mut().enumerate() {
-            let taken = rows.fixed_columns::<3>(3 * place);
-            *own -= taken.tr_mul(&taken).fixed_view::<3, 3>(0, 0);
+            let taken = Matrix3::from_fn(|row, column| rows[row][3 * place + column]);
+            *own -= taken.tr_mul(&taken);
         }
         for (place, own) in self.region.iter_mut().enumerate() {
             let taken = region.fixed_rows::<3>(3 * place);
-            *own -= (taken * taken.transpose()).fixed_view::<3, 3>(0, 0);
+            *own -= taken * taken.transpose();
         }
         downdate(&mut self.cross, &region, &rows);
-        self.factor.push(rows);
+        self.factor.extend(rows);
         self.chosen.push(candidate);
         Choice {
             candidate,
@@ -168,14 +167,34 @@ impl<'c> Design<'c> {
             .map(|(candidate, _)| candidate)
     }
 
-    /// Covariance of a candidate (three rows) with all, given the choices so far.
-    fn with_candidates(&self, candidate: usize) -> DMatrix<f64> {
-        let mut covariance = self.half.columns(3 * candidate, 3).tr_mul(&self.half);
-        for rows in &self.factor {
-            let own = rows.columns(3 * candidate, 3);
-            covariance.gemm_tr(-1.0, &own, rows, 1.0);
-        }
-        covariance
+    /// `inverse` times the covariance of a candidate (three rows) with all, given the choices so far.
+    fn with_candidates(&self, candidate: usize, inverse: &Matrix3<f64>) -> [Vec<f64>; 3] {
+        let own = self.half.fixed_columns::<3>(3 * candidate) * inverse.transpose();
+        let choices = self.factor.iter();
+        let taken: Vec<Vector3<f64>> = choices
+            .map(|row| inverse * Vector3::from_column_slice(&row[3 * candidate..][..3]))
+            .collect();
+        let mut rows = [0, 1, 2].map(|_| vec![0.0; self.half.ncols()]);
+        let [x, y, z] = &mut rows;
+        let width = 3 * AT_ONCE;
+        let parts = x.par_chunks_mut(width).zip(y.par_chunks_mut(width));
+        let parts = parts.zip(z.par_chunks_mut(width)).enumerate();
+        parts.for_each(|(part, ((x, y), z))| {
+            let first = part * width;
+            let all = self.half.columns(first, x.len());
+            for (row, into) in [x, y, z].into_iter().enumerate() {
+                for (entry, other) in into.iter_mut().zip(all.column_iter()) {
+                    *entry = own.column(row).dot(&other);
+                }
+                for (factor, taken) in self.factor.iter().zip(&taken) {
+                    let factor = &factor[first..];
+                    for (entry, other) in into.iter_mut().zip(factor) {
+                        *entry -= taken[row] * other;
+                    }
+                }
+            }
+        });
+        rows
     }
 }
 
@@ -246,7 +265,11 @@ fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// `cross −= region · rows`, columns in parallel.
-fn downdate(cross: &mut DMatrix<f64>, region: &DMatrix<f64>, rows: &DMatrix<f64>) {
+fn downdate(
+    cross: &mut DMatrix<f64>,
+    region: &MatrixXx3<f64>,
+    [x_row, y_row, z_row]: &[Vec<f64>; 3],
+) {
     let height = cross.nrows();
     cross
         .as_mut_slice()
@@ -254,7 +277,7 @@ fn downdate(cross: &mut DMatrix<f64>, region: &DMatrix<f64>, rows: &DMatrix<f64>
         .with_min_len(AT_ONCE)
         .enumerate()
         .for_each(|(column, values)| {
-            let [x, y, z] = [0, 1, 2].map(|row| rows[(row, column)]);
+            let [x, y, z] = [x_row[column], y_row[column], z_row[column]];
             for (row, value) in values.iter_mut().enumerate() {
                 *value -= region[(row, 0)] * x + region[(row, 1)] * y + region[(row, 2)] * z;
             }

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use posegrid::kinematics::JointFile;
-use posegrid::kinematics::batch::BLOCK;
+use posegrid::kinematics::batch::{BLOCK, Variables};
 use posegrid::kinematics::{Arm, BatchChain, BatchColumns, HeldChain, Poses, RobotFile};
 
 /// Poses of a round: their columns stay in a core's second cache.
@@ -67,9 +67,10 @@ fn compare(robot: &str, arm: &Arm, rounds: usize) {
     let unknowns: Vec<_> = (0..nominal.len()).map(Some).collect();
     let with_columns = BatchColumns::new(chain, &nominal, &unknowns);
     let mut found = Vec::new();
+    let variables = Variables::of(axes.clone());
     let time = best(rounds, || {
         for first in (0..POSES).step_by(BLOCK) {
-            black_box(with_columns.block(black_box(&axes), first, &mut found));
+            black_box(with_columns.block(black_box(&variables), first, &mut found));
         }
     });
     let what = format!("{robot}: batch, with {} parameters' columns", nominal.len());

@@ -251,13 +251,21 @@ impl PoseView<'_> {
         layout: &Layout,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
-        let (sin, cos) = (self.angles[joint] / layout.curve_unit(joint)).sin_cos();
-        let (mut sin_k, mut cos_k) = (sin, cos);
-        for pair in 0..columns.len() / 2 {
-            each(columns.start + 2 * pair, &self.joints[joint], cos_k);
-            each(columns.start + 2 * pair + 1, &self.joints[joint], sin_k);
-            // The angle sums of (k + 1) q.
-            (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
-        }
+        let angle = self.angles[joint] / layout.curve_unit(joint);
+        curve_pairs(angle, columns.len() / 2, |pair, cos, sin| {
+            each(columns.start + 2 * pair, &self.joints[joint], cos);
+            each(columns.start + 2 * pair + 1, &self.joints[joint], sin);
+        });
+    }
+}
+
+/// Calls `each` for the pairs of a curve, from 0, with `cos` and `sin` of `k q`, k being one more than the pair.
+pub(super) fn curve_pairs(angle: f64, pairs: usize, mut each: impl FnMut(usize, f64, f64)) {
+    let (sin, cos) = angle.sin_cos();
+    let (mut sin_k, mut cos_k) = (sin, cos);
+    for pair in 0..pairs {
+        each(pair, cos_k, sin_k);
+        // The angle sums of (k + 1) q.
+        (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
     }
 }

@@ -17,7 +17,7 @@ use super::regression::Evidence;
 use super::rows::{Around, Coefficients, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
-use super::whitening::sums_of;
+use super::whitening::add;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::problem::Problem;
 
@@ -126,17 +126,17 @@ impl Settled {
             return self.left_out_of_few(around, (rows, noise, open), block);
         }
         let mut others = self.evidence.clone();
-        let batches = around.batches_of(block);
-        for (session, stations) in &batches {
-            let rows = around.rows(stations);
-            let own = sums_of(around, (*session, stations), &rows, &self.prior_mean);
-            others.take_out(*session, &own);
+        let mut taken = Vec::new();
+        for (session, stations) in around.batches_of(block) {
+            let rows = around.rows(&stations);
+            let sums = others.adding(session, -1.0)?;
+            add(around, (session, &stations), &rows, &self.prior_mean, sums);
+            taken.push((session, rows));
         }
         let posterior = others.posterior_at(self.posterior.scale.clone())?;
         let mean = posterior.mean() + &self.prior_mean;
-        let batches = batches.iter().map(|(session, stations)| {
+        let batches = taken.iter().map(|(session, rows)| {
             let own = Coefficients::of(around.seen(*session), &mean);
-            let rows = around.rows(stations);
             let away = rows
                 .iter()
                 .map(|row| distance(row, &(&row.value - row.times(&own))));

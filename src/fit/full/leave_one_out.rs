@@ -16,8 +16,9 @@ use super::regression::Posterior;
 use super::rows::{Around, Coefficients, Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
+use super::summing::pairs;
 use super::train::{CHUNK, FEW_HARMONICS};
-use super::whitening::{noise_factor, pairs};
+use super::whitening::noise_factor;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 use crate::linalg::{invert_small, stacked};
@@ -108,29 +109,27 @@ struct Explaining<'s> {
     seen: &'s Seen,
     /// Covariance of the plain columns with each other.
     plain: DMatrix<f64>,
-    /// Covariance of the plain columns with the shapes of each joint.
+    /// Covariance of the plain columns with the coefficients of each joint's shapes.
     with_plain: Vec<DMatrix<f64>>,
-    /// Covariance of the shapes of two joints, by the pair.
+    /// Covariance of the coefficients of two joints' shapes, by the pair.
     of_joints: Vec<((usize, usize), DMatrix<f64>)>,
 }
 
 impl<'s> Explaining<'s> {
     fn of(seen: &'s Seen, covariance: &DMatrix<f64>) -> Self {
-        let block = |rows: &[usize], columns: &[usize]| {
-            DMatrix::from_fn(rows.len(), columns.len(), |row, column| {
-                covariance[(rows[row], columns[column])]
-            })
+        let (plain, of_joints) = (&seen.plain, &seen.of_joints);
+        let of_pair = |(j, l): (usize, usize)| {
+            let block = of_joints[j].covariance(covariance, &of_joints[l]);
+            ((j, l), block)
         };
-        let of_pair =
-            |(j, l): (usize, usize)| ((j, l), block(&seen.of_joints[j], &seen.of_joints[l]));
+        let with_plain = of_joints.iter();
+        let with_plain = with_plain.map(|own| own.covariance_with(covariance, plain));
         Self {
-            plain: block(&seen.plain, &seen.plain),
-            with_plain: seen
-                .of_joints
-                .iter()
-                .map(|own| block(&seen.plain, own))
-                .collect(),
-            of_joints: pairs(seen.of_joints.len()).map(of_pair).collect(),
+            plain: DMatrix::from_fn(plain.len(), plain.len(), |row, column| {
+                covariance[(plain[row], plain[column])]
+            }),
+            with_plain: with_plain.collect(),
+            of_joints: pairs(of_joints.len()).map(of_pair).collect(),
             seen,
         }
     }
@@ -307,5 +306,6 @@ pub(super) fn find_lines(
         let curve = layout.columns(Block::Curve(*joint));
         curve.is_some_and(|own| own.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize)
     };
-    (0..joints).filter(moves).flat_map(of_joint).collect()
+    let found = (0..joints).into_par_iter().filter(moves).map(of_joint);
+    found.collect::<Vec<_>>().into_iter().flatten().collect()
 }

@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use super::layout::{Block, Layout};
+use super::shapes::{JointShapes, Run, runs};
 use crate::fit::problem::Unknown;
 
 /// The columns of a model by the session that they belong to.
@@ -72,19 +73,21 @@ impl Partition {
 /// The columns that the stations of one session see, by what moves their target.
 ///
 /// A column of a joint's curve or gear line moves the target by the joint's motion times a number that depends on the joint alone. So
-/// the rows of a station are the motions of few joints and a list of numbers for each, and sums over stations are products of these
-/// lists: a third of the work for a place, a sixth for a pose.
+/// the rows of a station are the motions of few joints and a list of numbers for each ([`JointShapes`]), and sums over stations are
+/// products of these lists: a third of the work for a place, a sixth for a pose.
 #[derive(Debug, Clone)]
 pub struct Seen {
     /// The columns among those of the model: the session's own, then the shared ones.
     pub columns: Vec<usize>,
-    /// Places in `columns` of the shapes of each joint: curves and lines.
-    pub of_joints: Vec<Vec<usize>>,
+    /// The shapes of each joint, with places in `columns`.
+    pub of_joints: Vec<JointShapes>,
     /// Places in `columns` of all others.
     pub plain: Vec<usize>,
-    /// The blocks that are not another session's.
+    /// The same in runs.
+    pub plain_runs: Vec<Run>,
+    /// The blocks of the latter that are not another session's.
     pub(super) blocks: Vec<(Block, Range<usize>)>,
-    /// Place of each column of the model in its list above.
+    /// Place in `plain` of each column of the model that is there.
     pub(super) places: Vec<usize>,
 }
 
@@ -111,29 +114,27 @@ impl Seen {
         for (place, &column) in columns.iter().enumerate() {
             in_columns[column] = Some(place);
         }
-        let mut seen = Self {
-            columns,
-            of_joints: vec![Vec::new(); joints],
-            plain: Vec::new(),
-            blocks: Vec::new(),
-            places: vec![usize::MAX; layout.size()],
-        };
-        for (block, range) in layout.blocks() {
-            if block.session().is_some_and(|own| own != session) {
-                continue;
+        let seen = layout.blocks();
+        let seen = seen.filter(|(block, _)| block.session().is_none_or(|own| own == session));
+        let (shapes, blocks): (Vec<_>, Vec<_>) =
+            seen.partition(|(block, _)| block.shapes().is_some());
+        let place =
+            |column: usize| in_columns[column].expect("a shape is of all or of one session");
+        let of_joint = |joint| JointShapes::of(&shapes, layout, (session, joint), place);
+        let (mut plain, mut places) = (Vec::new(), vec![usize::MAX; layout.size()]);
+        for column in blocks.iter().flat_map(|(_, columns)| columns.clone()) {
+            if let Some(place) = in_columns[column] {
+                places[column] = plain.len();
+                plain.push(place);
             }
-            let list = match block.shapes() {
-                Some(joint) => &mut seen.of_joints[joint],
-                None => &mut seen.plain,
-            };
-            for column in range.clone() {
-                if let Some(place) = in_columns[column] {
-                    seen.places[column] = list.len();
-                    list.push(place);
-                }
-            }
-            seen.blocks.push((block, range));
         }
-        seen
+        Self {
+            columns,
+            of_joints: (0..joints).map(of_joint).collect(),
+            plain_runs: runs(&plain, partition.own[session].len()),
+            plain,
+            blocks,
+            places,
+        }
     }
 }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::linalg::{Cholesky, gram, gram_of_lower};
 use few_rows::{FewRoot, FewRows};
-use sessions::{Arrow, SessionSums};
+use sessions::{Adding, Arrow, SessionSums};
 
 /// Columns of a part of a pool that are few: their covariance costs a twentieth of another posterior.
 const SMALL_PART: usize = 100;
@@ -112,15 +112,14 @@ impl Evidence {
         }
     }
 
-    /// Takes out rows of one session that are in, by their sums over the columns that it sees; `false` where rows are kept, of which
-    /// none can be taken out.
-    pub(super) fn take_out(&mut self, session: usize, taken: &Sums) -> bool {
+    /// What `share` times rows of one session are added to: −1 takes out rows that are in. `None` where rows are kept, of which none can
+    /// be taken out.
+    pub(super) fn adding(&mut self, session: usize, share: f64) -> Option<Adding<'_>> {
         match self {
-            Self::Rows(_) => return false,
-            Self::Sums(sums) => sums.add(taken, -1.0),
-            Self::Sessions(sums) => sums.add(session, taken, -1.0),
+            Self::Rows(_) => None,
+            Self::Sums(sums) => Some(Adding::to(sums, share)),
+            Self::Sessions(sums) => Some(sums.adding(session, share)),
         }
-        true
     }
 
     /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a

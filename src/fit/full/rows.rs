@@ -13,6 +13,7 @@ use super::design::PoseView;
 use super::layout::Block;
 use super::noise::{NoisyReading, StationNoise};
 use super::partition::{Partition, Seen};
+use super::shapes::JointShapes;
 use super::train::{CHUNK, State};
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
@@ -28,7 +29,7 @@ const AT_ONCE: usize = 2048;
 pub struct Row {
     /// Unwhitened rows of the columns in [`Seen::plain`].
     pub plain: DMatrix<f64>,
-    /// For each joint the numbers of the columns in [`Seen::of_joints`], by which they scale its motion.
+    /// For each joint the numbers of the shapes in [`Seen::of_joints`], by which they scale its motion.
     pub shapes: Vec<DVector<f64>>,
     /// Measured minus predicted, mm and rad.
     pub value: DVector<f64>,
@@ -36,7 +37,7 @@ pub struct Row {
     pub noise: StationNoise,
 }
 
-/// Coefficients of [`Seen::columns`], as [`Row`] has their columns.
+/// Coefficients of [`Seen::columns`], as [`Row`] has their columns and shapes.
 pub struct Coefficients {
     plain: DVector<f64>,
     of_joints: Vec<DVector<f64>>,
@@ -49,7 +50,7 @@ impl Coefficients {
         let joints = seen.of_joints.iter();
         Self {
             plain: own.select_rows(&seen.plain),
-            of_joints: joints.map(|places| own.select_rows(places)).collect(),
+            of_joints: joints.map(|shapes| shapes.gathered(&own)).collect(),
         }
     }
 }
@@ -67,12 +68,12 @@ impl Row {
 
     /// The numbers of each joint's shapes of some stations, a column for each station.
     pub fn shapes_of(rows: &[Self], seen: &Seen) -> Vec<DMatrix<f64>> {
-        let of_joint = |(joint, own): (usize, &Vec<usize>)| {
-            let mut shapes = DMatrix::zeros(own.len(), rows.len());
-            for (mut column, row) in shapes.column_iter_mut().zip(rows) {
-                column.copy_from(&row.shapes[joint]);
+        let of_joint = |(joint, own): (usize, &JointShapes)| {
+            let mut numbers = Vec::with_capacity(own.count() * rows.len());
+            for row in rows {
+                numbers.extend_from_slice(row.shapes[joint].as_slice());
             }
-            shapes
+            DMatrix::from_vec(own.count(), rows.len(), numbers)
         };
         seen.of_joints.iter().enumerate().map(of_joint).collect()
     }
@@ -85,10 +86,10 @@ impl Row {
             rows.column_mut(seen.columns[place]).copy_from(&own);
         }
         let joints = self.shapes.iter().zip(&seen.of_joints);
-        for ((shapes, places), motion) in joints.zip(self.noise.joints.column_iter()) {
-            for (share, &place) in shapes.iter().zip(places) {
+        for ((shapes, own), motion) in joints.zip(self.noise.joints.column_iter()) {
+            for (place, share) in own.entries(shapes) {
                 rows.column_mut(seen.columns[place])
-                    .axpy(*share, &motion, 0.0);
+                    .axpy(share, &motion, 0.0);
             }
         }
         rows
@@ -266,7 +267,13 @@ impl Around<'_> {
         let end = Point3::from(view.end.translation.vector);
         let shown = observation.measured.shown(gauge.as_ref(), &end);
         let seen = &self.seen[observation.session];
-        let (mut plain, shapes) = self.columns(&pose, seen, &shown);
+        let mut plain = self.plain(&pose, seen, &shown);
+        let angles = seen.of_joints.iter().zip(&observation.axes).enumerate();
+        let shapes = angles.map(|(joint, (own, &angle))| {
+            let unit = state.layout.curve_unit(joint);
+            own.numbers(angle, unit)
+        });
+        let shapes = shapes.collect();
         // The unknowns are the first columns.
         for (unknown, by) in problem.by_parts(observation.channel(), gauge.as_ref(), &end) {
             plain[(0, seen.places[unknown])] = by;
@@ -287,30 +294,16 @@ impl Around<'_> {
         }
     }
 
-    /// The plain rows of a pose that shows `shown`, and the numbers of each joint's shapes.
-    fn columns(
-        &self,
-        pose: &PoseView<'_>,
-        seen: &Seen,
-        shown: &Shown,
-    ) -> (DMatrix<f64>, Vec<DVector<f64>>) {
+    /// The plain rows of a pose that shows `shown`.
+    fn plain(&self, pose: &PoseView<'_>, seen: &Seen, shown: &Shown) -> DMatrix<f64> {
         let mut plain = DMatrix::zeros(shown.rows(), seen.plain.len());
-        let lists = seen.of_joints.iter();
-        let mut shapes: Vec<_> = lists.map(|own| DVector::zeros(own.len())).collect();
-        for (block, columns) in &seen.blocks {
-            let one = std::iter::once((*block, columns.clone()));
-            let mut each = |column: usize, twist: &Twist, amount: f64| {
-                let place = seen.places[column];
-                if let Some(joint) = block.shapes() {
-                    shapes[joint][place] = amount;
-                } else {
-                    let mut own = plain.column_mut(place);
-                    moved(shown, twist, amount, own.as_mut_slice());
-                }
-            };
-            pose.walk(one, &self.state.layout, &mut each);
-        }
-        (plain, shapes)
+        let mut each = |column: usize, twist: &Twist, amount: f64| {
+            let mut own = plain.column_mut(seen.places[column]);
+            moved(shown, twist, amount, own.as_mut_slice());
+        };
+        let blocks = seen.blocks.iter().cloned();
+        pose.walk(blocks, &self.state.layout, &mut each);
+        plain
     }
 }
 

@@ -12,7 +12,7 @@ use super::layout::{Block, Layout};
 
 /// Number of entries per period.
 const ENTRIES: usize = 4096;
-/// Entries that are summed side by side; a divisor of their number.
+/// Entries that are summed side by side.
 const LANES: usize = 8;
 
 /// The curves of all joints: those common to all sessions, and those of each session of the training.
@@ -122,25 +122,59 @@ impl Curve {
             return;
         }
         let step = TAU / ENTRIES as f64;
-        let lanes = self.entries.chunks_exact_mut(LANES);
-        for (first, entries) in (0..).step_by(LANES).zip(lanes) {
+        for first in (0..=ENTRIES / 4).step_by(LANES) {
             let angles: [f64; LANES] = from_fn(|lane| step * (first + lane) as f64);
             let (sin, cos) = (angles.map(f64::sin), angles.map(f64::cos));
             let (mut sin_k, mut cos_k) = (sin, cos);
-            let mut values: [f64; LANES] = from_fn(|lane| entries[lane][0]);
-            let mut slopes: [f64; LANES] = from_fn(|lane| entries[lane][1]);
-            for (k, pair) in (1u32..).zip(coefficients.chunks_exact(2)) {
+            let mut sums = [[[0.0; LANES]; 4]; 2];
+            for (k, pair) in (1_u32..).zip(coefficients.chunks_exact(2)) {
                 let step_k = step * f64::from(k);
+                // The slope is a curve too.
+                let pairs = [[pair[0], pair[1]], [step_k * pair[1], -step_k * pair[0]]];
+                let odd = usize::from(k % 2 == 1);
+                for (sums, [of_cos, of_sin]) in sums.iter_mut().zip(pairs) {
+                    for lane in 0..LANES {
+                        sums[odd][lane] += of_cos * cos_k[lane];
+                        sums[2 + odd][lane] += of_sin * sin_k[lane];
+                    }
+                }
                 for lane in 0..LANES {
                     let (s, c) = (sin_k[lane], cos_k[lane]);
-                    values[lane] += pair[0] * c + pair[1] * s;
-                    slopes[lane] += step_k * (pair[1] * c - pair[0] * s);
                     sin_k[lane] = s * cos[lane] + c * sin[lane];
                     cos_k[lane] = c * cos[lane] - s * sin[lane];
                 }
             }
-            for (entry, (value, slope)) in entries.iter_mut().zip(values.into_iter().zip(slopes)) {
-                *entry = [value, slope];
+            for place in first..(first + LANES).min(ENTRIES / 4 + 1) {
+                let of_lane = sums.map(|sums| sums.map(|sum| sum[place - first]));
+                self.add_mirrored(place, of_lane);
+            }
+        }
+    }
+
+    /// Adds, at a place of the first quarter and at its three mirror images, the sums there of even and odd cosines, then of even and odd
+    /// sines: half a period away the odd ones are opposite, mirrored the sines.
+    fn add_mirrored(&mut self, place: usize, sums: [[f64; 4]; 2]) {
+        let half = ENTRIES / 2;
+        // Where the quarters meet, two of the places are one.
+        let images = [
+            (place, 1.0, 1.0, true),
+            (half - place, -1.0, -1.0, place != half - place),
+            (half + place, -1.0, 1.0, place != 0),
+            (
+                ENTRIES - place,
+                1.0,
+                -1.0,
+                place != 0 && place != half - place,
+            ),
+        ];
+        for (image, of_odd, of_sines, is_new) in images {
+            if !is_new {
+                continue;
+            }
+            for (entry, [even, odd, even_sine, odd_sine]) in
+                self.entries[image].iter_mut().zip(sums)
+            {
+                *entry += even + of_odd * odd + of_sines * (even_sine + of_odd * odd_sine);
             }
         }
     }

@@ -1,7 +1,4 @@
-//! Rows of all stations, whitened by their noise: kept where they are few beside the columns, summed otherwise.
-//!
-//! Sums of the shapes of two joints j and l are `Σ_i (J_jᵀ N⁻¹ J_l)_i φ_j(i) φ_l(i)ᵀ`: one number a station weighs a product of two lists,
-//! however many rows the station has ([`super::partition::Seen`]).
+//! Rows of all stations, whitened by their noise: kept where they are few beside the columns, summed otherwise ([`super::summing`]).
 
 use std::sync::Arc;
 
@@ -10,11 +7,11 @@ use rayon::prelude::*;
 
 use super::partition::Seen;
 use super::regression::few_rows::{ByMotion, FewRows, Shapes};
-use super::regression::sessions::SessionSums;
+use super::regression::sessions::{Adding, SessionSums};
 use super::regression::{Evidence, Sums};
 use super::rows::{Around, Coefficients, Row, covariances};
+use super::summing::Summing;
 use super::train::CHUNK;
-use crate::linalg::{gram, stacked, transposed};
 
 /// The evidence of all rows on the columns, on top of what was carried over; `None` where rounding made a matrix of that indefinite.
 pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Option<Evidence> {
@@ -56,8 +53,8 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     let mut sums = SessionSums::zero(&around.partition);
     for (session, stations) in around.batches() {
         let rows = around.rows(&stations);
-        let own = sums_of(around, (session, &stations), &rows, prior_mean);
-        sums.add(session, &own, 1.0);
+        let sums = sums.adding(session, 1.0);
+        add(around, (session, &stations), &rows, prior_mean, sums);
     }
     for (session, row, value) in distances(around) {
         let seen = around.seen(session);
@@ -66,18 +63,20 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
         let row = DMatrix::from_row_slice(1, row.len(), row.as_slice());
         sums.add(session, &Sums::new(&row, &values, 0.0), 1.0);
     }
+    sums.mirror();
     sums
 }
 
-/// The sums of the rows of some stations of one session, over the columns that the session sees.
-pub(super) fn sums_of(
+/// Adds the rows of some stations of one session to sums, of which then the lower triangles are right.
+pub(super) fn add(
     around: &Around<'_>,
     (session, stations): (usize, &[usize]),
     rows: &[Row],
     prior_mean: &DVector<f64>,
-) -> Sums {
+    sums: Adding<'_>,
+) {
     let whitened = whitened(around, (session, stations), rows, prior_mean);
-    Summing::of(around.seen(session), rows, &whitened).sums()
+    Summing::of(around.seen(session), rows, &whitened).add_to(sums);
 }
 
 /// The rows of some stations of one session, whitened.
@@ -95,13 +94,15 @@ fn whitened(
 }
 
 /// The whitened rows of one station, as [`Row`] has them.
-struct Whitened {
-    /// Rows of the plain columns.
-    plain: DMatrix<f64>,
+pub(super) struct Whitened {
+    /// Rows of the plain columns, transposed: a row of the regression in each column.
+    pub plain: DMatrix<f64>,
     /// The motion of the rows by each joint.
-    joints: DMatrix<f64>,
-    values: DVector<f64>,
-    ln_noise: f64,
+    pub joints: DMatrix<f64>,
+    /// The values, less those expected.
+    pub values: DVector<f64>,
+    /// `ln |N|` of the station's noise.
+    pub ln_noise: f64,
 }
 
 impl Whitened {
@@ -109,24 +110,37 @@ impl Whitened {
     fn of(row: &Row, noise: &DMatrix<f64>, expected: &Coefficients) -> Self {
         let (inverse, ln_noise) = whitening(noise);
         Self {
-            plain: &inverse * &row.plain,
+            plain: whitened_columns(&inverse, &row.plain),
             joints: &inverse * &row.noise.joints,
             values: inverse * (&row.value - row.times(expected)),
             ln_noise,
         }
     }
 
+    /// Adds the motions of the rows by each joint along the plain columns, which are those of `into` for one joint after the other.
+    pub fn add_along(&self, into: &mut [f64]) {
+        let width = self.plain.nrows();
+        let joints = into.chunks_exact_mut(width.max(1));
+        for (into, motion) in joints.zip(self.joints.column_iter()) {
+            let rows = self.plain.as_slice().chunks_exact(width);
+            for (row, by) in rows.zip(&motion) {
+                let entries = into.iter_mut().zip(row);
+                entries.for_each(|(entry, own)| *entry += by * own);
+            }
+        }
+    }
+
     /// Writes its rows of all columns of the model, transposed: a row of the regression in each column of `into`, which is zero.
     fn spread(&self, row: &Row, seen: &Seen, into: &mut DMatrixViewMut<'_, f64>) {
         for (own, mut column) in into.column_iter_mut().enumerate() {
-            let entries = self.plain.row(own);
+            let entries = self.plain.column(own);
             for (&place, entry) in seen.plain.iter().zip(&entries) {
                 column[seen.columns[place]] = *entry;
             }
-            for (joint, places) in seen.of_joints.iter().enumerate() {
+            for (joint, of_joint) in seen.of_joints.iter().enumerate() {
                 let motion = self.joints[(own, joint)];
-                for (&place, shape) in places.iter().zip(&row.shapes[joint]) {
-                    column[seen.columns[place]] = shape * motion;
+                for (place, number) in of_joint.entries(&row.shapes[joint]) {
+                    column[seen.columns[place]] = number * motion;
                 }
             }
         }
@@ -146,11 +160,27 @@ impl Whitened {
         for (joint, own) in into.joints.iter_mut().enumerate() {
             let motions = self.joints.column(joint);
             own.motions.rows_mut(first, size).copy_from(&motions);
-            for (&place, number) in seen.of_joints[joint].iter().zip(&row.shapes[joint]) {
-                own.numbers[(places[seen.columns[place]], station)] = *number;
+            for (place, number) in seen.of_joints[joint].entries(&row.shapes[joint]) {
+                own.numbers[(places[seen.columns[place]], station)] = number;
             }
         }
     }
+}
+
+/// Rows times the inverse of a factor, transposed.
+fn whitened_columns(inverse: &DMatrix<f64>, rows: &DMatrix<f64>) -> DMatrix<f64> {
+    let (height, width) = rows.shape();
+    if height != 3 {
+        return rows.transpose() * inverse.transpose();
+    }
+    // A station with one place, as nearly all are.
+    let (columns, _) = rows.as_slice().as_chunks::<3>();
+    let mut whitened = Vec::with_capacity(3 * width);
+    for own in 0..3 {
+        let [x, y, z] = [0, 1, 2].map(|of| inverse[(own, of)]);
+        whitened.extend(columns.iter().map(|[a, b, c]| x * a + y * b + z * c));
+    }
+    DMatrix::from_vec(width, 3, whitened)
 }
 
 /// The inverse of the Cholesky factor of a station's noise, and `ln |N|`.
@@ -171,142 +201,6 @@ pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
         .cholesky()
         .expect("an instrument's covariance plus repeatability is positive")
         .l()
-}
-
-/// The whitened stations of one session that are summed.
-struct Summing<'s> {
-    seen: &'s Seen,
-    stations: &'s [Whitened],
-    /// The numbers of each joint's shapes: a column for each station.
-    shapes: Vec<DMatrix<f64>>,
-    /// `shapes` transposed: a row for each station.
-    by_station: Vec<DMatrix<f64>>,
-    /// The products of the motions of two joints: a row for each station, a column for each [pair](pairs).
-    weights: DMatrix<f64>,
-}
-
-/// The pairs of joints, each once.
-pub(super) fn pairs(joints: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..joints).flat_map(move |j| (j..joints).map(move |l| (j, l)))
-}
-
-impl<'s> Summing<'s> {
-    fn of(seen: &'s Seen, rows: &[Row], stations: &'s [Whitened]) -> Self {
-        let shapes = Row::shapes_of(rows, seen);
-        let joints = shapes.len();
-        let mut weights = DMatrix::zeros(stations.len(), pairs(joints).count());
-        for (own, mut row) in stations.iter().zip(weights.row_iter_mut()) {
-            for (weight, (j, l)) in row.iter_mut().zip(pairs(joints)) {
-                *weight = own.joints.column(j).dot(&own.joints.column(l));
-            }
-        }
-        let by_station = shapes.par_iter().map(|own| transposed(&own.as_view()));
-        Self {
-            by_station: by_station.collect(),
-            seen,
-            stations,
-            shapes,
-            weights,
-        }
-    }
-
-    fn sums(&self) -> Sums {
-        let mut sums = Sums::zero(self.seen.columns.len());
-        let of_joints = &self.seen.of_joints;
-        let joints = of_joints.len();
-        let pairs: Vec<_> = pairs(joints).collect();
-        let numbered = pairs.par_iter().enumerate();
-        let blocks = numbered.map(|(pair, &(j, l))| self.of_joints(pair, j, l));
-        for (&(j, l), block) in pairs.iter().zip(blocks.collect::<Vec<_>>()) {
-            put(
-                &mut sums.information,
-                (&of_joints[j], &of_joints[l]),
-                &block,
-            );
-        }
-        let parts = (0..joints)
-            .into_par_iter()
-            .map(|joint| self.of_joint(joint));
-        let parts: Vec<_> = parts.collect();
-        for (joint, (with_plain, moment)) in parts.into_iter().enumerate() {
-            let (plain, own) = (&self.seen.plain, &of_joints[joint]);
-            put(&mut sums.information, (plain, own), &with_plain);
-            put_values(&mut sums.moment, own, &moment);
-        }
-        self.add_plain(&mut sums);
-        sums.ln_noise = self.stations.iter().map(|own| own.ln_noise).sum();
-        sums
-    }
-
-    /// The sums of the shapes of two joints, a pair.
-    fn of_joints(&self, pair: usize, j: usize, l: usize) -> DMatrix<f64> {
-        let weights = self.weights.column(pair);
-        let (stations, shapes) = self.by_station[l].shape();
-        let mut weighed = Vec::with_capacity(stations * shapes);
-        for column in self.by_station[l].column_iter() {
-            let entries = column.iter().zip(weights.iter());
-            weighed.extend(entries.map(|(own, weight)| own * weight));
-        }
-        &self.shapes[j] * DMatrix::from_vec(stations, shapes, weighed)
-    }
-
-    /// The sums of the plain columns with a joint's shapes, and the moment of the shapes.
-    fn of_joint(&self, joint: usize) -> (DMatrix<f64>, DVector<f64>) {
-        let mut along = DMatrix::zeros(self.seen.plain.len(), self.stations.len());
-        for (mut column, own) in along.column_iter_mut().zip(self.stations) {
-            column.gemv_tr(1.0, &own.plain, &own.joints.column(joint), 0.0);
-        }
-        let pulls = self.numbers(|own| own.joints.column(joint).dot(&own.values));
-        (along * &self.by_station[joint], &self.shapes[joint] * pulls)
-    }
-
-    fn add_plain(&self, sums: &mut Sums) {
-        let plain = &self.seen.plain;
-        let rows = stacked(self.stations.iter().map(|own| &own.plain), plain.len());
-        let values = self.stations.iter().flat_map(|own| own.values.iter());
-        let values = DVector::from_iterator(rows.nrows(), values.copied());
-        put(
-            &mut sums.information,
-            (plain, plain),
-            &gram(&rows.as_view()),
-        );
-        put_values(&mut sums.moment, plain, &rows.tr_mul(&values));
-        sums.square = values.norm_squared();
-    }
-
-    /// One number of each station.
-    fn numbers(&self, of: impl Fn(&Whitened) -> f64) -> DVector<f64> {
-        DVector::from_iterator(self.stations.len(), self.stations.iter().map(of))
-    }
-}
-
-/// Writes a block and its transpose.
-fn put(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
-    put_one(all, (rows, columns), block);
-    if rows != columns {
-        put_one(all, (columns, rows), &transposed(&block.as_view()));
-    }
-}
-
-fn put_one(all: &mut DMatrix<f64>, (rows, columns): (&[usize], &[usize]), block: &DMatrix<f64>) {
-    // Nearly all places follow each other.
-    let runs = rows.chunk_by(|own, next| own + 1 == *next);
-    let runs: Vec<(usize, usize)> = runs.map(|run| (run[0], run.len())).collect();
-    for (own, &into) in block.column_iter().zip(columns) {
-        let mut column = all.column_mut(into);
-        let mut first = 0;
-        for &(place, count) in &runs {
-            let mut own_run = column.rows_mut(place, count);
-            own_run.copy_from(&own.rows(first, count));
-            first += count;
-        }
-    }
-}
-
-fn put_values(all: &mut DVector<f64>, places: &[usize], values: &DVector<f64>) {
-    for (&place, value) in places.iter().zip(values) {
-        all[place] = *value;
-    }
 }
 
 /// The rows of known distances between targets, which are whitened: each one's session, entries of the columns that the session

@@ -14,7 +14,7 @@ use super::{Measured, MeasuredPoint, Observation};
 use crate::fit::frames::Channel;
 use crate::fit::gauge::Gauge;
 use crate::join::ReadingKind;
-use crate::kinematics::batch::{BLOCK, Block, Column};
+use crate::kinematics::batch::{BLOCK, Block, Column, Variables};
 use crate::kinematics::{BatchChain, BatchColumns};
 
 /// Columns of a product of rows with themselves that are found at once, and up to twice as many at its end: what is above the diagonal
@@ -26,8 +26,8 @@ const GRAM_COLUMNS: usize = 16;
 pub struct Stations {
     /// The index of each station among the problem's observations.
     pub places: Vec<usize>,
-    /// Axis variables, `axes[j][i]` of axis j at station i, rad.
-    pub axes: Vec<Vec<f64>>,
+    /// Axis variables of each station, rad.
+    variables: Variables,
     measured: [Vec<f64>; 3],
     /// The lower triangle of `L⁻¹`, row by row.
     whitening: [Vec<f64>; 6],
@@ -61,7 +61,7 @@ impl Stations {
         let entry = |(row, column)| whitening.iter().map(|w| w[(row, column)]).collect();
         Self {
             places: own.iter().map(|(place, _)| *place).collect(),
-            axes: (0..axes).map(|axis| column(&|o| o.axes[axis])).collect(),
+            variables: Variables::of((0..axes).map(|axis| column(&|o| o.axes[axis])).collect()),
             measured: [0, 1, 2].map(|row| positions.iter().map(|own| own[row]).collect()),
             whitening: [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)].map(entry),
             kind: widest(own.iter().map(|(_, o)| &o.measured)),
@@ -78,20 +78,20 @@ impl Stations {
         let count = self.places.len();
         match self.kind {
             ReadingKind::Point => {
-                let [x, y, z] = chain.positions(&self.axes);
+                let [x, y, z] = chain.positions(self.variables.values());
                 let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
                 let squared = |i: usize| self.whitened(i, end(i)).norm_squared();
                 (0..count).map(squared).collect()
             }
             ReadingKind::Distance | ReadingKind::Height => {
-                let [x, y, z] = chain.positions(&self.axes);
+                let [x, y, z] = chain.positions(self.variables.values());
                 let end = |i: usize| Point3::new(x[i], y[i], z[i]);
                 let squared =
                     |i: usize| (self.left_of(i, &end(i), gauge) * self.whitening[0][i]).powi(2);
                 (0..count).map(squared).collect()
             }
             ReadingKind::Pose => {
-                let poses = chain.poses(&self.axes);
+                let poses = chain.poses(self.variables.values());
                 let squared = |i: usize| {
                     let end = poses.isometry(i);
                     let position = self.whitened(i, end.translation.vector);
@@ -115,7 +115,7 @@ impl Stations {
 
     /// Sum of squared differences between measured and predicted lengths, mm², added to `sum` in order.
     pub fn add_squares_of_lengths(&self, chain: &BatchChain, gauge: &Gauge, sum: &mut f64) {
-        let [x, y, z] = chain.positions(&self.axes);
+        let [x, y, z] = chain.positions(self.variables.values());
         for i in 0..self.places.len() {
             let end = Point3::new(x[i], y[i], z[i]);
             *sum += self.left_of(i, &end, Some(gauge)).powi(2);
@@ -124,7 +124,7 @@ impl Stations {
 
     /// Sum of squared distances between measured and predicted positions, mm², added to `sum` in order.
     pub fn add_squares(&self, chain: &BatchChain, sum: &mut f64) {
-        let [x, y, z] = chain.positions(&self.axes);
+        let [x, y, z] = chain.positions(self.variables.values());
         for i in 0..self.places.len() {
             let predicted = Vector3::new(x[i], y[i], z[i]);
             let measured = Vector3::from_fn(|row, _| self.measured[row][i]);
@@ -184,7 +184,7 @@ impl BlockRows {
         stations: &Stations,
         first: usize,
     ) {
-        let (axes, end) = chain.block(&stations.axes, first, &mut self.columns);
+        let (axes, end) = chain.block(&stations.variables, first, &mut self.columns);
         self.unknowns.clear();
         self.unknowns.extend_from_slice(chain.unknowns());
         self.rows = stations.kind.rows() * BLOCK;
@@ -233,7 +233,7 @@ impl BlockRows {
         first: usize,
         (gauge, parts): (&Gauge, &[usize]),
     ) {
-        let (_, end) = chain.block(&stations.axes, first, &mut self.columns);
+        let (_, end) = chain.block(&stations.variables, first, &mut self.columns);
         self.unknowns.clear();
         self.unknowns.extend_from_slice(chain.unknowns());
         self.unknowns.extend_from_slice(parts);

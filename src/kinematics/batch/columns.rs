@@ -16,6 +16,15 @@ pub struct BatchColumns {
     unknowns: Vec<usize>,
 }
 
+/// The axis variables of many poses as columns, `[j][i]` that of axis j at pose i, with sine and cosine of each: a fit walks the same
+/// poses in each of its steps.
+#[derive(Debug, Clone)]
+pub struct Variables {
+    values: Vec<Vec<f64>>,
+    sines: Vec<Vec<f64>>,
+    cosines: Vec<Vec<f64>>,
+}
+
 /// The motion of the end per unit of one unknown, in the root frame, for a block of poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
@@ -35,7 +44,7 @@ enum Step {
     Shift(Axis, f64),
     /// A constant turn about an own axis: sine and cosine.
     Turn(Axis, f64, f64),
-    /// A joint along or about an own axis, by `sign · variable`.
+    /// A joint along or about an own axis, by `factor · variable`.
     Joint(Motion, usize, f64),
 }
 
@@ -96,10 +105,10 @@ impl BatchColumns {
     /// `columns` is reused.
     ///
     /// # Panics
-    /// When `axes` has fewer columns than the chain has axis variables.
-    pub fn block<C: AsRef<[f64]>>(
+    /// When there are fewer variables than the chain has axis variables.
+    pub fn block(
         &self,
-        axes: &[C],
+        variables: &Variables,
         first: usize,
         columns: &mut Vec<Column>,
     ) -> ([[Block; 3]; 3], [Block; 3]) {
@@ -113,16 +122,67 @@ impl BatchColumns {
                 }
                 Step::Shift(axis, by) => walk.shift(*axis, &[*by; BLOCK]),
                 Step::Turn(axis, sin, cos) => walk.turn(*axis, &[*sin; BLOCK], &[*cos; BLOCK]),
-                Step::Joint(motion, joint, sign) => {
-                    let amount = read(axes[*joint].as_ref(), first).map(|q| sign * q);
-                    walk.joint(*motion, &amount);
-                }
+                Step::Joint(motion, joint, factor) => match motion {
+                    Motion::Translation(axis) => {
+                        walk.shift(*axis, &variables.times(*factor, *joint, first));
+                    }
+                    Motion::Rotation(axis) => {
+                        let (sin, cos) = variables.turned(*factor, *joint, first);
+                        walk.turn(*axis, &sin, &cos);
+                    }
+                },
             }
         }
         for column in columns {
             column.carry_to(&walk.origin);
         }
         (walk.axes, walk.origin)
+    }
+}
+
+impl Variables {
+    /// These axis variables, rad; mm where a joint slides.
+    pub fn of(values: Vec<Vec<f64>>) -> Self {
+        let turned = |column: &Vec<f64>| {
+            let (mut sines, mut cosines) = (Vec::new(), Vec::new());
+            for first in (0..column.len()).step_by(BLOCK) {
+                let (mut sin, mut cos) = ([0.0; BLOCK], [0.0; BLOCK]);
+                sin_cos(&read(column, first), &mut sin, &mut cos);
+                let count = (column.len() - first).min(BLOCK);
+                sines.extend_from_slice(&sin[..count]);
+                cosines.extend_from_slice(&cos[..count]);
+            }
+            (sines, cosines)
+        };
+        let (sines, cosines) = values.iter().map(turned).unzip();
+        Self {
+            values,
+            sines,
+            cosines,
+        }
+    }
+
+    /// The variables of each axis.
+    pub fn values(&self) -> &[Vec<f64>] {
+        &self.values
+    }
+
+    /// An axis variable times a factor, for the poses from `first` on.
+    fn times(&self, factor: f64, axis: usize, first: usize) -> Block {
+        read(&self.values[axis], first).map(|own| factor * own)
+    }
+
+    /// Sine and cosine of that.
+    #[expect(clippy::float_cmp, reason = "factors of one are stated as such")]
+    fn turned(&self, factor: f64, axis: usize, first: usize) -> (Block, Block) {
+        // Nearly all joints turn by their variable; one that follows another has a factor of its own.
+        if factor.abs() == 1.0 {
+            let sin = read(&self.sines[axis], first).map(|own| factor * own);
+            return (sin, read(&self.cosines[axis], first));
+        }
+        let (mut sin, mut cos) = ([0.0; BLOCK], [0.0; BLOCK]);
+        sin_cos(&self.times(factor, axis, first), &mut sin, &mut cos);
+        (sin, cos)
     }
 }
 
@@ -195,17 +255,6 @@ impl Walk {
                 column.linear = self.origin;
                 column.angular = self.axes[place(axis)];
                 column.turns = true;
-            }
-        }
-    }
-
-    fn joint(&mut self, motion: Motion, amount: &Block) {
-        match motion {
-            Motion::Translation(axis) => self.shift(axis, amount),
-            Motion::Rotation(axis) => {
-                let (mut sin, mut cos) = ([0.0; BLOCK], [0.0; BLOCK]);
-                sin_cos(amount, &mut sin, &mut cos);
-                self.turn(axis, &sin, &cos);
             }
         }
     }

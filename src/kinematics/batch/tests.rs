@@ -139,8 +139,9 @@ fn columns_are_the_chains_own_differential() {
         let batch = BatchColumns::new(&chain, &offsets, &unknowns);
         let held = HeldChain::new(&chain, &offsets, &unknowns);
         let mut found = Vec::new();
+        let variables = Variables::of(axes.clone());
         for first in [0, BLOCK] {
-            let (_, end) = batch.block(&axes, first, &mut found);
+            let (_, end) = batch.block(&variables, first, &mut found);
             for i in 0..BLOCK.min(70 - first) {
                 let view = held.view(&pose_of(&axes, first + i));
                 let apart = |row: usize| end[row][i] - view.end.translation.vector[row];

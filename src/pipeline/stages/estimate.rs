@@ -11,7 +11,7 @@ use super::cameras;
 use super::carried::{Learning, Learnt};
 use super::flanges::Flanges;
 use super::judged::{
-    Judged, judged_by_earlier, judges_earlier, leaves_sessions_out, sessions_left_out, train_folds,
+    self, Judged, judged_by_earlier, judges_earlier, leaves_sessions_out, sessions_left_out,
 };
 use super::observed::Observed;
 use super::{
@@ -22,7 +22,7 @@ use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
-use crate::fit::{self, Model, Models, Purpose, TrainingSettings};
+use crate::fit::{Model, Models, Purpose, TrainingSettings};
 use crate::geometry::{symmetric, upper};
 use crate::io::tables::estimates::StoredTrainings;
 use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
@@ -83,8 +83,7 @@ pub fn estimate(
         Some(folds) => Observed::with_folds(arm, &training, settings, &folds)?,
         None => Observed::new(arm, &training, settings, learning),
     };
-    let (sessions, train) = (training.len(), training_settings(settings));
-    let whole = learning.map_or(train, |own| own.whole(train));
+    let sessions = training.len();
     let Known {
         models,
         folds,
@@ -93,11 +92,12 @@ pub fn estimate(
     } = if let Some(stored) = stored {
         restored(arm, stored, &observed, settings)?
     } else {
-        let models = fit::models::train_all(arm, &observed.all, sessions, &whole)?;
-        if learning.is_none_or(|own| own.sessions() > 0) {
-            check_pool(arm, &observed, &models, &training, settings)?;
-        }
-        let folds = train_folds(arm, &observed, sessions, (&train, learning), progress)?;
+        let check = |models: &Models| match learning {
+            Some(own) if own.sessions() == 0 => Ok(()),
+            _ => check_pool(arm, &observed, models, &training, settings),
+        };
+        let train = (&training_settings(settings), learning);
+        let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
         Known {
             models,
             folds,

@@ -10,6 +10,7 @@ use super::observed::Observed;
 use super::turns::commanded_turns;
 use super::{StageError, StageSettings};
 use crate::fit::commanded::CommandedPose;
+use crate::fit::same_arm::NotOneArm;
 use crate::fit::{
     self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, Purpose, TrainingSettings,
     holdout,
@@ -23,18 +24,20 @@ use crate::report::locate::{Locate, LocateTarget, Locator};
 use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject, unseen};
 
-/// Observations of the trainings that are under way at a time: each takes some 100 KB for six joints. One training alone leaves a core
-/// idle now and then.
+/// Observations of the trainings that are under way at a time: each takes some 100 KB for six joints.
 const SIDE_BY_SIDE: usize = 12_000;
 
-/// Work on each place, as many at a time as [`SIDE_BY_SIDE`] allows trainings of so many observations: one that ends lets the next begin.
-/// Results in the order of places.
-fn side_by_side<T: Send>(
+/// Work on each place, as many at a time as [`SIDE_BY_SIDE`] allows trainings of so many observations: one that ends lets the next begin,
+/// until one fails. Results in the order of places; of the places that fail the first, before which all were begun.
+fn side_by_side<T: Send, E: Send>(
     places: usize,
     observations: usize,
-    work: impl Fn(usize) -> Result<T, FitError> + Sync,
-) -> Result<Vec<T>, FitError> {
-    let at_once = (SIDE_BY_SIDE / observations.max(1)).clamp(1, places.max(1));
+    work: impl Fn(usize) -> Result<T, E> + Sync,
+) -> Result<Vec<T>, E> {
+    let most = (SIDE_BY_SIDE / observations.max(1)).max(1);
+    // Rounds of one size: a last one alone would leave cores idle.
+    let rounds = places.div_ceil(most).max(1);
+    let at_once = places.div_ceil(rounds);
     let next = AtomicUsize::new(0);
     let lane = |_| {
         let mut done = Vec::new();
@@ -43,40 +46,59 @@ fn side_by_side<T: Send>(
             if place >= places {
                 return done;
             }
-            done.push((place, work(place)));
+            let own = work(place);
+            if own.is_err() {
+                next.fetch_max(places, Ordering::Relaxed);
+            }
+            done.push((place, own));
         }
     };
     let lanes = (0..at_once).into_par_iter().with_max_len(1).map(lane);
-    let mut done: Vec<(usize, Result<T, FitError>)> = lanes.flatten_iter().collect();
+    let mut done: Vec<(usize, Result<T, E>)> = lanes.flatten_iter().collect();
     done.sort_by_key(|(place, _)| *place);
     done.into_iter().map(|(_, done)| done).collect()
 }
 
-/// The models of every fold that holds a station out, in fold order.
-pub(super) fn train_folds(
+/// The models of all stations, which `check` has to take, and those of every fold that holds a station out, in fold order.
+pub(super) fn train(
     arm: &Arm,
     observed: &Observed,
     sessions: usize,
     (settings, learning): (&TrainingSettings<'_>, Option<&Learning>),
+    check: impl Fn(&Models) -> Result<(), NotOneArm> + Sync,
     progress: &dyn Progress,
-) -> Result<Vec<Option<Models>>, FitError> {
+) -> Result<(Models, Vec<Option<Models>>), StageError> {
     progress.begin("folds", holdout::FOLDS as u64);
-    let settings = TrainingSettings {
+    let whole = || {
+        let own = learning.map_or(*settings, |own| own.whole(*settings));
+        let models = fit::models::train_all(arm, &observed.all, sessions, &own)?;
+        check(&models)?;
+        Ok(models)
+    };
+    let judges = TrainingSettings {
         purpose: Purpose::Judges,
         ..*settings
     };
-    let train = |fold: usize| {
+    let of_fold = |fold: usize| {
         // What a fold carries over is that of all sessions, of this one too where it holds none of its stations out.
         let is_needed = learning.is_some() || observed.folds.contains(&fold);
-        let own = learning.map_or(settings, |own| own.fold(fold, settings));
+        let own = learning.map_or(judges, |own| own.fold(fold, judges));
         let models =
             is_needed.then(|| fit::models::train_all(arm, &observed.without(fold), sessions, &own));
         progress.advance(1);
-        models.transpose()
+        Ok(models.transpose()?)
     };
-    let folds = side_by_side(holdout::FOLDS, observed.all.len(), train);
+    // One training alone leaves a core idle now and then, so that of all stations goes beside the first folds.
+    let one = |place: usize| match place.checked_sub(1) {
+        None => whole().map(Some),
+        Some(fold) => of_fold(fold),
+    };
+    let trained: Result<Vec<_>, StageError> =
+        side_by_side(1 + holdout::FOLDS, observed.all.len(), one);
     progress.end();
-    folds
+    let mut trained = trained?.into_iter();
+    let models = trained.next().flatten().expect("all stations are needed");
+    Ok((models, trained.collect()))
 }
 
 /// Whether each session of a pool is judged by a training on the others. A session left out has a mounting of its own, of which one target
@@ -117,7 +139,7 @@ pub(super) fn sessions_left_out(
         let judged = judged_apart(arm, &models, (session, &own), settings, locate)?;
         Ok(judged)
     };
-    let judged = side_by_side(of_now.len(), observed.all.len(), judge);
+    let judged: Result<Vec<_>, FitError> = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
     Ok(judged?.into_iter().flatten().collect())
 }

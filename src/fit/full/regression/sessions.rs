@@ -12,12 +12,13 @@
 //! and everything follows from `L_s`, `W_s` and `L`, session by session: nothing is approximated. Sums are taken in the order of
 //! sessions, whatever the number of threads.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector};
 use rayon::prelude::*;
 
 use super::{Posterior, Root, Sums, add_one};
 use crate::fit::full::partition::Partition;
-use crate::linalg::{Cholesky, gram, gram_of_lower, subtract_gram, transposed};
+use crate::fit::full::shapes::Run;
+use crate::linalg::{Cholesky, gram, gram_of_lower, mirror, subtract_gram, transposed};
 
 /// The sums of a pool.
 #[derive(Debug, Clone)]
@@ -39,6 +40,15 @@ pub struct OwnSums {
     pub across: DMatrix<f64>,
     /// `Φ_sᵀ N⁻¹ y`.
     pub moment: DVector<f64>,
+}
+
+/// Sums that rows of one session are added to: of symmetric matrices the lower triangle.
+#[derive(Debug)]
+pub struct Adding<'s> {
+    /// The session's own columns come first; `None` where all are shared.
+    own: Option<&'s mut OwnSums>,
+    common: &'s mut Sums,
+    share: f64,
 }
 
 /// The factored arrow.
@@ -73,6 +83,23 @@ impl SessionSums {
             common: Sums::zero(shared),
             partition: partition.clone(),
         }
+    }
+
+    /// What `share` times rows of one session are added to.
+    pub fn adding(&mut self, session: usize, share: f64) -> Adding<'_> {
+        Adding {
+            own: Some(&mut self.own[session]),
+            common: &mut self.common,
+            share,
+        }
+    }
+
+    /// Makes the upper triangles those below.
+    pub fn mirror(&mut self) {
+        for own in &mut self.own {
+            mirror(&mut own.information);
+        }
+        mirror(&mut self.common.information);
     }
 
     /// Adds `share` times the sums of rows of one session, over its own columns, then the shared ones.
@@ -133,6 +160,75 @@ impl SessionSums {
 
 fn add_to(sum: &mut DMatrix<f64>, block: &nalgebra::DMatrixView<'_, f64>, share: f64) {
     sum.zip_apply(block, |own, other| *own += share * other);
+}
+
+impl<'s> Adding<'s> {
+    /// Sums over columns of one kind.
+    pub const fn to(sums: &'s mut Sums, share: f64) -> Self {
+        Self {
+            own: None,
+            common: sums,
+            share,
+        }
+    }
+
+    /// Adds the products of these rows and columns, from those of their shapes. Of two lists each product is of either order, of a list
+    /// with itself of both.
+    pub fn block(&mut self, rows: &[Run], columns: &[Run], products: &DMatrix<f64>) {
+        let is_one = rows == columns;
+        for column in columns {
+            for row in rows {
+                if is_one && row.place < column.place {
+                    continue;
+                }
+                let size = (row.count, column.count);
+                let own = products.view((row.shape, column.shape), size);
+                self.run((row, column), &own);
+            }
+        }
+    }
+
+    fn run(&mut self, (row, column): (&Run, &Run), products: &DMatrixView<'_, f64>) {
+        let share = self.share * row.share * column.share;
+        let own = self.own.as_ref().map_or(0, |own| own.moment.len());
+        let (first, last) = (row.place.min(column.place), row.place.max(column.place));
+        // Where own columns meet shared ones, the rows are the own ones.
+        let (into, place) = match &mut self.own {
+            Some(sums) if last < own => (&mut sums.information, (last, first)),
+            Some(sums) if first < own => (&mut sums.across, (first, last - own)),
+            _ => (&mut self.common.information, (last - own, first - own)),
+        };
+        let is_across = first < own && last >= own;
+        let is_as_asked = first == last || (row.place == first) == is_across;
+        if is_as_asked {
+            let mut into = into.view_mut(place, products.shape());
+            into.zip_apply(products, |entry, product| *entry += share * product);
+        } else {
+            let turned = products.transpose();
+            let mut into = into.view_mut(place, turned.shape());
+            into.zip_apply(&turned, |entry, product| *entry += share * product);
+        }
+    }
+
+    /// Adds the moments of these columns, from those of their shapes.
+    pub fn values(&mut self, columns: &[Run], moments: &DVector<f64>) {
+        let own = self.own.as_ref().map_or(0, |own| own.moment.len());
+        for run in columns {
+            let (into, place) = match &mut self.own {
+                Some(sums) if run.place < own => (&mut sums.moment, run.place),
+                _ => (&mut self.common.moment, run.place - own),
+            };
+            let moments = moments.rows(run.shape, run.count);
+            into.rows_mut(place, run.count)
+                .axpy(self.share * run.share, &moments, 1.0);
+        }
+    }
+
+    /// Adds what is of no column.
+    pub fn squares(&mut self, square: f64, ln_noise: f64) {
+        self.common.square += self.share * square;
+        self.common.ln_noise += self.share * ln_noise;
+    }
 }
 
 impl OwnSums {

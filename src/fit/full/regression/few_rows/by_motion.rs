@@ -49,16 +49,24 @@ impl ByMotion {
             let scaled = own.scaled(scale);
             gram(&scaled.as_view())
         });
+        let mut along = Vec::new();
         for (own, alike) in self.joints.iter().zip(alike.collect::<Vec<_>>()) {
+            let motions = own.motions.as_slice();
             for (station, columns) in self.stations.iter().enumerate() {
-                for (other, rows) in self.stations.iter().enumerate().skip(station) {
-                    let share = alike[(other, station)];
-                    for column in columns.clone() {
-                        let by = share * own.motions[column];
-                        for row in rows.clone() {
-                            product[(row, column)] += by * own.motions[row];
-                        }
-                    }
+                along.clear();
+                let alike = alike.column(station);
+                let others = self.stations.iter().zip(&alike);
+                for (rows, share) in others.skip(station) {
+                    let of_rows = motions[rows.clone()].iter();
+                    along.extend(of_rows.map(|motion| share * motion));
+                }
+                let rows = columns.start..columns.start + along.len();
+                for column in columns.clone() {
+                    let mut column_of = product.column_mut(column);
+                    let into = &mut column_of.as_mut_slice()[rows.clone()];
+                    let by = motions[column];
+                    let entries = into.iter_mut().zip(&along);
+                    entries.for_each(|(entry, along)| *entry += by * along);
                 }
             }
         }

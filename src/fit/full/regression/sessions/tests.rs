@@ -134,9 +134,9 @@ fn draws_have_the_posterior_covariance() {
 #[test]
 fn a_session_taken_out_leaves_a_posterior_that_never_saw_it() {
     let pool = Pool::new();
-    let mut sums = Evidence::Sessions(pool.sums(&[0, 1, 2]));
-    assert!(sums.take_out(1, &pool.of(1)));
-    let left = sums
+    let mut sums = pool.sums(&[0, 1, 2]);
+    sums.add(1, &pool.of(1), -1.0);
+    let left = Evidence::Sessions(sums)
         .posterior_at(pool.scale.clone())
         .expect("positive definite");
     let never = pool.dense(&[0, 2]);
