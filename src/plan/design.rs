@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{SourceId, TargetId};
+use crate::linalg::transposed;
 
 /// Number of candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
@@ -246,13 +247,14 @@ fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
 
 /// `leftᵀ right`, columns in parallel.
 fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+    let left_rows = transposed(&left.as_view());
     let parts: Vec<DMatrix<f64>> = (0..right.ncols())
         .step_by(3 * AT_ONCE)
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|first| {
             let width = (3 * AT_ONCE).min(right.ncols() - first);
-            left.tr_mul(&right.columns(first, width))
+            &left_rows * right.columns(first, width)
         })
         .collect();
     let mut product = DMatrix::zeros(left.ncols(), right.ncols());

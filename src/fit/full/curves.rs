@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::FullModel;
 use super::layout::Block;
+use crate::linalg::{gram, transposed};
 
 /// The error of one joint at one angle; in mm throughout where the joint slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,17 +73,16 @@ impl FullModel {
 
     /// Posterior covariance of combinations of columns, a row each.
     pub fn covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let half = self.posterior.half(rows);
-        half.tr_mul(&half)
+        gram(&self.posterior.half(rows).as_view())
     }
 
     /// Prior covariance of combinations of columns, a row each.
     pub fn prior_covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut half = rows.transpose();
-        for (mut row, scale) in half.row_iter_mut().zip(&self.posterior.scale) {
-            row *= *scale;
+        let mut half = transposed(&rows.as_view());
+        for mut row in half.column_iter_mut() {
+            row.component_mul_assign(&self.posterior.scale);
         }
-        half.tr_mul(&half)
+        gram(&half.as_view())
     }
 
     /// Posterior means of combinations of columns, a row each; of an unknown, without the offset where its column is evaluated.

@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::linalg::{Cholesky, gram, gram_of_lower};
+use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 use few_rows::{FewRoot, FewRows};
 use sessions::{Adding, Arrow, SessionSums};
 
@@ -88,8 +88,7 @@ impl Root {
     fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
             Self::Columns(factor) => {
-                let half = factor.forward(chosen(factor.size(), columns), 0);
-                half.tr_mul(&half)
+                gram(&factor.forward(chosen(factor.size(), columns), 0).as_view())
             }
             Self::Rows(rows) => rows.covariance_of(columns),
             Self::Sessions(arrow) => arrow.covariance_of(columns),
@@ -393,9 +392,9 @@ impl Posterior {
 
     /// A square root `HᵀH` of the posterior covariance of `rows · δ`, a column for each row.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut right = rows.transpose();
-        for (mut row, scale) in right.row_iter_mut().zip(&self.scale) {
-            row *= *scale;
+        let mut right = transposed(&rows.as_view());
+        for mut row in right.column_iter_mut() {
+            row.component_mul_assign(&self.scale);
         }
         self.root.half(right)
     }

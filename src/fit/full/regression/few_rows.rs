@@ -16,8 +16,12 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::{Posterior, Root};
-use crate::linalg::{Cholesky, gram};
+use crate::linalg::{Cholesky, gram, transposed};
 pub use by_motion::{ByMotion, Shapes};
+
+/// Combinations of columns from which on products with a transpose and an inverse repay what these cost: nalgebra multiplies by a
+/// transpose, and solves, one column at a time.
+const WIDE: usize = 64;
 
 /// Whitened rows, kept as they are.
 #[derive(Debug, Clone)]
@@ -90,11 +94,22 @@ impl FewRoot {
 
     /// `Tᵀ B`.
     pub(super) fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
-        let mut shown = self.factor.forward(self.transposed.tr_mul(&right), 0);
+        let is_wide = right.ncols() >= WIDE;
+        let shown = if is_wide {
+            transposed(&self.transposed.as_view()) * &right
+        } else {
+            self.transposed.tr_mul(&right)
+        };
+        let mut shown = self.factor.forward(shown, 0);
         let mut raised = self.factor.lower().clone();
         (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);
-        let solved = raised.tr_solve_lower_triangular_mut(&mut shown);
-        assert!(solved, "a factor's diagonal is positive");
+        if is_wide {
+            let raised = Cholesky::from_lower(raised).expect("a factor's diagonal is positive");
+            shown = transposed(&raised.inverse_lower().as_view()) * shown;
+        } else {
+            let solved = raised.tr_solve_lower_triangular_mut(&mut shown);
+            assert!(solved, "a factor's diagonal is positive");
+        }
         let mut half = right;
         half.gemm(-1.0, &self.transposed, &shown, 1.0);
         half
@@ -104,7 +119,7 @@ impl FewRoot {
     pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         let own = self.transposed.select_rows(columns);
         let explained = self.factor.forward(own.transpose(), 0);
-        DMatrix::identity(columns.len(), columns.len()) - explained.tr_mul(&explained)
+        DMatrix::identity(columns.len(), columns.len()) - gram(&explained.as_view())
     }
 
     /// `L⁻¹`: the products of its columns are what the model leaves open of its rows, as shares of their noise.
@@ -227,15 +242,18 @@ mod tests {
         for (rows, columns) in [(1, 3), (7, 30), (70, 150)] {
             let (few, scale) = few(rows, columns);
             let [by_rows, by_columns] = both(&few, &scale);
-            let shown = DMatrix::from_fn(4, columns, |row, column| ((row + column) as f64).sin());
-            let covariance = |posterior: &Posterior| {
-                let half = posterior.half(&shown);
-                half.tr_mul(&half)
-            };
-            let wanted = covariance(&by_columns);
-            let apart = (covariance(&by_rows) - &wanted).amax() / wanted.amax();
-            // The squared width of the widest column over the noise, times the rows, is 6e6: as many digits are lost.
-            assert!(apart < 1e-7, "{rows} × {columns}: covariance {apart}");
+            for count in [4, WIDE + 3] {
+                let shown =
+                    DMatrix::from_fn(count, columns, |row, column| ((row + column) as f64).sin());
+                let covariance = |posterior: &Posterior| {
+                    let half = posterior.half(&shown);
+                    half.tr_mul(&half)
+                };
+                let wanted = covariance(&by_columns);
+                let apart = (covariance(&by_rows) - &wanted).amax() / wanted.amax();
+                // The squared width of the widest column over the noise, times the rows, is 6e6: as many digits are lost.
+                assert!(apart < 1e-7, "{rows} × {columns}: covariance {apart}");
+            }
             for chosen in [vec![0], vec![1, 2]] {
                 let gain = |posterior: &Posterior| posterior.gain_of(&chosen).expect("definite");
                 let apart = gain(&by_rows) - gain(&by_columns);
