@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::FullModel;
 use super::layout::Block;
-use crate::linalg::{gram, transposed};
+use crate::linalg::gram;
 
 /// The error of one joint at one angle; in mm throughout where the joint slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,11 +78,7 @@ impl FullModel {
 
     /// Prior covariance of combinations of columns, a row each.
     pub fn prior_covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut half = transposed(&rows.as_view());
-        for mut row in half.column_iter_mut() {
-            row.component_mul_assign(&self.posterior.scale);
-        }
-        gram(&half.as_view())
+        gram(&self.posterior.prior_half(rows).as_view())
     }
 
     /// Posterior means of combinations of columns, a row each; of an unknown, without the offset where its column is evaluated.

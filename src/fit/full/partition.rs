@@ -83,7 +83,7 @@ pub struct Seen {
     pub of_joints: Vec<JointShapes>,
     /// Places in `columns` of all others.
     pub plain: Vec<usize>,
-    /// The same in runs.
+    /// `plain` as runs of places that follow each other, in the same order.
     pub plain_runs: Vec<Run>,
     /// The blocks of the latter that are not another session's.
     pub(super) blocks: Vec<(Block, Range<usize>)>,
@@ -105,6 +105,14 @@ impl Block {
     }
 }
 
+impl Layout {
+    /// The blocks that are not another session's, with their columns.
+    pub(super) fn blocks_in(&self, session: usize) -> impl Iterator<Item = (Block, Range<usize>)> {
+        let is_seen = move |block: Block| block.session().is_none_or(|own| own == session);
+        self.blocks().filter(move |(block, _)| is_seen(*block))
+    }
+}
+
 impl Seen {
     /// What the stations of a session see, for an arm of `joints` joints.
     pub fn of(layout: &Layout, partition: &Partition, session: usize, joints: usize) -> Self {
@@ -114,8 +122,7 @@ impl Seen {
         for (place, &column) in columns.iter().enumerate() {
             in_columns[column] = Some(place);
         }
-        let seen = layout.blocks();
-        let seen = seen.filter(|(block, _)| block.session().is_none_or(|own| own == session));
+        let seen = layout.blocks_in(session);
         let (shapes, blocks): (Vec<_>, Vec<_>) =
             seen.partition(|(block, _)| block.shapes().is_some());
         let place =

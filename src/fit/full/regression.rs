@@ -392,11 +392,16 @@ impl Posterior {
 
     /// A square root `HᵀH` of the posterior covariance of `rows · δ`, a column for each row.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut right = transposed(&rows.as_view());
-        for mut row in right.column_iter_mut() {
+        self.root.half(self.prior_half(rows))
+    }
+
+    /// A square root `HᵀH` of the prior covariance of `rows · δ`, a column for each row.
+    pub(super) fn prior_half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut half = transposed(&rows.as_view());
+        for mut row in half.column_iter_mut() {
             row.component_mul_assign(&self.scale);
         }
-        self.root.half(right)
+        half
     }
 }
 

@@ -107,8 +107,10 @@ impl JointShapes {
         numbers: &'n DVector<f64>,
     ) -> impl Iterator<Item = (usize, f64)> + 'n {
         let of_run = |run: &'n Run| {
-            let own = numbers.rows(run.shape, run.count);
-            (0..run.count).map(move |nth| (run.place + nth, run.share * own[nth]))
+            let own = &numbers.as_slice()[run.shape..][..run.count];
+            (run.place..)
+                .zip(own)
+                .map(|(place, number)| (place, run.share * number))
         };
         self.runs.iter().flat_map(of_run)
     }
@@ -182,7 +184,7 @@ impl Block {
         )
     }
 
-    /// What its shapes are multiplied by in a session that sees it.
+    /// The factor, from 0 to 1, by which a session's stations have the block's shapes; 0 of a gear that the session did not have.
     fn share(self, layout: &Layout, session: usize) -> f64 {
         let is_seen = match self {
             Self::Ageing { joint, step } => return layout.ageing(session, joint, step),
@@ -239,9 +241,7 @@ mod tests {
             angular: Vector3::z(),
         }];
         for session in 0..3 {
-            let seen = layout.blocks();
-            let seen = seen.filter(|(block, _)| block.session().is_none_or(|own| own == session));
-            let seen: Vec<_> = seen.collect();
+            let seen: Vec<_> = layout.blocks_in(session).collect();
             let shapes = JointShapes::of(&seen, &layout, (session, 0), |column| column);
             assert_eq!(shapes.count(), 8 + 2 + 1);
             let mut found = vec![0.0; layout.size()];
@@ -272,10 +272,7 @@ mod tests {
     #[test]
     fn coefficients_of_shapes_are_those_of_their_columns_together() {
         let layout = layout();
-        let seen = layout.blocks();
-        let seen: Vec<_> = seen
-            .filter(|(block, _)| block.session().is_none_or(|own| own == 1))
-            .collect();
+        let seen: Vec<_> = layout.blocks_in(1).collect();
         let shapes = JointShapes::of(&seen, &layout, (1, 0), |column| column);
         let numbers = shapes.numbers(0.3, 1.0);
         let columns = DVector::from_fn(layout.size(), |row, _| (row as f64).sin());

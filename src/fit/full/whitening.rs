@@ -139,14 +139,8 @@ impl Whitened {
             }
             for (joint, of_joint) in seen.of_joints.iter().enumerate() {
                 let motion = self.joints[(own, joint)];
-                for run in &of_joint.runs {
-                    let by = run.share * motion;
-                    let numbers = &row.shapes[joint].as_slice()[run.shape..][..run.count];
-                    let places = &seen.columns[run.place..][..run.count];
-                    for (&place, number) in places.iter().zip(numbers) {
-                        column[place] = by * number;
-                    }
-                }
+                let entries = of_joint.entries(&row.shapes[joint]);
+                entries.for_each(|(place, number)| column[seen.columns[place]] = number * motion);
             }
         }
     }

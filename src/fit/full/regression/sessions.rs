@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::{Posterior, Root, Sums, add_one};
 use crate::fit::full::partition::Partition;
-use crate::fit::full::shapes::Run;
+use crate::fit::full::shapes::{Run, runs};
 use crate::linalg::{Cholesky, gram, gram_of_lower, mirror, subtract_gram, transposed};
 
 /// The sums of a pool.
@@ -102,24 +102,14 @@ impl SessionSums {
         mirror(&mut self.common.information);
     }
 
-    /// Adds `share` times the sums of rows of one session, over its own columns, then the shared ones.
+    /// Adds `share` times the sums of rows of one session, over its own columns, then the shared ones: the lower triangles.
     pub fn add(&mut self, session: usize, sums: &Sums, share: f64) {
-        let OwnSums {
-            information,
-            across,
-            moment,
-        } = &mut self.own[session];
-        let (own, shared) = across.shape();
-        let blocks = &sums.information;
-        add_to(information, &blocks.view((0, 0), (own, own)), share);
-        add_to(across, &blocks.view((0, own), (own, shared)), share);
-        moment.axpy(share, &sums.moment.rows(0, own), 1.0);
-        let common = &mut self.common;
-        let block = blocks.view((own, own), (shared, shared));
-        add_to(&mut common.information, &block, share);
-        let moment = sums.moment.rows(own, shared);
-        common.moment.axpy(share, &moment, 1.0);
-        common.add_squares(sums, share);
+        let all: Vec<usize> = (0..sums.moment.len()).collect();
+        let columns = runs(&all, self.own[session].moment.len());
+        let mut adding = self.adding(session, share);
+        adding.block(&columns, &columns, &sums.information);
+        adding.values(&columns, &sums.moment);
+        adding.squares(sums.square, sums.ln_noise);
     }
 
     /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
@@ -158,10 +148,6 @@ impl SessionSums {
     }
 }
 
-fn add_to(sum: &mut DMatrix<f64>, block: &nalgebra::DMatrixView<'_, f64>, share: f64) {
-    sum.zip_apply(block, |own, other| *own += share * other);
-}
-
 impl<'s> Adding<'s> {
     /// Sums over columns of one kind.
     pub const fn to(sums: &'s mut Sums, share: f64) -> Self {
@@ -190,33 +176,53 @@ impl<'s> Adding<'s> {
 
     fn run(&mut self, (row, column): (&Run, &Run), products: &DMatrixView<'_, f64>) {
         let share = self.share * row.share * column.share;
-        let own = self.own.as_ref().map_or(0, |own| own.moment.len());
-        let (first, last) = (row.place.min(column.place), row.place.max(column.place));
-        // Where own columns meet shared ones, the rows are the own ones.
-        let (into, place) = match &mut self.own {
-            Some(sums) if last < own => (&mut sums.information, (last, first)),
-            Some(sums) if first < own => (&mut sums.across, (first, last - own)),
-            _ => (&mut self.common.information, (last - own, first - own)),
+        let first_shared = self.first_shared();
+        let is_own = |run: &Run| run.place < first_shared;
+        let is_turned = match (is_own(row), is_own(column)) {
+            (true, false) => false,
+            (false, true) => true,
+            // The lower triangle.
+            _ => row.place < column.place,
         };
-        let is_across = first < own && last >= own;
-        let is_as_asked = first == last || (row.place == first) == is_across;
-        if is_as_asked {
+        let (down, across) = if is_turned {
+            (column, row)
+        } else {
+            (row, column)
+        };
+        let (into, place) = match &mut self.own {
+            Some(own) if is_own(across) => (&mut own.information, (down.place, across.place)),
+            Some(own) if is_own(down) => {
+                let place = (down.place, across.place - first_shared);
+                (&mut own.across, place)
+            }
+            _ => {
+                let [down, across] = [down, across].map(|run| run.place - first_shared);
+                (&mut self.common.information, (down, across))
+            }
+        };
+        let mut add = |products: &DMatrixView<'_, f64>| {
             let mut into = into.view_mut(place, products.shape());
             into.zip_apply(products, |entry, product| *entry += share * product);
+        };
+        if is_turned {
+            add(&transposed(products).as_view());
         } else {
-            let turned = products.transpose();
-            let mut into = into.view_mut(place, turned.shape());
-            into.zip_apply(&turned, |entry, product| *entry += share * product);
+            add(products);
         }
+    }
+
+    /// Place of the first column that all sessions share.
+    fn first_shared(&self) -> usize {
+        self.own.as_ref().map_or(0, |own| own.moment.len())
     }
 
     /// Adds the moments of these columns, from those of their shapes.
     pub fn values(&mut self, columns: &[Run], moments: &DVector<f64>) {
-        let own = self.own.as_ref().map_or(0, |own| own.moment.len());
+        let first_shared = self.first_shared();
         for run in columns {
             let (into, place) = match &mut self.own {
-                Some(sums) if run.place < own => (&mut sums.moment, run.place),
-                _ => (&mut self.common.moment, run.place - own),
+                Some(own) if run.place < first_shared => (&mut own.moment, run.place),
+                _ => (&mut self.common.moment, run.place - first_shared),
             };
             let moments = moments.rows(run.shape, run.count);
             into.rows_mut(place, run.count)
