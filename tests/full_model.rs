@@ -19,13 +19,32 @@ fn random_a_predicts_random_b() {
         let is_used =
             |o: &&Observation| o.station.is_multiple_of(stride) && o.station < stride * count;
         let train: Vec<_> = a.iter().filter(is_used).cloned().collect();
-        let figures = base_refitted(
-            &predictions(&trained(&arm, &train, 1, &FitSettings::default()), &b),
-            &b,
-        );
+        let model = trained(&arm, &train, 1, &FitSettings::default());
+        let figures = base_refitted(&predictions(&model, &b), &b);
         println!("{count} stations: {figures:?}");
         assert!(figures.mean <= limit, "{count} stations: {figures:?}");
+        assert_curves_are_of_their_columns(&model);
     }
+}
+
+/// Joint error curves, and their deviations where a joint has no gear lines, by rows over all columns of the model.
+fn assert_curves_are_of_their_columns(model: &FullModel) {
+    let angles = [-1.0, 0.0, 0.7];
+    let curves = model.joint_curves();
+    let mut without_lines = 0;
+    for joint in 0..6 {
+        let rows = model.curve_rows(joint, &angles);
+        let (mean, covariance) = (model.means_of_rows(&rows), model.covariance_of_rows(&rows));
+        for (place, found) in curves.errors(joint, &angles).iter().enumerate() {
+            assert!((found.curve - mean[place]).abs() < 1e-12, "{found:?}");
+            let sd = covariance[(place, place)].sqrt();
+            if found.gear_lines == 0.0 {
+                without_lines += 1;
+                assert!((found.sd - sd).abs() < 1e-9 * sd, "{found:?} for {sd:e}");
+            }
+        }
+    }
+    assert!(without_lines > 0, "every joint has gear lines");
 }
 
 #[test]

@@ -134,7 +134,7 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
         .map(|degrees| value + degrees.to_radians())
         .to_vec();
     let expected = expected_sd(model, HELD);
-    for error in model.joint_errors(HELD, &away) {
+    for error in model.joint_curves().errors(HELD, &away) {
         println!("{error:?} of {expected:.2e}");
         assert!(error.error().is_finite() && error.error().abs() < expected);
         assert!(error.sd > 0.9 * expected, "{error:?} of {expected:.2e}");
@@ -149,7 +149,7 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
     };
     assert!(deviation(&elsewhere) > 3.0 * deviation(&test[0]));
     // A joint that moved is known where it moved.
-    let moved = model.joint_errors(0, &[0.0])[0].sd;
+    let moved = model.joint_curves().errors(0, &[0.0])[0].sd;
     assert!(moved < 0.9 * expected_sd(model, 0), "{moved:.2e}");
 }
 

@@ -15,6 +15,7 @@ mod work;
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::thread;
 
 use clap::{Args, ValueEnum};
 
@@ -32,6 +33,9 @@ use stop::Stop;
 use work::Extent;
 
 pub use summary::work;
+
+/// The most sessions that are worked on at once where the command says nothing: each needs memory of its own.
+const MOST_JOBS: NonZeroUsize = NonZeroUsize::new(4).unwrap();
 
 /// Make every table and page of every session: the whole way from two logs to a compensation table.
 #[derive(Debug, Clone, Args)]
@@ -82,9 +86,10 @@ pub struct RunArgs {
     /// The folder of the published tables, instead of the pipeline file's
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
-    /// Sessions worked on at once; each uses every core, so more than one helps where single ones leave cores idle
-    #[arg(long, value_name = "N", default_value = "1")]
-    pub jobs: NonZeroUsize,
+    /// Sessions worked on at once; as many as the machine has cores, but four at most, where it is not given. Each uses every core
+    /// that others leave idle, and memory of its own
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
     /// Stop after this stage: what it gives is published for later runs
     #[arg(long, value_name = "STAGE")]
     pub until: Option<Until>,
@@ -212,7 +217,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         }
     };
     let pieces = fleet.pieces();
-    let (endings, without) = work::all(&pieces, (extent, &known), args.jobs, bars, &stop);
+    let (endings, without) = work::all(&pieces, (extent, &known), jobs(args), bars, &stop);
     if let Err(error) = known.write() {
         tracing::warn!(
             "the index of finished work cannot be kept, the next batch digests every session: {}",
@@ -227,6 +232,12 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     );
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
+}
+
+/// Sessions worked on at once.
+fn jobs(args: &RunArgs) -> NonZeroUsize {
+    let cores = || thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    args.jobs.unwrap_or_else(|| cores().min(MOST_JOBS))
 }
 
 /// The exit code of a batch whose work gives `code`; the work is done whether or not its summary was written.

@@ -35,7 +35,7 @@ use crate::io::table::Row as _;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError, parameters};
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError, RunRows};
 use crate::join::{SourceId, Station};
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
@@ -325,16 +325,17 @@ fn run_local(
         compared: compared.clone(),
         ..said(configuration, &outcome, &remarks, driven.state.clone())?
     };
+    let rows = RunRows::of(&outcome, &context, &key)?;
     let summary = summary(
         &outcome,
         &configuration.arm,
         &configuration.stages.tolerance,
-        &parameters::rows(&outcome, &context),
+        &rows.parameters.rows,
         compared.as_ref(),
         driven.state.as_deref(),
     );
     let corrects = lake.place(summary.next.table(), &key)?;
-    let commit = publish(&outcome, &context, run, &work, &said)?;
+    let commit = publish(&outcome, rows, &context, run, &work, &said)?;
     Ok(Done {
         robot: key.robot.clone(),
         session: key.session.clone(),

@@ -38,12 +38,11 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::locate::{Locate, Locator};
+use crate::report::locate::Locate;
 use crate::report::{Angles, Model, Residual, ResidualSet, Split, rivals};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 pub use carried::{Held, Learning, Learnt};
-use estimate::training_settings;
 pub use estimate::{Estimate, estimate};
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
@@ -206,8 +205,8 @@ pub fn results<'a>(
 ) -> Result<Outcome<'a>, StageError> {
     let (trained, flanges, settings) = (estimate.trained, estimate.flanges, &estimate.settings);
     let (observed, models, folds) = (estimate.observed, trained.models, trained.folds);
-    let (training, test, train) = (flanges.training, flanges.test, training_settings(settings));
-    let locator = Locator::new(&models, arm, settings.locate, &train);
+    let (training, test) = (flanges.training, flanges.test);
+    let locator = judged::locator(&test, &models, arm, settings);
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
     let unseen = mountings::of_one_mounting(unseen_sessions(&models, &tested, &locator)?);
     let mut residuals = estimate.residuals;

@@ -201,6 +201,16 @@ impl Locator {
         }
     }
 
+    /// For no session at all: nothing of the arm is worked out.
+    pub const fn of_none(locate: Locate) -> Self {
+        Self {
+            locate,
+            elsewhere: None,
+            target_sd_mm: ANYWHERE_MM,
+            scale_sd: 0.0,
+        }
+    }
+
     /// The stations that find the frames of a session, by the places of their observations; in time, or by their commanded poses,
     /// never by readings. A station is taken with its readings of all targets.
     pub fn finders(&self, models: &Models, observations: &[Observation]) -> Vec<usize> {

@@ -134,7 +134,7 @@ fn curves(session: &Session, tally: &mut Tally) {
     for joint in 0..session.arm.joints().len() {
         let angles = visited(session, joint);
         let truth = true_curve(session, joint, &angles);
-        let found = session.model.joint_errors(joint, &angles);
+        let found = session.model.joint_curves().errors(joint, &angles);
         let normalised = found.iter().zip(&truth);
         published.extend(normalised.map(|(found, truth)| (found.error() - truth) / found.sd));
         shapes.extend(shape(session, joint, &angles, &truth));

@@ -1,5 +1,7 @@
 //! The posterior of single joints and single columns: error curves with their standard deviation, covariances.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::FullModel;
@@ -19,6 +21,37 @@ pub struct JointError {
     pub sd: f64,
 }
 
+/// The error curves of all joints of an arm.
+#[derive(Debug, Clone)]
+pub struct JointCurves {
+    pairs: Vec<Pair>,
+    /// Mean of the columns of all pairs, rad, or mm where the joint slides.
+    mean: DVector<f64>,
+    /// A square root `HᵀH` of their covariance, a column for each.
+    half: DMatrix<f64>,
+}
+
+/// Cosine and sine of one joint at one number of cycles: two columns of the model.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    /// The joint, from 0.
+    joint: usize,
+    part: Part,
+    /// The column of the cosine; that of the sine follows.
+    column: usize,
+    /// Cycles per turn; 2π times those per mm where the joint slides.
+    cycles: f64,
+}
+
+/// A part of a joint's curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// The smooth curve.
+    Curve,
+    /// The gear lines.
+    GearLines,
+}
+
 impl JointError {
     /// Smooth curve and gear lines together, rad.
     pub fn error(&self) -> f64 {
@@ -32,41 +65,48 @@ impl FullModel {
         self.layout.period_turns()
     }
 
-    /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad; mm where
-    /// the joint slides).
-    ///
-    /// It excludes the joint's constant offset, which is the geometry's θ.
-    pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
-        let curve = self.curve_rows(joint, angles);
-        let mut lines = DMatrix::zeros(angles.len(), self.layout.size());
-        for (block, columns) in self.layout.blocks() {
-            match block {
-                Block::Line { joint: own, cycles } if own == joint => {
-                    fill(&mut lines, columns.start, angles, cycles);
-                }
-                _ => {}
-            }
+    /// The error curves of all joints, common to all sessions.
+    pub fn joint_curves(&self) -> JointCurves {
+        let blocks = self.layout.blocks();
+        let pairs: Vec<Pair> = blocks
+            .flat_map(|(block, columns)| self.pairs(block, columns))
+            .collect();
+        let columns = pairs.iter().flat_map(|pair| [pair.column, pair.column + 1]);
+        let columns: Vec<usize> = columns.collect();
+        JointCurves {
+            mean: self.mean.select_rows(&columns),
+            half: self.posterior.half_of(&columns),
+            pairs,
         }
-        let (smooth, sines) = (&curve * &self.mean, &lines * &self.mean);
-        let variances = self.variances(&(curve + lines));
-        let error = |(place, &angle): (usize, &f64)| JointError {
-            angle,
-            curve: smooth[place],
-            gear_lines: sines[place],
-            sd: variances[place].sqrt(),
+    }
+
+    /// The pairs of a block's columns; none where it is no part of a joint's curve in all sessions.
+    fn pairs(&self, block: Block, columns: Range<usize>) -> Vec<Pair> {
+        let pair = |joint: usize, place: usize, part: Part, cycles: f64| Pair {
+            joint,
+            part,
+            column: columns.start + 2 * place,
+            cycles,
         };
-        angles.iter().enumerate().map(error).collect()
+        match block {
+            Block::Curve(joint) => {
+                let unit = self.layout.curve_unit(joint);
+                let smooth =
+                    |place: usize| pair(joint, place, Part::Curve, (place + 1) as f64 / unit);
+                (0..columns.len() / 2).map(smooth).collect()
+            }
+            Block::Line { joint, cycles } => vec![pair(joint, 0, Part::GearLines, cycles)],
+            _ => Vec::new(),
+        }
     }
 
     /// The smooth error curve of `joint` (from 0) at `angles` (axis variable, rad; mm where the joint slides) per unit of every
     /// column: a row for each angle, zero without a curve.
     pub fn curve_rows(&self, joint: usize, angles: &[f64]) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(angles.len(), self.layout.size());
-        let unit = self.layout.curve_unit(joint);
         let columns = self.layout.columns(Block::Curve(joint)).unwrap_or(0..0);
-        for pair in 0..columns.len() / 2 {
-            let first = columns.start + 2 * pair;
-            fill(&mut rows, first, angles, (pair + 1) as f64 / unit);
+        for pair in self.pairs(Block::Curve(joint), columns) {
+            pair.fill(&mut rows, pair.column, angles);
         }
         rows
     }
@@ -104,20 +144,53 @@ impl FullModel {
     pub const fn prior_sd(&self) -> &DVector<f64> {
         &self.posterior.scale
     }
+}
 
-    fn variances(&self, rows: &DMatrix<f64>) -> Vec<f64> {
-        let half = self.posterior.half(rows);
-        half.column_iter()
-            .map(|column| column.norm_squared())
-            .collect()
+impl JointCurves {
+    /// The error curve of `joint` (from 0) at `angles` (axis variable, rad; mm where the joint slides).
+    ///
+    /// It excludes the joint's constant offset, which is the geometry's θ.
+    pub fn errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
+        let own = |place: &usize| self.pairs[*place].joint == joint;
+        let own: Vec<usize> = (0..self.pairs.len()).filter(own).collect();
+        let columns: Vec<usize> = own
+            .iter()
+            .flat_map(|place| [2 * place, 2 * place + 1])
+            .collect();
+        let mut rows = DMatrix::zeros(angles.len(), columns.len());
+        for (place, &pair) in own.iter().enumerate() {
+            self.pairs[pair].fill(&mut rows, 2 * place, angles);
+        }
+        let means_of = |part: Part| {
+            let mut mean = self.mean.select_rows(&columns);
+            for (place, &pair) in own.iter().enumerate() {
+                if self.pairs[pair].part != part {
+                    mean.rows_mut(2 * place, 2).fill(0.0);
+                }
+            }
+            &rows * mean
+        };
+        let [curve, gear_lines] = [Part::Curve, Part::GearLines].map(means_of);
+        let covariance = gram(&self.half.select_columns(&columns).as_view());
+        let spread = &rows * covariance;
+        let error = |(place, &angle): (usize, &f64)| JointError {
+            angle,
+            curve: curve[place],
+            gear_lines: gear_lines[place],
+            // Rounding may leave less than nothing of a curve that is known for certain.
+            sd: rows.row(place).dot(&spread.row(place)).max(0.0).sqrt(),
+        };
+        angles.iter().enumerate().map(error).collect()
     }
 }
 
-/// Fills the columns `first` and `first + 1` with `cos` and `sin` of `cycles` per turn.
-fn fill(rows: &mut DMatrix<f64>, first: usize, angles: &[f64], cycles: f64) {
-    for (row, angle) in angles.iter().enumerate() {
-        let (sin, cos) = (cycles * angle).sin_cos();
-        rows[(row, first)] = cos;
-        rows[(row, first + 1)] = sin;
+impl Pair {
+    /// Fills the columns `first` and `first + 1` with its cosine and sine at `angles`.
+    fn fill(&self, rows: &mut DMatrix<f64>, first: usize, angles: &[f64]) {
+        for (row, angle) in angles.iter().enumerate() {
+            let (sin, cos) = (self.cycles * angle).sin_cos();
+            rows[(row, first)] = cos;
+            rows[(row, first + 1)] = sin;
+        }
     }
 }

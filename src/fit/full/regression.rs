@@ -84,14 +84,20 @@ impl Root {
         }
     }
 
+    /// `Rᵀ` at some columns.
+    fn half_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        match self {
+            Self::Columns(factor) => factor.forward(chosen(factor.size(), columns), 0),
+            Self::Rows(rows) => rows.half_of(columns),
+            Self::Sessions(arrow) => arrow.half_of(columns),
+        }
+    }
+
     /// The block of `M⁻¹` of some columns.
     fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
-            Self::Columns(factor) => {
-                gram(&factor.forward(chosen(factor.size(), columns), 0).as_view())
-            }
             Self::Rows(rows) => rows.covariance_of(columns),
-            Self::Sessions(arrow) => arrow.covariance_of(columns),
+            Self::Columns(_) | Self::Sessions(_) => gram(&self.half_of(columns).as_view()),
         }
     }
 }
@@ -373,8 +379,16 @@ impl Posterior {
 
     /// Posterior covariance of the columns at `places`.
     pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
-        let half = self.half(&chosen(self.scale.len(), places).transpose());
-        gram(&half.as_view())
+        gram(&self.half_of(places).as_view())
+    }
+
+    /// A square root `HᵀH` of the posterior covariance of the columns at `places`, a column for each.
+    pub fn half_of(&self, places: &[usize]) -> DMatrix<f64> {
+        let mut half = self.root.half_of(places);
+        for (mut column, &place) in half.column_iter_mut().zip(places) {
+            column *= self.scale[place];
+        }
+        half
     }
 
     /// Log evidence with `columns` in the model minus without them, nats: `½ ln |C| + ½ uᵀ C⁻¹ u` with their own mean u and

@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::{ExportError, ExportErrorKind};
 use crate::compensation::{Conditions, Validity};
 use crate::fit::full::FullModel;
+use crate::fit::full::curves::JointCurves;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::common;
 use crate::io::lake::read_given;
@@ -72,7 +73,8 @@ pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError>
     let valid_for = ValidFor::of(&arm.validity, target.into());
     let axes = axis_ranges(&arm.arm, &arm.measured);
     let joints = axes.iter().enumerate();
-    let joints = joints.map(|(joint, range)| curve(model, &arm.arm, joint, *range));
+    let curves = model.joint_curves();
+    let joints = joints.map(|(joint, range)| curve(&curves, &arm.arm, joint, *range));
     write(&key, Some(valid_for), joints.collect(), sink)
 }
 
@@ -145,7 +147,7 @@ impl Curve {
     }
 }
 
-fn curve(model: &FullModel, arm: &Arm, joint: usize, [low, high]: [f64; 2]) -> Curve {
+fn curve(curves: &JointCurves, arm: &Arm, joint: usize, [low, high]: [f64; 2]) -> Curve {
     let own = &arm.joints()[joint];
     let mut curve = Curve {
         joint: joint + 1,
@@ -153,7 +155,7 @@ fn curve(model: &FullModel, arm: &Arm, joint: usize, [low, high]: [f64; 2]) -> C
         unit: own.slides.then_some("mm"),
         ..Curve::default()
     };
-    for error in model.joint_errors(joint, &points(own.slides, low, high)) {
+    for error in curves.errors(joint, &points(own.slides, low, high)) {
         let measured = (low..=high).contains(&error.angle);
         curve.push(error.angle, error.error(), error.sd, measured);
     }

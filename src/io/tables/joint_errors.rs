@@ -58,6 +58,7 @@ fn of_model(
     let axes: Vec<Vec<f64>> = learnt_from(outcome)
         .map(|s| context.arm.axes(&s.joints))
         .collect();
+    let curves = full.joint_curves();
     let of_joint = |joint: usize| {
         let angles = axes.iter().map(|axes| axes[joint]);
         let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
@@ -76,7 +77,8 @@ fn of_model(
             gear_lines_rad: error.gear_lines,
             measured: (low..=high).contains(&error.angle),
         };
-        full.joint_errors(joint, &points(slides, low, high))
+        curves
+            .errors(joint, &points(slides, low, high))
             .into_iter()
             .map(row)
     };

@@ -158,8 +158,18 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let lake = Lake::new(folder.path());
     // Two processes that begin the same run.
     let started = [(); 2].map(|()| lake.start(&key()).unwrap().expect("a new run"));
-    let ends = started
-        .map(|run| publish(&OUTCOME, &context(), run, &work(), &Statements::default()).unwrap());
+    let ends = started.map(|run| {
+        let rows = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
+        publish(
+            &OUTCOME,
+            rows,
+            &context(),
+            run,
+            &work(),
+            &Statements::default(),
+        )
+        .unwrap()
+    });
     assert_eq!(ends, [Commit::Done, Commit::AlreadyThere]);
     assert!(lake.start(&key()).unwrap().is_none());
     let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();

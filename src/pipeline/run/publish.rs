@@ -14,6 +14,7 @@ use crate::report::next::Stated;
 /// before.
 pub fn publish(
     outcome: &Outcome<'_>,
+    rows: RunRows,
     context: &PublishContext<'_>,
     mut run: OpenRun<'_>,
     work: &Work,
@@ -25,7 +26,6 @@ pub fn publish(
     let sessions: Vec<SessionRows> = sessions
         .map(|session| SessionRows::of(session, context.arm, &key.of_session(&session.name)))
         .collect::<Result<_, _>>()?;
-    let rows = RunRows::of(outcome, context, &key)?;
     let of_sessions = sessions.iter().flat_map(SessionRows::tables);
     for table in of_sessions.chain(rows.tables()) {
         run.publish(table)?;

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::carried::Learning;
+use super::estimate::training_settings;
 use super::observed::Observed;
 use super::turns::commanded_turns;
 use super::{StageError, StageSettings};
@@ -256,6 +257,19 @@ impl Judged<'_> {
         }
         sets
     }
+}
+
+/// What finds base and target of the sessions that only judge.
+pub(super) fn locator(
+    test: &[JoinedSession],
+    models: &Models,
+    arm: &Arm,
+    settings: &StageSettings,
+) -> Locator {
+    if test.is_empty() {
+        return Locator::of_none(settings.locate);
+    }
+    Locator::new(models, arm, settings.locate, &training_settings(settings))
 }
 
 /// The ways in which sessions that only judge do so.

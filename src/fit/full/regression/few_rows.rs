@@ -94,12 +94,23 @@ impl FewRoot {
 
     /// `Tᵀ B`.
     pub(super) fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
-        let is_wide = right.ncols() >= WIDE;
-        let shown = if is_wide {
+        let shown = if right.ncols() >= WIDE {
             transposed(&self.transposed.as_view()) * &right
         } else {
             self.transposed.tr_mul(&right)
         };
+        self.less_explained(right, shown)
+    }
+
+    /// `Tᵀ` at some columns.
+    pub(super) fn half_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        let shown = self.transposed.select_rows(columns).transpose();
+        self.less_explained(super::chosen(self.transposed.nrows(), columns), shown)
+    }
+
+    /// `Tᵀ B` from `B` and `S B`.
+    fn less_explained(&self, right: DMatrix<f64>, shown: DMatrix<f64>) -> DMatrix<f64> {
+        let is_wide = right.ncols() >= WIDE;
         let mut shown = self.factor.forward(shown, 0);
         let mut raised = self.factor.lower().clone();
         (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);

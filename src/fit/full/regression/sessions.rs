@@ -323,10 +323,9 @@ impl Arrow {
         self.partition.gathered(&own, &shared)
     }
 
-    /// The block of `M⁻¹` of some columns.
-    pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
-        let half = self.half(&super::chosen(self.partition.size(), columns));
-        gram(&half.as_view())
+    /// `Rᵀ` at some columns, where `R Rᵀ = M⁻¹`.
+    pub(super) fn half_of(&self, columns: &[usize]) -> DMatrix<f64> {
+        self.half(&super::chosen(self.partition.size(), columns))
     }
 
     /// `1 − Σ_kk/v_k` of each column: with `K = L_s⁻¹` the variances of a session are those of `Kᵀ K + Kᵀ W S⁻¹ Wᵀ K`.
