@@ -36,20 +36,12 @@ pub struct JointCurves {
 struct Pair {
     /// The joint, from 0.
     joint: usize,
-    part: Part,
+    /// Whether it is a gear line, and no part of the smooth curve.
+    is_line: bool,
     /// The column of the cosine; that of the sine follows.
     column: usize,
     /// Cycles per turn; 2π times those per mm where the joint slides.
     cycles: f64,
-}
-
-/// A part of a joint's curve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Part {
-    /// The smooth curve.
-    Curve,
-    /// The gear lines.
-    GearLines,
 }
 
 impl JointError {
@@ -82,20 +74,19 @@ impl FullModel {
 
     /// The pairs of a block's columns; none where it is no part of a joint's curve in all sessions.
     fn pairs(&self, block: Block, columns: Range<usize>) -> Vec<Pair> {
-        let pair = |joint: usize, place: usize, part: Part, cycles: f64| Pair {
+        let pair = |joint: usize, is_line: bool, place: usize, cycles: f64| Pair {
             joint,
-            part,
+            is_line,
             column: columns.start + 2 * place,
             cycles,
         };
         match block {
             Block::Curve(joint) => {
                 let unit = self.layout.curve_unit(joint);
-                let smooth =
-                    |place: usize| pair(joint, place, Part::Curve, (place + 1) as f64 / unit);
+                let smooth = |place: usize| pair(joint, false, place, (place + 1) as f64 / unit);
                 (0..columns.len() / 2).map(smooth).collect()
             }
-            Block::Line { joint, cycles } => vec![pair(joint, 0, Part::GearLines, cycles)],
+            Block::Line { joint, cycles } => vec![pair(joint, true, 0, cycles)],
             _ => Vec::new(),
         }
     }
@@ -151,26 +142,22 @@ impl JointCurves {
     ///
     /// It excludes the joint's constant offset, which is the geometry's θ.
     pub fn errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
-        let own = |place: &usize| self.pairs[*place].joint == joint;
-        let own: Vec<usize> = (0..self.pairs.len()).filter(own).collect();
+        let own = (0..self.pairs.len()).filter(|&pair| self.pairs[pair].joint == joint);
+        let (lines, smooth): (Vec<usize>, Vec<usize>) =
+            own.partition(|&pair| self.pairs[pair].is_line);
+        let own = [&smooth[..], &lines[..]].concat();
         let columns: Vec<usize> = own
             .iter()
-            .flat_map(|place| [2 * place, 2 * place + 1])
+            .flat_map(|pair| [2 * pair, 2 * pair + 1])
             .collect();
         let mut rows = DMatrix::zeros(angles.len(), columns.len());
         for (place, &pair) in own.iter().enumerate() {
             self.pairs[pair].fill(&mut rows, 2 * place, angles);
         }
-        let means_of = |part: Part| {
-            let mut mean = self.mean.select_rows(&columns);
-            for (place, &pair) in own.iter().enumerate() {
-                if self.pairs[pair].part != part {
-                    mean.rows_mut(2 * place, 2).fill(0.0);
-                }
-            }
-            &rows * mean
-        };
-        let [curve, gear_lines] = [Part::Curve, Part::GearLines].map(means_of);
+        let mean = self.mean.select_rows(&columns);
+        let (smooth, lines) = (2 * smooth.len(), 2 * lines.len());
+        let curve = rows.columns(0, smooth) * mean.rows(0, smooth);
+        let gear_lines = rows.columns(smooth, lines) * mean.rows(smooth, lines);
         let covariance = gram(&self.half.select_columns(&columns).as_view());
         let spread = &rows * covariance;
         let error = |(place, &angle): (usize, &f64)| JointError {
