@@ -4,6 +4,7 @@
 mod between_sessions;
 mod cameras;
 mod carried;
+mod copies;
 mod driven;
 mod estimate;
 mod figures;
@@ -127,6 +128,22 @@ pub enum StageError {
     NoPlaces {
         /// The session's name.
         session: String,
+    },
+    /// A session that judges with stations that train.
+    #[error(
+        "session {session} judges, but {copies} of its {stations} measured stations train under another name: joint angles and readings \
+         equal those of {of} to the last bit, and what was learnt from cannot show what was learnt; take {session} out of [input] test, or \
+         {of} out of the sessions that are learnt from"
+    )]
+    Copied {
+        /// The session's name.
+        session: String,
+        /// The sessions that train with these stations, by name.
+        of: String,
+        /// Number of these stations.
+        copies: usize,
+        /// Number of the session's measured stations.
+        stations: usize,
     },
     /// A model with several sources.
     #[error("fit: {0}")]

@@ -102,6 +102,14 @@ impl Cell {
         self
     }
 
+    /// The same cell with a session of this name at so many random poses, in the box and near the orientation of the quickstart's grid, by
+    /// the arm of a seed; the quickstart's has 18.
+    pub fn with_judge(self, name: &str, arm: &str, count: &str) -> Self {
+        let (size, cone) = ("600,1200,600", "3");
+        let flags = ["--arm", arm, "--size", size, "--cone-deg", cone];
+        self.with_simulated(name, &[&flags[..], &["--random", count]].concat())
+    }
+
     /// The same cell with a log of a session replaced by what `change` makes of it, an hour ago.
     pub fn with_log(
         self,

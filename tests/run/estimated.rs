@@ -69,7 +69,7 @@ fn what_comes_after_the_fit_starts_from_the_same_estimate() {
     let cell = cell.with("mm = 0.5", "mm = 0.4");
     cell.run(&["--from", "table"])
         .expect(0, &["1 of 1 within 0.4 mm"]);
-    let cell = cell.with_quickstart("tue");
+    let cell = cell.with_judge("tue", "18", "130");
     cell.run(&["mon", "--test", "tue"]).expect(0, &["0.4 mm"]);
     assert_eq!(estimates(&cell), first);
     // Another fit: another estimate.

@@ -65,7 +65,9 @@ fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
 
 #[test]
 fn another_tolerance_rule_or_judge_starts_from_the_same_grids() {
-    let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
+    let cell = Cell::new()
+        .with_quickstart("mon")
+        .with_judge("tue", "18", "130");
     cell.run(&["mon"]).expect(0, &[]);
     let first = grids(&cell);
     assert_eq!(first.len(), 1);

@@ -9,22 +9,10 @@ use posegrid::io::table::Table;
 
 use super::cell::{Cell, Ended, files};
 
-/// Poses in the box and near the orientation of Monday's grid.
-fn poses(count: &'static str) -> [&'static str; 6] {
-    let (size, cone) = ("600,1200,600", "3");
-    ["--size", size, "--cone-deg", cone, "--random", count]
-}
-
 /// Monday: a grid of 4 × 7 × 4 poses by the arm of seed 3.
 fn monday() -> Cell {
     let flags = ["--size", "720,1440,720", "--grid-step", "240"];
     Cell::new().with_simulated("mon", &flags)
-}
-
-/// A session of the arm of another seed; `with_simulated` has 3.
-fn with_session(cell: Cell, name: &str, arm: &str, count: &'static str) -> Cell {
-    let flags = [&["--arm", arm], &poses(count)[..]].concat();
-    cell.with_simulated(name, &flags)
 }
 
 fn text<'t>(table: &'t Table, column: &str, row: usize) -> &'t str {
@@ -116,7 +104,7 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
 
 #[test]
 fn a_test_session_of_this_arm_agrees() {
-    let cell = with_session(monday(), "tue", "3", "130");
+    let cell = monday().with_judge("tue", "3", "130");
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     ended.expect(
         0,
@@ -158,7 +146,7 @@ fn a_test_session_of_this_arm_agrees() {
 
 #[test]
 fn a_base_from_chosen_stations_is_said_everywhere_and_they_do_not_judge() {
-    let cell = with_session(monday(), "tue", "3", "130").with(
+    let cell = monday().with_judge("tue", "3", "130").with(
         "[output]",
         "[report]\nlocate = { by = \"chosen\", target = \"own\" }\n\n[output]",
     );
@@ -193,7 +181,7 @@ fn a_base_from_chosen_stations_is_said_everywhere_and_they_do_not_judge() {
 
 #[test]
 fn a_test_session_of_another_arm_decides_and_is_named() {
-    let cell = with_session(monday(), "wed", "5", "130");
+    let cell = monday().with_judge("wed", "5", "130");
     let ended = cell.run(&["mon", "--test", "wed", "--verbose"]);
     ended.expect(
         3,
@@ -219,9 +207,30 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
 }
 
 #[test]
+fn a_judge_that_trained_under_another_name_is_refused() {
+    // Both are made by one seed: the same stations in the same clocks.
+    let cell = Cell::new()
+        .with_judge("mon", "3", "80")
+        .with_judge("tue", "3", "80");
+    cell.run(&["mon", "--test", "tue"]).expect(
+        1,
+        &[
+            "session tue judges, but ",
+            " measured stations train under another name",
+            "equal those of mon to the last bit",
+            "take tue out of [input] test",
+        ],
+    );
+    // They may be learnt from together: whoever is left out judges what the other one taught.
+    let pooled = cell.with("# sessions", "pool = \"all\"").run(&[]);
+    assert!(pooled.results.contains("pooled"), "{}", pooled.results);
+    assert!(!pooled.messages.contains("under another name"));
+}
+
+#[test]
 fn a_test_session_of_few_stations_shows_nothing() {
     // All 40 would find the base: none is left to judge.
-    let cell = with_session(monday(), "thu", "3", "40");
+    let cell = monday().with_judge("thu", "3", "40");
     let ended = cell.run(&["mon", "--test", "thu", "--verbose"]);
     ended.expect(
         3,

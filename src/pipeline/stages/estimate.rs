@@ -15,7 +15,8 @@ use super::judged::{
 };
 use super::observed::Observed;
 use super::{
-    StageError, StageSettings, lengths, mountings, repairs, slips, stated_sizes, wrong_targets,
+    StageError, StageSettings, copies, lengths, mountings, repairs, slips, stated_sizes,
+    wrong_targets,
 };
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
@@ -73,6 +74,7 @@ pub fn estimate(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
+    copies::check(&training, &test)?;
     let Prepared {
         settings,
         camera_size,
