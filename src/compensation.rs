@@ -171,6 +171,7 @@ impl Corrected {
 ///     configuration: None,
 ///     interpolation: Interpolation::Trilinear,
 ///     idw_power: 2.0,
+///     interpolation_mm2: Matrix3::zeros(),
 ///     validity: Validity::default(),
 ///     frame: FrameUncertainty::default(),
 ///     counted: Vec::new(),

@@ -35,7 +35,7 @@ pub use measured::{MeasuredGrid, NotOnGrid};
 pub use node::{GridStation, PlacedGrid, Reach, Refusal};
 pub use settings::{GridSettings, Rule};
 
-use crate::figures::Figures;
+use crate::figures::{Figures, least_count};
 use crate::fit::ToolErrors;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
@@ -111,15 +111,20 @@ pub struct Judged {
     pub cells: usize,
     /// Number of refused cells, by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
-    /// The stations and the part of the box that its table covers; `None` where it has no table.
+    /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,
+    /// How much of the interpolation error its stations can show: 0 at nodes, 1 at uniform places; `None` of local cells and
+    /// without a station.
+    pub interpolation_shown: Option<f64>,
+    /// The judgement that has the larger bound: `LocalCell` for a table whose local cells have it.
+    pub decided_by: Judgement,
     /// Remaining errors on held-out stations.
     pub held_out: HeldOut,
     /// Figures of the remaining errors; `None` without any station.
     pub figures: Option<Figures>,
     /// Distribution-free upper tolerance bound with between-session variation: each joint approaches the stations from a
     /// side of its own, and the base has drifted as in a session. Where that variation is not known, the session's own
-    /// bound; `None` with too few stations.
+    /// bound; `None` with too few stations. Of a table the larger of its own and that of its local cells.
     pub bound: Option<f64>,
     /// The bound of the session's own stations as measured; `None` with too few stations.
     pub bound_of_session: Option<f64>,
@@ -164,6 +169,8 @@ pub struct Table {
     pub orientation_tolerance_rad: f64,
     /// Radians that one unit of each joint's variable counts as; empty where all are angles.
     pub counted: Vec<f64>,
+    /// Second moment of what interpolation adds to the model inside a cell, base frame, mm²; `None` where it is not known.
+    pub interpolation_mm2: Option<Matrix3<f64>>,
     /// The nodes in the lattice's order.
     pub nodes: Vec<TableNode>,
 }
@@ -216,6 +223,14 @@ impl Grids {
         Some(&self.judged[self.choice.row?])
     }
 
+    /// The row that has the figures of the chosen table: its own, or that of its local cells where their bound is larger.
+    pub fn deciding(&self) -> Option<&Judged> {
+        let chosen = self.chosen()?;
+        let local = rows::local_cells_of(&self.judged, chosen);
+        let local = local.filter(|_| chosen.decided_by == Judgement::LocalCell);
+        Some(local.unwrap_or(chosen))
+    }
+
     /// Judges the chosen table by a test session: by those of its stations that the table covers. Its row is added to the
     /// others; the choice is unchanged. Nothing is added where there is no table.
     pub fn judge_by_session(
@@ -229,7 +244,9 @@ impl Grids {
             return;
         };
         let held_out = table.judged_by(stations, model);
-        let row = rows::session_row(chosen, session, held_out, tolerance, self.guard_mm);
+        let shown = table.interpolation_shown(stations);
+        let tolerance = (tolerance, self.guard_mm);
+        let row = rows::session_row(chosen, session, held_out, tolerance, shown);
         self.judged.push(row);
     }
 }
@@ -246,25 +263,33 @@ pub fn grids(
     let plan = settings.plan(input.stations)?;
     let has_configuration = |station: &&GridStation| station.configuration == plan.configuration;
     let like: Vec<&GridStation> = input.stations.iter().filter(has_configuration).collect();
+    let judges = |own: &&GridStation| plan.is_like(own) && plan.bounds.has(&own.position);
     let judging = Judging {
         input,
         settings,
         plan: &plan,
         reach,
         like: &like,
+        judges: input.stations.iter().filter(judges).collect(),
+        needed: least_count(tolerance.coverage()),
         own: &MeasuredGrid::of(input.stations, reach.counted()),
     };
     let stations = by_number(input.stations);
     let are_at = |known: &Vec<StepAnswers>| known.iter().all(|own| own.answers.are_at(&stations));
-    let answers = known.filter(are_at);
+    let answers = known.filter(|known| are_at(known) && judging.fit(known));
     let answers = answers.unwrap_or_else(|| judging.answers(progress));
-    let judged = |step| Judged::by(tolerance, step, &stations, input.guard_mm);
-    let mut judged: Vec<Judged> = answers.iter().map(judged).collect();
-    let choice = choose::choose(&judged, settings);
+    let by_tolerance = |step: &StepAnswers| Judged::by(tolerance, step, &stations, input.guard_mm);
+    let mut judged: Vec<Judged> = answers.iter().map(by_tolerance).collect();
+    rows::combine(&mut judged, tolerance, input.guard_mm);
+    let mut choice = choose::choose(&judged, settings);
     let mut table = None;
     if let Some(row) = choice.row {
+        if let Some(placed) = judging.once_placed(&judged[row], progress) {
+            judged[row] = by_tolerance(&placed);
+            choice.verdict = judged[row].verdict.clone();
+        }
         judged[row].chosen = true;
-        table = table::table(&judging, &judged[row]);
+        table = table::table(&judging, &judged[row], progress);
     }
     Ok(Grids {
         answers,

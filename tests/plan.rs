@@ -410,7 +410,14 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
             0,
         )?;
         let power = table.idw_power;
-        let there = by_nodes(&placed, &errors, &command, table.interpolation, power)?.ok()?;
+        let there = by_nodes(
+            &placed,
+            |node| errors[node],
+            &command,
+            table.interpolation,
+            power,
+        )?
+        .ok()?;
         Some((station.error - there).norm())
     });
     let left: Vec<f64> = left.collect();

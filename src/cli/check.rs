@@ -9,6 +9,7 @@ use clap::Args;
 use super::messages::Printable;
 use super::run::{near, work};
 use crate::geometry::rpy;
+use crate::grid::{GridSettings, Lattice, WorkBox};
 use crate::ingest::{Mapping, StationsSettings};
 use crate::kinematics::{Arm, Convention, Joint};
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides, Reads};
@@ -89,9 +90,11 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
     let joined = |steps: Vec<String>| steps.join(", ");
     line(
         "steps",
-        &format!(
-            "{} mm",
-            joined(grid.steps_mm.iter().map(f64::to_string).collect())
+        &joined(
+            grid.steps_mm
+                .iter()
+                .map(|step| nodes(*step, grid))
+                .collect(),
         ),
     );
     line(
@@ -136,6 +139,23 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
     text += &work(fleet);
     text += &split(configuration);
     text + &remarks(fleet)
+}
+
+/// A step with the number of nodes that it makes of the box, or of a cube of 1 m where stations will say the box.
+fn nodes(step_mm: f64, grid: &GridSettings) -> String {
+    let cube = WorkBox {
+        low_mm: [0.0; 3],
+        high_mm: [1000.0; 3],
+    };
+    let of = if grid.bounds.is_some() {
+        ""
+    } else {
+        " in a cube of 1 m"
+    };
+    match Lattice::new(&grid.bounds.unwrap_or(cube), step_mm) {
+        Ok(lattice) => format!("{step_mm} mm ({} nodes{of})", lattice.node_count()),
+        Err(reason) => format!("{step_mm} mm ({reason})"),
+    }
 }
 
 /// Sessions whose logs are split into several files.

@@ -18,6 +18,7 @@ use std::path::PathBuf;
 use std::thread;
 
 use clap::{Args, ValueEnum};
+use rayon::ThreadPoolBuilder;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
@@ -87,7 +88,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
     /// Sessions worked on at once; as many as the machine has cores, but four at most, where it is not given. Each uses every core
-    /// that others leave idle, and memory of its own
+    /// that others leave idle, and memory of its own; 1 keeps all work on one core
     #[arg(long, value_name = "N")]
     pub jobs: Option<NonZeroUsize>,
     /// Stop after this stage: what it gives is published for later runs
@@ -134,6 +135,10 @@ pub enum Since {
 
 /// Runs the pipeline; gives the exit code.
 pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
+    if jobs(args) == NonZeroUsize::MIN {
+        // No parallel work precedes this one, so the pool of threads is not there yet.
+        let _ = ThreadPoolBuilder::new().num_threads(1).build_global();
+    }
     let overrides = Overrides {
         robot: None,
         sessions: args.sessions.clone(),

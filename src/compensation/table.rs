@@ -31,6 +31,9 @@ pub struct Terms {
     pub interpolation: Interpolation,
     /// The power of inverse distance weighting (IDW); trilinear interpolation does not use it.
     pub idw_power: f64,
+    /// Second moment of what interpolation adds to the nodes' errors inside a cell, in the frame of commands, mm²; zero where it is not
+    /// known.
+    pub interpolation_mm2: Matrix3<f64>,
     /// The conditions that it is valid for.
     pub validity: Validity,
     /// The uncertainty of the frame that errors are stated in, which is in no node's covariance.
@@ -91,7 +94,7 @@ pub enum Misfit {
 pub struct Estimate {
     /// Attained minus commanded position in the frame of commands, mm.
     pub error: Vector3<f64>,
-    /// An upper bound of its covariance from the nodes' covariances, mm².
+    /// An upper bound of its covariance from the nodes' covariances and, off the nodes, the interpolation error, mm².
     pub covariance: Matrix3<f64>,
 }
 
@@ -170,6 +173,7 @@ impl CompensationTable {
     ) -> Result<Self, Misfit> {
         let turn = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();
+        let turned = |own: Matrix3<f64>| matrix * own * matrix.transpose();
         let terms = Terms {
             table_id,
             orientation: turn * table.orientation,
@@ -177,6 +181,7 @@ impl CompensationTable {
             configuration: table.configuration.map(|c| c.to_string()),
             interpolation: table.interpolation,
             idw_power: table.idw_power,
+            interpolation_mm2: table.interpolation_mm2.map_or_else(Matrix3::zeros, turned),
             validity,
             frame,
             counted: table.counted.clone(),
@@ -186,7 +191,7 @@ impl CompensationTable {
             Ok(Known {
                 joints: node.joints.clone()?,
                 error: matrix * error,
-                covariance: matrix * covariance * matrix.transpose(),
+                covariance: turned(covariance),
             })
         };
         Self::new(
@@ -235,9 +240,11 @@ impl CompensationTable {
             self.terms.idw_power,
         );
         let weighted = || weights.iter().zip(vertices);
+        let nodes: Matrix3<f64> = weighted().map(|(&w, known)| known.covariance * w).sum();
+        let between = if cell.is_node() { 0.0 } else { 1.0 };
         Ok(Estimate {
             error: weighted().map(|(&w, known)| known.error * w).sum(),
-            covariance: weighted().map(|(&w, known)| known.covariance * w).sum(),
+            covariance: nodes + self.terms.interpolation_mm2 * between,
         })
     }
 

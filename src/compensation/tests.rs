@@ -39,6 +39,7 @@ fn grid_table(
         source: Source::Model,
         interpolation,
         idw_power: 2.0,
+        interpolation_mm2: None,
         orientation_tolerance_rad: 5.0_f64.to_radians(),
         counted: Vec::new(),
         nodes: (0..lattice.node_count()).map(node).collect(),
@@ -109,6 +110,23 @@ fn a_linear_error_field_is_corrected_exactly() {
     assert!((found.correction - (expected - Vector3::new(751.0, 20.0, 450.0))).norm() < 1e-8);
     // 1 mm shrinks by 0.002 an iteration: 1, 2e-3, 5e-6, 1e-8 mm, the last below a nanometre and a half.
     assert_eq!(found.iterations, 4);
+}
+
+#[test]
+fn the_interpolation_error_is_counted_off_the_nodes() {
+    let mut given = grid_table(Interpolation::Trilinear, stretch);
+    given.interpolation_mm2 = Some(Matrix3::from_diagonal(&Vector3::new(0.01, 0.0, 0.02)));
+    // A quarter turn about z brings the base's x to y.
+    let quarter = Isometry3::rotation(Vector3::z() * FRAC_PI_2);
+    let table = table_in(quarter, &given);
+    let covariance = |x: f64| {
+        let command = Position::claim(quarter * Point3::new(x, 0.0, 500.0));
+        table.error_at(&command).expect("inside").covariance
+    };
+    let nodes = Matrix3::identity() * 0.0004;
+    assert!((covariance(700.0) - nodes).amax() < 1e-12);
+    let added = Matrix3::from_diagonal(&Vector3::new(0.0, 0.01, 0.02));
+    assert!((covariance(750.0) - nodes - added).amax() < 1e-12);
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::node::{GridStation, NodeError, Refusal};
@@ -66,22 +66,34 @@ impl Answers {
         };
         let predicted = |interpolated| {
             let error = model.error(&station.joints);
-            Ok([interpolated, error.map_err(|gap| gap.refusal())?])
+            Ok((interpolated, Some(error.map_err(|gap| gap.refusal())?)))
         };
         self.add(station, found.and_then(predicted));
     }
 
-    /// Adds what nodes and model answer at a station, or counts the reason why they do not.
-    pub(super) fn add(&mut self, station: &GridStation, found: Result<[Vector3<f64>; 2], Refusal>) {
+    /// Adds what nodes answer at a station, and the model itself where they are its own; or counts the reason why they do not.
+    pub(super) fn add(
+        &mut self,
+        station: &GridStation,
+        found: Result<(Vector3<f64>, Option<Vector3<f64>>), Refusal>,
+    ) {
         match found {
             Err(refusal) => self.refuse(refusal),
-            Ok([interpolated, predicted]) => self.given.push(Answer {
+            Ok((interpolated, predicted)) => self.given.push(Answer {
                 station: station.number,
                 sample: 0,
                 interpolated,
-                predicted: Some(predicted),
+                predicted,
             }),
         }
+    }
+
+    /// Second moment of what interpolation adds to the model at these stations, mm²; `None` without any.
+    pub(super) fn interpolation(&self) -> Option<Matrix3<f64>> {
+        let added = |own: &Answer| Some(own.interpolated - own.predicted?);
+        let added: Vec<Vector3<f64>> = self.given.iter().filter_map(added).collect();
+        let sum: Matrix3<f64> = added.iter().map(|own| own * own.transpose()).sum();
+        (!added.is_empty()).then(|| sum / added.len() as f64)
     }
 
     /// Whether every answer is at one of these stations.

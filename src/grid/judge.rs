@@ -1,18 +1,20 @@
 //! The judgement of a step, always on stations that took no part.
 //!
-//! *Local cell*: a cell of the lattice's pitches around each held-out station, at that station's own orientation and configuration,
-//! the station at a quasi-random place of it (a table's targets lie anywhere in their cells). *Table*: the very nodes
-//! that would be published, for held-out stations in the box, of the same configuration and within the orientation
-//! tolerance. Only *table* gives the verdict ([`crate::method::grids`]).
+//! *Table*: the very nodes that would be published, for held-out stations in the box, of the same configuration and within the
+//! orientation tolerance. *Local cell*: the same stations, each at one random place of a cell of the lattice's pitches, for a
+//! table's targets lie anywhere in their cells, and stations may lie on its nodes. The larger bound of both is that of the step
+//! ([`crate::method::grids`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use rayon::prelude::*;
 
 use super::answers::{Answer, Answers, ByNumber};
 use super::interpolation::Interpolation;
-use super::lattice::InCell;
+use super::lattice::{InCell, WorkBox};
 use super::node::{GridStation, NodeError, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::figures::{Counted, PoseErrors};
 use crate::fit::ToolErrors;
@@ -144,79 +146,117 @@ impl HeldOut {
     }
 }
 
-/// The eight joint vectors of a local cell around one station.
+/// A cell of a lattice's pitches with a station at a random place of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalCell {
+    /// Index of the station among those judged.
+    station: usize,
+    /// Place of the station in the cell along each axis, 0 to 1.
     fraction: Vector3<f64>,
+    /// Joint angles at the eight vertices, rad.
     vertices: Result<Vec<Vec<f64>>, Refusal>,
 }
 
-/// Places a cell of `pitch` (mm along each axis) around each station, at the station's own orientation and configuration.
+/// Places a cell of `pitch` (mm along each axis) around each station, at the table's `orientation` or else at the station's own.
+///
+/// A cell of the table does not leave its box: the place is mirrored along each axis where that leaves less of the cell outside.
 pub(super) fn local_cells(
     reach: &Reach<'_>,
-    stations: &[GridStation],
+    stations: &[&GridStation],
     pitch: [f64; 3],
+    bounds: &WorkBox,
+    orientation: Option<UnitQuaternion<f64>>,
 ) -> Vec<LocalCell> {
-    let place = |station: &GridStation| {
-        let fraction = quasi_random(station.number);
-        let least = station.position - fraction.component_mul(&Vector3::from(pitch));
-        let vertices = (0..8).map(|vertex: usize| {
-            let offset = Vector3::from_fn(|axis, _| {
-                if vertex >> axis & 1 == 1 {
-                    pitch[axis]
-                } else {
-                    0.0
-                }
-            });
-            reach.joints(
-                &Point3::from(least.coords + offset),
-                &station.orientation,
-                &station.joints,
-            )
+    let place = |(station, own): (usize, &&GridStation)| {
+        let drawn = random_place(own.number);
+        let fraction = Vector3::from_fn(|axis, _| {
+            let mirrored = 1.0 - drawn[axis];
+            let outside = |fraction: f64| {
+                let low = own.position[axis] - fraction * pitch[axis];
+                (bounds.low_mm[axis] - low).max(low + pitch[axis] - bounds.high_mm[axis])
+            };
+            if outside(mirrored).max(0.0) < outside(drawn[axis]).max(0.0) {
+                mirrored
+            } else {
+                drawn[axis]
+            }
         });
-        let vertices = vertices
-            .collect::<Result<Vec<_>, _>>()
-            .and_then(|vertices| {
-                let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
-                if on_one_branch(&slices, reach.counted()) {
-                    Ok(vertices)
-                } else {
-                    Err(Refusal::Branches)
-                }
-            });
-        LocalCell { fraction, vertices }
+        let least = own.position - fraction.component_mul(&Vector3::from(pitch));
+        let joints = |vertex: usize| {
+            let offset =
+                Vector3::from_fn(|axis, _| pitch[axis] * f64::from(vertex as u32 >> axis & 1));
+            let vertex = Point3::from(least.coords + offset);
+            reach.joints(
+                &vertex,
+                &orientation.unwrap_or(own.orientation),
+                &own.joints,
+            )
+        };
+        let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>();
+        let vertices = vertices.and_then(|vertices| {
+            let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
+            let is_one = on_one_branch(&slices, reach.counted());
+            is_one.then_some(vertices).ok_or(Refusal::Branches)
+        });
+        LocalCell {
+            station,
+            fraction,
+            vertices,
+        }
     };
-    stations.par_iter().map(place).collect()
+    stations.par_iter().enumerate().map(place).collect()
 }
 
-/// What local cells answer at their stations, each with the model of its station's fold.
+/// What a measured station adds to the model at its node: the part of its error that the model without its block leaves, mm.
+pub(super) fn left_by_model(
+    stations: &[&GridStation],
+    folds: &[ToolErrors<'_>],
+) -> Result<Vec<Vector3<f64>>, Refusal> {
+    let left = |own: &&GridStation| {
+        let error = folds[own.fold].error(&own.joints);
+        Ok(own.error - error.map_err(|gap| gap.refusal())?)
+    };
+    stations.par_iter().map(left).collect()
+}
+
+/// What local cells answer at their stations: vertices have the value of the model of the station's fold and, where nodes are
+/// measured, what the model leaves at another station (`measured`, one each in the order of the stations).
 pub(super) fn by_local_cell(
-    stations: &[GridStation],
+    stations: &[&GridStation],
     cells: &[LocalCell],
     folds: &[ToolErrors<'_>],
     pitch: &[f64; 3],
-    interpolation: Interpolation,
-    power: f64,
+    (interpolation, power): (Interpolation, f64),
+    measured: Option<&[Vector3<f64>]>,
 ) -> Answers {
-    let interpolated = |(station, cell): (&GridStation, &LocalCell)| {
+    let interpolated = |cell: &LocalCell| {
+        let station = stations[cell.station];
         let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
         let weights = interpolation.weights(&cell.fraction, pitch, power);
         let error = |joints: &Vec<f64>| {
             let error = folds[station.fold].error(joints);
             error.map_err(|gap| gap.refusal())
         };
-        let errors = vertices.iter().zip(weights);
-        let errors = errors.map(|(joints, weight)| Ok(error(joints)? * weight));
-        Ok([
-            errors.sum::<Result<Vector3<f64>, Refusal>>()?,
-            error(&station.joints)?,
-        ])
+        let node = |(vertex, (joints, weight)): (usize, (&Vec<f64>, f64))| {
+            let added = measured.map_or_else(Vector3::zeros, |left| {
+                let other = (8 * cell.station + vertex) % left.len();
+                left[if other == cell.station {
+                    (other + 1) % left.len()
+                } else {
+                    other
+                }]
+            });
+            Ok((error(joints)? + added) * weight)
+        };
+        let nodes = vertices.iter().zip(weights).enumerate().map(node);
+        let interpolated = nodes.sum::<Result<Vector3<f64>, Refusal>>()?;
+        let predicted = measured.is_none().then(|| error(&station.joints));
+        Ok((interpolated, predicted.transpose()?))
     };
-    let found: Vec<Result<[Vector3<f64>; 2], Refusal>> =
-        stations.par_iter().zip(cells).map(interpolated).collect();
+    let found: Vec<_> = cells.par_iter().map(interpolated).collect();
     let mut answers = Answers::default();
-    for (station, found) in stations.iter().zip(found) {
-        answers.add(station, found);
+    for (cell, found) in cells.iter().zip(found) {
+        answers.add(stations[cell.station], found);
     }
     answers
 }
@@ -230,16 +270,14 @@ pub fn by_table(
     interpolation: Interpolation,
     power: f64,
 ) -> Answers {
-    let used: Vec<usize> = {
-        let mut used: Vec<usize> = stations.iter().map(|station| station.fold).collect();
-        used.sort_unstable();
-        used.dedup();
-        used
-    };
-    let tables: BTreeMap<usize, Vec<NodeError>> = used
-        .into_iter()
-        .map(|fold| (fold, node_errors(grid, &folds[fold])))
-        .collect();
+    let mut needed: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
+    for station in stations.iter().filter(|own| like(own)) {
+        let cell = grid.cell(&station.position).and_then(Result::ok);
+        let vertices = cell.into_iter().flat_map(|cell| cell.vertices);
+        needed.entry(station.fold).or_default().extend(vertices);
+    }
+    let at = |(fold, nodes)| (fold, errors_at(grid, nodes, &folds[fold]));
+    let tables: BTreeMap<usize, BTreeMap<usize, NodeError>> = needed.into_iter().map(at).collect();
     let mut answers = Answers::default();
     for station in stations {
         if !like(station) {
@@ -248,7 +286,7 @@ pub fn by_table(
         }
         let found = by_nodes(
             grid,
-            &tables[&station.fold],
+            |node| tables[&station.fold][&node],
             &station.position,
             interpolation,
             power,
@@ -261,7 +299,7 @@ pub fn by_table(
 /// The error at a point from those at the nodes; `None` outside the grid, or why its cell cannot serve.
 pub fn by_nodes(
     grid: &PlacedGrid,
-    errors: &[NodeError],
+    errors: impl Fn(usize) -> NodeError,
     point: &Point3<f64>,
     interpolation: Interpolation,
     power: f64,
@@ -270,7 +308,7 @@ pub fn by_nodes(
         let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
         let weighted = cell.vertices.iter().zip(weights);
         weighted
-            .map(|(&vertex, weight)| Ok(errors[vertex]? * weight))
+            .map(|(&vertex, weight)| Ok(errors(vertex)? * weight))
             .sum()
     };
     Some(grid.cell(point)?.and_then(interpolated))
@@ -278,32 +316,37 @@ pub fn by_nodes(
 
 /// The model's error at every node.
 pub fn node_errors(grid: &PlacedGrid, model: &ToolErrors<'_>) -> Vec<NodeError> {
-    let nodes = || grid.nodes.iter().map(|node| node.joints.as_deref());
-    let mut found = model
-        .errors(&nodes().flatten().collect::<Vec<_>>())
-        .into_iter();
-    let error = |joints: Result<&[f64], &Refusal>| {
-        joints.map_err(|refusal| *refusal)?;
+    let nodes = (0..grid.nodes.len()).collect();
+    errors_at(grid, nodes, model).into_values().collect()
+}
+
+/// The model's error at some nodes, by their numbers.
+fn errors_at(
+    grid: &PlacedGrid,
+    nodes: BTreeSet<usize>,
+    model: &ToolErrors<'_>,
+) -> BTreeMap<usize, NodeError> {
+    let joints = |node: &usize| grid.nodes[*node].joints.as_deref();
+    let sound: Vec<&[f64]> = nodes.iter().flat_map(joints).collect();
+    let mut found = model.errors(&sound).into_iter();
+    let error = |node: usize| {
+        joints(&node).map_err(|refusal| *refusal)?;
         let found = found
             .next()
             .expect("an error for each node with joint angles");
         found.map_err(|gap| gap.refusal())
     };
-    nodes().map(error).collect()
+    let nodes: Vec<usize> = nodes.into_iter().collect();
+    let errors: Vec<NodeError> = nodes.iter().copied().map(error).collect();
+    nodes.into_iter().zip(errors).collect()
 }
 
-/// A place in the unit cell, different for each station and evenly spread over all (Halton 1960, bases 2, 3, 5).
-fn quasi_random(number: usize) -> Vector3<f64> {
-    let radical_inverse = |base: usize| {
-        let (mut rest, mut digit, mut value) = (number + 1, 1.0, 0.0);
-        while rest > 0 {
-            digit /= base as f64;
-            value += digit * (rest % base) as f64;
-            rest /= base;
-        }
-        value
-    };
-    Vector3::new(radical_inverse(2), radical_inverse(3), radical_inverse(5))
+/// A place in the unit cell, uniform along each axis and seeded by the station's number.
+fn random_place(number: usize) -> Vector3<f64> {
+    let mut stream = ChaCha8Rng::seed_from_u64(number as u64);
+    // The upper 53 bits are the digits that a number below one can have.
+    let mut uniform = || (stream.next_u64() >> 11) as f64 * 2.0_f64.powi(-53);
+    Vector3::from_fn(|_, _| uniform())
 }
 
 #[cfg(test)]
@@ -312,8 +355,18 @@ mod tests {
 
     #[test]
     fn places_fill_the_cell_evenly() {
-        assert_eq!(quasi_random(0), Vector3::new(0.5, 1.0 / 3.0, 0.2));
-        let mean = (0..1000).map(quasi_random).sum::<Vector3<f64>>() / 1000.0;
-        assert!((mean - Vector3::repeat(0.5)).norm() < 0.01);
+        let places = || (0..10_000).map(random_place);
+        let mean = places().sum::<Vector3<f64>>() / 1e4;
+        // A uniform number has a variance of 1/12: three standard errors of the mean of 10,000 are 0.009.
+        assert!((mean - Vector3::repeat(0.5)).amax() < 0.009, "{mean}");
+        let square = places()
+            .map(|own| own.map(|f| f * (1.0 - f)))
+            .sum::<Vector3<f64>>()
+            / 1e4;
+        // f(1 − f) has a mean of 1/6 and a standard deviation of 0.075.
+        assert!(
+            (square - Vector3::repeat(1.0 / 6.0)).amax() < 0.003,
+            "{square}"
+        );
     }
 }

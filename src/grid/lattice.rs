@@ -24,6 +24,14 @@ impl WorkBox {
         })
     }
 
+    /// Whether a point lies in the box, but for rounding at its rim.
+    pub(super) fn has(&self, point: &Point3<f64>) -> bool {
+        (0..3).all(|axis| {
+            let rim = RIM * self.size(axis);
+            (self.low_mm[axis] - rim..=self.high_mm[axis] + rim).contains(&point[axis])
+        })
+    }
+
     /// Size along an axis, mm.
     pub fn size(&self, axis: usize) -> f64 {
         self.high_mm[axis] - self.low_mm[axis]
@@ -85,7 +93,15 @@ const RIM: f64 = 1e-6;
 /// Coordinates nearer to each other than this are one plane, mm: commands carry rounding, and no grid is this fine.
 pub(super) const PLANE_MM: f64 = 1.0;
 /// The most nodes of a lattice. A table of more is of no use to a controller.
-const MOST_NODES: f64 = 1e6;
+const MOST_NODES: f64 = 250_000.0;
+
+impl InCell {
+    /// Whether the point is at a node, where nothing is interpolated.
+    pub(crate) fn is_node(&self) -> bool {
+        let is_rim = |f: &f64| *f <= RIM || *f >= 1.0 - RIM;
+        self.fraction.iter().all(is_rim)
+    }
+}
 
 impl Lattice {
     /// The lattice that covers all of `bounds` with cells no larger than `step_mm`: along each axis of size Δ the pitch is
@@ -172,6 +188,26 @@ impl Lattice {
         })
     }
 
+    /// How much of the interpolation error points can show: `Σ f(1−f)·pitch²` over points and axes, with f a point's place in its cell,
+    /// over `n·Σ pitch²/6`. It is 0 at nodes and 1 on average at uniform places; `None` without a point inside.
+    pub(super) fn interpolation_shown<'p>(
+        &self,
+        points: impl Iterator<Item = &'p Point3<f64>>,
+    ) -> Option<f64> {
+        let pitch = Vector3::from(self.step);
+        let shown = |cell: InCell| {
+            cell.fraction
+                .map(|f| f * (1.0 - f))
+                .dot(&pitch.component_mul(&pitch))
+        };
+        let shown: Vec<f64> = points
+            .filter_map(|point| self.locate(point))
+            .map(shown)
+            .collect();
+        let uniform = pitch.norm_squared() / 6.0;
+        (!shown.is_empty()).then(|| shown.iter().sum::<f64>() / (shown.len() as f64 * uniform))
+    }
+
     /// The cell a point lies in; `None` outside the lattice.
     #[expect(
         clippy::cast_possible_truncation,
@@ -238,6 +274,25 @@ mod tests {
         assert!(reason.contains("flat along z (0.010 mm)"), "{reason}");
         let reason = Lattice::new(&unit_box(), 1e-3).expect_err("too fine");
         assert!(reason.to_string().contains("choose a larger step"));
+    }
+
+    #[test]
+    fn points_on_nodes_show_nothing_of_interpolation_and_uniform_ones_all() {
+        let lattice = Lattice::new(&unit_box(), 250.0).expect("a lattice");
+        let shown = |points: &[Point3<f64>]| lattice.interpolation_shown(points.iter());
+        assert_eq!(
+            shown(&[Point3::origin(), Point3::new(250.0, 500.0, 0.0)]),
+            Some(0.0)
+        );
+        // Midway along x, of three equal pitches: ¼ of one where 3 · 1/6 are uniform.
+        let midway = shown(&[Point3::new(125.0, 250.0, 0.0)]).expect("inside");
+        assert!((midway - 0.5).abs() < 1e-12, "{midway}");
+        let even = |k: usize| (k as f64 + 0.5) / 10.0;
+        let uniform =
+            |k: usize| Point3::new(even(k % 10), even(k / 10 % 10), even(k / 100)) * 250.0;
+        let uniform = shown(&(0..1000).map(uniform).collect::<Vec<_>>()).expect("inside");
+        assert!((uniform - 1.0).abs() < 0.01, "{uniform}");
+        assert_eq!(shown(&[Point3::new(-9.0, 0.0, 0.0)]), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Only a session measured on a grid has them. Coarser steps come from decimation: every phase of every multiple of the
 //! pitch is a grid of its own, judged on all stations inside it that are not its nodes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Point3, Vector3};
 
@@ -102,15 +102,16 @@ impl MeasuredGrid {
         Some([multiple(0)?, multiple(1)?, multiple(2)?])
     }
 
-    /// What every phase of the decimation by `multiples` answers at the stations that are no nodes of it.
+    /// What every phase of the decimation by `multiples` answers at the stations that are no nodes of it, and how much of the
+    /// interpolation error these can show.
     pub fn answers(
         &self,
         stations: &[GridStation],
         multiples: [usize; 3],
         interpolation: Interpolation,
         power: f64,
-    ) -> Answers {
-        let mut answers = Answers::default();
+    ) -> (Answers, Option<f64>) {
+        let (mut answers, mut shown) = (Answers::default(), Vec::new());
         let [mx, my, mz] = multiples;
         for (sample, phase) in (0..mz)
             .flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
@@ -119,11 +120,23 @@ impl MeasuredGrid {
             let Some(decimated) = self.decimated(multiples, phase) else {
                 continue;
             };
+            let before = answers.given.len();
             for place in 0..stations.len() {
                 decimated.add(&mut answers, stations, place, sample, interpolation, power);
             }
+            let given: BTreeSet<usize> = answers.given[before..]
+                .iter()
+                .map(|own| own.station)
+                .collect();
+            let judging = stations.iter().filter(|own| given.contains(&own.number));
+            let of_phase = decimated
+                .lattice
+                .interpolation_shown(judging.map(|own| &own.position));
+            shown.extend(of_phase.map(|share| share * given.len() as f64));
         }
-        answers
+        let share = shown.iter().sum::<f64>() / answers.given.len() as f64;
+        let share = (!answers.given.is_empty()).then_some(share);
+        (answers, share)
     }
 
     /// The grid of every `multiples`-th node from `phase`; `None` where it has no cell.
@@ -336,7 +349,7 @@ mod tests {
 
     fn judged(stations: &[GridStation], multiple: usize) -> HeldOut {
         let grid = MeasuredGrid::of(stations, &[]).expect("a grid");
-        let answers = grid.answers(stations, [multiple; 3], Interpolation::Trilinear, 2.0);
+        let (answers, _) = grid.answers(stations, [multiple; 3], Interpolation::Trilinear, 2.0);
         HeldOut::left_by(&answers, &by_number(stations))
     }
 

@@ -12,6 +12,7 @@ use crate::join::Station;
 use crate::kinematics::{
     Anywhere, Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
+use crate::progress::Progress;
 
 /// The error at a node, base frame, mm, or why there is none.
 pub type NodeError = Result<Vector3<f64>, Refusal>;
@@ -163,6 +164,9 @@ impl<'a> Reach<'a> {
     }
 }
 
+/// Nodes between two looks at the progress, and at whether an end is asked for.
+const SHOWN_EVERY: usize = 256;
+
 /// A node of a lattice: the joint angles of the arm there, or why there are none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
@@ -192,8 +196,14 @@ impl PlacedGrid {
         lattice: Lattice,
         orientation: UnitQuaternion<f64>,
         stations: &[&GridStation],
+        progress: &dyn Progress,
     ) -> Self {
+        let count = lattice.node_count();
+        progress.begin("nodes placed", count as u64);
         let place = |number: usize| {
+            if number.is_multiple_of(SHOWN_EVERY) {
+                progress.advance(SHOWN_EVERY.min(count - number) as u64);
+            }
             let position = lattice.position(number);
             let distance = |station: &GridStation| (station.position - position).norm();
             let nearest = stations
@@ -210,10 +220,8 @@ impl PlacedGrid {
                 },
             )
         };
-        let nodes = (0..lattice.node_count())
-            .into_par_iter()
-            .map(place)
-            .collect();
+        let nodes = (0..count).into_par_iter().map(place).collect();
+        progress.end();
         Self {
             lattice,
             orientation,

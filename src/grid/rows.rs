@@ -4,15 +4,16 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::answers::{Answers, ByNumber};
 use super::choose::Tolerance;
 use super::covered::Covered;
 use super::interpolation::Interpolation;
-use super::judge::{self, HeldOut};
+use super::judge::{self, HeldOut, LocalCell};
 use super::lattice::Lattice;
-use super::measured::{MeasuredGrid, NotOnGrid};
+use super::measured::{Decimated, MeasuredGrid, NotOnGrid};
 use super::node::{GridStation, PlacedGrid, Reach, Refusal};
 use super::settings::{GridPlan, GridSettings, NotJudged};
 use super::{GridInput, Judged, Judgement, Source, Verdict};
@@ -45,8 +46,11 @@ pub struct StepAnswers {
     pub cells: usize,
     /// Number of refused cells, by reason.
     pub refused_cells: BTreeMap<Refusal, usize>,
-    /// The stations and the part of the box that its table covers; `None` where it has no table.
+    /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,
+    /// How much of the interpolation error its stations can show: 0 at nodes, 1 at uniform places; `None` of local cells and
+    /// without a station.
+    pub interpolation_shown: Option<f64>,
     /// Its answers.
     pub answers: Answers,
 }
@@ -63,6 +67,10 @@ pub(super) struct Judging<'j> {
     pub(super) reach: &'j Reach<'j>,
     /// Stations of the table's configuration: where the inverse kinematics starts.
     pub(super) like: &'j [&'j GridStation],
+    /// Stations that the table answers for: in its box, of its configuration, and turned from its orientation within the tolerance.
+    pub(super) judges: Vec<&'j GridStation>,
+    /// Number of poses that a bound needs: with fewer judges the nodes of a step judge nothing.
+    pub(super) needed: f64,
     /// The session's own grid, or why it has none.
     pub(super) own: &'j Result<MeasuredGrid, NotOnGrid>,
 }
@@ -74,36 +82,55 @@ impl Judging<'_> {
         progress.begin("grid steps", steps.len() as u64);
         let mut answers = Vec::new();
         for &step_mm in steps {
-            answers.extend(self.of_step(step_mm));
+            answers.extend(self.of_step(step_mm, progress));
             progress.advance(1);
         }
         progress.end();
         answers
     }
 
+    /// Whether answers of another run have the nodes that this one places.
+    pub(super) fn fit(&self, known: &[StepAnswers]) -> bool {
+        let is_table = |own: &&StepAnswers| {
+            (own.source, own.judgement) == (Source::Model, Judgement::Table)
+                && own.lattice.is_some()
+        };
+        let mut tables = known.iter().filter(is_table);
+        tables.all(|own| own.covered.is_some() == self.is_judged())
+    }
+
+    /// Whether enough stations like the table stand in its box for a bound. If not, local cells of all stations choose, each at its own
+    /// orientation, and only the chosen step is placed.
+    fn is_judged(&self) -> bool {
+        self.judges.len() as f64 >= self.needed
+    }
+
     /// The rows of one step: of model nodes and of measured ones, by each interpolation.
-    pub(super) fn of_step(&self, step_mm: f64) -> Vec<StepAnswers> {
+    fn of_step(&self, step_mm: f64, progress: &dyn Progress) -> Vec<StepAnswers> {
         let sources = &self.settings.sources;
         let mut rows = Vec::new();
         if sources.contains(&Source::Model) {
             match self.plan.lattice(step_mm, &self.settings.steps_mm) {
-                Ok(lattice) => rows.extend(self.by_model(step_mm, lattice)),
+                Ok(lattice) => rows.extend(self.by_model(step_mm, lattice, progress)),
                 Err(reason) => rows.extend(self.not_judged(step_mm, &reason)),
             }
         }
         if sources.contains(&Source::Measured) {
-            let row = |&interpolation: &Interpolation| self.measured_row(step_mm, interpolation);
-            rows.extend(self.settings.interpolations.iter().map(row));
+            let rows_of = |&interpolation: &Interpolation| self.measured(step_mm, interpolation);
+            rows.extend(self.settings.interpolations.iter().flat_map(rows_of));
         }
         rows
     }
 
     /// A step of model nodes: by local cells, and by the table.
-    fn by_model(&self, step_mm: f64, lattice: Lattice) -> Vec<StepAnswers> {
-        let cells = judge::local_cells(self.reach, self.input.stations, lattice.step);
-        let grid = PlacedGrid::new(self.reach, lattice, self.plan.orientation, self.like);
-        let serves = |vertices: &[usize; 8]| grid.usable(vertices).is_ok();
-        let covered = Covered::of(&lattice, self.plan, self.input.stations, serves);
+    fn by_model(
+        &self,
+        step_mm: f64,
+        lattice: Lattice,
+        progress: &dyn Progress,
+    ) -> Vec<StepAnswers> {
+        let cells = self.local_cells(lattice.step);
+        let grid = self.is_judged().then(|| self.placed(lattice, progress));
         let both = |&interpolation: &Interpolation| {
             let row = |judgement| Row {
                 step_mm,
@@ -111,12 +138,106 @@ impl Judging<'_> {
                 interpolation,
                 judgement,
             };
+            let table = row(Judgement::Table);
+            let local = self.by_cells(&lattice.step, &cells, interpolation, None);
+            let local = row(Judgement::LocalCell).around(local, lattice.step, cells.len());
             [
-                self.local_row(row(Judgement::LocalCell), &lattice, &cells),
-                self.table_row(row(Judgement::Table), &grid, covered),
+                local,
+                grid.as_ref().map_or_else(
+                    || self.not_placed(table, lattice),
+                    |grid| self.table_row(table, grid),
+                ),
             ]
         };
         self.settings.interpolations.iter().flat_map(both).collect()
+    }
+
+    /// The nodes of a lattice at the table's orientation.
+    pub(super) fn placed(&self, lattice: Lattice, progress: &dyn Progress) -> PlacedGrid {
+        let orientation = self.plan.orientation;
+        PlacedGrid::new(self.reach, lattice, orientation, self.like, progress)
+    }
+
+    /// The row of a chosen table whose nodes were not placed to judge it.
+    pub(super) fn once_placed(&self, row: &Judged, progress: &dyn Progress) -> Option<StepAnswers> {
+        if row.covered.is_some() {
+            return None;
+        }
+        let grid = self.placed(row.lattice?, progress);
+        let row = Row {
+            step_mm: row.step_mm,
+            source: row.source,
+            interpolation: row.interpolation,
+            judgement: row.judgement,
+        };
+        Some(self.table_row(row, &grid))
+    }
+
+    /// The row of a step whose nodes are not placed, as too few stations judge them.
+    fn not_placed(&self, row: Row, lattice: Lattice) -> StepAnswers {
+        let (judges, all) = (self.judges.len(), self.input.stations.len());
+        let of_table = row.without(format!(
+            "{judges} of {all} stations stand in its box and are of its orientation and configuration, {} are needed: its nodes are not placed",
+            self.needed
+        ));
+        StepAnswers {
+            lattice: Some(lattice),
+            pitch_mm: Some(lattice.step),
+            nodes: lattice.node_count(),
+            cells: lattice.cell_count(),
+            ..of_table
+        }
+    }
+
+    /// The stations around which local cells are placed.
+    fn around(&self) -> Vec<&GridStation> {
+        if self.is_judged() {
+            self.judges.clone()
+        } else {
+            self.input.stations.iter().collect()
+        }
+    }
+
+    /// A cell of these pitches around each station.
+    fn local_cells(&self, pitch: [f64; 3]) -> Vec<LocalCell> {
+        let orientation = self.is_judged().then_some(self.plan.orientation);
+        judge::local_cells(
+            self.reach,
+            &self.around(),
+            pitch,
+            &self.plan.bounds,
+            orientation,
+        )
+    }
+
+    /// What local cells answer, with node values of the model, or of measured stations (`measured`: what each adds to the model).
+    fn by_cells(
+        &self,
+        pitch: &[f64; 3],
+        cells: &[LocalCell],
+        interpolation: Interpolation,
+        measured: Option<&[Vector3<f64>]>,
+    ) -> Answers {
+        let around = self.around();
+        let interpolation = (interpolation, self.settings.idw_power);
+        let unlike = self.input.stations.len() - around.len();
+        let folds = self.input.folds;
+        Answers {
+            unlike,
+            ..judge::by_local_cell(&around, cells, folds, pitch, interpolation, measured)
+        }
+    }
+
+    /// Second moment of what interpolation adds to the model inside the cells of a lattice, base frame, mm²; `None` where no local cell
+    /// has an answer.
+    pub(super) fn interpolation(
+        &self,
+        lattice: &Lattice,
+        interpolation: Interpolation,
+    ) -> Option<Matrix3<f64>> {
+        let cells = self.local_cells(lattice.step);
+        let answers = self.by_cells(&lattice.step, &cells, interpolation, None);
+        answers.interpolation()
     }
 
     /// The rows of a step that is not judged on model nodes, with the reason.
@@ -139,69 +260,85 @@ impl Judging<'_> {
         self.settings.interpolations.iter().flat_map(both).collect()
     }
 
-    fn local_row(&self, row: Row, lattice: &Lattice, cells: &[judge::LocalCell]) -> StepAnswers {
-        let answers = judge::by_local_cell(
-            self.input.stations,
-            cells,
-            self.input.folds,
-            &lattice.step,
-            row.interpolation,
-            self.settings.idw_power,
-        );
-        StepAnswers {
-            pitch_mm: Some(lattice.step),
-            nodes: 8 * cells.len(),
-            cells: cells.len(),
-            refused_cells: answers.refused.clone(),
-            ..row.with(answers)
-        }
-    }
-
-    fn table_row(&self, row: Row, grid: &PlacedGrid, covered: Covered) -> StepAnswers {
+    fn table_row(&self, row: Row, grid: &PlacedGrid) -> StepAnswers {
+        let (stations, lattice) = (self.input.stations, grid.lattice);
         let answers = judge::by_table(
-            self.input.stations,
+            stations,
             grid,
             |station| self.plan.is_like(station),
             self.input.folds,
             row.interpolation,
             self.settings.idw_power,
         );
+        let serves = |vertices: &[usize; 8]| grid.usable(vertices).is_ok();
         StepAnswers {
-            lattice: Some(grid.lattice),
-            pitch_mm: Some(grid.lattice.step),
+            lattice: Some(lattice),
+            pitch_mm: Some(lattice.step),
             nodes: grid.nodes.len(),
             refused_nodes: grid.refused_nodes(),
-            cells: grid.lattice.cell_count(),
+            cells: lattice.cell_count(),
             refused_cells: grid.refused_cells(),
-            covered: Some(covered),
+            covered: Some(Covered::of(&lattice, self.plan, stations, serves)),
+            interpolation_shown: lattice.interpolation_shown(self.places()),
             ..row.with(answers)
         }
     }
 
-    fn measured_row(&self, step_mm: f64, interpolation: Interpolation) -> StepAnswers {
-        let row = Row {
+    /// Positions of the stations that the table answers for.
+    fn places(&self) -> impl Iterator<Item = &Point3<f64>> {
+        self.judges.iter().map(|own| &own.position)
+    }
+
+    /// The rows of a step of measured nodes. Where the step is the pitch itself along an axis, no station lies between its nodes there,
+    /// so local cells judge beside the decimated grids.
+    fn measured(&self, step_mm: f64, interpolation: Interpolation) -> Vec<StepAnswers> {
+        let row = |judgement| Row {
             step_mm,
             source: Source::Measured,
             interpolation,
-            judgement: Judgement::Table,
+            judgement,
         };
+        let table = row(Judgement::Table);
         let own = match self.own {
             Ok(own) => own,
             Err(reason) => {
-                return row.without(format!("the session is not on a grid: {reason}"));
+                return vec![table.without(format!("the session is not on a grid: {reason}"))];
             }
         };
         let Some(multiples) = own.multiples(step_mm) else {
             let [x, y, z] = own.lattice.step;
-            return row.without(format!(
+            return vec![table.without(format!(
                 "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
-            ));
+            ))];
         };
         let Some(first) = own.decimated(multiples, [0; 3]) else {
-            return row.without("the decimated grid has no cell".to_owned());
+            return vec![table.without("the decimated grid has no cell".to_owned())];
         };
+        let table = self.measured_row(table, own, multiples, &first);
+        let is_judged = (0..3).all(|axis| multiples[axis] > 1 || own.lattice.counts[axis] == 2);
+        let local = (!is_judged).then(|| {
+            let row = row(Judgement::LocalCell);
+            let left = judge::left_by_model(&self.around(), self.input.folds);
+            let Ok(left) = left else {
+                return row.without("the model has no value at some station".to_owned());
+            };
+            let pitch = first.lattice.step;
+            let cells = self.local_cells(pitch);
+            let answers = self.by_cells(&pitch, &cells, interpolation, Some(&left));
+            row.around(answers, pitch, cells.len())
+        });
+        local.into_iter().chain([table]).collect()
+    }
+
+    fn measured_row(
+        &self,
+        row: Row,
+        own: &MeasuredGrid,
+        multiples: [usize; 3],
+        first: &Decimated,
+    ) -> StepAnswers {
         let (stations, power) = (self.input.stations, self.settings.idw_power);
-        let answers = own.answers(stations, multiples, interpolation, power);
+        let (answers, shown) = own.answers(stations, multiples, row.interpolation, power);
         let unmeasured = first.nodes.iter().filter(|node| node.is_none()).count();
         let refused = (unmeasured > 0).then_some((Refusal::Unmeasured, unmeasured));
         let configuration = self.plan.configuration;
@@ -215,6 +352,7 @@ impl Judging<'_> {
             cells: first.lattice.cell_count(),
             refused_cells: answers.refused.clone(),
             covered: Some(Covered::of(&first.lattice, self.plan, stations, serves)),
+            interpolation_shown: shown,
             ..row.with(answers)
         }
     }
@@ -225,8 +363,8 @@ pub(super) fn session_row(
     chosen: &Judged,
     session: &str,
     held_out: HeldOut,
-    tolerance: &Tolerance,
-    guard_mm: f64,
+    (tolerance, guard_mm): (&Tolerance, f64),
+    interpolation_shown: Option<f64>,
 ) -> Judged {
     let answered = held_out.norms.len();
     let like = answered + held_out.outside + held_out.refused.values().sum::<usize>();
@@ -239,6 +377,8 @@ pub(super) fn session_row(
     Judged {
         of_test: Some(session.to_owned()),
         covered,
+        interpolation_shown,
+        decided_by: Judgement::Table,
         chosen: false,
         ..chosen.clone()
     }
@@ -271,7 +411,19 @@ impl Row {
             cells: 0,
             refused_cells: BTreeMap::new(),
             covered: None,
+            interpolation_shown: None,
             answers,
+        }
+    }
+
+    /// A row of `count` local cells of this pitch, mm.
+    fn around(self, answers: Answers, pitch: [f64; 3], count: usize) -> StepAnswers {
+        StepAnswers {
+            pitch_mm: Some(pitch),
+            nodes: 8 * count,
+            cells: count,
+            refused_cells: answers.refused.clone(),
+            ..self.with(answers)
         }
     }
 
@@ -305,6 +457,8 @@ impl Judged {
             cells: step.cells,
             refused_cells: step.refused_cells.clone(),
             covered: step.covered,
+            interpolation_shown: step.interpolation_shown,
+            decided_by: step.judgement,
             held_out: HeldOut::default(),
             figures: None,
             bound: None,
@@ -340,6 +494,36 @@ impl Judged {
             ..self
         }
     }
+}
+
+/// Gives each table the larger of its own bound and that of the local cells of its step, and the verdict on it.
+pub(super) fn combine(judged: &mut [Judged], tolerance: &Tolerance, guard_mm: f64) {
+    for row in 0..judged.len() {
+        let Some(local) = local_cells_of(judged, &judged[row]) else {
+            continue;
+        };
+        let (bound, model_bound) = (local.bound, local.model_bound);
+        let counted = local.held_out.counted();
+        let table = &mut judged[row];
+        let is_larger = |own: f64| bound.is_none_or(|bound| bound > own);
+        if table.bound.is_some_and(is_larger) {
+            table.bound = bound;
+            table.model_bound = model_bound;
+            table.decided_by = Judgement::LocalCell;
+            table.verdict = tolerance.verdict(bound, counted, guard_mm);
+        }
+    }
+}
+
+/// The local cells that judge a table beside its own nodes; `None` of other rows and where there are none.
+pub(super) fn local_cells_of<'j>(judged: &'j [Judged], table: &Judged) -> Option<&'j Judged> {
+    let is_its = |own: &&Judged| {
+        own.judgement == Judgement::LocalCell
+            && (own.source, own.interpolation) == (table.source, table.interpolation)
+            && own.step_mm.total_cmp(&table.step_mm).is_eq()
+    };
+    let is_table = table.judgement == Judgement::Table && table.of_test.is_none();
+    judged.iter().find(is_its).filter(|_| is_table)
 }
 
 /// The bound of errors with between-session variation, never less than what was seen; `None` with too few poses.

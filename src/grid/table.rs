@@ -5,15 +5,21 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::answers::{Answers, by_number};
 use super::judge::HeldOut;
 use super::lattice::{InCell, Lattice};
-use super::node::{GridStation, PlacedGrid, Refusal, on_one_branch};
+use super::node::{GridStation, Refusal, on_one_branch};
 use super::rows::Judging;
 use super::{Judged, Source, Table, TableNode};
 use crate::fit::{Gap, ToolErrors};
+use crate::progress::Progress;
 
 /// The nodes of the chosen row, with their values and covariances; `None` where the row has no lattice.
-pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
+pub(super) fn table(
+    judging: &Judging<'_>,
+    chosen: &Judged,
+    progress: &dyn Progress,
+) -> Option<Table> {
+    let lattice = chosen.lattice?;
     let (lattice, nodes) = match chosen.source {
-        Source::Model => model_nodes(judging, chosen.lattice?),
+        Source::Model => model_nodes(judging, lattice, progress),
         Source::Measured => measured_nodes(judging, chosen.step_mm)?,
     };
     let (plan, settings) = (judging.plan, judging.settings);
@@ -27,6 +33,7 @@ pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
         idw_power: settings.idw_power,
         orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
         counted: judging.reach.counted().to_vec(),
+        interpolation_mm2: judging.interpolation(&lattice, chosen.interpolation),
         nodes,
     })
 }
@@ -43,6 +50,13 @@ impl Table {
             answers.add_found(station, self.error_at(&station.position), model);
         }
         HeldOut::left_by(&answers, &by_number(stations))
+    }
+
+    /// How much of the interpolation error the stations that it covers can show.
+    pub(super) fn interpolation_shown(&self, stations: &[GridStation]) -> Option<f64> {
+        let like = stations.iter().filter(|own| self.is_like(own));
+        self.lattice
+            .interpolation_shown(like.map(|own| &own.position))
     }
 
     /// Whether the table covers a station: its configuration, and its orientation within the tolerance.
@@ -77,16 +91,28 @@ impl Table {
     }
 }
 
-fn model_nodes(judging: &Judging<'_>, lattice: Lattice) -> (Lattice, Vec<TableNode>) {
-    let orientation = judging.plan.orientation;
-    let grid = PlacedGrid::new(judging.reach, lattice, orientation, judging.like);
+/// Number of nodes whose covariances are found between two looks at the progress.
+const SHOWN_EVERY: usize = 4096;
+
+fn model_nodes(
+    judging: &Judging<'_>,
+    lattice: Lattice,
+    progress: &dyn Progress,
+) -> (Lattice, Vec<TableNode>) {
+    let grid = judging.placed(lattice, progress);
     let reached = grid
         .nodes
         .iter()
         .filter_map(|node| node.joints.as_deref().ok());
     let reached: Vec<&[f64]> = reached.collect();
     let model = &judging.input.model;
-    let mut errors = model.errors_with_covariance(&reached).into_iter();
+    progress.begin("nodes of the table", reached.len() as u64);
+    let found = reached.chunks(SHOWN_EVERY).flat_map(|some| {
+        progress.advance(some.len() as u64);
+        model.errors_with_covariance(some)
+    });
+    let mut errors = found.collect::<Vec<_>>().into_iter();
+    progress.end();
     let mut error = |joints: &Result<Vec<f64>, Refusal>| {
         joints.as_ref().map_err(|refusal| *refusal)?;
         let own = errors.next().unwrap_or(Err(Gap::NoJoints));

@@ -32,7 +32,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         .collect();
     Some(html! {
         p {
-            "Each step's table is judged on stations that took no part in it. Nodes of the model cost nothing and cover the whole box: of them "
+            "Each step's table is judged on stations that took no part in it, at their own places and at a random place of a cell each: the "
+            "larger bound counts, for stations on nodes show no interpolation. Nodes of the model cost nothing and cover the whole box: of them "
             "the largest step is taken whose bound is hardly above that of the model itself. Measured nodes cost a measurement each: of them the "
             "largest step that holds, which is that bound and measurement uncertainty together are within the tolerance, for it and all smaller "
             "ones. The chosen one has the verdict of the table, which a test session can make worse. Visits of one pose count once, with the worst."
@@ -42,7 +43,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
             div {
                 (own_rows(&own))
-                p.note { "Covers: share of the stations of its orientation and configuration / share of the box." }
+                p.note { "Covers: share of the stations of its orientation and configuration / share of the box. Interpolation shown: 0 where the "
+                    "stations lie on nodes, 100 where they lie anywhere in the cells; the mean is of these places, the bound the larger one." }
                 @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } }
             }
         }
@@ -58,7 +60,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         @if !cells.is_empty() {
             details {
                 summary { "Local cells: a grid cell of its own around each held-out station" }
-                p.note { "At the station's own orientation and configuration: the accuracy that a grid could reach there, never a verdict." }
+                p.note { "The stations that the table is for, each at a random place of a cell: it shows what interpolation adds where they lie on "
+                    "nodes of the table. Where these are too few for a bound, all stations, each at its own orientation, to choose a step." }
                 (all_rows(&cells))
             }
         }
@@ -102,8 +105,11 @@ fn pitches(step: &StepRow) -> Markup {
 
 /// The share of the stations like it that a table covers, and that of the box.
 fn covers(step: &StepRow) -> Markup {
-    let percent = |share: Option<f64>| words::optional(share.map(|share| 100.0 * share), 1);
-    html! { (percent(step.like_covered_share)) " / " (percent(step.box_covered_share)) }
+    html! { (percent(step.like_covered_share, 1)) " / " (percent(step.box_covered_share, 1)) }
+}
+
+fn percent(share: Option<f64>, digits: usize) -> Markup {
+    words::optional(share.map(|share| 100.0 * share), digits)
 }
 
 fn is_alike(step: &StepRow, other: &StepRow) -> bool {
@@ -136,7 +142,7 @@ fn judged_on(step: &StepRow) -> Markup {
 
 /// The steps of the chosen source and interpolation.
 fn own_rows(steps: &[&StepRow]) -> Markup {
-    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Mean" } th { "Bound" } th.word { "Verdict" } };
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Interpolation shown, %" } th { "Mean" } th { "Bound" } th.word { "Verdict" } };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
@@ -144,6 +150,7 @@ fn own_rows(steps: &[&StepRow]) -> Markup {
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
                 td { (covers(step)) }
                 td { (judged_on(step)) }
+                td { (percent(step.interpolation_shown_share, 0)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
                 td.word { (words::verdict(step.verdict)) }

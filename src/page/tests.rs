@@ -150,6 +150,7 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         stations_covered_share: Some(0.96),
         like_covered_share: Some(1.0),
         box_covered_share: Some(0.875),
+        interpolation_shown_share: Some(0.25),
         blocks: Some(8),
         mean_mm: Some(0.101_25),
         rms_mm: None,

@@ -110,7 +110,7 @@ fn after(outcome: &Outcome<'_>, figure: &Accuracy) -> Option<Vec<(usize, Vector3
 /// The row of the chosen table that held-out blocks judge, or that a test session does.
 fn table<'o>(outcome: &'o Outcome<'_>, subject: &Subject) -> Option<&'o Judged> {
     if subject.split != Split::Session {
-        return outcome.grids.chosen();
+        return outcome.grids.deciding();
     }
     let mut rows = outcome.grids.judged.iter();
     rows.find(|row| row.of_test.as_ref() == Some(&subject.of_session))

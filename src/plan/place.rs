@@ -11,6 +11,7 @@ use super::line_of_sight::Unsuitable;
 use super::settings::{PlanSettings, Region};
 use crate::grid::{GridStation, Lattice, PlacedGrid, Reach, Refusal, WorkBox};
 use crate::kinematics::Arm;
+use crate::progress::Quiet;
 use crate::simulate::{Commanded, Stream};
 
 /// Number of draws per wanted pose before the region counts as out of reach.
@@ -156,7 +157,7 @@ impl<'a> Placer<'a> {
     /// A lattice with every node placed at the table's orientation.
     pub fn grid(&self, lattice: Lattice, orientation: UnitQuaternion<f64>) -> PlacedGrid {
         let seeds: Vec<&GridStation> = self.seeds.iter().collect();
-        PlacedGrid::new(&self.reach, lattice, orientation, &seeds)
+        PlacedGrid::new(&self.reach, lattice, orientation, &seeds, &Quiet)
     }
 
     /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn. An arm that slides

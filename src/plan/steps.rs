@@ -196,7 +196,8 @@ impl<'a> Measured<'a> {
             let left = tests.iter().zip(&errors).map(|(visit, error)| {
                 let command = Point3::from(visit.truth.command.translation.vector);
                 let power = settings.grid.idw_power;
-                let there = by_nodes(&grid.placed, values, &command, interpolation, power);
+                let value = |node: usize| values[node];
+                let there = by_nodes(&grid.placed, value, &command, interpolation, power);
                 there.map(|found| found.map(|interpolated| (error - interpolated).norm()))
             });
             RobotOutcome::of(left, &settings.tolerance)

@@ -6,6 +6,7 @@ use std::cmp::Ordering;
 
 use super::Picked;
 use crate::grid::covered::ENOUGH;
+use crate::grid::rows::local_cells_of;
 use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict};
 
 /// A bound may exceed the model's own by this, mm, even where the share of it is less: no instrument shows the difference.
@@ -55,7 +56,8 @@ impl<'j> Pool<'j> {
         let tables =
             (0..judged.len()).filter(|&row| is_table(&judged[row]) && has_value(&judged[row]));
         let tables: Vec<usize> = tables.collect();
-        let is_enough = |row: &usize| judged[*row].covered.is_some_and(|own| own.is_enough());
+        // Of nodes that are not placed it is not known.
+        let is_enough = |row: &usize| judged[*row].covered.is_none_or(|own| own.is_enough());
         let enough: Vec<usize> = tables.iter().copied().filter(is_enough).collect();
         let is_short = enough.is_empty();
         Self {
@@ -192,12 +194,7 @@ impl<'j> Pool<'j> {
 
     /// The local cells of a table's step and interpolation.
     fn local(&self, row: usize) -> Option<&'j Judged> {
-        let table = &self.judged[row];
-        self.judged.iter().find(|own| {
-            own.judgement == Judgement::LocalCell
-                && (own.source, own.interpolation) == (table.source, table.interpolation)
-                && own.step_mm.total_cmp(&table.step_mm).is_eq()
-        })
+        local_cells_of(self.judged, &self.judged[row])
     }
 
     /// Orders rows by step, then by bound, the smaller one last, then by the mean error in local cells: stations on nodes
@@ -218,7 +215,12 @@ impl<'j> Pool<'j> {
     /// Adds the cost of the choice and its coverage.
     fn with_cost(&self, mut picked: Picked) -> Picked {
         let row = &self.judged[picked.row];
-        picked.words += &cost(row);
+        let local = self.local(picked.row);
+        picked.words += &cost(
+            local
+                .filter(|_| row.decided_by != row.judgement)
+                .unwrap_or(row),
+        );
         if let Some(covered) = &row.covered {
             picked.words += "; ";
             picked.words += &covered.words();

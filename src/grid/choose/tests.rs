@@ -6,6 +6,7 @@ use nalgebra::Point3;
 
 use super::*;
 use crate::figures::{Figures, PoseErrors};
+use crate::grid::rows::combine;
 use crate::grid::{Covered, HeldOut, Interpolation, Judgement, Lattice, Source};
 
 fn covered(stations: usize, like: usize) -> Covered {
@@ -57,6 +58,8 @@ fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
         cells: 1,
         refused_cells: BTreeMap::new(),
         covered: Some(covered(n, n)),
+        interpolation_shown: None,
+        decided_by: Judgement::Table,
         figures: Figures::of(&norms),
         bound,
         bound_of_session: bound,
@@ -242,4 +245,40 @@ fn too_few_stations_show_nothing() {
     assert!(
         matches!(verdict, Verdict::NotShown(reason) if reason.contains("58 poses held out; 59 poses are needed"))
     );
+}
+
+#[test]
+fn a_table_has_the_larger_bound_of_its_nodes_and_of_local_cells_and_the_verdict_on_it() {
+    let tolerance = Tolerance {
+        mm: 0.5,
+        share: 0.95,
+        confidence: 0.95,
+    };
+    let local = |left_mm: f64, n: usize| Judged {
+        judgement: Judgement::LocalCell,
+        lattice: None,
+        ..row(100.0, left_mm, 1.0, n)
+    };
+    let combined = |left_mm: f64, n: usize| {
+        let mut judged = vec![local(left_mm, n), row(100.0, 0.1, 1.0, 100)];
+        combine(&mut judged, &tolerance, 0.05);
+        judged.remove(1)
+    };
+    // Stations on nodes show 0.1 mm; where the table interpolates it leaves 0.46 mm, and 0.05 mm of U are too much for 0.5 mm.
+    let table = combined(0.46, 100);
+    assert_eq!(
+        (table.bound, table.decided_by),
+        (Some(0.46), Judgement::LocalCell)
+    );
+    assert_eq!(table.verdict, Verdict::DoesNotMeet);
+    assert_eq!(combined(0.44, 100).verdict, Verdict::Meets);
+    let table = combined(0.09, 100);
+    assert_eq!(
+        (table.bound, table.decided_by),
+        (Some(0.1), Judgement::Table)
+    );
+    // What interpolation adds has to be shown.
+    let table = combined(0.09, 58);
+    assert_eq!(table.bound, None);
+    assert!(matches!(table.verdict, Verdict::NotShown(reason) if reason.contains("58 poses")));
 }

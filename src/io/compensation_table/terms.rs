@@ -1,7 +1,10 @@
 //! What a table says of itself: columns that hold the same value in every row.
 
+use nalgebra::Matrix3;
+
 use super::{CommonError, TableFile, TableVerdict};
 use crate::compensation::Terms;
+use crate::geometry::symmetric;
 use crate::grid::Interpolation;
 use crate::io::common::Corrects as _;
 use crate::io::tables::words::counted;
@@ -24,6 +27,7 @@ impl TableFile<'_> {
             configuration: configuration.map(str::to_owned),
             interpolation: first.interpolation,
             idw_power: self.idw_power(first.interpolation)?,
+            interpolation_mm2: self.interpolation_mm2()?,
             validity: said.validity()?,
             frame: first.stated_frame().uncertainty(),
             counted: counted(first.joint_units.as_deref()),
@@ -33,6 +37,19 @@ impl TableFile<'_> {
     pub(super) fn verdict(&self) -> Result<TableVerdict, CommonError> {
         self.said().one("verdict", |row| Some(row.verdict))?;
         Ok(self.rows[0].verdict)
+    }
+
+    /// Zero where the table does not state it.
+    fn interpolation_mm2(&self) -> Result<Matrix3<f64>, CommonError> {
+        let said = self.said();
+        let given = said.one("interpolation_moment", |row| row.interpolation_moment_mm2)?;
+        let [xx, _, _, yy, _, zz] = given.unwrap_or_default();
+        if xx.min(yy).min(zz) < 0.0 {
+            let negative =
+                format!("{xx}, {yy} and {zz} mm² on its diagonal; run the session again");
+            return Err(said.value_error("interpolation_moment", negative));
+        }
+        Ok(symmetric(given.unwrap_or_default()))
     }
 
     fn idw_power(&self, interpolation: Interpolation) -> Result<f64, CommonError> {

@@ -8,7 +8,7 @@ use super::error_frame::ErrorFrameName;
 use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, joint_units, placement, xyzw};
 use super::{PublishContext, grid_steps};
-use crate::geometry::upper;
+use crate::geometry::{self, upper};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
 use crate::io::common::corrects;
 use crate::io::table::row;
@@ -89,6 +89,15 @@ row! {
         interpolation: Interpolation,
         /// The power of inverse distance weighting; `None` for other interpolations.
         idw_power: Option<f64>,
+        /// Second moment of the interpolation error off the nodes, mm²: xx xy xz yy yz zz.
+        interpolation_moment_mm2 as [
+            interpolation_moment_xx_mm2,
+            interpolation_moment_xy_mm2,
+            interpolation_moment_xz_mm2,
+            interpolation_moment_yy_mm2,
+            interpolation_moment_yz_mm2,
+            interpolation_moment_zz_mm2,
+        ]: Option<[f64; 6]>,
         /// The joint angles of the node values.
         angles: Angles,
         /// The largest turn of a target's orientation from the table's, degrees.
@@ -219,6 +228,10 @@ fn shared(
         source: chosen.source,
         interpolation: chosen.interpolation,
         idw_power: grid_steps::power(chosen.interpolation, chosen.idw_power),
+        interpolation_moment_mm2: chosen.interpolation_mm2.map(|own| {
+            let turn = command_from_base.rotation.to_rotation_matrix();
+            geometry::upper(&(turn * own * turn.transpose()))
+        }),
         angles: match chosen.source {
             // A measured node is a station, and stations are at the angles that the controller reported.
             Source::Measured => Angles::Reported,

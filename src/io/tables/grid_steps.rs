@@ -70,6 +70,8 @@ row! {
         like_covered_share: Option<f64>,
         /// The share of the box that the table covers.
         box_covered_share: Option<f64>,
+        /// How much of the interpolation error the stations can show; `None` of local cells.
+        interpolation_shown_share: Option<f64>,
         /// Blocks that the poses come from.
         blocks: Option<usize>,
         /// Mean error left, mm.
@@ -167,7 +169,8 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         step_mm: judged.step_mm,
         pitch_mm: judged.pitch_mm,
         nodes: Some(judged.nodes),
-        nodes_refused: Some(judged.refused_nodes.values().sum()),
+        nodes_refused: (judged.covered.is_some() || !is_table)
+            .then(|| judged.refused_nodes.values().sum()),
         cells: judged.cells,
         cells_singular: cells(&[Refusal::Singularity]),
         cells_mixed: cells(&[Refusal::OtherConfiguration, Refusal::Branches]),
@@ -183,6 +186,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         stations_covered_share: covered.map(Covered::of_stations),
         like_covered_share: covered.and_then(Covered::of_like),
         box_covered_share: covered.map(|own| own.of_box),
+        interpolation_shown_share: judged.interpolation_shown,
         blocks: Some(held_out.blocks.len()),
         mean_mm: figures.map(|f| f.mean),
         rms_mm: figures.map(|f| f.rms),

@@ -157,9 +157,10 @@ impl FigureMaker<'_> {
         )
     }
 
-    /// The figures of the chosen table; without any where no step gives a table.
+    /// The figures of the chosen table, of its nodes or of local cells, whichever has the larger bound; without any where no step gives a
+    /// table.
     fn of_table(&self) -> Accuracy {
-        let chosen = self.grids.chosen();
+        let chosen = self.grids.deciding();
         Accuracy {
             subject: Subject {
                 split: Split::Blocks,
@@ -172,7 +173,7 @@ impl FigureMaker<'_> {
             moment: Moment::After,
             driven_by: None,
             figures: chosen.and_then(|chosen| chosen.figures),
-            bound: chosen.and_then(|chosen| chosen.bound),
+            bound: self.grids.chosen().and_then(|chosen| chosen.bound),
             counted: chosen
                 .map(|chosen| chosen.held_out.counted())
                 .unwrap_or_default(),
@@ -191,7 +192,7 @@ impl FigureMaker<'_> {
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
         let mut norms = Vec::new();
         let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
-        let left = self.grids.chosen().map(|chosen| &chosen.held_out.left);
+        let left = self.grids.deciding().map(|chosen| &chosen.held_out.left);
         for left in left.into_iter().flatten() {
             let Some(turn) = turns.get(&left.station) else {
                 continue;
