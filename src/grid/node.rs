@@ -1,6 +1,6 @@
 //! Nodes of a grid: the joint angles of the arm at each, and the error there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -190,12 +190,13 @@ pub struct PlacedGrid {
 }
 
 impl PlacedGrid {
-    /// Places every node by inverse kinematics seeded at the nearest of `stations` (all of one arm configuration).
+    /// Places nodes by inverse kinematics seeded at the nearest of `stations` (all of one arm configuration): every node, or `some` by
+    /// their numbers.
     pub fn new(
         reach: &Reach<'_>,
         lattice: Lattice,
         orientation: UnitQuaternion<f64>,
-        stations: &[&GridStation],
+        (stations, some): (&[&GridStation], Option<&BTreeSet<usize>>),
         progress: &dyn Progress,
     ) -> Self {
         let count = lattice.node_count();
@@ -206,8 +207,10 @@ impl PlacedGrid {
             }
             let position = lattice.position(number);
             let distance = |station: &GridStation| (station.position - position).norm();
+            let is_asked = some.is_none_or(|some| some.contains(&number));
             let nearest = stations
                 .iter()
+                .filter(|_| is_asked)
                 .min_by(|a, b| distance(a).total_cmp(&distance(b)));
             nearest.map_or(
                 Placed {

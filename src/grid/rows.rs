@@ -2,7 +2,7 @@
 //!
 //! What the nodes of each answer ([`StepAnswers`]) is one half, and costs; what a tolerance makes of it ([`Judged::by`]) is the other.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -100,7 +100,7 @@ impl Judging<'_> {
     }
 
     /// Whether enough stations like the table stand in its box for a bound. If not, local cells of all stations choose, each at its own
-    /// orientation, and only the chosen step is placed.
+    /// orientation, and only the nodes of the chosen step are all placed.
     fn is_judged(&self) -> bool {
         self.judges.len() as f64 >= self.needed
     }
@@ -130,7 +130,11 @@ impl Judging<'_> {
         progress: &dyn Progress,
     ) -> Vec<StepAnswers> {
         let cells = self.local_cells(lattice.step);
-        let grid = self.is_judged().then(|| self.placed(lattice, progress));
+        let some = (!self.is_judged()).then(|| {
+            let cells = self.places().filter_map(|place| lattice.locate(place));
+            cells.flat_map(|cell| cell.vertices).collect()
+        });
+        let grid = self.placed(lattice, some.as_ref(), progress);
         let both = |&interpolation: &Interpolation| {
             let row = |judgement| Row {
                 step_mm,
@@ -138,24 +142,30 @@ impl Judging<'_> {
                 interpolation,
                 judgement,
             };
-            let table = row(Judgement::Table);
             let local = self.by_cells(&lattice.step, &cells, interpolation, None);
-            let local = row(Judgement::LocalCell).around(local, lattice.step, cells.len());
             [
-                local,
-                grid.as_ref().map_or_else(
-                    || self.not_placed(table, lattice),
-                    |grid| self.table_row(table, grid),
-                ),
+                row(Judgement::LocalCell).around(local, lattice.step, cells.len()),
+                self.table_row(row(Judgement::Table), &grid, some.is_none()),
             ]
         };
         self.settings.interpolations.iter().flat_map(both).collect()
     }
 
-    /// The nodes of a lattice at the table's orientation.
-    pub(super) fn placed(&self, lattice: Lattice, progress: &dyn Progress) -> PlacedGrid {
+    /// The nodes of a lattice at the table's orientation, all or `some` by their numbers.
+    pub(super) fn placed(
+        &self,
+        lattice: Lattice,
+        some: Option<&BTreeSet<usize>>,
+        progress: &dyn Progress,
+    ) -> PlacedGrid {
         let orientation = self.plan.orientation;
-        PlacedGrid::new(self.reach, lattice, orientation, self.like, progress)
+        PlacedGrid::new(
+            self.reach,
+            lattice,
+            orientation,
+            (self.like, some),
+            progress,
+        )
     }
 
     /// The row of a chosen table whose nodes were not placed to judge it.
@@ -163,30 +173,14 @@ impl Judging<'_> {
         if row.covered.is_some() {
             return None;
         }
-        let grid = self.placed(row.lattice?, progress);
+        let grid = self.placed(row.lattice?, None, progress);
         let row = Row {
             step_mm: row.step_mm,
             source: row.source,
             interpolation: row.interpolation,
             judgement: row.judgement,
         };
-        Some(self.table_row(row, &grid))
-    }
-
-    /// The row of a step whose nodes are not placed, as too few stations judge them.
-    fn not_placed(&self, row: Row, lattice: Lattice) -> StepAnswers {
-        let (judges, all) = (self.judges.len(), self.input.stations.len());
-        let of_table = row.without(format!(
-            "{judges} of {all} stations stand in its box and are of its orientation and configuration, {} are needed: its nodes are not placed",
-            self.needed
-        ));
-        StepAnswers {
-            lattice: Some(lattice),
-            pitch_mm: Some(lattice.step),
-            nodes: lattice.node_count(),
-            cells: lattice.cell_count(),
-            ..of_table
-        }
+        Some(self.table_row(row, &grid, true))
     }
 
     /// The stations around which local cells are placed.
@@ -260,7 +254,8 @@ impl Judging<'_> {
         self.settings.interpolations.iter().flat_map(both).collect()
     }
 
-    fn table_row(&self, row: Row, grid: &PlacedGrid) -> StepAnswers {
+    /// The row of a table of which all nodes are placed, or those alone that its stations need.
+    fn table_row(&self, row: Row, grid: &PlacedGrid, is_whole: bool) -> StepAnswers {
         let (stations, lattice) = (self.input.stations, grid.lattice);
         let answers = judge::by_table(
             stations,
@@ -271,16 +266,22 @@ impl Judging<'_> {
             self.settings.idw_power,
         );
         let serves = |vertices: &[usize; 8]| grid.usable(vertices).is_ok();
-        StepAnswers {
+        let row = StepAnswers {
             lattice: Some(lattice),
             pitch_mm: Some(lattice.step),
             nodes: grid.nodes.len(),
-            refused_nodes: grid.refused_nodes(),
             cells: lattice.cell_count(),
-            refused_cells: grid.refused_cells(),
-            covered: Some(Covered::of(&lattice, self.plan, stations, serves)),
             interpolation_shown: lattice.interpolation_shown(self.places()),
             ..row.with(answers)
+        };
+        if !is_whole {
+            return row;
+        }
+        StepAnswers {
+            refused_nodes: grid.refused_nodes(),
+            refused_cells: grid.refused_cells(),
+            covered: Some(Covered::of(&lattice, self.plan, stations, serves)),
+            ..row
         }
     }
 

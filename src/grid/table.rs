@@ -99,7 +99,7 @@ fn model_nodes(
     lattice: Lattice,
     progress: &dyn Progress,
 ) -> (Lattice, Vec<TableNode>) {
-    let grid = judging.placed(lattice, progress);
+    let grid = judging.placed(lattice, None, progress);
     let reached = grid
         .nodes
         .iter()

@@ -157,7 +157,7 @@ impl<'a> Placer<'a> {
     /// A lattice with every node placed at the table's orientation.
     pub fn grid(&self, lattice: Lattice, orientation: UnitQuaternion<f64>) -> PlacedGrid {
         let seeds: Vec<&GridStation> = self.seeds.iter().collect();
-        PlacedGrid::new(&self.reach, lattice, orientation, &seeds, &Quiet)
+        PlacedGrid::new(&self.reach, lattice, orientation, (&seeds, None), &Quiet)
     }
 
     /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn. An arm that slides
