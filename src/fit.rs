@@ -345,6 +345,24 @@ impl Calibration {
         variances.map(|sum| (sum / 3.0).sqrt()).into()
     }
 
+    /// Largest standard error of a coordinate of the places at the flange of a session's targets, mm, where the poses hardly tell them from
+    /// the base's place: it is that of confounded parameters. `None` where they do, and where the place of a target is stated.
+    pub fn open_target_mm(&self, session: usize) -> Option<f64> {
+        // With a known base each station measures each coordinate once.
+        let alone = self.misfit_mm / (self.stations as f64).sqrt();
+        let mut largest: f64 = 0.0;
+        for (place, unknown) in self.unknowns.iter().enumerate() {
+            let is_place = matches!(unknown.parameter, Parameter::Target(Motion::Translation(_)));
+            if is_place && unknown.session() == Some(session) {
+                if self.prior_sd[place].is_some() {
+                    return None;
+                }
+                largest = largest.max(self.standard_error(place));
+            }
+        }
+        (largest > identifiability::CONFOUNDED_ERRORS * alone).then_some(largest)
+    }
+
     /// The standard error of the unknown at `place`, mm or rad.
     pub fn standard_error(&self, place: usize) -> f64 {
         self.covariance[(place, place)].max(0.0).sqrt()

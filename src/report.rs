@@ -11,6 +11,7 @@ pub mod driven;
 pub mod evaluate;
 pub mod frame;
 pub mod iso_9283;
+pub mod limit;
 pub mod locate;
 pub mod next;
 pub mod promise;

@@ -4,7 +4,7 @@ mod common;
 
 use common::NOISE;
 use posegrid::figures::Figures;
-use posegrid::fit::{self, FitSettings, Freedom, Observation};
+use posegrid::fit::{self, FitSettings, Freedom, KnownTarget, Observation};
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
 
@@ -85,6 +85,35 @@ fn grid_blocks_are_predicted_as_the_reference_does() {
         "base + target only: {before:?}"
     );
     assert!((after.mean - 0.4088).abs() < 0.01, "geometric: {after:?}");
+}
+
+#[test]
+fn poses_of_one_orientation_do_not_tell_the_target_from_the_base_and_others_do() {
+    let arm = common::arm("ur10");
+    let known = KnownTarget {
+        xyz_mm: [-0.2, 0.2, 92.8],
+        sd_mm: 1.0,
+    };
+    let open_mm = |session: &str, target: Option<KnownTarget>| {
+        let stations = common::truth_stations(session)?;
+        let seen = fit::observations(0, &stations, &arm, &NOISE);
+        let settings = FitSettings {
+            target,
+            ..FitSettings::default()
+        };
+        let found = fit::identify(&arm, &seen, 1, Freedom::BaseAndTarget, &settings);
+        Some(found.expect("a fit").open_target_mm(0))
+    };
+    let Some(grid) = open_mm("ur10-grid", None) else {
+        return;
+    };
+    // The nominal flange turns by 1 mrad from station to station: 0.5 mm of errors over 1 mrad and the root of 615 stations.
+    assert!(
+        grid.is_some_and(|mm| (5.0..100.0).contains(&mm)),
+        "{grid:?}"
+    );
+    assert_eq!(open_mm("ur10-grid", Some(known)), Some(None));
+    assert_eq!(open_mm("ur10-random-a", None), Some(None));
 }
 
 #[test]

@@ -13,6 +13,8 @@ const CONFOUNDED: f64 = 0.9;
 /// Neither of two parameters is identifiable when they correlate by more than this: each has seven times the standard error that it
 /// would have if the other were known.
 const ONE_NUMBER: f64 = 0.99;
+/// The standard error of a parameter of two that are one number, in those that it would have if the other were known: `1/√(1 − 0.99²)`.
+pub(super) const CONFOUNDED_ERRORS: f64 = 7.0;
 
 /// Whether the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -140,7 +140,7 @@ impl HeldOut {
     }
 
     /// Whether the remaining errors are, on average, no smaller than the uncorrected ones: the grid does not help.
-    pub(super) fn is_no_help(&self) -> bool {
+    pub fn is_no_help(&self) -> bool {
         !self.norms.is_empty()
             && self.norms.iter().sum::<f64>() >= self.uncorrected.iter().sum::<f64>()
     }

@@ -35,8 +35,8 @@ pub struct Content {
     pub frame: StatedFrame,
     /// What to do with the result.
     pub next: Next,
-    /// The command that corrects targets by the result, as it is typed beside the folder `lake`.
-    pub command: String,
+    /// The command that corrects targets by the result, as it is typed beside the folder `lake`; `None` where nothing is corrected.
+    pub command: Option<String>,
     /// The errors before and after that the verdict's figure is of; `None` where no station judges.
     pub compared: Option<Compared>,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.

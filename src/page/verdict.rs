@@ -44,8 +44,8 @@ pub(super) fn header(content: &Content) -> Markup {
 fn to_do(content: &Content) -> Markup {
     html! {
         h2 { "What to do now" }
-        p { (capital(&content.next.words())) ":" }
-        pre { (content.command) }
+        p { (capital(&content.next.words())) @if content.command.is_some() { ":" } @else { "." } }
+        @if let Some(command) = &content.command { pre { (command) } }
         @if content.next.sets_base { (typed(content)) }
     }
 }

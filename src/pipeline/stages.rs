@@ -13,6 +13,7 @@ mod gridded;
 mod iso_9283;
 mod judged;
 mod lengths;
+mod limits;
 mod mountings;
 mod observed;
 mod repairs;
@@ -288,7 +289,9 @@ pub fn results<'a>(
     let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
     let scales = scales::scales(&observed, &models, &training, settings);
     scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
-    let verdict = judges.verdict(&grids, &accuracy, &residuals);
+    let mut verdict = judges.verdict(&grids, &accuracy, &residuals);
+    let errors = (&grids, &*accuracy);
+    verdict.limit = judges.limit((&verdict, &observed), errors, &semivariograms);
     if let Some(driven) = &driven {
         residuals.extend(driven.sets().cloned());
     }

@@ -63,7 +63,8 @@ pub(super) fn summary(
     }
 }
 
-/// What has to be known of a run before anything else: where its logs disagree with the stated set-up, and what they lost.
+/// What has to be known of a run before anything else: that its frame is not fixed, where its logs disagree with the stated set-up, and
+/// what they lost.
 pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = || outcome.training.iter().chain(&outcome.test);
     let set_up = sessions().filter_map(|session| {
@@ -75,7 +76,8 @@ pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
         let slips = session.slips.iter();
         slips.map(|words| format!("{}: {words}", session.name))
     });
-    set_up
+    let open = outcome.frame.open_words().into_iter();
+    open.chain(set_up)
         .chain(lost)
         .chain(slips)
         .chain(references::warned(outcome))

@@ -20,6 +20,9 @@ pub struct StatedFrame {
     /// Standard deviation of each coordinate of the tool's place beside the measured target, mm, as stated; `None` where the two are one
     /// point, where it is not stated, and where the base was fitted.
     pub lever_sd_mm: Option<f64>,
+    /// Standard error of a coordinate of the measured target's place at the flange, mm, where the poses tell it from the base's by less
+    /// than the tolerance asks; `None` where they do, where nothing hangs on it, and of a frame that was read from a table.
+    pub open_mm: Option<f64>,
 }
 
 impl StatedFrame {
@@ -40,9 +43,12 @@ impl StatedFrame {
     pub fn words(&self) -> String {
         let uncertainty = self.uncertainty_words();
         if !self.is_surveyed {
-            return format!(
-                "frame: the base as fitted ({uncertainty}): corrected commands are right only where the program's base is set to it"
-            );
+            let holds = if self.open_mm.is_some() {
+                "the poses do not fix it, so set no program's base to it"
+            } else {
+                "corrected commands are right only where the program's base is set to it"
+            };
+            return format!("frame: the base as fitted ({uncertainty}): {holds}");
         }
         let lever = self.lever_sd_mm.map_or_else(String::new, |mm| {
             format!(", {mm:.3} mm of the tool beside the measured target")
@@ -55,6 +61,15 @@ impl StatedFrame {
         } else {
             format!("frame: the surveyed base ({uncertainty}{lever}, counted in U and corrections)")
         }
+    }
+
+    /// That the poses do not fix the frame, and what does; `None` where they do.
+    pub fn open_words(&self) -> Option<String> {
+        let mm = self.open_mm?;
+        Some(format!(
+            "the poses do not fix the base: of nearly one tool orientation, they tell it from the target's place at the flange to {mm:.1} mm \
+             only (standard deviation); state [fit] target, or measure poses of other tool orientations"
+        ))
     }
 
     fn uncertainty_words(&self) -> String {
@@ -70,9 +85,9 @@ impl StatedFrame {
         }
     }
 
-    /// What to set the program's base to, where it was fitted: for each of two ways to state it, what is typed.
+    /// What to set the program's base to, where it was fitted and the poses fix it: for each of two ways to state it, what is typed.
     pub fn to_set(&self) -> Vec<(&'static str, [Typed; 4])> {
-        if self.is_surveyed {
+        if self.is_surveyed || self.open_mm.is_some() {
             return Vec::new();
         }
         vec![
@@ -116,6 +131,7 @@ mod tests {
             sd_mm: Some(0.02),
             sd_deg: Some(0.0003),
             lever_sd_mm: None,
+            open_mm: None,
         };
         let lines = frame.lines();
         assert!(
@@ -130,7 +146,17 @@ mod tests {
             );
         }
         assert_eq!(frame.uncertainty(), FrameUncertainty::default());
-        frame.is_surveyed = true;
+        assert_eq!(frame.open_words(), None);
+        // One tool orientation: no base is stated for a program, and the key that fixes it is.
+        frame.open_mm = Some(38.0);
+        assert!(
+            frame
+                .open_words()
+                .is_some_and(|words| words.contains("38.0 mm") && words.contains("[fit] target"))
+        );
+        assert_eq!(frame.lines().len(), 1);
+        assert!(frame.words().ends_with("set no program's base to it"));
+        (frame.is_surveyed, frame.open_mm) = (true, None);
         assert_eq!(
             frame.lines(),
             [
@@ -147,6 +173,7 @@ mod tests {
             sd_mm: Some(0.02),
             sd_deg: Some(0.18),
             lever_sd_mm: Some(0.2),
+            open_mm: None,
         };
         let own = frame.uncertainty();
         assert_eq!((own.origin_mm, own.lever_mm), (0.02, 0.2));

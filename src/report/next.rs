@@ -16,8 +16,8 @@ pub struct Next {
     pub by: Applied,
     /// The statement that targets need where the identified arm corrects them.
     pub stated: Stated,
-    /// Whether the set-up has to be checked before anything else, as logs of the run disagree with it.
-    pub checks_set_up: bool,
+    /// What has to be done before anything else, in words that end before what follows; empty where nothing has.
+    pub first: &'static str,
     /// Whether the program's base has to be set to the fitted one before.
     pub sets_base: bool,
     /// What to do before any target is corrected; `None` where the tolerance is met.
@@ -77,12 +77,19 @@ impl Next {
         stated: Stated,
         checks_set_up: bool,
     ) -> Self {
+        let first = if frame.open_mm.is_some() {
+            "state [fit] target or measure poses of other tool orientations, and run again; once the base is fixed: "
+        } else if checks_set_up {
+            "check the set-up first, as the warning says, and run again; once it is sound: "
+        } else {
+            ""
+        };
         Self {
             by: verdict.applied(),
             stated,
-            checks_set_up,
-            sets_base: !frame.is_surveyed,
-            instead: instead(verdict.headline(), tolerance),
+            first,
+            sets_base: !frame.is_surveyed && frame.open_mm.is_none(),
+            instead: instead(verdict, tolerance),
         }
     }
 
@@ -90,33 +97,39 @@ impl Next {
     pub const fn table(&self) -> &'static str {
         match self.by {
             Applied::Table => "compensation",
-            Applied::IdentifiedArm => "calibrations",
+            Applied::IdentifiedArm | Applied::Nothing => "calibrations",
         }
     }
 
-    /// The command to type, with `file` of [`Self::table`].
-    pub fn command(&self, file: &str) -> String {
+    /// The command to type, with `file` of [`Self::table`]; `None` where nothing is corrected.
+    pub fn command(&self, file: &str) -> Option<String> {
+        if self.by == Applied::Nothing {
+            return None;
+        }
         let allow = self.instead.as_ref();
         let allow = allow.map_or_else(String::new, |own| format!(" --allow {}", own.allow));
-        format!("posegrid compensate {file} targets.csv --out corrected.csv{allow}")
+        Some(format!(
+            "posegrid compensate {file} targets.csv --out corrected.csv{allow}"
+        ))
     }
 
-    /// What the command is for, in words that end before it; it is only for whoever corrects all the same where there is something to
-    /// do before.
+    /// What to do, in words that end before the command where there is one; it is only for whoever corrects all the same where there is
+    /// something to do before.
     pub fn words(&self) -> String {
-        let targets = match self.by {
-            Applied::Table => "correct targets".to_owned(),
-            Applied::IdentifiedArm => format!("correct targets that state {}", self.stated.words()),
-        };
+        let first = self.first;
         let base = if self.sets_base {
             "set the program's base to the fitted one, then "
         } else {
             ""
         };
-        let first = if self.checks_set_up {
-            "check the set-up first, as the warning says, and run again; once it is sound: "
-        } else {
-            ""
+        let targets = match self.by {
+            Applied::Table => "correct targets".to_owned(),
+            Applied::IdentifiedArm => format!("correct targets that state {}", self.stated.words()),
+            Applied::Nothing => {
+                let instead = self.instead.as_ref();
+                let then = instead.map_or_else(String::new, |own| format!("; {}", own.words));
+                return format!("{first}{base}correct nothing, as no correction helps{then}");
+            }
         };
         match &self.instead {
             None => format!("{first}{base}{targets}"),
@@ -126,10 +139,10 @@ impl Next {
 }
 
 /// What to do where the tolerance is not met, or not shown to be; `None` where it is met.
-fn instead(verdict: &ProductVerdict, tolerance: &Tolerance) -> Option<Instead> {
+fn instead(verdict: &RunVerdict, tolerance: &Tolerance) -> Option<Instead> {
     let (words, allow) = match verdict.verdict() {
         Verdict::Meets => return None,
-        Verdict::NotShown(_) => (to_show(verdict, tolerance), "not-shown"),
+        Verdict::NotShown(_) => (to_show(verdict.headline(), tolerance), "not-shown"),
         Verdict::DoesNotMeet => (to_meet(verdict, tolerance), "not-met"),
     };
     Some(Instead { words, allow })
@@ -154,11 +167,9 @@ fn to_show(verdict: &ProductVerdict, tolerance: &Tolerance) -> String {
 }
 
 /// What brings the errors within the tolerance, by what keeps them from it.
-fn to_meet(verdict: &ProductVerdict, tolerance: &Tolerance) -> String {
-    let Some(judge) = verdict.decides() else {
-        return "measure more poses, which `posegrid plan` chooses".to_owned();
-    };
-    let figure = judge.figure.as_ref();
+fn to_meet(verdict: &RunVerdict, tolerance: &Tolerance) -> String {
+    let judge = verdict.headline().decides();
+    let figure = judge.and_then(|judge| judge.figure.as_ref());
     let guard_mm = figure.map_or(0.0, |figure| figure.expanded_uncertainty_mm);
     let bound = figure.and_then(|figure| figure.bound);
     if guard_mm >= tolerance.mm {
@@ -168,15 +179,16 @@ fn to_meet(verdict: &ProductVerdict, tolerance: &Tolerance) -> String {
     } else if bound.is_some_and(|bound| bound <= tolerance.mm) {
         format!(
             "the bound is within the tolerance, the measurement's own uncertainty of {guard_mm:.3} mm is too much beside it: measure \
-             points and base more accurately, or more poses, which `posegrid plan` chooses"
+             points and base more accurately"
         )
-    } else if judge.remark.is_some() {
+    } else if let Some(judge) = judge.filter(|judge| judge.remark.is_some()) {
         format!(
             "find out whether {} is of this arm, and learn from it too if it is",
             judge.stations.words()
         )
     } else {
-        "measure more poses, which `posegrid plan` chooses".to_owned()
+        let limit = verdict.limit.clone();
+        limit.unwrap_or_else(|| "see on the page where the errors are".to_owned())
     }
 }
 
@@ -197,6 +209,16 @@ mod tests {
     };
 
     fn next(bound_mm: Option<f64>, poses: usize, guard_mm: f64, is_surveyed: bool) -> Next {
+        doubted(bound_mm, poses, guard_mm, (is_surveyed, None, false))
+    }
+
+    /// In a frame that is surveyed or that the poses do not fix, by logs that may disagree with the set-up.
+    fn doubted(
+        bound_mm: Option<f64>,
+        poses: usize,
+        guard_mm: f64,
+        (is_surveyed, open_mm, checks_set_up): (bool, Option<f64>, bool),
+    ) -> Next {
         let counted = Counted::once(poses);
         let verdict = TOLERANCE.verdict(bound_mm, counted, guard_mm);
         let figure = Accuracy {
@@ -225,20 +247,23 @@ mod tests {
             verdict,
             words: String::new(),
             remark: None,
+            harms: false,
             figure: Some(figure),
             covered: None,
         };
         let arm = vec![(Model::Full, ProductVerdict::of(vec![judge]))];
-        let verdict = RunVerdict::of(ProductVerdict::of(Vec::new()), arm, Model::Full);
+        let mut verdict = RunVerdict::of(ProductVerdict::of(Vec::new()), arm, Model::Full);
+        verdict.limit = Some("repeatability limits".to_owned());
         let frame = StatedFrame {
             is_surveyed,
             tracker_from_base: Isometry3::identity(),
             sd_mm: None,
             sd_deg: None,
             lever_sd_mm: None,
+            open_mm,
         };
         let stated = Stated::JointsOrConfiguration;
-        Next::of(&verdict, &frame, &TOLERANCE, stated, false)
+        Next::of(&verdict, &frame, &TOLERANCE, stated, checks_set_up)
     }
 
     #[test]
@@ -273,8 +298,11 @@ mod tests {
         let met = next(Some(0.2), 80, 0.05, true);
         assert_eq!((met.table(), &met.instead), ("calibrations", &None));
         assert_eq!(
-            met.command("lake/calibrations/r/mon/00ff.parquet"),
-            "posegrid compensate lake/calibrations/r/mon/00ff.parquet targets.csv --out corrected.csv"
+            met.command("lake/calibrations/r/mon/00ff.parquet")
+                .as_deref(),
+            Some(
+                "posegrid compensate lake/calibrations/r/mon/00ff.parquet targets.csv --out corrected.csv"
+            )
         );
         assert!(met.words().starts_with("correct targets that state joint"));
         let fitted = next(Some(0.2), 80, 0.05, false);
@@ -287,16 +315,35 @@ mod tests {
 
     #[test]
     fn a_set_up_that_is_doubted_is_checked_before_anything_else() {
-        for (bound_mm, sound) in [(0.2, "correct targets"), (0.9, "measure more poses")] {
-            let doubted = Next {
-                checks_set_up: true,
-                ..next(Some(bound_mm), 80, 0.05, true)
-            };
+        for (bound_mm, sound) in [(0.2, "correct targets"), (0.9, "repeatability limits")] {
+            let doubted = doubted(Some(bound_mm), 80, 0.05, (true, None, true));
             let words = doubted.words();
             let (first, then) = words.split_once(": ").expect("two parts");
             assert!(first.starts_with("check the set-up first"), "{words}");
             assert!(then.starts_with(sound), "{words}");
         }
+    }
+
+    #[test]
+    fn a_frame_that_the_poses_do_not_fix_is_fixed_first_and_what_harms_is_not_applied() {
+        let open = doubted(Some(0.2), 80, 0.05, (false, Some(38.0), true));
+        let words = open.words();
+        assert!(
+            words.starts_with(
+                "state [fit] target or measure poses of other tool orientations, and run again"
+            ),
+            "{words}"
+        );
+        assert!(words.ends_with("once the base is fixed: correct targets that state joint angles, or orientation and configuration"), "{words}");
+        let none = Next {
+            by: Applied::Nothing,
+            ..next(Some(0.9), 80, 0.05, false)
+        };
+        assert_eq!(none.command("f"), None);
+        assert_eq!(
+            none.words(),
+            "set the program's base to the fitted one, then correct nothing, as no correction helps; repeatability limits"
+        );
     }
 
     #[test]
@@ -310,14 +357,20 @@ mod tests {
             "{}",
             words(&few)
         );
-        assert!(few.command("f").ends_with(" --allow not-shown"));
+        assert!(
+            few.command("f")
+                .is_some_and(|own| own.ends_with(" --allow not-shown"))
+        );
         let far = of(Some(0.9), 80, 0.05);
         assert!(
-            words(&far).starts_with("measure more poses"),
+            words(&far).starts_with("repeatability limits"),
             "{}",
             words(&far)
         );
-        assert!(far.command("f").ends_with(" --allow not-met"));
+        assert!(
+            far.command("f")
+                .is_some_and(|own| own.ends_with(" --allow not-met"))
+        );
         let near = of(Some(0.48), 80, 0.05);
         assert!(
             words(&near).starts_with("the bound is within"),

@@ -28,6 +28,8 @@ pub enum Applied {
     Table,
     /// The best model that was identified: `calibrations`.
     IdentifiedArm,
+    /// Nothing, as neither helps: what is judged is the nominal arm on base and target as fitted.
+    Nothing,
 }
 
 impl Applied {
@@ -36,6 +38,7 @@ impl Applied {
         match self {
             Self::Table => "compensation table",
             Self::IdentifiedArm => "identified arm",
+            Self::Nothing => "nominal arm on its fitted base, as no correction helps",
         }
     }
 }
@@ -91,6 +94,12 @@ impl ProductVerdict {
         self.judges.iter().find_map(|judge| judge.covered.as_ref())
     }
 
+    /// Whether it harms: a judge finds that it does not help, other than a session that may be of another arm.
+    fn harms(&self) -> bool {
+        let mut judges = self.judges.iter();
+        judges.any(|judge| judge.harms && judge.remark.is_none())
+    }
+
     /// What the worst judges say, with who says it where several judge.
     fn why(&self) -> String {
         let named = |judge: &Judge| format!("{}: {}", judge.stations.words(), judge.reason());
@@ -116,21 +125,30 @@ pub struct RunVerdict {
     applied: Applied,
     table: ProductVerdict,
     arm: ProductVerdict,
+    /// The nominal arm with base and target fitted, which is what there is without a correction.
+    nominal: ProductVerdict,
     models: Vec<(Model, ProductVerdict)>,
+    /// What limits a result that does not meet the tolerance, and what would change it, in words; `None` of another.
+    pub limit: Option<String>,
 }
 
 impl RunVerdict {
     /// Of the table, and of each identified model, of which `best` serves. The verdict of the run is of what a user can apply best:
-    /// what is met, else what something is shown of; where both are alike, of the table if it answers for at least 95 % of the
-    /// measured stations, and of the identified arm otherwise.
+    /// what does not harm, of that what is met, else what something is shown of; where both are alike, of the table if it answers for at
+    /// least 95 % of the measured stations, and of the identified arm otherwise.
     pub fn of(table: ProductVerdict, models: Vec<(Model, ProductVerdict)>, best: Model) -> Self {
-        let own = models.iter().find(|(model, _)| *model == best);
-        let arm = own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone());
+        let of = |model: Model| {
+            let own = models.iter().find(|(own, _)| *own == model);
+            own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone())
+        };
+        let (arm, nominal) = (of(best), of(Model::BaseTarget));
         Self {
             applied: applied(&table, &arm),
             table,
             arm,
+            nominal,
             models,
+            limit: None,
         }
     }
 
@@ -144,6 +162,7 @@ impl RunVerdict {
         match self.applied {
             Applied::Table => &self.table,
             Applied::IdentifiedArm => &self.arm,
+            Applied::Nothing => &self.nominal,
         }
     }
 
@@ -181,7 +200,7 @@ impl RunVerdict {
     /// The same line of what the verdict of the run is not of.
     pub fn other_statement(&self) -> String {
         match self.applied {
-            Applied::Table => statement(Applied::IdentifiedArm, &self.arm),
+            Applied::Table | Applied::Nothing => statement(Applied::IdentifiedArm, &self.arm),
             Applied::IdentifiedArm => statement(Applied::Table, &self.table),
         }
     }
@@ -207,10 +226,14 @@ fn applied(table: &ProductVerdict, arm: &ProductVerdict) -> Applied {
     let answers = |covered: &Covered| covered.of_stations() >= ANSWERS;
     let (of_table, of_arm) = (says(table), says(arm));
     let is_short = !table.covered().is_some_and(answers);
-    if of_arm < of_table || (of_arm == of_table && is_short) {
-        Applied::IdentifiedArm
-    } else {
-        Applied::Table
+    match (table.harms(), arm.harms()) {
+        (false, true) if of_table < 2 => Applied::Table,
+        (_, true) => Applied::Nothing,
+        (true, false) => Applied::IdentifiedArm,
+        (false, false) if of_arm < of_table || (of_arm == of_table && is_short) => {
+            Applied::IdentifiedArm
+        }
+        (false, false) => Applied::Table,
     }
 }
 
@@ -393,6 +416,58 @@ mod tests {
         assert_eq!(shown.verdict(), Verdict::DoesNotMeet);
         let neither = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.1, 9));
         assert_eq!(neither.applied(), Applied::Table);
+    }
+
+    #[test]
+    fn a_correction_that_harms_is_not_what_the_verdict_is_of() {
+        // Mean error 0.218 mm before, 0.278 mm with the table, 0.048 mm by the arm.
+        let table = |harms| mon(0.45).harmed(harms);
+        let of_arm = |bound, harms| blocks(Model::Full, bound, 100).harmed(harms);
+        assert_eq!(
+            run(vec![table(false)], of_arm(0.126, false)).applied(),
+            Applied::Table
+        );
+        let arm = run(vec![table(true)], of_arm(0.126, false));
+        assert_eq!(
+            (arm.applied(), arm.verdict()),
+            (Applied::IdentifiedArm, Verdict::Meets)
+        );
+        assert!(
+            arm.other_statement()
+                .ends_with("here the errors are no smaller with it")
+        );
+        // Its bound of 0.45 mm is within the tolerance of 0.5 mm, and it does not meet it.
+        assert!(matches!(arm.table().verdict(), Verdict::NotShown(_)));
+        // An arm that is not within the tolerance is still more than a table that harms.
+        let far = run(vec![table(true)], of_arm(0.9, false));
+        assert_eq!(
+            (far.applied(), far.verdict()),
+            (Applied::IdentifiedArm, Verdict::DoesNotMeet)
+        );
+        assert_eq!(
+            run(vec![table(false)], of_arm(0.9, true)).applied(),
+            Applied::Table
+        );
+        let models = vec![
+            (
+                Model::BaseTarget,
+                ProductVerdict::of(vec![blocks(Model::BaseTarget, 0.4, 100)]),
+            ),
+            (Model::Full, ProductVerdict::of(vec![of_arm(0.42, true)])),
+        ];
+        let neither = RunVerdict::of(ProductVerdict::of(vec![table(true)]), models, Model::Full);
+        assert_eq!(
+            (neither.applied(), neither.verdict()),
+            (Applied::Nothing, Verdict::Meets)
+        );
+        // A session that may be of another arm is no judge of whether the correction helps.
+        let mut stranger = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.9, 60)).harmed(true);
+        stranger.remark = Some("the model hardly improves this session".to_owned());
+        let asked = run(vec![mon(0.2), stranger.clone()], stranger);
+        assert_eq!(
+            (asked.applied(), asked.verdict()),
+            (Applied::Table, Verdict::DoesNotMeet)
+        );
     }
 
     #[test]

@@ -195,14 +195,15 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     text
 }
 
-/// What to do with a result, with the command to type at the end of the line.
+/// What to do with a result, with the command to type, where there is one, at the end of the line.
 fn now(next: &Next, table: &Place) -> String {
     let copied = match table {
         Place::Path(_) => "",
         Place::Url(_) => ", with a copy of the table on this machine",
     };
-    let file = quoted(&near(table).to_string());
-    format!("now: {}{copied}: {}", next.words(), next.command(&file))
+    let command = next.command(&quoted(&near(table).to_string()));
+    let command = command.map_or_else(String::new, |own| format!("{copied}: {own}"));
+    format!("now: {}{command}", next.words())
 }
 
 /// A path as a shell takes it.

@@ -42,5 +42,6 @@ pub(in crate::io) fn stated(
         sd_mm,
         sd_deg,
         lever_sd_mm,
+        open_mm: None,
     }
 }

@@ -34,6 +34,8 @@ pub enum VerdictOf {
     Compensation,
     /// The arm as the best model identified it.
     Calibrations,
+    /// None, as no correction helps: the nominal arm on its fitted base.
+    Nothing,
     /// A plan of poses.
     SamplingPlan,
 }
@@ -44,6 +46,7 @@ impl VerdictOf {
         match self {
             Self::Compensation => Applied::Table.words(),
             Self::Calibrations => Applied::IdentifiedArm.words(),
+            Self::Nothing => Applied::Nothing.words(),
             Self::SamplingPlan => "plan",
         }
     }
@@ -54,6 +57,7 @@ impl From<Applied> for VerdictOf {
         match applied {
             Applied::Table => Self::Compensation,
             Applied::IdentifiedArm => Self::Calibrations,
+            Applied::Nothing => Self::Nothing,
         }
     }
 }
@@ -123,6 +127,7 @@ words! {
     VerdictOf {
         Compensation: "compensation",
         Calibrations: "calibrations",
+        Nothing: "nothing",
         SamplingPlan: "sampling_plan",
     }
     TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }

@@ -16,6 +16,9 @@ use crate::geometry::Transform;
 use crate::kinematics::Arm;
 use crate::report::frame::StatedFrame;
 
+/// Standard errors of an expanded uncertainty.
+const EXPANDED: f64 = 2.0;
+
 /// The error reference frame of a session with the `fitted` frames of base + target.
 pub(super) fn error_frame<'a>(
     arm: &'a Arm,
@@ -71,7 +74,19 @@ pub(super) fn frame(
         sd_mm,
         sd_deg: sd_rad.map(f64::to_degrees),
         lever_sd_mm: lever_sd_mm(settings),
+        open_mm: open_mm(base_target, session, settings),
     }
+}
+
+/// Standard error of the target's place that the poses tell from the base's by less than the tolerance asks, mm: in another orientation
+/// everything is off by as much. `None` where they do, and where neither base nor lever is of the fit.
+fn open_mm(base_target: &Calibration, session: usize, settings: &StageSettings) -> Option<f64> {
+    let is_stated = settings.target_is_tool == Some(true) || settings.fit.target.is_some();
+    let hangs_on_it = settings.surveyed().is_none() || !is_stated;
+    let open = base_target
+        .open_target_mm(session)
+        .filter(|_| hangs_on_it)?;
+    (EXPANDED * open > settings.tolerance.mm).then_some(open)
 }
 
 /// The uncertainty that the survey of the base, and the lever from measured target to tool, leave at every point; zero where the base

@@ -151,8 +151,10 @@ impl Judges<'_> {
         let tolerance = &self.settings.tolerance;
         let own = &self.own.0.name;
         let blocks = of_table(accuracy, Split::Blocks, own).map(|table| {
-            let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
-            Judge::blocks(own, table, covered, tolerance)
+            let chosen = grids.chosen();
+            let covered = chosen.and_then(|chosen| chosen.covered.as_ref());
+            let harms = chosen.is_some_and(|chosen| chosen.held_out.is_no_help());
+            Judge::blocks(own, table, covered, tolerance).harmed(harms)
         });
         let sessions = self.test.iter().zip(remarks).map(|(test, remark)| {
             let name = &test.session.name;
@@ -162,7 +164,8 @@ impl Judges<'_> {
             let row = grids.judged.iter().find(is_own);
             let covered = row.and_then(|row| row.covered.as_ref());
             let table = table.map(|table| (table, covered));
-            Judge::session(name, model, table, tolerance, remark.clone())
+            let harms = row.is_some_and(|row| row.held_out.is_no_help());
+            Judge::session(name, model, table, tolerance, remark.clone()).harmed(harms)
         });
         ProductVerdict::of(blocks.into_iter().chain(sessions).collect())
     }
@@ -176,12 +179,22 @@ impl Judges<'_> {
     ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
         let own = &self.own.0.name;
+        // Base and target alone, at the same stations with a base found in the same way.
+        let harms = |figure: &Accuracy| {
+            let (split, session) = (figure.subject.split, &figure.subject.of_session);
+            let alone = figure_of(accuracy, Model::BaseTarget, split, session);
+            let means = figure.figures.zip(alone.and_then(|alone| alone.figures));
+            let harms = means.is_some_and(|(own, alone)| own.mean >= alone.mean);
+            harms && model != Model::BaseTarget
+        };
         let blocks = figure_of(accuracy, model, Split::Blocks, own);
-        let blocks = blocks.map(|figure| Judge::blocks(own, figure, None, tolerance));
+        let blocks =
+            blocks.map(|figure| Judge::blocks(own, figure, None, tolerance).harmed(harms(figure)));
         let sessions = self.test.iter().zip(remarks).map(|(test, remark)| {
             let name = &test.session.name;
             let figure = figure_of(accuracy, model, Split::Session, name);
             Judge::session(name, figure, None, tolerance, remark.clone())
+                .harmed(figure.is_some_and(harms))
         });
         ProductVerdict::of(blocks.into_iter().chain(sessions).collect())
     }

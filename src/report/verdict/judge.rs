@@ -14,6 +14,8 @@ pub struct Judge {
     pub words: String,
     /// What else has to be known of it, in words: a session that the model does not fit.
     pub remark: Option<String>,
+    /// Whether the correction harms here: on average its errors are no smaller than without it.
+    pub harms: bool,
     /// The figure that its verdict is read from; `None` where there is none.
     pub figure: Option<Accuracy>,
     /// The part of the measured stations and of the box that what is judged answers for; `None` of an identified arm and of no
@@ -57,6 +59,7 @@ impl Judge {
             verdict: figure.verdict.clone(),
             words,
             remark: None,
+            harms: false,
             figure: Some(figure.clone()),
             covered: covered.copied(),
         }
@@ -93,9 +96,22 @@ impl Judge {
             ),
             words,
             remark,
+            harms: false,
             figure: decides.cloned(),
             covered: table.and_then(|(_, covered)| covered.copied()),
         }
+    }
+
+    /// This judge of a correction that `harms`, which does not meet the tolerance, however small its errors are.
+    #[must_use]
+    pub fn harmed(mut self, harms: bool) -> Self {
+        if harms {
+            self.words += "; it does not help: here the errors are no smaller with it";
+        }
+        if harms && self.verdict == Verdict::Meets {
+            self.verdict = Verdict::NotShown(self.words.clone());
+        }
+        Self { harms, ..self }
     }
 
     /// Who judges, and what they say, in a line that a person reads.

@@ -30,7 +30,7 @@ fn summary() -> Summary {
         next: Next {
             by: Applied::Table,
             stated: Stated::Joints,
-            checks_set_up: false,
+            first: "",
             sets_base: false,
             instead: Some(Instead {
                 words: "measure more".to_owned(),

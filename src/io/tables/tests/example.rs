@@ -415,6 +415,7 @@ fn outcome() -> Outcome<'static> {
             sd_mm: Some(0.01),
             sd_deg: Some(0.001),
             lever_sd_mm: None,
+            open_mm: None,
         },
         error_frame,
         grids,
