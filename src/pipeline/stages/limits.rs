@@ -34,7 +34,7 @@ impl Judges<'_> {
         };
         let base = accuracy.iter().find(|own| own.subject == all_find_it);
         let is_table = figure.subject.split == Split::Blocks && verdict.applied() == Applied::Table;
-        let direct = grids.chosen().filter(|_| is_table);
+        let direct = grids.deciding().filter(|_| is_table);
         let best = self.models.best().0;
         let mut near = semivariograms.iter().filter(|(of, _)| *of == best);
         let mut near = near.next()?.1.iter();

@@ -153,7 +153,8 @@ impl Judges<'_> {
         let blocks = of_table(accuracy, Split::Blocks, own).map(|table| {
             let chosen = grids.chosen();
             let covered = chosen.and_then(|chosen| chosen.covered.as_ref());
-            let harms = chosen.is_some_and(|chosen| chosen.held_out.is_no_help());
+            let mut harms = [chosen, grids.deciding()].into_iter().flatten();
+            let harms = harms.any(|own| own.held_out.is_no_help());
             Judge::blocks(own, table, covered, tolerance).harmed(harms)
         });
         let sessions = self.test.iter().zip(remarks).map(|(test, remark)| {
