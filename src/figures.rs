@@ -99,6 +99,15 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     Some(f64::midpoint(lower, upper))
 }
 
+/// Coverage factor of every expanded uncertainty (GUM): of U, and of all that stands behind a ±. For a normal distribution it
+/// covers 95 %.
+pub const COVERAGE_FACTOR: f64 = 2.0;
+
+/// What is stated behind a ±, of a standard error or deviation.
+pub fn expanded(standard: f64) -> f64 {
+    COVERAGE_FACTOR * standard
+}
+
 /// The 95 % quantile of chi squared with three degrees of freedom.
 pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 

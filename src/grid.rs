@@ -26,14 +26,14 @@ mod table;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-pub use choose::{Choice, Picked, Tolerance};
+pub use choose::{Choice, Picked, Tolerance, WITHIN_MM, notices_mm};
 pub use covered::Covered;
 pub use interpolation::Interpolation;
 pub use judge::HeldOut;
 pub use lattice::{Lattice, NoLattice, WorkBox};
 pub use measured::{MeasuredGrid, NotOnGrid};
 pub use node::{GridStation, PlacedGrid, Reach, Refusal};
-pub use settings::{GridSettings, Rule};
+pub use settings::{GridSettings, Rule, WITHIN};
 
 use crate::figures::{Figures, least_count};
 use crate::fit::ToolErrors;

@@ -8,7 +8,8 @@
 //!    one side cannot determine take no part, so priors and choices of datum cannot appear as a change.
 //! 3. For each part that may have moved, a test shows what its change alone explains ([`hypotheses`]). The smallest p-value
 //!    times the number of hypotheses, compared with [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts
-//!    that cannot be distinguished.
+//!    that cannot be distinguished. A part whose change does not reach the size that counts is not named, and its sessions stay
+//!    pooled, so that many small changes of one direction add up ([`notice`]).
 //! 4. The pool forgets the parts that moved. The next session shows whether the change lasts: if it agrees with the pool
 //!    before the change, the change was of one session alone.
 //! 5. Base, target and joints since the first session, and the accuracy figures, go on control charts ([`control`]) that
@@ -22,6 +23,7 @@ pub mod compare;
 pub mod control;
 pub mod estimate;
 pub mod hypotheses;
+pub mod notice;
 mod session_history;
 pub mod table_state;
 mod words;
@@ -33,6 +35,7 @@ use compare::Shift;
 use control::Charted;
 use estimate::Estimate;
 use hypotheses::{Asked, Finding, Hypothesis};
+use notice::Noticed;
 pub use session_history::{SessionHistory, between};
 
 /// Probability that a session without any change raises an alarm: one false alarm in 1000 sessions at most.
@@ -74,6 +77,8 @@ pub struct SessionFigures {
     pub estimate: Estimate,
     /// Its accuracy figures.
     pub accuracy: Vec<AccuracyFigure>,
+    /// The size from which a change counts; `None` where its run states no tolerance: then every significant one does.
+    pub noticed: Option<Noticed>,
 }
 
 /// The history's result for one session.
@@ -89,8 +94,13 @@ pub struct Judged {
     pub set_up_anew: Vec<Hypothesis>,
     /// The test of each hypothesis.
     pub asked: Vec<Asked>,
-    /// The parts that moved.
+    /// The parts that moved, by as much as counts.
     pub finding: Finding,
+    /// Parts that moved significantly, by less than counts.
+    pub small: Vec<Hypothesis>,
+    /// The size from which a change counts, mm; `None` where every significant one does.
+    #[serde(with = "bits::optional")]
+    pub least_mm: Option<f64>,
     /// Shifts of the parts named; of parts that cannot be distinguished, the first one's.
     pub moved: Vec<Shift>,
     /// Whether a change that the session before showed lasts; `None` when there was none.

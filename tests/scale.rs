@@ -17,6 +17,7 @@ use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
+use posegrid::report::compared::Pairs;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
@@ -107,6 +108,7 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
         estimate: String::new(),
         grids: String::new(),
         replaces: None,
+        pairs: Pairs::default(),
     };
     let key = RunKey::new("kr210", "monday", "00ff");
     let rows = RunRows::of(outcome, &context, &key).map_err(|error| error.to_string())?;

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::full::FullModel;
 use super::problem::Problem;
+use crate::figures::expanded;
 use crate::kinematics::{LinkQuantity, Parameter};
 
 /// A scale beyond this number of its standard deviations is named.
@@ -168,12 +169,13 @@ impl SessionScale {
                 ("short", "colder")
             };
             format!(
-                "session {}: positions are measured {:.0} ± {sd_ppm:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
+                "session {}: positions are measured {:.0} ± {:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
                  standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
                  lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot distinguish these, a known \
                  distance measured with the same tracker can",
                 self.session,
                 ppm.abs(),
+                expanded(sd_ppm),
                 EXPANSION_PPM_PER_K[0],
                 EXPANSION_PPM_PER_K[1],
             )

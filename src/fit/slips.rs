@@ -20,7 +20,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use super::observation::Observation;
 use super::wrong_lengths::{left_mm, shrunk};
 use super::{FitSettings, Freedom, Loss, Measured, SourceId, identify};
-use crate::figures::median;
+use crate::figures::{expanded, median};
 use crate::join::clock::SIGMA_PER_MAD;
 use crate::kinematics::Arm;
 
@@ -61,15 +61,12 @@ pub struct Slip {
 impl Slip {
     /// What was found, as text; `instrument` is its name.
     pub fn words(&self, instrument: &str) -> String {
-        let Self {
-            after,
-            before,
-            by_mm,
-            sd_mm,
-            ..
-        } = self;
         format!(
-            "{instrument} slipped between stations {after} and {before}: its readings from there on are off by {by_mm:+.3} ± {sd_mm:.3} mm"
+            "{instrument} slipped between stations {} and {}: its readings from there on are off by {:+.3} ± {:.3} mm",
+            self.after,
+            self.before,
+            self.by_mm,
+            expanded(self.sd_mm)
         )
     }
 }

@@ -65,6 +65,13 @@ impl Tolerance {
     }
 }
 
+/// The least change of an arm or its surroundings that matters to a tolerance, mm: the uncertainty U of one measured error, which a
+/// verdict sets aside, but a tenth of the tolerance at least and a third at most, the ratios between which metrology wants the
+/// uncertainty of a measurement and its tolerance.
+pub fn notices_mm(tolerance_mm: f64, guard_mm: f64) -> f64 {
+    guard_mm.max(tolerance_mm / 10.0).min(tolerance_mm / 3.0)
+}
+
 /// The choice of a rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picked {

@@ -66,20 +66,17 @@ impl Covered {
         self.of_like().is_none_or(|share| share >= ENOUGH)
     }
 
-    /// The coverage as text.
+    /// The coverage as text: of all measured stations, as a table that answers for all of its own orientation can answer for few.
     pub fn words(&self) -> String {
-        let of = if self.like == self.measured {
-            "measured stations".to_owned()
+        let like = if self.like == self.measured {
+            String::new()
         } else {
-            format!(
-                "stations of its orientation and configuration ({} measured in all)",
-                self.measured
-            )
+            format!(" ({} are of its orientation and configuration)", self.like)
         };
         format!(
-            "it answers for {} of {} {of} and {:.1} % of the box",
+            "it answers for {} of {} measured stations{like} and {:.1} % of the box",
             self.stations,
-            self.like,
+            self.measured,
             100.0 * self.of_box
         )
     }

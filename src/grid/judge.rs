@@ -31,8 +31,6 @@ pub struct HeldOut {
     /// Norms by pose of the errors of these stations with between-session variation, the same number for each; empty where
     /// that variation is not known, and in a row of steps, which keeps the bound they have.
     pub between_sessions: PoseErrors,
-    /// Norm of the same stations' errors without any correction, mm.
-    pub uncorrected: Vec<f64>,
     /// Norm of the errors that the model itself leaves on the same stations, without any grid, mm; empty for measured
     /// nodes.
     pub direct: Vec<f64>,
@@ -60,6 +58,10 @@ pub struct LeftAt {
     pub pose: usize,
     /// Number of the grid that judged, where several do; otherwise 0.
     pub sample: usize,
+    /// Commanded position of the tool point in the base frame, mm.
+    pub at: Point3<f64>,
+    /// Error without any correction, mm.
+    pub before: Vector3<f64>,
     /// Measured minus interpolated, mm.
     pub error: Vector3<f64>,
 }
@@ -88,6 +90,8 @@ impl HeldOut {
             station: station.number,
             pose: station.pose,
             sample,
+            at: station.position,
+            before: station.error,
             error: station.error - interpolated,
         };
         let norm = left.error.norm();
@@ -100,7 +104,6 @@ impl HeldOut {
                 .add(left.pose, left.station, sample, norm);
         }
         self.left.push(left);
-        self.uncorrected.push(station.error.norm());
         self.blocks.insert(station.fold);
         if let Some(predicted) = &answer.predicted {
             self.add_direct(station, predicted);
@@ -141,8 +144,8 @@ impl HeldOut {
 
     /// Whether the remaining errors are, on average, no smaller than the uncorrected ones: the grid does not help.
     pub fn is_no_help(&self) -> bool {
-        !self.norms.is_empty()
-            && self.norms.iter().sum::<f64>() >= self.uncorrected.iter().sum::<f64>()
+        let before = self.left.iter().map(|left| left.before.norm());
+        !self.norms.is_empty() && self.norms.iter().sum::<f64>() >= before.sum::<f64>()
     }
 }
 

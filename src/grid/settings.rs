@@ -78,8 +78,11 @@ fn default_power() -> f64 {
     2.0
 }
 
-fn default_within() -> f64 {
-    0.05
+/// Share of the model's own error by which a table may exceed it and still be near.
+pub const WITHIN: f64 = 0.05;
+
+const fn default_within() -> f64 {
+    WITHIN
 }
 
 /// The table's box, orientation and configuration.

@@ -61,18 +61,21 @@ pub struct Charted {
     /// The control limit of the average, to either side.
     #[serde(with = "bits::number")]
     pub limit: f64,
+    /// Whether the value differs from the mean of those before it by less than counts.
+    pub is_small: bool,
 }
 
 impl Charted {
-    /// Whether the average is beyond its limit; `None` where there is none yet.
+    /// Whether the average is beyond its limit, and the value as far off as counts; `None` where there is no average yet.
     pub fn is_out(&self) -> Option<bool> {
-        self.average.map(|average| average.abs() > self.limit)
+        self.average
+            .map(|average| average.abs() > self.limit && !self.is_small)
     }
 }
 
 impl Chart {
-    /// Puts the next value on the chart.
-    pub fn next(&mut self, name: &str, value: f64, sd: Option<f64>) -> Charted {
+    /// Puts the next value on the chart; it counts where it is `least` or more from the mean of those before it.
+    pub fn next(&mut self, name: &str, value: f64, sd: Option<f64>, least: f64) -> Charted {
         let score = self.score(value);
         if let Some(score) = score {
             self.average += WEIGHT * (score - self.average);
@@ -84,6 +87,7 @@ impl Chart {
             score,
             average: score.map(|_| self.average),
             limit: limit(),
+            is_small: (value - self.mean).abs() < least,
         };
         if charted.is_out() == Some(true) {
             *self = Self::default();
@@ -167,7 +171,7 @@ mod tests {
         let mut chart = Chart::default();
         let values = (0..20).map(|i| f64::from(i % 3)).chain([9.0; 6]);
         let out: Vec<bool> = values
-            .map(|value| chart.next("x", value, None).is_out() == Some(true))
+            .map(|value| chart.next("x", value, None, 0.0).is_out() == Some(true))
             .collect();
         // Before the step no value is out; the second value after it raises one alarm, and the chart restarts from it.
         assert_eq!(out.iter().position(|out| *out), Some(21));
@@ -178,7 +182,7 @@ mod tests {
     fn values_that_are_all_the_same_have_no_score() {
         let mut chart = Chart::default();
         for _ in 0..5 {
-            assert_eq!(chart.next("x", 1.0, None).is_out(), None);
+            assert_eq!(chart.next("x", 1.0, None, 0.0).is_out(), None);
         }
     }
 }

@@ -42,6 +42,8 @@ pub enum Hypothesis {
 pub enum HypothesisVerdict {
     /// It did not change by more than the covariances allow.
     NoChange,
+    /// It moved, by less than counts.
+    Small,
     /// It moved.
     Moved,
     /// One of several moved, which cannot be distinguished.
@@ -162,6 +164,26 @@ impl Finding {
             Self::Moved { one_of, .. } if one_of.contains(&part) => HypothesisVerdict::OneOfSeveral,
             _ => HypothesisVerdict::NoChange,
         }
+    }
+
+    /// What is left without the parts that are small, of those that cannot be distinguished by the first; and these.
+    pub(super) fn without(self, is_small: impl Fn(Hypothesis) -> bool) -> (Self, Vec<Hypothesis>) {
+        let Self::Moved { surely, one_of } = self else {
+            return (self, Vec::new());
+        };
+        let (mut small, surely): (Vec<_>, Vec<_>) =
+            surely.into_iter().partition(|part| is_small(*part));
+        let are_small = one_of.first().is_some_and(|first| is_small(*first));
+        let (gone, one_of) = if are_small {
+            (one_of, Vec::new())
+        } else {
+            (Vec::new(), one_of)
+        };
+        small.extend(gone);
+        if surely.is_empty() && one_of.is_empty() {
+            return (Self::Nothing, small);
+        }
+        (Self::Moved { surely, one_of }, small)
     }
 
     /// The parts that moved, the first of those that cannot be distinguished among them.

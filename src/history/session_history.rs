@@ -8,6 +8,7 @@ use super::compare::{Comparison, Shift};
 use super::control::{Chart, Charted};
 use super::estimate::{Column, Estimate};
 use super::hypotheses::{Finding, Hypothesis, find, hypotheses};
+use super::notice::Noticed;
 use super::{Basis, Judged, SET_UP_ANEW, SessionFigures};
 use crate::kinematics::Parameter;
 
@@ -40,10 +41,11 @@ impl SessionHistory {
                 self.first = Some(own.clone());
                 Judged::default()
             }
-            Some(pool) => self.held_against(pool, own),
+            Some(pool) => self.held_against(pool, own, session.noticed.as_ref()),
         };
         judged.segment = self.segment;
         judged.began = began;
+        judged.least_mm = session.noticed.as_ref().map(|own| own.least_mm);
         judged.charted = self.chart(session);
         judged
     }
@@ -63,13 +65,17 @@ impl SessionHistory {
         began
     }
 
-    fn held_against(&mut self, pool: Estimate, own: &Estimate) -> Judged {
-        let (pool, against, settles) = self.settled(pool, own);
+    fn held_against(
+        &mut self,
+        pool: Estimate,
+        own: &Estimate,
+        noticed: Option<&Noticed>,
+    ) -> Judged {
+        let (pool, against, settles) = self.settled(pool, own, noticed);
         let (known, anew) = without_parts_set_up_anew(&pool, own);
         let comparison = Comparison::new(&known, own);
-        let groups = hypotheses(comparison.columns());
-        let (asked, finding) = find(&comparison, &groups);
-        let moved = finding.parts();
+        let judged = tested(&comparison, noticed);
+        let moved = judged.finding.parts();
         let kept = forgetting(&known, &moved);
         self.before = (!moved.is_empty()).then(|| (known.clone(), against));
         let is_all = moved.contains(&Hypothesis::Anything);
@@ -79,23 +85,24 @@ impl SessionHistory {
         Judged {
             against,
             set_up_anew: anew,
-            asked,
-            moved: moved_by(&comparison, &finding),
-            finding,
             settles,
-            ..Judged::default()
+            ..judged
         }
     }
 
     /// The pool to compare with, its number of sessions, and whether the change before this session lasts.
-    fn settled(&mut self, pool: Estimate, own: &Estimate) -> (Estimate, usize, Option<bool>) {
+    fn settled(
+        &mut self,
+        pool: Estimate,
+        own: &Estimate,
+        noticed: Option<&Noticed>,
+    ) -> (Estimate, usize, Option<bool>) {
         let Some((before, count)) = self.before.take() else {
             return (pool, self.pooled, None);
         };
         let (known, _) = without_parts_set_up_anew(&before, own);
         let comparison = Comparison::new(&known, own);
-        let (_, finding) = find(&comparison, &hypotheses(comparison.columns()));
-        if finding == Finding::Nothing {
+        if tested(&comparison, noticed).finding == Finding::Nothing {
             (before, count, Some(false))
         } else {
             (pool, self.pooled, Some(true))
@@ -104,14 +111,17 @@ impl SessionHistory {
 
     fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {
         let mut charted = Vec::new();
-        for Shift { column, value, sd } in self.since_first(&session.estimate) {
-            let name = column.to_string();
+        let noticed = session.noticed.as_ref();
+        for shift in self.since_first(&session.estimate) {
+            let name = shift.column.to_string();
             let chart = self.charts.entry(name.clone()).or_default();
-            charted.push(chart.next(&name, value, Some(sd)));
+            let least = noticed.map_or(0.0, |own| own.least(shift.column));
+            charted.push(chart.next(&name, shift.value, Some(shift.sd), least));
         }
+        let least_mm = noticed.map_or(0.0, |own| own.least_mm);
         for figure in &session.accuracy {
             let chart = self.charts.entry(figure.name.clone()).or_default();
-            charted.push(chart.next(&figure.name, figure.value, None));
+            charted.push(chart.next(&figure.name, figure.value, None, least_mm));
         }
         charted
     }
@@ -149,7 +159,7 @@ impl SessionHistory {
 
 /// The change between two estimates of one arm.
 pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
-    SessionHistory::default().held_against(earlier.clone(), later)
+    SessionHistory::default().held_against(earlier.clone(), later, None)
 }
 
 /// The pool without a base or target that was set up anew in this session, and which were.
@@ -169,12 +179,30 @@ fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
     pool.without(|column| parts.iter().any(|part| part.has(column)))
 }
 
+/// The tests of every hypothesis, and what moved: by as much as counts, with its shifts, and by less.
+fn tested(comparison: &Comparison, noticed: Option<&Noticed>) -> Judged {
+    let (asked, found) = find(comparison, &hypotheses(comparison.columns()));
+    let mut shifts = moved_by(comparison, &found);
+    let of = |part: Hypothesis| shifts.iter().filter(move |own| part.has(&own.column));
+    let is_small = |part| noticed.is_some_and(|own| own.size_mm(of(part)) < own.least_mm);
+    let (finding, small) = found.without(is_small);
+    let named = finding.named();
+    shifts.retain(|own| {
+        named.iter().any(|part| part.has(&own.column)) && !named.contains(&Hypothesis::Anything)
+    });
+    Judged {
+        asked,
+        finding,
+        small,
+        moved: shifts,
+        ..Judged::default()
+    }
+}
+
 /// The shifts of the parts named, all estimated together.
 fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
     let named = finding.named();
-    let places = comparison.places(|column| {
-        named.iter().any(|part| part.has(column)) && !named.contains(&Hypothesis::Anything)
-    });
+    let places = comparison.places(|column| named.iter().any(|part| part.has(column)));
     comparison.explained(&places).shifts(comparison, &places)
 }
 

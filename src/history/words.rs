@@ -4,6 +4,7 @@ use super::Judged;
 use super::compare::Shift;
 use super::estimate::Column;
 use super::hypotheses::{Finding, Hypothesis};
+use crate::figures::expanded;
 use crate::kinematics::{Motion, Parameter};
 
 impl Judged {
@@ -56,7 +57,7 @@ impl Judged {
 
 /// The shift of a joint's zero, as text.
 fn offset(shift: &Shift) -> String {
-    let (value, sd) = (shift.value, shift.sd);
+    let (value, sd) = (shift.value, expanded(shift.sd));
     if matches!(shift.column, Column::Slide(_)) {
         return format!("moved by {value:.3} ± {sd:.3} mm");
     }
@@ -66,7 +67,7 @@ fn offset(shift: &Shift) -> String {
 /// The change of a joint's curve, as text: of one that slides with the position where it is largest.
 fn curve(shifts: &[&Shift]) -> String {
     let at = |shift: &&Shift| match shift.column {
-        Column::SlideCurve { at_mm, .. } => Some((at_mm, shift.value, shift.sd)),
+        Column::SlideCurve { at_mm, .. } => Some((at_mm, shift.value, expanded(shift.sd))),
         _ => None,
     };
     let values = shifts.iter().filter_map(at);

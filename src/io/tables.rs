@@ -59,7 +59,8 @@ use crate::ingest::PosesError;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
-use crate::report::{Accuracy, Angles, Model, Split};
+use crate::report::compared::{Compared, Pairs};
+use crate::report::{Angles, Model, Split};
 use accuracy::AccuracyRow;
 use calibrations::CalibrationRow;
 use clocks::ClockRow;
@@ -104,6 +105,8 @@ pub struct PublishContext<'a> {
     pub grids: String,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
+    /// Errors before and after.
+    pub pairs: Pairs,
 }
 
 /// The source of the grids' node values, and their judgement.
@@ -286,14 +289,16 @@ fn where_there(table: &Table) -> Option<&Table> {
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     let verdict = &outcome.verdict;
     let (figure, covered) = (verdict.headline().figure(), verdict.headline().covered());
-    let mean = |of: Option<&Accuracy>| Some(of?.figures?.mean);
+    let stated = context.pairs.stated();
+    let means = stated.and_then(Compared::figures);
     let starts = || outcome.training.iter().filter_map(JoinedSession::started);
     Ending {
         started: [
             outcome.training.last().and_then(JoinedSession::started),
             starts().min(),
         ],
-        means_mm: [mean(outcome.before()), mean(outcome.after())],
+        means_mm: means.map(|both| both.map(|own| own.mean)),
+        means_of: stated.map(Compared::of),
         verdict: (&verdict.verdict()).into(),
         reason: verdict.reason(),
         verdict_of: verdict.applied().into(),

@@ -8,10 +8,8 @@ use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::ParameterRow;
-use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
-use crate::report::Subject;
-use crate::report::compared::Compared;
+use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::next::Next;
 use crate::report::verdict::RunVerdict;
@@ -37,8 +35,8 @@ pub struct Content {
     pub next: Next,
     /// The command that corrects targets by the result, as it is typed beside the folder `lake`; `None` where nothing is corrected.
     pub command: Option<String>,
-    /// The errors before and after that the verdict's figure is of; `None` where no station judges.
-    pub compared: Option<Compared>,
+    /// Errors before and after.
+    pub pairs: Pairs,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
     pub bounds: Option<[[f64; 3]; 2]>,
     /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
@@ -59,8 +57,6 @@ pub struct Content {
     pub figures: Vec<AccuracyRow>,
     /// Rows of table `accuracy` of the tool tip.
     pub tip: Vec<AccuracyRow>,
-    /// Rows of table `residuals`, grouped by subject, in the subjects' order.
-    pub residuals: Vec<Residuals>,
     /// Rows of table `semivariograms`.
     pub semivariograms: Vec<SemivariogramRow>,
     /// Rows of table `joint_errors`.
@@ -75,13 +71,4 @@ pub struct Content {
     pub counts: Vec<Count>,
     /// Files, version and settings that the run was made from.
     pub provenance: Provenance,
-}
-
-/// Measured minus predicted at all stations of a subject.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Residuals {
-    /// The subject of the residuals.
-    pub subject: Subject,
-    /// The rows, in the order of the stations.
-    pub stations: Vec<ResidualRow>,
 }

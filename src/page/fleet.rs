@@ -43,8 +43,8 @@ fn reading(content: &Content) -> Markup {
     html! {
         ul {
             li { "Of each robot the newest session counts, by its current run; times are UTC. Last night are the 24 hours up to " (content.as_of_text()) "." }
-            li { "Verdict, bound and means are those of that run: the mean error before correction, and what is left of it at stations that took no part in the correction. The bound covers the share of positions that the pipeline file asks for; a robot is the worse, the larger its bound is over its own tolerance." }
-            li { "What moved is tested against all earlier sessions of the robot, with the covariances of both; what is out of control left the ordinary spread of the robot's own sessions. The robot's page has both over time." }
+            li { "Verdict, bound and means are those of that run, as its summary and page have them: the mean error before correction, and what is left of it, at the same stations, which took no part in the correction. The bound covers the share of positions that the pipeline file asks for; a robot is the worse, the larger its bound is over its own tolerance." }
+            li { "What moved is tested against all earlier sessions of the robot, with the covariances of both, and counts where it is as large as the tolerance notices; what is out of control left the ordinary spread of the robot's own sessions. The robot's page has both over time." }
             li { "Usually means the middle of the times between a robot's sessions." }
         }
     }

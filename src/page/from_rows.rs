@@ -4,18 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use super::content::{Content, Count, Provenance, Residuals, Session};
-use super::words;
+use super::content::{Content, Count, Provenance, Session};
 use crate::grid::Tolerance;
 use crate::io::lake::Lake;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
-use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};
 use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::Point;
-use crate::report::compared::Compared;
+use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::next::{Next, Stated};
 use crate::report::verdict::RunVerdict;
@@ -60,8 +58,8 @@ pub struct Statements {
     pub measured: Option<String>,
     /// What they were measured with: what it is, and its name or uncertainty.
     pub instruments: Vec<(&'static str, String)>,
-    /// The errors before and after that the verdict's figure is of; `None` where no station judges.
-    pub compared: Option<Compared>,
+    /// Errors before and after.
+    pub pairs: Pairs,
     /// Whether the table that drove the session still holds; `None` where no table did.
     pub table_state: Option<String>,
 }
@@ -105,7 +103,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         frame: *about.frame,
         next,
         command,
-        compared: about.said.compared.clone(),
+        pairs: about.said.pairs.clone(),
         bounds: about.bounds,
         measured: about.said.measured.clone(),
         instruments: about.said.instruments.clone(),
@@ -116,7 +114,6 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         steps: rows.steps.rows,
         figures,
         tip,
-        residuals: by_subject(rows.residuals.rows),
         semivariograms: rows.semivariograms.rows,
         joint_errors: rows.joint_errors.rows,
         parameters: rows.parameters.rows,
@@ -134,26 +131,6 @@ fn in_lake(table: &str, key: &RunKey) -> String {
         |_| format!("lake/{table}/…/{}.parquet", key.run),
         |place| place.to_string(),
     )
-}
-
-/// Groups the rows by subject, in the order of the stations; the table has them by fold.
-fn by_subject(rows: Vec<ResidualRow>) -> Vec<Residuals> {
-    let mut sets: Vec<Residuals> = Vec::new();
-    for row in rows {
-        let subject = row.subject();
-        match sets.iter_mut().find(|set| set.subject == subject) {
-            Some(set) => set.stations.push(row),
-            None => sets.push(Residuals {
-                subject,
-                stations: vec![row],
-            }),
-        }
-    }
-    for set in &mut sets {
-        set.stations.sort_by_key(|station| station.station);
-    }
-    sets.sort_by(|a, b| words::order(&a.subject).cmp(&words::order(&b.subject)));
-    sets
 }
 
 /// The sessions in the order of the work, those that trained first.

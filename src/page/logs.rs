@@ -6,6 +6,7 @@ use maud::{Markup, html};
 
 use super::content::{Content, Session};
 use super::words;
+use crate::figures::expanded;
 use crate::io::table::Word as _;
 use crate::io::tables::stations::PairingVerdict;
 use crate::units::NS_PER_S;
@@ -17,7 +18,7 @@ pub(super) fn clocks_section(content: &Content) -> Option<Markup> {
     let head = html! { th { "Session" } th { "Stations" } th { "Measured" } th.word { "Not measured" } th { "Tracker's clock ahead, s" } th { "Runs faster, ppm" } th { "Edges" } th { "rms, ms" } };
     let body = html! { @for session in &content.sessions { (clock_row(session)) } };
     Some(html! {
-        p { "The tracker's clock against the controller's, at the first stamp of the controller's log, with standard errors." }
+        p { "The tracker's clock against the controller's, at the first stamp of the controller's log, ± two standard errors." }
         (super::table(&head, &body))
         @for session in &content.sessions { p.note { (session.name) ": " (session.clock.method) "." } }
     })
@@ -38,8 +39,8 @@ fn clock_row(session: &Session) -> Markup {
             td { (all) }
             td { (paired) }
             td.word { (unmeasured(session)) }
-            td { (words::fixed(clock.offset_ns / NS_PER_S, 4)) " ± " (words::fixed(clock.offset_se_ns / NS_PER_S, 4)) }
-            td { (words::fixed(clock.drift_ppm, 2)) " ± " (words::fixed(clock.drift_se_ppm, 2)) }
+            td { (words::fixed(clock.offset_ns / NS_PER_S, 4)) " ± " (words::fixed(expanded(clock.offset_se_ns) / NS_PER_S, 4)) }
+            td { (words::fixed(clock.drift_ppm, 2)) " ± " (words::fixed(expanded(clock.drift_se_ppm), 2)) }
             td { (clock.matched_edges) }
             td { (words::fixed(clock.edge_rms_ns / 1e6, 2)) }
         }

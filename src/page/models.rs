@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
+use crate::figures::expanded;
 use crate::fit::CONDITION_LIMIT;
 use crate::io::tables::calibrations::CalibrationRow;
 
@@ -26,8 +27,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         p.note { "An s² far above 1 shows that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
         @if let (Some(size), Some(se)) = (first.camera_size, first.camera_size_se) {
             p {
-                "The camera's noise is " (words::number(size, 2)) " ± " (words::number(se, 2))
-                " times what is stated for it, by likelihood (± one standard error); every model counts it so."
+                "The camera's noise is " (words::number(size, 2)) " ± " (words::number(expanded(se), 2))
+                " times what is stated for it, by likelihood (± two standard errors); every model counts it so."
             }
         }
         @for calibration in ill {

@@ -4,15 +4,13 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
+use crate::figures::expanded;
 use crate::fit::Identifiability;
 use crate::io::tables::parameters::{BelongsTo, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Marks, Series};
 use crate::report::symbols::symbol;
-
-/// Half-width of a 95 % interval of a Gaussian, in standard errors.
-const REACH: f64 = 1.96;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let of = |model: Model| -> Vec<&ParameterRow> {
@@ -30,7 +28,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         own.iter().partition(|p| is_identifiable(p));
     Some(html! {
         p {
-            "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals. "
+            "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals (± two standard errors). "
             (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } ", where θ₁ is " code { "theta_1" } "."
         }
         div.pair {
@@ -68,7 +66,7 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
     };
     let points = numbered().map(|(x, own)| [x, scale * own.offset]);
     let span = |(x, own): (f64, &ParameterRow)| {
-        let half = REACH * own.standard_error?;
+        let half = expanded(own.standard_error?);
         Some([x, scale * (own.offset - half), scale * (own.offset + half)])
     };
     let found = vec![
@@ -156,7 +154,7 @@ fn values(parameter: &ParameterRow) -> Markup {
             None => { td { "0" } td { "by convention" } },
             Some(error) => {
                 td { data value=(parameter.offset) { (fixed(parameter.offset)) } }
-                td { (fixed(parameter.offset - REACH * error)) " … " (fixed(parameter.offset + REACH * error)) }
+                td { (fixed(parameter.offset - expanded(error))) " … " (fixed(parameter.offset + expanded(error))) }
             },
         }
     }

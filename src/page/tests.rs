@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, ParsingOptions};
 
-use super::content::{Content, Count, Provenance, Residuals, Session};
+use super::content::{Content, Count, Provenance, Session};
 use super::html;
 use super::shell::STYLE;
 use crate::figures::Counted;
@@ -18,13 +18,12 @@ use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::rejects::{RejectKind, RejectRow, Stage};
-use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::semivariograms::{self, SemivariogramRow};
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::kinematics::Convention;
-use crate::report::compared::{Compared, ErrorPair};
+use crate::report::compared::{Compared, ErrorPair, Pairs};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
 use crate::report::next::{Next, Stated};
@@ -84,39 +83,6 @@ fn figure(
         reason: Some(of.to_owned()),
         table_id: None,
     }
-}
-
-fn residuals(name: &str) -> Vec<Residuals> {
-    let row = |model, station: u32, size: f64| {
-        let t = f64::from(station);
-        ResidualRow {
-            split: Split::Blocks,
-            model,
-            angles: Angles::Commanded,
-            base_refit: BaseRefit::None,
-            role: Role::HeldOut,
-            fold: Some(0),
-            of_session: name.to_owned(),
-            station: station as usize,
-            target: None,
-            pose: station as usize,
-            used_for_refit: false,
-            at: [100.0 * t.sin(), 80.0 * t.cos(), 5.0 * t],
-            residual: [size, size * t.sin(), 0.0],
-            residual_mm: size,
-            turned: None,
-            predicted_cov_mm2: None,
-            mahalanobis_squared: None,
-            weight: None,
-        }
-    };
-    let of = |(model, size)| Residuals {
-        subject: subject(model, name),
-        stations: (0..80).map(|i| row(model, i, size)).collect(),
-    };
-    [(Model::BaseTarget, 0.5), (Model::Full, 0.05)]
-        .map(of)
-        .into()
 }
 
 fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
@@ -405,6 +371,7 @@ fn compared(name: &str) -> Compared {
         }
     };
     Compared {
+        is_measured: false,
         before: name.to_owned(),
         after: name.to_owned(),
         frame: name.to_owned(),
@@ -442,7 +409,10 @@ fn content(name: &str) -> Content {
             instead: None,
         },
         command: Some(format!("posegrid compensate lake/{name}")),
-        compared: Some(compared(name)),
+        pairs: Pairs {
+            predicted: Some(compared(name)),
+            ..Pairs::default()
+        },
         bounds: Some([[-100.0, -80.0, 0.0], [100.0, 80.0, 400.0]]),
         measured: Some(text()),
         instruments: vec![("Arm", text())],
@@ -475,7 +445,6 @@ fn content(name: &str) -> Content {
                 FigureKind::Iso9283,
             ),
         ],
-        residuals: residuals(name),
         semivariograms: variograms(),
         joint_errors: joint_errors(name),
         parameters: vec![parameter(name)],
@@ -603,13 +572,12 @@ fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
             "9 held-out stations; 59 are needed",
             Verdict::NotShown(String::new()),
         ),
-        compared: None,
+        pairs: Pairs::default(),
         bounds: None,
         measured: None,
         instruments: Vec::new(),
         steps: Vec::new(),
         figures: Vec::new(),
-        residuals: Vec::new(),
         semivariograms: Vec::new(),
         joint_errors: Vec::new(),
         parameters: Vec::new(),

@@ -24,6 +24,7 @@ pub(super) fn header(content: &Content) -> Markup {
             (frame(content))
             (to_do(content))
             (facts(content, chosen))
+            @if let Some(three) = &content.pairs.table_and_arm { p { (capital(&three.words())) "." } }
             (instruments(content))
             details {
                 summary { "The verdict in full" }
@@ -161,11 +162,11 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
                 (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
                     "guarded by U = " (words::fixed(figure.expanded_uncertainty_mm, 3)) " mm"
                 }))
-                (fact("Mean error", &mm(figure.figures.map(|own| own.mean)), &html! {
-                    @if let Some([before, _]) = content.compared.as_ref().and_then(Compared::figures) {
+                @if let Some([before, after]) = content.pairs.predicted.as_ref().and_then(Compared::figures) {
+                    (fact("Mean error", &mm(Some(after.mean)), &html! {
                         "before: " (words::fixed(before.mean, 3)) " mm at the same stations"
-                    }
-                }))
+                    }))
+                }
                 (fact("Judged on", &html! { (words::whole(figure.counted.poses as u64)) }, &html! {
                     "held-out poses"
                     @if figure.counted.visits > figure.counted.poses { " in " (words::whole(figure.counted.visits as u64)) " visits" }
@@ -176,9 +177,11 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
                 (fact("Step of the table", &html! { (step.step_mm) " mm" }, &html! {
                     (words::whole(step.nodes.unwrap_or(0) as u64)) " nodes, " (step.source.word()) ", " (step.interpolation.word())
                 }))
-                (fact("The table answers for", &html! { (percent(step.like_covered_share)) }, &html! {
-                    "of the measured stations of its orientation and configuration, " (percent(step.stations_covered_share)) " of all, "
-                    (percent(step.box_covered_share)) " of the box"
+            }
+            @if let Some(covered) = content.verdict.table().covered() {
+                (fact("The table answers for", &html! { (covered.stations) " of " (covered.measured) }, &html! {
+                    "measured stations; " (covered.like) " are of its orientation and configuration; " (words::fixed(100.0 * covered.of_box, 1))
+                    " % of the box"
                 }))
             }
         }
@@ -187,11 +190,6 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
 
 pub(super) fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
     html! { div { dt { (name) } dd { (value) small { (beside) } } } }
-}
-
-/// A share in percent.
-fn percent(share: Option<f64>) -> Markup {
-    html! { @match share { Some(share) => { (words::number(100.0 * share, 1)) " %" }, None => "–" } }
 }
 
 pub(super) fn mm(value: Option<f64>) -> Markup {

@@ -19,7 +19,7 @@ mod session;
 
 use nalgebra::Isometry3;
 
-use super::compared::compared;
+use super::compared::pairs;
 use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
@@ -40,6 +40,7 @@ use crate::join::{SourceId, Station};
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
+use crate::report::compared::Pairs;
 use crate::report::{Angles, Split};
 
 use earlier::Earlier;
@@ -320,9 +321,8 @@ fn run_local(
     let on_top = on_top_of(configuration, piece);
     let remarks = driven.lines.iter().cloned().chain(promised).chain(on_top);
     let remarks: Vec<String> = remarks.collect();
-    let compared = compared(&outcome);
     let said = Statements {
-        compared: compared.clone(),
+        pairs: context.pairs.clone(),
         ..said(configuration, &outcome, &remarks, driven.state.clone())?
     };
     let rows = RunRows::of(&outcome, &context, &key)?;
@@ -331,7 +331,7 @@ fn run_local(
         &configuration.arm,
         &configuration.stages.tolerance,
         &rows.parameters.rows,
-        compared.as_ref(),
+        &context.pairs,
         driven.state.as_deref(),
     );
     let corrects = lake.place(summary.next.table(), &key)?;
@@ -380,7 +380,7 @@ fn said(
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
         rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
-        warnings: warnings(outcome),
+        warnings: warnings(outcome, &configuration.stages.tolerance),
         doubts_set_up: outcome.doubts_set_up(),
         notes: notes(outcome)
             .into_iter()
@@ -389,7 +389,7 @@ fn said(
         table_state,
         measured: when(outcome),
         instruments: instruments(configuration),
-        compared: None,
+        pairs: Pairs::default(),
     })
 }
 
@@ -484,6 +484,7 @@ fn context<'a>(
         estimate: String::new(),
         grids: String::new(),
         replaces,
+        pairs: pairs(outcome),
     }
 }
 

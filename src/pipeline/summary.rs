@@ -4,16 +4,17 @@
 
 use std::fmt::Write as _;
 
+use super::damage;
 use super::words::references;
-use super::{compared, damage};
+use crate::figures::expanded;
 use crate::fit::{Identifiability, Model};
-use crate::grid::Tolerance;
+use crate::grid::{Tolerance, notices_mm};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
 use crate::kinematics::Arm;
-use crate::report::compared::Compared;
+use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
 use crate::report::next::Stated;
 use crate::report::symbols::symbol;
@@ -37,7 +38,7 @@ pub(super) fn summary(
     arm: &Arm,
     tolerance: &Tolerance,
     parameters: &[ParameterRow],
-    compared: Option<&Compared>,
+    pairs: &Pairs,
     table_state: Option<&str>,
 ) -> Summary {
     let verdict = &outcome.verdict;
@@ -47,11 +48,11 @@ pub(super) fn summary(
         tolerance.mm,
         verdict.statement()
     ));
-    findings.extend(before_and_after(outcome, compared, table_state));
+    findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
     Summary {
         read: read(outcome),
-        warnings: warnings(outcome),
+        warnings: warnings(outcome, tolerance),
         findings,
         next: Next::of(
             verdict,
@@ -65,7 +66,8 @@ pub(super) fn summary(
 
 /// What has to be known of a run before anything else: that its frame is not fixed, where its logs disagree with the stated set-up, and
 /// what they lost.
-pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
+pub(super) fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<String> {
+    let least_mm = notices_mm(tolerance.mm, outcome.grids.guard_mm);
     let sessions = || outcome.training.iter().chain(&outcome.test);
     let set_up = sessions().filter_map(|session| {
         let finding = session.set_up.as_ref()?;
@@ -80,7 +82,7 @@ pub(super) fn warnings(outcome: &Outcome<'_>) -> Vec<String> {
     open.chain(set_up)
         .chain(lost)
         .chain(slips)
-        .chain(references::warned(outcome))
+        .chain(references::warned(outcome, least_mm))
         .collect()
 }
 
@@ -142,21 +144,12 @@ fn days(sessions: &[JoinedSession]) -> Option<String> {
     })
 }
 
-/// The errors before and after: measured where a table drove the session, otherwise as the verdict's figure has them.
-fn before_and_after(
-    outcome: &Outcome<'_>,
-    compared: Option<&Compared>,
-    table_state: Option<&str>,
-) -> Vec<String> {
-    let measured = compared::measured(outcome).and_then(|own| own.words());
-    if let Some(measured) = measured {
-        let state = table_state.unwrap_or("driven by a table");
-        return vec![format!("before → after, measured: {measured}; {state}")];
-    }
-    let predicted = compared.and_then(Compared::words);
-    let predicted = predicted.map(|words| format!("before → after, predicted: {words}"));
+/// The errors before and after, with the state of the table that drove the session.
+fn before_and_after(pairs: &Pairs, table_state: Option<&str>) -> Vec<String> {
+    let words = pairs.stated().and_then(Compared::words);
     let state = table_state.map(|state| format!("driven by a table: {state}"));
-    predicted.into_iter().chain(state).collect()
+    let three = pairs.table_and_arm.as_ref().map(TableAndArm::words);
+    words.into_iter().chain(three).chain(state).collect()
 }
 
 /// Most parameters that are named because they are not identifiable.
@@ -184,7 +177,8 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
         links.len()
     );
     if !clearest.is_empty() {
-        write!(words, ", most clearly {}", clearest.join(" and ")).expect("a string");
+        let clearest = clearest.join(" and ");
+        write!(words, ", most clearly {clearest} (± two standard errors)").expect("a string");
     }
     if !not.is_empty() {
         let named: Vec<String> = not.iter().take(NAMED).map(|own| confounded(own)).collect();
@@ -207,7 +201,7 @@ fn clarity(parameter: &ParameterRow) -> f64 {
     error.map_or(0.0, |error| parameter.offset.abs() / error)
 }
 
-/// An offset with its standard error.
+/// An offset with twice its standard error.
 fn value(parameter: &ParameterRow) -> String {
     let (unit, scale) = match parameter.unit {
         Unit::Mm => (" mm", 1.0),
@@ -215,7 +209,9 @@ fn value(parameter: &ParameterRow) -> String {
         Unit::One => ("", 1.0),
     };
     let error = parameter.standard_error;
-    let error = error.map_or_else(String::new, |error| format!(" ± {:.3}", scale * error));
+    let error = error.map_or_else(String::new, |error| {
+        format!(" ± {:.3}", scale * expanded(error))
+    });
     format!(
         "{} {:+.3}{error}{unit}",
         symbol(&parameter.parameter),

@@ -3,7 +3,7 @@
 pub(super) mod references;
 
 use super::stages::scales;
-use crate::figures::median;
+use crate::figures::{expanded, median};
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::stated_size::FoundSize;
@@ -81,7 +81,10 @@ fn camera_words(outcome: &Outcome<'_>) -> Option<String> {
     Some(format!(
         "camera: noise {:.2} ± {:.2} times what is stated for it, by likelihood over {} readings, beside {:.3} mm per axis that is not the \
          camera's",
-        found.size, found.size_se, found.readings, found.beside_mm
+        found.size,
+        expanded(found.size_se),
+        found.readings,
+        found.beside_mm
     ))
 }
 
@@ -93,7 +96,8 @@ fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
         let turns = if own.is_apart {
             format!(
                 " of positions, {:.2} ± {:.2} times of orientations",
-                size.orientation, error.orientation
+                size.orientation,
+                expanded(error.orientation)
             )
         } else {
             String::new()
@@ -101,7 +105,10 @@ fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
         format!(
             "{session}: the noise of its readings is {:.2} ± {:.2} times what they state of themselves{turns}, by likelihood over {} \
              readings, beside {:.3} mm per axis of the arm",
-            size.position, error.position, own.readings, own.beside_mm
+            size.position,
+            expanded(error.position),
+            own.readings,
+            own.beside_mm
         )
     };
     outcome.stated_sizes.iter().map(words)
@@ -119,7 +126,7 @@ fn rival_words(outcome: &Outcome<'_>) -> Option<String> {
     let won = figure.beside?.after_choice?;
     Some(format!(
         "the table's node values are of a rival, {}: on held-out blocks of {session} that did not choose it its mean error is {:.4} ± {:.4} mm \
-         less than that of {} ({} stations in {} blocks, two standard errors)",
+         less than that of {} ({} stations in {} blocks)",
         outcome.gridded.about().name,
         -won.mean_mm,
         won.expanded_mm,
@@ -200,7 +207,7 @@ fn several_sources(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
         let size = &own.size;
         let error = size
             .factor_error()
-            .map_or_else(String::new, |error| format!(" ± {error:.2}"));
+            .map_or_else(String::new, |error| format!(" ± {:.2}", expanded(error)));
         let left = own.held_out_rms_mm.map_or_else(String::new, |rms_mm| {
             let full = outcome
                 .sources

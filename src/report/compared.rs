@@ -1,12 +1,67 @@
-//! The errors that a run's headline is of: before and after a correction, at the same stations and in one frame.
+//! The errors that a run states before and after a correction: at the same stations, in one frame and at the same angles. They are made once
+//! ([`Pairs`]) and shown everywhere: summary, page, `runs` and all that reads it.
 
 use nalgebra::{Point3, Vector3};
 
+use super::Subject;
 use crate::figures::Figures;
+use crate::grid::{WITHIN, WITHIN_MM};
 
-/// Errors before and after a correction, in one frame.
+/// The errors before and after of one run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Pairs {
+    /// Those that were measured of the table that drove the session; `None` where none did.
+    pub measured: Option<Compared>,
+    /// Those that the verdict's figure is of; `None` where no station judges.
+    pub predicted: Option<Compared>,
+    /// What the table leaves beside the identified arm; `None` where nothing shows both.
+    pub table_and_arm: Option<TableAndArm>,
+    /// Of several sessions that trained together, those of the identified arm in each session: of held-out blocks, and of an estimate
+    /// without it.
+    pub of_sessions: Vec<(Subject, Compared)>,
+}
+
+/// Mean errors where the table answers, of the same held-out stations, in one frame and at commanded angles, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableAndArm {
+    /// Before correction.
+    pub before_mm: f64,
+    /// By the table.
+    pub table_mm: f64,
+    /// By the identified arm that the table is made from.
+    pub arm_mm: f64,
+    /// Number of stations.
+    pub stations: usize,
+}
+
+impl TableAndArm {
+    /// The three figures in a sentence, and which to use where the table does not come near the arm.
+    pub fn words(&self) -> String {
+        let use_arm = if self.table_mm - self.arm_mm > (WITHIN * self.arm_mm).max(WITHIN_MM) {
+            "; the table does not come near the arm: correct by the identified arm (calibrations) what states joint angles or a pose"
+        } else {
+            ""
+        };
+        format!(
+            "where the table answers: mean {:.3} mm before, {:.3} mm by the table, {:.3} mm by the identified arm ({} held-out stations, \
+             commanded angles){use_arm}",
+            self.before_mm, self.table_mm, self.arm_mm, self.stations
+        )
+    }
+}
+
+impl Pairs {
+    /// The errors that stand for the run: measured where there are any, else predicted.
+    pub fn stated(&self) -> Option<&Compared> {
+        self.measured.as_ref().or(self.predicted.as_ref())
+    }
+}
+
+/// Errors before and after a correction, in one frame; of one station at least.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Compared {
+    /// Whether the errors after were measured, in a session that the correction drove, and not predicted.
+    pub is_measured: bool,
     /// The errors before, in words: `the raw command`.
     pub before: String,
     /// What corrects, in words: `compensation table`.
@@ -50,20 +105,43 @@ impl Compared {
         stations.len()
     }
 
-    /// The figures in a line; `None` without any station.
-    pub fn words(&self) -> Option<String> {
-        let [before, after] = self.figures()?;
-        Some(format!(
-            "mean {:.3} → {:.3} mm, largest {:.3} → {:.3} mm ({} → {}, {}, {} stations of {})",
-            before.mean,
-            after.mean,
-            before.max,
-            after.max,
+    /// Whether what is left was measured or is predicted, in a word.
+    const fn evidence(&self) -> &'static str {
+        if self.is_measured {
+            "measured"
+        } else {
+            "predicted"
+        }
+    }
+
+    /// What both errors are errors of, in words.
+    fn subject(&self) -> String {
+        format!(
+            "{} → {}, {}, {} stations of {}",
             self.before,
             self.after,
             self.frame,
             self.count(),
             self.stations
+        )
+    }
+
+    /// What both figures are of, in words: by them figures of one session are told apart.
+    pub fn of(&self) -> String {
+        format!("{}: {}", self.evidence(), self.subject())
+    }
+
+    /// The figures in a line; `None` without any station.
+    pub fn words(&self) -> Option<String> {
+        let [before, after] = self.figures()?;
+        Some(format!(
+            "before → after, {}: mean {:.3} → {:.3} mm, largest {:.3} → {:.3} mm ({})",
+            self.evidence(),
+            before.mean,
+            after.mean,
+            before.max,
+            after.max,
+            self.subject()
         ))
     }
 }
@@ -81,6 +159,7 @@ mod tests {
             after: Vector3::y() * after,
         };
         let compared = Compared {
+            is_measured: false,
             before: "raw command".to_owned(),
             after: "compensation table".to_owned(),
             frame: "in the surveyed base".to_owned(),
@@ -91,8 +170,8 @@ mod tests {
         assert_eq!(
             compared.words().as_deref(),
             Some(
-                "mean 1.667 → 0.200 mm, largest 2.000 → 0.300 mm (raw command → compensation table, in the surveyed base, \
-                 2 stations of held-out blocks of mon)"
+                "before → after, predicted: mean 1.667 → 0.200 mm, largest 2.000 → 0.300 mm (raw command → compensation table, \
+                 in the surveyed base, 2 stations of held-out blocks of mon)"
             )
         );
         let none = Compared {

@@ -10,11 +10,8 @@ use std::collections::BTreeMap;
 use nalgebra::Point3;
 
 use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::figures::{Figures, LEAST_BLOCKS, clustered_mean};
+use crate::figures::{Figures, LEAST_BLOCKS, clustered_mean, expanded};
 use crate::fit::Blocks;
-
-/// Standard errors by which a model has to be better.
-const STANDARD_ERRORS: f64 = 2.0;
 
 /// A rival's errors minus those of the model that corrects, on the same stations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,7 +133,7 @@ fn difference(
     let (mean_mm, standard_error_mm) = clustered_mean(&differences, &cells)?;
     (distinct.len() >= LEAST_BLOCKS).then_some(Difference {
         mean_mm,
-        expanded_mm: STANDARD_ERRORS * standard_error_mm,
+        expanded_mm: expanded(standard_error_mm),
         stations: differences.len(),
         blocks: distinct.len(),
     })

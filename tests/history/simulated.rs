@@ -10,6 +10,7 @@ use posegrid::geometry::isometry_from_rpy;
 use posegrid::history::compare::Comparison;
 use posegrid::history::estimate::{Column, Estimate};
 use posegrid::history::hypotheses::{Asked, Finding, Hypothesis, find, hypotheses};
+use posegrid::history::notice::Noticed;
 use posegrid::history::{Basis, Judged, SessionFigures, SessionHistory};
 use posegrid::kinematics::{Arm, Axis, LinkQuantity, Motion, Parameter, RobotFile};
 use posegrid::simulate::{
@@ -243,6 +244,7 @@ pub fn figures(estimate: Estimate) -> SessionFigures {
         model: name(),
     };
     SessionFigures {
+        noticed: None,
         basis,
         estimate,
         accuracy: Vec::new(),
@@ -311,6 +313,39 @@ fn the_whole_model_finds_what_moved_from_measured_stations() {
         .filter(|shift| shift.column.unit_name() == "mm");
     let length = along.map(|shift| shift.value.powi(2)).sum::<f64>().sqrt();
     assert!((length - 0.2).abs() < 0.04, "{length}");
+}
+
+#[test]
+fn a_change_counts_by_its_size_and_many_small_ones_add_up() {
+    let (arm, mm) = (arm(), 0.15);
+    let mut drawing = Drawing::new(&geometric(&arm), 5);
+    let ranges: Vec<[f64; 2]> = HOME_DEG
+        .iter()
+        .zip(SPREAD_DEG)
+        .map(|(home, side)| [home - side, home + side].map(f64::to_radians))
+        .collect();
+    let target = isometry_from_rpy([25.0, -40.0, 100.0], [0.0; 3]);
+    let mut session_history = SessionHistory::default();
+    // The base creeps by 0.05 mm a session; session k is compared with the mean of those before it, 0.025 (k + 1) mm away.
+    let judged: Vec<Judged> = (0..8)
+        .map(|session| {
+            let truth = [(base(Axis::X), 0.05 * f64::from(session))];
+            let figures = figures(drawing.next(&truth));
+            let columns = figures.estimate.columns().to_vec();
+            session_history.next(&SessionFigures {
+                noticed: Some(Noticed::new(mm, &columns, (&arm, &target), &ranges)),
+                ..figures
+            })
+        })
+        .collect();
+    told(&judged);
+    let first = judged
+        .iter()
+        .position(|own| own.finding != Finding::Nothing);
+    assert!(matches!(first, Some(5..8)), "{first:?}");
+    // Before it counts, it is significant.
+    assert!(judged[..5].iter().any(|own| !own.small.is_empty()));
+    assert!(judged[..5].iter().all(|own| own.in_words().is_none()));
 }
 
 #[test]

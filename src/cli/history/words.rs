@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::history::FALSE_ALARM;
 use crate::io::tables::past::PastSession;
-use crate::pipeline::history::RobotHistory;
+use crate::pipeline::history::{RobotHistory, RunResult};
 
 /// Most changes printed on stdout, the newest ones.
 const PRINTED: usize = 3;
@@ -15,9 +15,11 @@ pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
     let mut lines = Vec::new();
     if let Some(last) = robot.sessions.last() {
         lines.push(format!("newest: {}", newest(last)));
+        lines.extend(robot.results.last().and_then(RunResult::before_and_after));
         lines.push(in_control(last));
     }
     lines.extend(changes(robot));
+    lines.extend(robot.sessions.last().and_then(|last| counts(last, robot)));
     lines.extend(left_out(robot));
     let expected = FALSE_ALARM * count as f64;
     lines.push(format!(
@@ -101,6 +103,20 @@ fn change((session, lasting): &Changed<'_>) -> String {
         None => "not settled yet",
     };
     format!("  {}: {words} ({settled})", session.key.session)
+}
+
+/// The size from which a change counts, and the number of sessions with smaller ones.
+fn counts(last: &PastSession, robot: &RobotHistory) -> Option<String> {
+    let small = robot
+        .sessions
+        .iter()
+        .filter(|own| !own.judged.small.is_empty());
+    Some(format!(
+        "a change counts where it moves the measured point by {:.3} mm or more (U of the session, a tenth of the tolerance at least and a \
+         third at most); significant and smaller: {} sessions",
+        last.judged.least_mm?,
+        small.count()
+    ))
 }
 
 fn left_out(robot: &RobotHistory) -> Option<String> {

@@ -5,6 +5,7 @@
 use std::cmp::Ordering;
 
 use super::Picked;
+use crate::figures::expanded;
 use crate::grid::covered::ENOUGH;
 use crate::grid::rows::local_cells_of;
 use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict};
@@ -251,6 +252,7 @@ fn cost(row: &Judged) -> String {
     }
     match row.held_out.excess() {
         Some((excess, error)) if excess > error => {
+            let error = expanded(error);
             format!("; it leaves {excess:.3} ± {error:.3} mm more than the model without a grid")
         }
         _ => String::new(),

@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::figures::{Figures, PoseErrors};
+use crate::grid::judge::LeftAt;
 use crate::grid::rows::combine;
 use crate::grid::{Covered, HeldOut, Interpolation, Judgement, Lattice, Source};
 
@@ -41,6 +42,14 @@ fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
     let mut by_pose = PoseErrors::default();
     (0..n).for_each(|pose| by_pose.add(pose, pose, 0, left_mm));
     let bound = by_pose.bound(tolerance.coverage());
+    let left = LeftAt {
+        station: 0,
+        pose: 0,
+        sample: 0,
+        at: Point3::origin(),
+        before: Vector3::x() * uncorrected_mm,
+        error: Vector3::x() * left_mm,
+    };
     Judged {
         step_mm,
         source: Source::Model,
@@ -66,7 +75,7 @@ fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
         model_bound: bound.map(|_| 0.1),
         verdict: tolerance.verdict(bound, by_pose.counted(), 0.0),
         held_out: HeldOut {
-            uncorrected: vec![uncorrected_mm; n],
+            left: vec![left; n],
             direct: vec![0.1; n],
             norms,
             by_pose,
@@ -281,4 +290,13 @@ fn a_table_has_the_larger_bound_of_its_nodes_and_of_local_cells_and_the_verdict_
     let table = combined(0.09, 58);
     assert_eq!(table.bound, None);
     assert!(matches!(table.verdict, Verdict::NotShown(reason) if reason.contains("58 poses")));
+}
+
+#[test]
+fn a_tolerance_notices_changes_as_large_as_its_uncertainty() {
+    // U, a tenth of the tolerance at least and a third at most.
+    assert_eq!(
+        [0.02, 0.1, 0.4].map(|guard_mm| notices_mm(0.6, guard_mm)),
+        [0.06, 0.1, 0.6 / 3.0]
+    );
 }

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::held_out::{self, beside};
+use crate::figures::expanded;
 use crate::fit::Identifiability;
 use crate::io::lake::read_given;
 use crate::io::schema;
@@ -73,13 +74,13 @@ fn not_identified(rows: &[ParameterRow]) -> String {
         return "Base, flange and lengths are identified.".to_owned();
     }
     format!(
-        "Not identified by the stations are {}: each of these numbers is its prior's, or right only together with others of them (± its \
-         standard error). The arm's tool point is right where it was measured; its base, its flange or a length alone need not be.",
+        "Not identified by the stations are {}: each of these numbers is its prior's, or right only together with others of them (± two \
+         standard errors). The arm's tool point is right where it was measured; its base, its flange or a length alone need not be.",
         found.join("; ")
     )
 }
 
-/// A parameter by its name, with its standard error.
+/// A parameter by its name, with twice its standard error.
 fn value(row: &ParameterRow) -> String {
     let (unit, scale) = match row.unit {
         Unit::Mm => (" mm", 1.0),
@@ -90,7 +91,7 @@ fn value(row: &ParameterRow) -> String {
     let session = session.map_or_else(String::new, |session| format!(" of {session}"));
     let error = row.standard_error;
     let error = error.map_or_else(String::new, |error| {
-        format!(" ± {:.3}{unit}", scale * error)
+        format!(" ± {:.3}{unit}", scale * expanded(error))
     });
     format!("{}{session}{error}", row.parameter)
 }
@@ -138,8 +139,8 @@ mod tests {
             row("theta_1", BelongsTo::Link, rad, false),
         ];
         let words = not_identified(&rows);
-        let named = "Not identified by the stations are base (base_rz of mon ± 4.800 mrad); flange (target_z of mon ± 0.005 mm); \
-                     lengths (d_1 ± 0.005 mm): ";
+        let named = "Not identified by the stations are base (base_rz of mon ± 9.600 mrad); flange (target_z of mon ± 0.010 mm); \
+                     lengths (d_1 ± 0.010 mm): ";
         assert!(words.starts_with(named), "{words}");
         assert_eq!(
             not_identified(&rows[1..2]),

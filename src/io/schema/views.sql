@@ -8,5 +8,5 @@ SELECT * FROM runs AS r
 WHERE NOT EXISTS (SELECT 1 FROM runs AS later
                   WHERE later.replaces = r.run AND later.robot = r.robot AND later.session = r.session);
 CREATE VIEW sessions AS                                     -- one row a session: what people ask first
-SELECT session_started, robot, session, mean_before_mm AS before_mm, mean_after_mm AS after_mm, bound_mm, verdict, verdict_of, run
+SELECT session_started, robot, session, mean_before_mm AS before_mm, mean_after_mm AS after_mm, means_of, bound_mm, verdict, verdict_of, run
 FROM current_runs WHERE verdict_of IS DISTINCT FROM 'sampling_plan';

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use super::compensation::table_id;
 use super::grid_steps::whole;
 use super::words::{self, Role, TableVerdict, Unit};
-use crate::figures::{Figures, least_count};
+use crate::figures::{COVERAGE_FACTOR, Figures, least_count};
 use crate::grid::{Tolerance, Verdict};
 use crate::io::table::{row, words};
 use crate::manifest::RunKey;
@@ -16,9 +16,6 @@ use crate::report::rivals::Difference;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
 use crate::units::WallTime;
-
-/// Coverage factor of the expanded uncertainties.
-const COVERAGE_FACTOR: f64 = 2.0;
 
 row! {
     /// An accuracy figure.

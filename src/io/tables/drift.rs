@@ -82,6 +82,7 @@ words! {
     }
     HypothesisVerdict {
         NoChange: "no_change",
+        Small: "small",
         Moved: "moved",
         OneOfSeveral: "one_of_several",
         SetUpAnew: "set_up_anew",
@@ -125,6 +126,8 @@ fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
     let verdict = |hypothesis: Hypothesis| {
         if judged.set_up_anew.contains(&hypothesis) {
             HypothesisVerdict::SetUpAnew
+        } else if judged.small.contains(&hypothesis) {
+            HypothesisVerdict::Small
         } else {
             judged.finding.verdict_of(hypothesis)
         }

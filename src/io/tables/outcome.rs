@@ -9,7 +9,7 @@ use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
 use crate::fit::stated_size::FoundSize;
-use crate::fit::{Calibration, Corrects, ErrorFrame, Gauge, PoseModel, SourceSize, StatedSize};
+use crate::fit::{Calibration, ErrorFrame, Gauge, PoseModel, SourceSize, StatedSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, ReadingKind, SourceId, TargetId, began};
@@ -17,8 +17,8 @@ use crate::manifest::RunKey;
 use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Iso9283;
-use crate::report::verdict::{Judging, RunVerdict, figure_of};
-use crate::report::{Accuracy, Model, ResidualSet, Split};
+use crate::report::verdict::RunVerdict;
+use crate::report::{Accuracy, Model, ResidualSet};
 use crate::setup::Finding;
 use crate::similarity::Semivariogram;
 use crate::units::WallTime;
@@ -232,25 +232,6 @@ impl Outcome<'_> {
     pub fn doubts_set_up(&self) -> bool {
         let mut sessions = self.training.iter().chain(&self.test);
         sessions.any(|session| session.set_up.is_some())
-    }
-
-    /// Errors of the last training session before correction, in the base that the results hold in: of the raw command where
-    /// there are any, else of base + target on held-out blocks; `None` where neither could be found.
-    pub fn before(&self) -> Option<&Accuracy> {
-        let session = &self.training.last()?.name;
-        let is_raw = |own: &&Accuracy| {
-            own.subject.model.about().corrects == Corrects::Nothing
-                && own.subject.of_session == *session
-        };
-        let raw = self.accuracy.iter().find(is_raw);
-        raw.or_else(|| figure_of(&self.accuracy, Model::BaseTarget, Split::Blocks, session))
-    }
-
-    /// Errors that what the verdict is of leaves at held-out blocks of that session; `None` where nothing gives them.
-    pub fn after(&self) -> Option<&Accuracy> {
-        let mut judges = self.verdict.judges().iter();
-        let blocks = judges.find(|judge| matches!(judge.stations, Judging::Blocks(_)))?;
-        blocks.figure.as_ref()
     }
 }
 

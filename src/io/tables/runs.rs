@@ -54,10 +54,12 @@ row! {
         verdict_of: Option<VerdictOf>,
         /// The verdict in words, with what it is of and why.
         statement: Option<String>,
-        /// Mean error of the last session before correction, mm; `None` of a plan, and in rows before version 4, as is the next.
+        /// Mean error before correction, mm; `None` of a plan, and in rows before version 4, as is the next.
         mean_before_mm: Option<f64>,
-        /// Mean error that what the verdict is of leaves at held-out blocks of that session, mm.
+        /// Mean error after it, at the same stations, in the same frame and at the same angles, mm.
         mean_after_mm: Option<f64>,
+        /// What both are of, in words; `None` of a plan, and in rows before version 8, whose means may be of different stations.
+        means_of: Option<String>,
         /// The bound that it rests on, mm; `None` where there is none.
         bound_mm: Option<f64>,
         /// Held-out poses that the bound counts; `None` of a plan.
@@ -94,8 +96,10 @@ pub struct Ending {
     pub statement: String,
     /// Start of the last session and of the earliest one; `None` where no clock has an epoch, and of a plan.
     pub started: [Option<WallTime>; 2],
-    /// Mean error of the last session before correction, and what is left of it at held-out blocks, mm; `None` of a plan.
-    pub means_mm: [Option<f64>; 2],
+    /// Mean errors before and after correction, mm; `None` of a plan, and where no station judges.
+    pub means_mm: Option<[f64; 2]>,
+    /// What both are of, in words.
+    pub means_of: Option<String>,
     /// The bound that it rests on, mm; `None` where there is none.
     pub bound_mm: Option<f64>,
     /// Held-out poses and visits that the bound counts; `None` of a plan.
@@ -141,12 +145,12 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
     let inputs = || work.inputs.iter();
     let replaced = ending.replaces.as_ref();
     let [session_started, first_session_started] = ending.started;
-    let [mean_before_mm, mean_after_mm] = ending.means_mm;
     RunRow {
         session_started,
         first_session_started,
-        mean_before_mm,
-        mean_after_mm,
+        mean_before_mm: ending.means_mm.map(|[before, _]| before),
+        mean_after_mm: ending.means_mm.map(|[_, after]| after),
+        means_of: ending.means_of.clone(),
         pipeline: work.pipeline.clone(),
         version: VERSION.to_owned(),
         platform: platform(),
@@ -206,7 +210,8 @@ mod tests {
             verdict_of: VerdictOf::Compensation,
             statement: "met by the compensation table: held-out blocks of mon".to_owned(),
             started: [None; 2],
-            means_mm: [Some(1.2), Some(0.1)],
+            means_mm: Some([1.2, 0.1]),
+            means_of: None,
             bound_mm: Some(0.2),
             counted: Some(Counted::once(100)),
             stations_covered_share: Some(1.0),

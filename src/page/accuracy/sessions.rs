@@ -5,7 +5,8 @@ use maud::{Markup, html};
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::page::content::{Content, Session};
 use crate::page::words;
-use crate::report::{BaseRefit, Model, Point, Split};
+use crate::report::compared::Compared;
+use crate::report::{BaseRefit, Model, Point, Split, Subject};
 
 /// Most sessions that are shown unfolded.
 const SHOWN: usize = 10;
@@ -13,15 +14,15 @@ const SHOWN: usize = 10;
 /// The sessions of a pool; nothing for a run that learnt from one.
 pub(super) fn rows(content: &Content) -> Markup {
     let head = html! {
-        th { "Session" } th { "Before" } th { "After, blocks" } th { "Bound" } th { "After, learnt from the others" } th { "Bound" }
+        th { "Session" } th { "Before, blocks" } th { "After" } th { "Bound" } th { "Before, learnt from the others" } th { "After" } th { "Bound" }
         th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
-    let body = html! { @for session in &content.sessions { (row(&content.figures, session)) } };
+    let body = html! { @for session in &content.sessions { (row(content, session)) } };
     let table = crate::page::table(&head, &body);
     html! {
         p {
-            "Each session by its mean error, mm: before, with base and target fitted; after, on blocks of it that were held out; and after by "
-            "an estimate that did not see it, with its base from some of its stations, on the others."
+            "Each session by its mean error, mm, before and after at the same stations: on blocks of it that were held out; and by an estimate "
+            "that did not see it, with its base from some of its stations, on the others."
         }
         @if content.sessions.len() > SHOWN {
             details { summary { "All " (content.sessions.len()) " sessions" } (table) }
@@ -31,7 +32,8 @@ pub(super) fn rows(content: &Content) -> Markup {
     }
 }
 
-fn row(figures: &[AccuracyRow], session: &Session) -> Markup {
+fn row(content: &Content, session: &Session) -> Markup {
+    let figures = &content.figures;
     let of = |model: Model, split: Split, name: FigureName| {
         figure(figures, &session.name, model, split, name).and_then(|own| own.value)
     };
@@ -40,8 +42,14 @@ fn row(figures: &[AccuracyRow], session: &Session) -> Markup {
         Model::serving().find(mean).unwrap_or(Model::Full)
     };
     let (blocks, alone) = (best(Split::Blocks), best(Split::Session));
-    let before = of(Model::BaseTarget, Split::Blocks, FigureName::Mean)
-        .or_else(|| of(Model::BaseTarget, Split::Session, FigureName::Mean));
+    let pair = |split: Split| {
+        let is_it = |(own, _): &&(Subject, Compared)| {
+            (own.split, &own.of_session) == (split, &session.name)
+        };
+        let found = content.pairs.of_sessions.iter().find(is_it);
+        let means = found.and_then(|(_, own)| own.figures());
+        html! { @for place in 0..2 { td { (words::optional(means.map(|own| own[place].mean), 3)) } } }
+    };
     let inside = of(alone, Split::Session, FigureName::ShareInEllipsoid);
     let bound = figure(
         figures,
@@ -53,10 +61,9 @@ fn row(figures: &[AccuracyRow], session: &Session) -> Markup {
     html! {
         tr {
             th.word scope="row" { (session.name) @if !session.trained { small { "only judged" } } }
-            td { (words::optional(before, 3)) }
-            td { (words::optional(of(blocks, Split::Blocks, FigureName::Mean), 3)) }
+            (pair(Split::Blocks))
             td { (words::optional(of(blocks, Split::Blocks, FigureName::Bound), 3)) }
-            td { (words::optional(of(alone, Split::Session, FigureName::Mean), 3)) }
+            (pair(Split::Session))
             td { (words::optional(of(alone, Split::Session, FigureName::Bound), 3)) }
             td { @match inside { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
             td.word { (bound.and_then(|own| own.verdict).map_or("–", words::verdict)) }

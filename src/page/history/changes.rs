@@ -28,7 +28,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let body = html! { @for (place, session) in told.iter().rev().take(MOST) { (row(place + 1, session)) } };
     Some(html! {
         p {
-            "Sessions in which a part moved more than the covariances allow, in which a moving average left its limits, or which begin "
+            "Sessions in which a part moved more than the covariances allow, and by as much as the tolerance notices, in which a moving average left its limits, or which begin "
             "a segment; newest first. " em { "Lasts" } " states whether the next session agrees."
         }
         (table(&head, &body))

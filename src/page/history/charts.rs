@@ -151,7 +151,7 @@ pub(super) fn control(content: &Content) -> Markup {
     html! {
         p {
             "Each figure is compared with mean and spread of those before it (self-starting scores), and the scores are averaged with exponential "
-            "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1 it is out of control, and its chart starts again. "
+            "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1, and with a value as far off as the tolerance notices, it is out of control, and its chart starts again. "
             "All charts of the robot together leave their limits once in " (run_length(content)) " sessions without a change, or less. "
             "A figure's first two sessions have no score."
         }

@@ -36,6 +36,8 @@ pub struct Session {
     pub began: Vec<String>,
     /// Number of earlier sessions that it was compared with.
     pub against: usize,
+    /// Mean errors before and after, as text; `None` where the run does not state them.
+    pub means: Option<String>,
     /// The part that moved and by how much, as text; `None` where nothing moved.
     pub moved: Option<String>,
     /// Whether the next session agrees with the change; `None` where there is none yet.

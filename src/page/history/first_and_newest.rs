@@ -61,7 +61,7 @@ pub(super) fn parameters(content: &Content) -> Option<Markup> {
     if content.parameters.is_empty() {
         return None;
     }
-    let head = html! { th { "Parameter" } th.n { "First" } th.n { "± standard error" } th.n { "Newest" } th.n { "± standard error" } th.word { "Unit" } };
+    let head = html! { th { "Parameter" } th.n { "First" } th.n { "Standard error" } th.n { "Newest" } th.n { "Standard error" } th.word { "Unit" } };
     let body = html! { @for parameter in &content.parameters { (row(parameter)) } };
     Some(html! {
         p {

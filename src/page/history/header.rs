@@ -66,6 +66,7 @@ fn sentence(content: &Content) -> Markup {
             (Some(moved), against) => { "Compared with " (against) " before it: " (moved) "." },
             (None, against) => { "Compared with " (against) " before it, base, target and joints are where they were, as far as both determine it." },
         }
+        @if let Some(means) = &last.means { " Errors " (means) "." }
         @if !last.out_of_control.is_empty() { " Out of control: " (last.out_of_control.join(", ")) "." }
     }
 }

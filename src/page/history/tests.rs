@@ -10,6 +10,7 @@ fn session(name: &str, moved: Option<&str>, lasting: Option<bool>) -> Session {
         segment: 1,
         began: Vec::new(),
         against: usize::from(name != "mon"),
+        means: None,
         moved: moved.map(str::to_owned),
         lasting,
         out_of_control: Vec::new(),

@@ -81,6 +81,7 @@ mod tests {
             statement: None,
             mean_before_mm: None,
             mean_after_mm: None,
+            means_of: None,
             bound_mm: None,
             tolerance_mm: None,
         };

@@ -8,16 +8,17 @@
 use serde::{Deserialize, Serialize};
 
 use super::rows::Fact;
-use super::session::{estimate, figures};
+use super::session::{estimate, figures, noticed};
 use crate::history::AccuracyFigure;
 use crate::history::estimate::Estimate;
+use crate::history::notice::Noticed;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row as _, Table, Word as _};
 use crate::io::tables::clocks::ClockRow;
 use crate::manifest::{RunKey, VERSION, Work, Written};
 
 /// Version of what is kept and of its meaning; raised by any change.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 /// The tables that figures are of.
 pub(super) const OF: [&str; 2] = ["calibrations", "accuracy"];
 
@@ -65,6 +66,8 @@ pub(in crate::pipeline) struct Kept {
     pub(super) estimate: Estimate,
     /// The accuracy figures that are charted.
     pub(super) accuracy: Vec<AccuracyFigure>,
+    /// The size from which a change counts.
+    pub(super) noticed: Option<Noticed>,
 }
 
 impl Kept {
@@ -81,8 +84,9 @@ impl Kept {
             of,
             measured_at_ns,
             model: model.word().to_owned(),
-            estimate,
+            noticed: noticed(calibrations, accuracy, session, &estimate),
             accuracy: figures(accuracy, session),
+            estimate,
         })
     }
 

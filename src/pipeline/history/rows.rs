@@ -71,10 +71,23 @@ pub struct RunResult {
     pub mean_before_mm: Option<f64>,
     /// Mean error after correction, mm.
     pub mean_after_mm: Option<f64>,
+    /// What both means are of.
+    pub means_of: Option<String>,
     /// The bound that the verdict rests on, mm.
     pub bound_mm: Option<f64>,
     /// The tolerance that it is compared with, mm; `None` where the settings state none.
     pub tolerance_mm: Option<f64>,
+}
+
+impl RunResult {
+    /// The mean errors before and after, in words; `None` where the row does not say what they are of.
+    pub fn before_and_after(&self) -> Option<String> {
+        let (before, after) = (self.mean_before_mm?, self.mean_after_mm?);
+        let of = self.means_of.as_ref()?;
+        Some(format!(
+            "before → after: mean {before:.3} → {after:.3} mm ({of})"
+        ))
+    }
 }
 
 /// The kind of a run.
@@ -188,6 +201,7 @@ fn result(row: RunRow, settings: &str) -> RunResult {
         statement: row.statement,
         mean_before_mm: row.mean_before_mm,
         mean_after_mm: row.mean_after_mm,
+        means_of: row.means_of,
         bound_mm: row.bound_mm,
         tolerance_mm: tolerance.and_then(serde_json::Value::as_f64),
     }

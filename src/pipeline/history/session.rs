@@ -7,10 +7,13 @@ use std::io::Seek as _;
 
 use super::kept::{self, Kept};
 use super::rows::Fact;
+use crate::fit::TargetId;
 use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
-use crate::fit::saved::SavedCalibration;
+use crate::fit::saved::{SavedCalibration, SavedHead};
+use crate::grid::notices_mm;
 use crate::history::estimate::Estimate;
+use crate::history::notice::Noticed;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
 use crate::io::lake::Lake;
 use crate::io::schema;
@@ -28,6 +31,7 @@ pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFi
         model,
         estimate,
         accuracy,
+        noticed,
         ..
     } = kept.map_or_else(|| of_tables(lake, fact), Ok)?;
     Ok(SessionFigures {
@@ -40,6 +44,7 @@ pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFi
         },
         estimate,
         accuracy,
+        noticed,
     })
 }
 
@@ -99,6 +104,30 @@ pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Esti
         Model::Geometric,
         estimate.ok_or("the covariance of model geometric is none")?,
     ))
+}
+
+/// The size from which a change of a session counts, by its tolerance and U; `None` where its tables do not state them.
+pub(super) fn noticed(
+    calibrations: &Table,
+    accuracy: &Table,
+    session: &str,
+    estimate: &Estimate,
+) -> Option<Noticed> {
+    let bounds = AccuracyRow::read(accuracy).into_iter();
+    let mut bounds = bounds.filter(|row| row.of_session == session && row.point != Point::Tip);
+    let least_mm =
+        bounds.find_map(|row| Some(notices_mm(row.tolerance?, row.expanded_uncertainty?)));
+    let rows = CalibrationRow::read(calibrations);
+    let row = rows.first()?;
+    let head = SavedHead::read(&row.model).ok()?;
+    let frames = head.sessions.first()?.frames().ok()?;
+    let target = frames.flange_from_target(TargetId::MAIN).isometry();
+    let joints = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
+    let ranges: Vec<[f64; 2]> = joints.map(|(low, high)| [*low, *high]).collect();
+    let arm = head.arm.arm().ok()?;
+    let is_whole = ranges.len() == arm.joints().len();
+    let noticed = |mm| Noticed::new(mm, estimate.columns(), (&arm, target), &ranges);
+    least_mm.filter(|_| is_whole).map(noticed)
 }
 
 /// Lowest and highest axis variable of each joint over the stations of a calibration, rad or mm; empty for one that a joint map couples

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::RobotHistory;
+use super::{RobotHistory, RunResult};
 use crate::history::FALSE_ALARM;
 use crate::io::table::Word as _;
 use crate::io::tables::past::{Figure, Kind, PastSession};
@@ -28,7 +28,8 @@ pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
 
 fn sessions(robot: &RobotHistory) -> Vec<Session> {
     let lasting = PastSession::lasting(&robot.sessions);
-    let session = |(past, lasting): (&PastSession, Option<bool>)| Session {
+    let session = |((past, result), lasting): ((&PastSession, &RunResult), Option<bool>)| Session {
+        means: result.before_and_after(),
         name: past.key.session.clone(),
         run: past.key.run.clone(),
         segment: past.judged.segment,
@@ -38,7 +39,8 @@ fn sessions(robot: &RobotHistory) -> Vec<Session> {
         lasting,
         out_of_control: past.judged.out_of_control().map(str::to_owned).collect(),
     };
-    robot.sessions.iter().zip(lasting).map(session).collect()
+    let sessions = robot.sessions.iter().zip(&robot.results);
+    sessions.zip(lasting).map(session).collect()
 }
 
 fn series(figures: &[Vec<Figure>]) -> Vec<Series> {

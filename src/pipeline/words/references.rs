@@ -6,7 +6,7 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::moved::Elsewhere;
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
-use crate::units::NS_PER_S;
+use crate::units::{NS_PER_S, SLIDE_MM_PER_RAD};
 
 /// One line for each set of references: how many there are, how far they moved, and how well that is known.
 pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
@@ -16,12 +16,27 @@ pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
 }
 
 /// Bumps and moved references, moves that no reference tells, and references that were not read or in a part of a session only: somebody has to look at them.
-pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>) -> Vec<String> {
+/// Of those by less than `least_mm` there is the number.
+pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<String> {
     let sessions = || outcome.training.iter().chain(&outcome.test);
     let of_course = |(session, course): (&JoinedSession, &ReferenceCourse)| {
         let events = course.followed.events.iter();
-        let words = events.filter_map(|event| warning(course, event));
+        let (small, large): (Vec<&Event>, Vec<&Event>) =
+            events.partition(|event| size_mm(event).is_some_and(|mm| mm < least_mm));
+        let words = large.into_iter().filter_map(|event| warning(course, event));
+        let largest = small
+            .iter()
+            .filter_map(|event| size_mm(event))
+            .max_by(f64::total_cmp);
+        let small = largest.map(|mm| {
+            format!(
+                "{} moves of references on the {} of at most {mm:.3} mm are less than the tolerance notices ({least_mm:.3} mm)",
+                small.len(),
+                course.on.word()
+            )
+        });
         words
+            .chain(small)
             .map(|words| format!("{}: {words}", session.name))
             .collect::<Vec<_>>()
     };
@@ -99,6 +114,17 @@ fn farthest(followed: &Followed) -> (f64, f64) {
         .fold((0.0, 0.0), |(shift, turn), own| {
             (f64::max(shift, own.0), f64::max(turn, own.1))
         })
+}
+
+/// How far an event moved references, a turn as at a metre, mm; `None` of one that is no move.
+fn size_mm(event: &Event) -> Option<f64> {
+    match *event {
+        Event::Bump {
+            shift_mm, turn_rad, ..
+        } => Some(shift_mm.max(SLIDE_MM_PER_RAD * turn_rad)),
+        Event::Moved { by_mm, .. } => Some(by_mm),
+        Event::Shock { .. } | Event::Stray { .. } => None,
+    }
 }
 
 fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {

@@ -32,6 +32,7 @@ use crate::join::{
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest::RunKey;
 use crate::progress::Quiet;
+use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
 use crate::report::verdict::{Judge, ProductVerdict, RunVerdict};
@@ -96,6 +97,7 @@ pub(super) fn context() -> PublishContext<'static> {
         grids: "89abcdef01234567".to_owned(),
         estimate: "fedcba9876543210".to_owned(),
         replaces: None,
+        pairs: Pairs::default(),
     }
 }
 
