@@ -35,6 +35,8 @@ pub struct PublishedTable {
     pub key: RunKey,
     /// Whether its step meets the pipeline's tolerance.
     pub verdict: TableVerdict,
+    /// Mean errors before, by it and by the identified arm, in words; `None` where its run does not state them.
+    pub table_and_arm: Option<String>,
     /// The base that its errors are stated in.
     pub error_frame: StatedFrame,
     /// The table.
@@ -102,6 +104,7 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     Ok(PublishedTable {
         key: common::key(path, &published)?,
         verdict: file.verdict()?,
+        table_and_arm: first.table_and_arm.as_deref().map(str::to_owned),
         error_frame: first.stated_frame(),
         units: joint_units(first),
         measured: said.joint_ranges(first.joint_names.len())?,

@@ -231,6 +231,14 @@ impl Source {
         }
     }
 
+    /// Mean errors before, by a table and by the identified arm, in words.
+    pub(super) fn table_and_arm(&self) -> Option<&str> {
+        match self {
+            Self::Table(own) => own.table_and_arm.as_deref(),
+            Self::Arm(_) => None,
+        }
+    }
+
     /// Whether the run meets its tolerance.
     pub(super) const fn verdict(&self) -> TableVerdict {
         match self {

@@ -32,6 +32,9 @@ impl fmt::Display for Compensated {
             writeln!(f, "{line}")?;
         }
         writeln!(f, "{}", self.source.measured())?;
+        if let Some(words) = self.source.table_and_arm() {
+            writeln!(f, "{words}")?;
+        }
         for line in checked(&self.held) {
             writeln!(f, "{line}")?;
         }

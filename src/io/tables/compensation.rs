@@ -108,6 +108,8 @@ row! {
         reason: Option<Arc<str>>,
         /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
+        /// Mean errors before, by the table and by the identified arm, in words; `None` where nothing shows both.
+        table_and_arm: Option<Arc<str>>,
         /// Lowest reported angle of each joint over the stations, rad.
         joint_lower_rad: Arc<[f64]>,
         /// Highest reported angle of each joint over the stations, rad.
@@ -241,6 +243,7 @@ fn shared(
         verdict: (&outcome.verdict.table().verdict()).into(),
         reason: text(&outcome.verdict.table().reason()),
         largest_error_mm: largest_error_mm(outcome),
+        table_and_arm: text(&context.pairs.table_and_arm.map(|own| own.words())),
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),
         flange_from_target: target.coords().into(),
