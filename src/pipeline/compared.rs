@@ -48,7 +48,7 @@ fn table_and_arm(grids: &Grids) -> Option<TableAndArm> {
     let held_out = rows.map(|row| &row.held_out);
     let by_arm = held_out.flat_map(|own| own.left.iter().zip(&own.direct));
     let by_arm: BTreeMap<usize, f64> = by_arm.map(|(left, mm)| (left.station, *mm)).collect();
-    let left = &grids.chosen()?.held_out.left;
+    let left = &grids.deciding()?.held_out.left;
     let three = |own: &LeftAt| {
         let by_arm_mm = *by_arm.get(&own.station)?;
         Some([own.before.norm(), own.error.norm(), by_arm_mm])
