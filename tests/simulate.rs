@@ -259,7 +259,7 @@ fn pipeline(folder: &Path, session: &str, tracker: &str, from_table: bool, poses
     path
 }
 
-/// What `posegrid run --verbose` says of the size of the noise: the factor on what is stated, and its standard error.
+/// What `posegrid run --verbose` says of the size of the noise: the factor on what is stated, and its standard error, half of what stands behind ±.
 fn size(pipeline: &Path) -> (f64, f64) {
     let run = assert_cmd::Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .args(["run", "--verbose"])
@@ -272,7 +272,7 @@ fn size(pipeline: &Path) -> (f64, f64) {
     let before = line.split(" times what").next().unwrap_or_default();
     let words: Vec<&str> = before.split_whitespace().rev().take(3).collect();
     let number = |word: &str| word.parse().unwrap_or_else(|_| panic!("{line}"));
-    (number(words[2]), number(words[0]))
+    (number(words[2]), number(words[0]) / 2.0)
 }
 
 #[test]
