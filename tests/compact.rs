@@ -233,6 +233,44 @@ fn steps_and_one_go_give_the_same_bytes_and_only_months_with_new_runs_are_writte
 }
 
 #[test]
+fn requests_are_in_the_month_in_which_they_were_made() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lake = sample(folder.path());
+    let [mon, tue] = ["mon", "tue"].map(|session| {
+        let listed = lake.run_files().expect("listed").into_iter();
+        let mut own = listed.filter(|file| file.key.starts_with(&format!("runs/a/{session}/")));
+        let file = own.next().expect("published").key;
+        let run = file
+            .rsplit('/')
+            .next()
+            .expect("a name")
+            .trim_end_matches(".parquet");
+        RunKey::new("a", session, run)
+    });
+    lake.ask(&mon).expect("recorded");
+    let done = compacted(&lake);
+    let asked = |files: &[CompactFile]| {
+        let months = rows(&lake, files, "asked").into_values();
+        months.flatten().collect::<Vec<_>>()
+    };
+    assert_eq!(asked(&done.files), [pair("a", "mon")]);
+    assert_eq!((done.runs, done.added), (5, 5), "a request is no run");
+    // A further one is added, and one that is removed goes.
+    lake.ask(&tue).expect("recorded");
+    let done = compacted(&lake);
+    assert_eq!((done.state, done.added, done.months.len()), (2, 0, 1));
+    assert_eq!(asked(&done.files), [pair("a", "mon"), pair("a", "tue")]);
+    fs::remove_file(folder.path().join("asked/a/mon/00000001.parquet")).expect("there");
+    let done = compacted(&lake);
+    assert_eq!(
+        (asked(&done.files), done.gone, done.runs),
+        (vec![pair("a", "tue")], 0, 5)
+    );
+    let again = compacted(&lake);
+    assert!(!again.is_new && again.runs == 5);
+}
+
+#[test]
 fn one_that_was_killed_leaves_the_state_before_and_several_at_once_make_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let lake = sample(folder.path());

@@ -10,9 +10,10 @@ use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch
 use parquet::arrow::ArrowWriter;
 use posegrid::geometry::PoseCovariance;
 use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
-use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake, OpenRun, rows_of};
+use posegrid::io::lake::{ASKED, CORRECTIONS, Commit, Correction, Lake, OpenRun, rows_of};
 use posegrid::io::log::JointSink as _;
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
+use posegrid::io::store::Listed;
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Row as _, Table};
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::estimates::EstimateRow;
@@ -108,7 +109,7 @@ fn published() -> impl Iterator<Item = &'static TableSchema> {
     schema::all()
         .iter()
         .filter(|schema| schema.role == Role::Published)
-        .filter(|schema| !["runs", CORRECTIONS].contains(&schema.table.as_str()))
+        .filter(|schema| !["runs", ASKED, CORRECTIONS].contains(&schema.table.as_str()))
         .filter(|schema| rows_of(&schema.table) == "runs")
 }
 
@@ -213,6 +214,7 @@ fn write_sample_lake(root: &Path) -> Lake {
         .runs_table(&[], run.written(), &outcome())
         .unwrap();
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
+    assert_eq!(lake.ask(&key).unwrap().number, 1);
     assert!(lake.record(&correction()).unwrap());
     write_joined(&lake, &key);
     write_estimate(&lake, &key);
@@ -220,7 +222,7 @@ fn write_sample_lake(root: &Path) -> Lake {
     lake
 }
 
-/// Every file below a folder with its content, sorted by path.
+/// Every file below a folder with its content, sorted by path, but for those of `asked`, which has a clock.
 fn contents(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut folders = vec![root.to_owned()];
@@ -230,7 +232,7 @@ fn contents(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
             .map(|entry| entry.unwrap().path())
         {
             if path.is_dir() {
-                folders.push(path);
+                folders.extend((!path.ends_with(ASKED)).then_some(path));
             } else {
                 found.push((
                     path.strip_prefix(root).unwrap().to_owned(),
@@ -372,6 +374,85 @@ fn of_many_that_commit_the_same_run_one_wins() {
         2,
         "the table and its row, no temporaries"
     );
+}
+
+/// Commits a run of the hostile session that has a setting, after the run that is current then.
+fn committed(lake: &Lake, setting: u32) -> RunKey {
+    let work = Work {
+        settings: canonical(&setting).unwrap(),
+        ..hostile_work()
+    };
+    let key = work.key();
+    let run = lake.start(&key).unwrap().expect("a new setting");
+    let ending = Ending {
+        replaces: lake.current(&key).unwrap(),
+        ..outcome()
+    };
+    let row = work.runs_table(&[], run.written(), &ending).unwrap();
+    assert_eq!(run.commit(&row).unwrap(), Commit::Done);
+    key
+}
+
+/// The requests of a lake's only session in order: the run, and the one before.
+fn requests(lake: &Lake) -> Vec<(String, Option<String>)> {
+    let files = lake.requests(ASKED).unwrap().into_iter().zip(1..);
+    let row = |(file, number): (Listed, u64)| {
+        let (key, row) = lake.request(&file.key).unwrap();
+        assert_eq!(row.number, number, "without gaps");
+        (key.run, row.replaced)
+    };
+    files.map(row).collect()
+}
+
+#[test]
+fn the_run_asked_for_last_is_current_whoever_asks_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    let current = |key: &RunKey| lake.current(key).unwrap().map(|own| own.run);
+    // Of a lake that an earlier version wrote the run is current that no other replaces.
+    let [first, second] = [1, 2].map(|setting| committed(&lake, setting));
+    assert_eq!(current(&first).as_ref(), Some(&second.run));
+    assert!(requests(&lake).is_empty());
+    // One that comes back is current again, once, and says what it replaced.
+    let asked = lake.ask(&first).unwrap();
+    assert_eq!(
+        (asked.number, asked.replaced.as_ref()),
+        (1, Some(&second.run))
+    );
+    assert_eq!(current(&first).as_ref(), Some(&first.run));
+    let again = lake.ask(&first).unwrap();
+    assert_eq!((again.number, again.replaced), (1, None));
+    // A run that was stopped before its request is not current, and is when it is asked for again.
+    let third = committed(&lake, 3);
+    assert_eq!(current(&first).as_ref(), Some(&first.run));
+    assert_eq!(lake.ask(&third).unwrap().number, 2);
+    // Of several at once each request has a number of its own, and replaces the run of the one before.
+    let together = Barrier::new(6);
+    std::thread::scope(|scope| {
+        for key in [&first, &second, &third, &first, &second, &third] {
+            let (lake, together) = (&lake, &together);
+            scope.spawn(move || {
+                together.wait();
+                (0..5).for_each(|_| drop(lake.ask(key).unwrap()));
+            });
+        }
+    });
+    let all = requests(&lake);
+    for pair in all.windows(2) {
+        assert_eq!(pair[1].1.as_ref(), Some(&pair[0].0));
+        assert_ne!(
+            pair[1].0, pair[0].0,
+            "a request that changes nothing is no row"
+        );
+    }
+    assert!(all.len() >= 4, "each of three runs was asked for");
+    assert_eq!(current(&first), all.last().map(|own| own.0.clone()));
+    // A file that holds the row of another request is refused, whoever is asked.
+    let files = lake.requests(ASKED).unwrap();
+    let [file, last] = [&files[0], files.last().unwrap()].map(|file| folder.path().join(&file.key));
+    fs::copy(file, last).unwrap();
+    let error = lake.current(&first).unwrap_err().to_string();
+    assert!(error.contains("does not hold the request"), "{error}");
 }
 
 #[test]

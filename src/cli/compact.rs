@@ -18,7 +18,8 @@ use crate::pipeline::compact::{CompactError, Compacted, TABLES, compact};
 /// Keep the tables for people by month, so that years of runs are read in seconds.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-The rows of runs and accuracy of each month's sessions (UTC; undated where no clock has an epoch) become one file each in LAKE/compact.
+The rows of runs and accuracy of each month's sessions (UTC; undated where no clock has an epoch), and of asked of each month, become one
+file each in LAKE/compact.
 Only months with new runs are written anew. The tables themselves stay as they are, and posegrid verify proves them as before.
 
 LAKE/compact/states has a file for each state, which names the files that count: a reader takes the newest and sees each row once. A

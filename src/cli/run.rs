@@ -61,7 +61,7 @@ A session whose files have the sizes, and the tags or times, that they had when 
 index says so (LAKE/.index, which may be removed). --fresh digests it all the same.
 
 Work that the lake has already is not done again: a run's name follows from its inputs, settings and version, and the same
-work gives the same bytes. No option repeats it: published files are never rewritten. `posegrid verify` recomputes it and
+work gives the same bytes. Of a session's runs the one that was asked for last is current. No option repeats work: published files are never rewritten. `posegrid verify` recomputes it and
 compares; --lake with another folder makes a second copy.
 A session whose log has no end and changed lately ([input] settle_s), or that lacks one side, waits for a later run
 and changes no exit code. One batch works on a lake at a time: another one says which and exits with 1, or waits

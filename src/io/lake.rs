@@ -12,7 +12,8 @@
 //! ([`Lake::start_joined`]): runs start from it. An estimate exists by its row in `estimates` ([`Lake::start_estimate`]), its
 //! grids by theirs in `grids` ([`Lake::start_grids`]).
 //!
-//! The lake also holds records of the files corrected with its tables ([`Correction`]); and beside the tables, as no part of them, what
+//! The lake also holds the requests that changed the current run of a session ([`Lake::ask`]), and records of the files corrected with its
+//! tables ([`Correction`]); and beside the tables, as no part of them, what
 //! histories keep (`history`), what sessions said to the next (`learnt`), the index of finished work (`index`) and the tables for people
 //! by month ([`CompactState`]).
 //!
@@ -20,9 +21,9 @@
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
 //! the same work at once.
 
+mod asked;
 mod compact;
 mod corrections;
-mod current;
 mod error;
 mod files;
 mod history;
@@ -49,7 +50,8 @@ use error::folder_error;
 use run::into_io;
 use temporary::Temporary;
 
-pub use compact::{COMPACT, CompactFile, CompactState, KEYS};
+pub use asked::{ASKED, Asked, AskedRow, request_key, request_of};
+pub use compact::{COMPACT, CompactFile, CompactState, KEYS, runs_among};
 #[cfg(test)]
 pub(in crate::io) use corrections::CorrectionRow;
 pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};

@@ -140,7 +140,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 32] = [
+const FILES: [&str; 33] = [
     include_str!("../../schemas/readings.toml"),
     include_str!("../../schemas/joined_sessions.toml"),
     include_str!("../../schemas/estimates.toml"),
@@ -164,6 +164,7 @@ const FILES: [&str; 32] = [
     include_str!("../../schemas/compensation.toml"),
     include_str!("../../schemas/accuracy.toml"),
     include_str!("../../schemas/runs.toml"),
+    include_str!("../../schemas/asked.toml"),
     include_str!("../../schemas/logs.toml"),
     include_str!("../../schemas/sampling_plan.toml"),
     include_str!("../../schemas/plan_figures.toml"),

@@ -1,7 +1,8 @@
-//! A lake → its compact form: the rows of `runs` and `accuracy`, a file for each month.
+//! A lake → its compact form: the rows of `runs`, `accuracy` and `asked`, a file for each month.
 //!
-//! 1. The paths of rows of `runs` are listed, and compared with those that the newest state has ([`CompactState`]).
-//! 2. New rows are read. A run belongs to the month of its `session_started`, UTC, or to [`UNDATED`]. A run whose row or accuracy cannot be
+//! 1. The paths of rows of `runs` and `asked` are listed, and compared with those that the newest state has ([`CompactState`]).
+//! 2. New rows are read. A run belongs to the month of its `session_started`, UTC, or to [`UNDATED`]; a request to
+//!    that of its time. A run whose row or accuracy cannot be
 //!    read, or is not what was written, is left out with the reason, and tried again the next time.
 //! 3. Each month with new runs, or with runs that are gone, is written anew (`month`): the rows of its earlier generation and the new ones, in
 //!    the order of robot, session and run. Months without any keep their files.
@@ -17,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::io::lake::{CompactFile, CompactState, KEYS, Lake, LakeError};
+use crate::io::lake::{ASKED, CompactFile, CompactState, KEYS, Lake, LakeError, runs_among};
 use crate::io::store::{Listed, Place};
 use crate::io::table::TableError;
 use crate::progress::Progress;
@@ -26,7 +27,7 @@ use month::{Month, NewRun, row};
 /// The month of runs without a date.
 pub const UNDATED: &str = "undated";
 /// The tables that are kept by month.
-pub const TABLES: [&str; 2] = ["runs", "accuracy"];
+pub const TABLES: [&str; 3] = ["runs", "accuracy", ASKED];
 /// Number of new runs up to which their rows are held between finding their month and writing it; more are read a second time.
 const HELD: usize = 10_000;
 /// Number of attempts, where other processes make states or files turn out to be damaged.
@@ -118,10 +119,11 @@ fn attempt(
     damaged: &BTreeSet<String>,
     progress: &dyn Progress,
 ) -> Result<Attempt, CompactError> {
-    let listed = lake.run_files()?;
+    let mut listed = lake.run_files()?;
     if listed.is_empty() {
         return Err(CompactError::NoLake(lake.root()));
     }
+    listed.extend(lake.requests(ASKED)?);
     let state = lake.compact_state()?;
     let mut months = known(lake, &state, damaged);
     let mut done = Compacted::default();
@@ -131,7 +133,7 @@ fn attempt(
         if own.is_unchanged() {
             let kept = state.files.iter().filter(|file| file.month == month);
             files.extend(kept.cloned());
-            done.runs += own.keys.len();
+            done.runs += runs_among(&own.keys);
             continue;
         }
         match own.rewritten(lake, &state, &month, &mut done, progress)? {

@@ -1,7 +1,7 @@
 //! A lake → the changes over the sessions of each robot.
 //!
 //! Steps, for one robot:
-//! 1. every row of `runs` is read and digested, on object storage every row that has another tag than before (`rows`); a row that cannot be read, a run that another replaces and
+//! 1. every row of `runs` is read and digested, on object storage every row that has another tag than before (`rows`); a row that cannot be read, a run that is not the current one of its session and
 //!    an estimate over several sessions are left out, with the reason;
 //! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name.
 //!    Stamps are the controller's own: where its clock was set back, the order follows it;
@@ -196,11 +196,11 @@ fn named(lake: &Lake, robots: Vec<RobotRows>, robot: &str) -> Result<RobotRows, 
     }
 }
 
-/// The current run of the robot's newest session: the one that was measured last and that no other replaces.
+/// The current run of the robot's newest session: the one that was measured last.
 pub fn newest(lake: &Lake, robot: &str) -> Result<RunKey, HistoryError> {
     let own = named(lake, rows::robots(lake)?, robot)?;
     let rows = lake.read_with(|| own.read(lake, &Summary::read(lake, &own.folder)));
-    let newest = current(rows).0.pop();
+    let newest = lake.read_with(|| current(lake, rows)).0.pop();
     newest
         .map(|row| row.fact.key)
         .ok_or_else(|| HistoryError::NoNewest {
@@ -223,7 +223,7 @@ fn of_robot(
     let (robot, rows) = (own.robot(), own.read(lake, &summary));
     let (runs, all, tags) = (rows.len(), facts_of(&rows), tags_of(&rows));
     let is_written = summary.facts == all && summary.tags == tags;
-    let (facts, mut left_out) = current(rows);
+    let (facts, mut left_out) = current(lake, rows);
     let facts = within(facts, asked, &robot, &mut left_out)?;
     progress.advance((runs - facts.len()) as u64);
     let is_whole = asked.since.is_none() && asked.until.is_none();

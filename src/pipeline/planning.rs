@@ -201,6 +201,7 @@ impl Planning {
             self.publish(&plan, &lake, &key)?;
             made = Some(plan);
         }
+        lake.ask(&key)?;
         let row = lake.read("runs", &key)?;
         Ok(Planned {
             is_met: RunRow::read(&row)

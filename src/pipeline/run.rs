@@ -1,9 +1,10 @@
 //! One piece of work: read, joined, run through the stages, published.
 //!
 //! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has the run is left
-//! unchanged. Otherwise the sessions are joined, or read as joined where the lake has them (`joined`), the stages run, and all
-//! tables are written before the row of `runs` that makes the run exist.
+//! unchanged, but for the request that makes it the current one (`asked`). Otherwise the sessions are joined, or read as joined where the lake has them (`joined`), the stages run, and all
+//! tables are written before the row of `runs` that makes the run exist, and the request after it.
 
+mod asked;
 mod earlier;
 mod error;
 mod estimated;
@@ -64,6 +65,10 @@ pub struct Done {
     pub run: String,
     /// Whether the lake had it already.
     pub already_there: bool,
+    /// Number of the last request that changed the current run of its session.
+    pub asked: u64,
+    /// Which run it took the place of, and how the two differ, in words; `None` where it was current, or the first.
+    pub took_place: Option<String>,
     /// Whether the tolerance is met.
     pub verdict: Verdict,
     /// The reason why it is not met or not shown to be, with the judges that decide; `None` where it is met.
@@ -336,7 +341,7 @@ fn run_local(
     );
     let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, rows, &context, run, &work, &said)?;
-    Ok(Done {
+    let done = Done {
         robot: key.robot.clone(),
         session: key.session.clone(),
         run: key.run.clone(),
@@ -350,7 +355,10 @@ fn run_local(
         corrects: Some(corrects),
         tables: configuration.lake.clone(),
         page: page(&lake, &key)?,
-    })
+        asked: 0,
+        took_place: None,
+    };
+    Ok(done.asked_for(&lake)?)
 }
 
 /// What a session was learnt on top of, in words; `None` where sessions are not learnt so, and of the first.
@@ -423,7 +431,7 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError>
     Ok(lake.has_page(key)?.then_some(page))
 }
 
-/// The result of a run that the lake has already.
+/// The result of a run that the lake has already, which becomes the current one.
 fn already_there(
     configuration: &Configuration,
     lake: &Lake,
@@ -441,7 +449,7 @@ fn already_there(
             Verdict::NotShown(reason.clone().unwrap_or_default())
         }
     };
-    Ok(Done {
+    let done = Done {
         robot: key.robot.clone(),
         session: key.session.clone(),
         run: key.run.clone(),
@@ -455,7 +463,10 @@ fn already_there(
         corrects: None,
         tables: lake.root(),
         page: page(lake, key)?,
-    })
+        asked: 0,
+        took_place: None,
+    };
+    Ok(done.asked_for(lake)?)
 }
 
 fn context<'a>(

@@ -60,6 +60,8 @@ pub struct Ended {
     pub ended: How,
     /// The run; `None` where there is none.
     pub run: Option<String>,
+    /// Which run it took the place of, and how the two differ, in words; `None` where it was current, or the first.
+    pub took_place: Option<String>,
     /// Whether the tolerance is met; `None` where that is not shown, or there is no run.
     pub met: Option<bool>,
     /// Why there is no result, or why the tolerance is not met.
@@ -136,7 +138,7 @@ fn size(tree: &Tree, session: &SessionFiles) -> u64 {
         .sum()
 }
 
-/// Does the task of that id among the pieces of a fleet, unless it is known as done.
+/// Does the task of that id among the pieces of a fleet, unless it is known as done and current.
 pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> Ended {
     let is_it = |own: &FleetPiece<'_>| {
         let state = known.state_now(own.configuration, own.piece);
@@ -184,6 +186,7 @@ fn ended(id: &str, done: &Done) -> Ended {
             How::Done
         },
         run: Some(done.run.clone()),
+        took_place: done.took_place.clone(),
         met: match done.verdict {
             Verdict::Meets => Some(true),
             Verdict::DoesNotMeet => Some(false),
@@ -200,6 +203,7 @@ fn failed(id: &str, own: Option<FleetPiece<'_>>, how: How, reason: String) -> En
         session: own.map(|own| own.piece.session.clone()),
         ended: how,
         run: None,
+        took_place: None,
         met: None,
         reason: Some(reason),
     }

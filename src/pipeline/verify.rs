@@ -18,6 +18,7 @@
 //! list kept elsewhere ([`RowList`]). Every file under the lake is also counted ([`FilesOfLake`]).
 
 mod altered;
+mod asked;
 mod chain;
 mod cited;
 mod claim;
@@ -57,6 +58,7 @@ pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
 pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
+pub(super) use settings::changed as changed_settings;
 pub use sought::Sought;
 use source::{NoSource, Source};
 pub use stage::{Anew, StageVerified};
@@ -121,7 +123,7 @@ pub struct Verified {
     pub contradictions: Vec<String>,
     /// Every file that the row names.
     pub outputs: Vec<Output>,
-    /// The run that replaced it; `None` without one.
+    /// The run that is current in its place; `None` where it is the current one.
     pub superseded_by: Option<String>,
     /// Other runs that it depends on.
     pub cited: Vec<Citation>,
@@ -184,7 +186,11 @@ pub fn verify(
         claim: claim.clone(),
         contradictions: row::contradictions(run, claim, register, lake),
         outputs: altered::outputs(claim, lake),
-        superseded_by: register.superseding(&claim.key).map(str::to_owned),
+        superseded_by: match lake.current(&claim.key) {
+            Ok(Some(current)) => Some(current.run).filter(|run| *run != claim.key.run),
+            // Rows that cannot be read are told by themselves.
+            _ => register.superseding(&claim.key).map(str::to_owned),
+        },
         cited: cited::citations(claim, register, lake),
         inputs: Vec::new(),
         settings: Vec::new(),

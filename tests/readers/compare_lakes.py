@@ -68,11 +68,11 @@ def added(table, before):
 
 
 def files(lake):
-    """Published files of a lake by table, robot and session, in the order of their runs' names; pages among them."""
+    """Published files of a lake by table, robot and session, in the order of their runs' names; pages too, but not asked, which has a clock."""
     found = defaultdict(list)
     for path in sorted(lake.rglob("*")):
         if path.is_file() and path.suffix in {".parquet", ".html"} and not any(
-            part.startswith((".", "_")) for part in path.relative_to(lake).parts
+            part.startswith((".", "_")) or part == "asked" for part in path.relative_to(lake).parts
         ):
             inside = path.relative_to(lake)
             found[inside.parts[:-1]].append(path)

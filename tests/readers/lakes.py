@@ -10,8 +10,8 @@ BUCKET = "bucket"
 
 
 def is_published(name):
-    """Whether a file of that name is published: temporaries and the index are not."""
-    return not name.startswith(".") and "/." not in name
+    """Whether a file of that name follows from the work: temporaries, the index and `asked`, which has a clock, do not."""
+    return not name.startswith((".", "asked/")) and "/." not in name
 
 
 class InFolder:

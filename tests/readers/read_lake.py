@@ -112,8 +112,8 @@ def check_metadata(file, schema, metadata):
     for key, prop in (("posegrid.units", "unit"), ("posegrid.frames", "frame")):
         expected = {column["name"]: column[prop] for column in schema["column"] if prop in column}
         expect(file, f"{prop}s in the metadata", json.loads(stated.get(key, "{}")), expected)
-    # A record of corrections is named by its own digest.
-    if schema["table"] != "corrections":
+    # A record of corrections is named by its own digest, a request by its number.
+    if schema["table"] not in ("asked", "corrections"):
         expect(file, "run in the metadata", stated.get("posegrid.run"), file.stem)
 
 
@@ -169,9 +169,10 @@ def check_digest(file, schema, table, metadata):
 
 def check_path(file):
     key = tuple(name_in_path(part) for part in (file.parts[-3], file.parts[-2], file.stem))
-    name = "correction" if file.parts[-4] == "corrections" else "run"
+    name = {"corrections": "correction", "asked": "number"}.get(file.parts[-4], "run")
     table = pyarrow.parquet.read_table(file, columns=["robot", "session", name])
     for row in set(zip(*(table.column(name).to_pylist() for name in table.column_names))):
+        row = (*row[:2], f"{row[2]:08}") if name == "number" else row
         expect(file, "robot, session and run of a row", row, key)
 
 
@@ -239,14 +240,14 @@ def check_sql(lake, documents):
     """Runs the SQL of documents on a copy of the lake, before and after files are planted that do not belong.
 
     Each block gives rows. One that goes by current_runs gives the same rows beside the planted files. A query of the view sessions
-    follows the statements that make it.
+    or asked follows the statements that make it.
     """
     blocks = [(document, sql) for document in documents for sql in re.findall(r"```sql\n(.*?)```", document.read_text(), re.DOTALL)]
     # What is kept by month is read by read_compact.py.
     blocks = [(document, sql) for document, sql in blocks if "'lake/compact/" not in sql and "-- runs newer" not in sql]
     views = [sql.split("\n\n")[0] for _, sql in blocks if "CREATE VIEW current_runs" in sql]
     expect(documents, "one block with the view current_runs", len(views), 1)
-    blocks = [(document, views[0] + sql if "FROM sessions" in sql else sql) for document, sql in blocks]
+    blocks = [(document, views[0] + sql if "FROM sessions" in sql or "FROM asked" in sql else sql) for document, sql in blocks]
     with tempfile.TemporaryDirectory() as folder:
         copy = pathlib.Path(folder) / "lake"
         shutil.copytree(lake, copy)
@@ -255,6 +256,8 @@ def check_sql(lake, documents):
 
         def rows(sql):
             connection = duckdb.connect()
+            # Requests of a lake just made are of today, whatever day a document asks for.
+            sql = re.sub(r"asked_at < '[0-9-]+'", "asked_at < '9999-01-01'", sql)
             statements = [part for part in sql.replace("'lake/", f"'{copy}/").split(";") if part.strip()]
             return sorted(str(row) for row in [connection.execute(part) for part in statements][-1].fetchall())
 

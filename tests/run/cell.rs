@@ -302,11 +302,13 @@ impl From<Output> for Ended {
     }
 }
 
-/// Every file of a lake, by path in it, but for the lock, which says who ran last, and the index, which has times of files.
+/// Every file of a lake, by path in it, but for the lock, which says who ran last, the index, which has times of files, and `asked`, which
+/// has a clock.
 pub fn published(lake: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(lake);
     files.remove(".lock");
     files.remove(".index/runs.jsonl");
+    files.retain(|path, _| !path.starts_with("asked/"));
     files
 }
 

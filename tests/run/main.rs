@@ -1,6 +1,7 @@
 //! The `posegrid` command from two logs to a lake and to corrected targets, as an operator runs it: its results, its exit
 //! codes, and what it says and leaves behind when something is wrong.
 
+mod asked;
 mod bad_input;
 mod bad_output;
 mod belongs;

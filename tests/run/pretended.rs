@@ -15,6 +15,8 @@ pub fn done(own: FleetPiece<'_>, lake: &Lake) -> Done {
         session: own.piece.session.clone(),
         run: RUN.to_owned(),
         already_there: false,
+        asked: 1,
+        took_place: None,
         verdict: Verdict::Meets,
         reason: None,
         verdict_of: None,

@@ -112,6 +112,10 @@ fn survives(fault: Fault, number: usize, count: usize) -> bool {
     let is_there = again.results.contains("0 done, 1 done before");
     assert!(is_there || !came_through, "{what}");
     assert!(remote.lake() == small().lake, "{what}");
+    // It was asked for once, whichever of both runs did.
+    let asked = remote.server.keys(&remote.key("lake/asked"));
+    let asked: Vec<String> = asked.into_keys().collect();
+    assert_eq!(asked, ["kr210-demo/mon/00000001.parquet"], "{what}");
     came_through
 }
 
@@ -172,6 +176,23 @@ fn requests_that_go_wrong_to_the_end_are_reported_and_the_next_run_does_the_work
     let index = requests.iter().position(of_index);
     let index = index.expect("it is kept");
     assert!(survives(Fault::Lost, index, TO_THE_END));
+}
+
+#[test]
+fn a_request_that_is_lost_after_its_run_exists_is_repeated() {
+    if !is_there() {
+        return;
+    }
+    let requests = requests();
+    let [asked] = puts(&requests, "asked/")[..] else {
+        panic!("one request: {requests:#?}");
+    };
+    assert!(
+        asked > puts(&requests, "runs/")[0],
+        "after the row of the run"
+    );
+    assert!(!survives(Fault::Lost, asked, TO_THE_END));
+    assert!(survives(Fault::Unanswered, asked, 1));
 }
 
 #[test]

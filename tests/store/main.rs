@@ -4,6 +4,7 @@
 //! The server is moto, from `PyPI` (`server.py` beside this file). Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`, which
 //! `.ci/run` makes.
 
+mod asked;
 mod bytes;
 #[path = "../run/cell.rs"]
 #[expect(dead_code, reason = "each test binary uses its own part")]

@@ -278,10 +278,11 @@ impl Remote {
         assert!(left.is_empty(), "{left:?}");
     }
 
-    /// Every object of the lake but the index, which has the tags of logs.
+    /// Every object of the lake but the index, which has the tags of logs, and `asked`, which has a clock.
     pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
         let mut objects = self.server.objects(&self.key("lake"));
         objects.remove(".index/runs.jsonl");
+        objects.retain(|key, _| !key.starts_with("asked/"));
         objects
     }
 }

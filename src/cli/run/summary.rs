@@ -153,20 +153,22 @@ fn outcome(done: &Done) -> String {
 }
 
 /// The summary of a new result, with everything else that it found where that is asked for; for one that was there before, its line
-/// is enough.
+/// is enough, unless it took the place of another.
 fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
     };
     let Some(summary) = &done.summary else {
-        return String::new();
+        let words = done.took_place.as_ref();
+        let line = words.map(|own| format!("{}: {}\n\n", Printable(label), Printable(own)));
+        return line.unwrap_or_default();
     };
     let mut lines: Vec<String> = summary
         .warnings
         .iter()
         .map(|own| format!("warning: {own}"))
         .collect();
-    lines.extend(summary.findings.iter().cloned());
+    lines.extend(summary.findings.iter().chain(&done.took_place).cloned());
     lines.extend(
         done.corrects
             .as_ref()

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::cli::messages::Printable;
 use crate::pipeline::verify::{FilesOfLake, Unexpected, WithoutRow};
 
-/// A line for each file that does not belong or is left over; then the number of files of each owner.
+/// A line for each file that does not belong or is left over, and for each request that is missing or contradicts others; then the number of files of each owner.
 pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
     let mut lines: Vec<String> = account.without_row.iter().map(without_row).collect();
     lines.extend(account.foreign.iter().map(|own| {
@@ -19,6 +19,7 @@ pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
             None => what,
         }
     }));
+    lines.extend(account.asked.iter().map(|own| format!("asked: {own}")));
     lines.extend(account.temporaries.iter().map(|place| {
         format!(
             "temporary: {}: being written, or left over by a run that was stopped; the next run removes it",

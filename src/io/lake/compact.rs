@@ -4,7 +4,8 @@
 //! compact/states/00000007.jsonl                 the files of a state, a line of JSON each
 //! compact/runs/2026-11/GENERATION.parquet       the rows of that month's runs
 //! compact/accuracy/2026-11/GENERATION.parquet   their rows of accuracy
-//! compact/keys/2026-11/GENERATION.txt.zst       the paths of their rows in runs, a line each
+//! compact/asked/2026-11/GENERATION.parquet      the requests of that month
+//! compact/keys/2026-11/GENERATION.txt.zst       the paths of their rows in runs and asked, a line each
 //! ```
 //!
 //! A generation is named by the digest of its bytes, so the same rows are the same file, and no file ever gets other bytes. A state
@@ -22,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::folder_error;
 use super::temporary::{Owner, Temporary};
-use super::{Lake, LakeError};
+use super::{Lake, LakeError, request_of};
 use crate::io::schema;
 use crate::io::store::Listed;
 use crate::io::table::{self, Table};
@@ -49,7 +50,7 @@ pub struct CompactFile {
     pub month: String,
     /// Its path below the lake.
     pub file: String,
-    /// Number of runs with rows in it.
+    /// Number of runs with rows in it; of paths those of runs.
     pub runs: u64,
     /// Number of its rows.
     pub rows: u64,
@@ -134,8 +135,8 @@ impl Lake {
         let packed = packed.map_err(folder_error("write", &place))?;
         let (temporary, digest) = self.written(&format!("{folder}/new.txt.zst"), &packed)?;
         let key = format!("{folder}/{}.txt.zst", &digest[..DIGITS]);
-        let runs = keys.len() as u64;
-        self.put_generation(key, temporary, (KEYS, month), (runs, runs))
+        let counts = (runs_among(keys) as u64, keys.len() as u64);
+        self.put_generation(key, temporary, (KEYS, month), counts)
     }
 
     fn put_generation(
@@ -236,6 +237,11 @@ impl Lake {
         let digest = digest.map_err(folder_error("write", &self.written_at(key)))?;
         Ok((temporary, digest))
     }
+}
+
+/// The number of runs among paths of rows of runs and requests.
+pub fn runs_among(keys: &BTreeSet<String>) -> usize {
+    keys.iter().filter(|key| request_of(key).is_none()).count()
 }
 
 /// The number of a state, from its path.

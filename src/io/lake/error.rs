@@ -88,10 +88,19 @@ pub enum LakeError {
         /// Name of the run.
         run: String,
     },
-    /// A record of corrections does not fit its schema.
-    #[error("the record of corrections: {source}")]
+    /// A file of `asked` that holds the row of another request.
+    #[error(
+        "{place} does not hold the request that its name states: it was damaged or changed, or does not belong there; restore it \
+         from a copy, or remove it"
+    )]
+    NotAsked {
+        /// Place of the file.
+        place: Place,
+    },
+    /// A row of `corrections` or `asked` does not fit its schema.
+    #[error("the row to be recorded: {source}")]
     Record {
-        /// The fault in the record.
+        /// The fault in the row.
         source: TableError,
     },
     /// The file of a table cannot be read.

@@ -1,14 +1,16 @@
 //! All files under a lake, and the role of each by its place.
 //!
 //! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history`, `.index/runs.jsonl`, the compact form ([`COMPACT`]), and the records of corrections ([`is_correction`]); and
-//! temporaries of processes that write or were stopped. Every other file there is foreign.
+//! `.history`, `.index/runs.jsonl`, the compact form ([`COMPACT`]), the records of corrections ([`is_correction`]) and requests
+//! ([`request_of`]); and temporaries of processes that write or were stopped. Every other file there is foreign.
 
 use std::fs::File;
 
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, learnt, name};
+use super::{
+    Lake, LakeError, PAGES, file_key, history, index, is_correction, learnt, name, request_of,
+};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
@@ -36,7 +38,7 @@ pub enum Stands {
         /// Name of the run.
         run: String,
     },
-    /// The lake's own: its lock, the summary of a history, the compact form, or a record of corrections.
+    /// The lake's own: its lock, the summary of a history, the compact form, a record of corrections, or a request.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
@@ -105,7 +107,7 @@ impl Stands {
                 Some(true) => Self::Own,
                 Some(false) => Self::Foreign,
             },
-            _ if is_correction(key) => Self::Own,
+            _ if is_correction(key) || request_of(key).is_some() => Self::Own,
             [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
                 Self::in_session(table, robot, session, name)
             }
@@ -188,6 +190,8 @@ mod tests {
                 "corrections/r/mon/.0123.parquet.tmp-host-12-345-0",
                 Stands::Temporary,
             ),
+            ("asked/r/mon/00000001.parquet", Stands::Own),
+            ("asked/r%20x/mon/0a.parquet", of_run("asked")),
             (".history/.r.jsonl.tmp-12", Stands::Temporary),
             (".index/runs.jsonl", Stands::Own),
             (".index/.runs.jsonl.tmp-host-12-345-0", Stands::Temporary),

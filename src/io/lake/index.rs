@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
-use super::{Lake, LakeError, RUNS};
+use super::{ASKED, Lake, LakeError, RUNS};
 use crate::io::store::{Listed, StoreError};
 
 /// The folder of the index, and its file.
@@ -123,10 +123,15 @@ impl Lake {
         Ok(())
     }
 
-    /// The keys of the rows of all runs, as [`Lake::file_key`] has them.
-    pub fn run_keys(&self) -> Result<BTreeSet<String>, LakeError> {
-        let listed = self.store.list(RUNS, 2..=2)?.into_iter();
-        Ok(listed.map(|listed| listed.key).collect())
+    /// The keys of the rows of all runs and of all requests, as [`Lake::file_key`] and [`request_key`](super::request_key) have them.
+    pub fn run_and_request_keys(&self) -> Result<BTreeSet<String>, LakeError> {
+        let listed = [self.store.list(RUNS, 2..=2)?, self.requests(ASKED)?];
+        Ok(listed.concat().into_iter().map(|own| own.key).collect())
+    }
+
+    /// Whether there is a file with this key.
+    pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
+        Ok(self.store.exists(key)?)
     }
 }
 

@@ -3,10 +3,19 @@ CREATE MACRO stands_where(file, robot, session, run) AS     -- whether a file st
 CREATE VIEW runs AS
 SELECT * FROM read_parquet('lake/runs/*/*/*.parquet', filename = true, union_by_name = true)
 WHERE stands_where(filename, robot, session, run);
-CREATE VIEW current_runs AS
-SELECT * FROM runs AS r
-WHERE NOT EXISTS (SELECT 1 FROM runs AS later
-                  WHERE later.replaces = r.run AND later.robot = r.robot AND later.session = r.session);
+SET VARIABLE asked_files = (SELECT CASE count(*) WHEN 0 THEN 'lake/runs/*/*/*.parquet' ELSE 'lake/asked/*/*/*.parquet' END
+                            FROM glob('lake/asked/*/*/*.parquet'));
+CREATE VIEW asked AS                                        -- requests that changed the current run, none of earlier versions
+SELECT robot, session, run, number, replaced, asked_at FROM (
+    SELECT NULL::BIGINT AS number, NULL::VARCHAR AS replaced, NULL::TIMESTAMP AS asked_at WHERE false UNION ALL BY NAME
+    SELECT * FROM read_parquet(coalesce(getvariable('asked_files'), 'lake/asked/*/*/*.parquet'), filename = true, union_by_name = true))
+WHERE stands_where(filename, robot, session, format('{:08d}', number));
+CREATE VIEW current_runs AS                                 -- asked for last, or where none was, not replaced
+SELECT r.* FROM runs AS r
+LEFT JOIN (SELECT robot, session, run, max(number) AS number
+           FROM (SELECT robot, session, run, number FROM asked UNION ALL SELECT robot, session, replaces, -1 FROM runs) GROUP BY ALL) AS a
+    ON a.robot = r.robot AND a.session = r.session AND a.run = r.run
+QUALIFY row_number() OVER (PARTITION BY r.robot, r.session ORDER BY coalesce(a.number, 0) DESC, r.run DESC) = 1;
 CREATE VIEW sessions AS                                     -- one row a session: what people ask first
 SELECT session_started, robot, session, mean_before_mm AS before_mm, mean_after_mm AS after_mm, means_of, bound_mm, verdict, verdict_of, run
 FROM current_runs WHERE verdict_of IS DISTINCT FROM 'sampling_plan';

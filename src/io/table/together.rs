@@ -26,9 +26,10 @@ pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table,
 }
 
 impl Table {
-    /// The rows of the runs for which `is_kept` is true.
-    pub fn of_runs(&self, is_kept: impl Fn(&RunKey) -> bool) -> Result<Self, TableError> {
-        let kept: BooleanArray = self.keys().iter().map(|key| Some(is_kept(key))).collect();
+    /// The rows for which `is_kept` is true of their place and of their robot, session and run.
+    pub fn of_rows(&self, is_kept: impl Fn(usize, &RunKey) -> bool) -> Result<Self, TableError> {
+        let keys = self.keys().into_iter().enumerate();
+        let kept: BooleanArray = keys.map(|(row, key)| Some(is_kept(row, &key))).collect();
         let batch = filter_record_batch(&self.batch, &kept);
         let batch = batch.map_err(|source| TableError::Arrow {
             table: self.schema.table.clone(),
@@ -82,7 +83,7 @@ mod tests {
         write(&table, &mut file).unwrap();
         let opened = open(file, "here".as_ref(), schema).unwrap();
         assert_eq!(opened.believed("here".as_ref()).unwrap(), table);
-        let own = table.of_runs(|key| key.run == "02").unwrap();
+        let own = table.of_rows(|_, key| key.run == "02").unwrap();
         assert_eq!(own.rows(), 2);
         // A run is there once.
         assert!(together(schema, &[table, own]).is_err());

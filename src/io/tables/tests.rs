@@ -16,7 +16,7 @@ use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{SourceId, TargetId, ToolErrors};
 use crate::io::lake::Commit;
-use crate::io::lake::{CorrectionRow, Lake};
+use crate::io::lake::{AskedRow, CorrectionRow, Lake};
 use crate::io::schema;
 use crate::io::table::Word as _;
 use crate::io::targets::{CorrectedRow, TargetRow};
@@ -124,6 +124,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<sampling_plan::VisitRow>(),
         as_schema::<plan_figures::FigureRow>(),
         as_schema::<logs::tests::LogRow>(),
+        as_schema::<AskedRow>(),
         as_schema::<CorrectionRow>(),
         as_schema::<CorrectedRow>(),
         as_schema::<TargetRow>(),

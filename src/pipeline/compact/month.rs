@@ -5,7 +5,10 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::{CompactError, Compacted, TABLES, UNDATED};
-use crate::io::lake::{CompactFile, CompactState, Lake, LakeError};
+use crate::io::lake::{
+    ASKED, AskedRow, CompactFile, CompactState, Lake, LakeError, request_key, request_of,
+    runs_among,
+};
 use crate::io::schema::{self, TableSchema};
 use crate::io::store::Listed;
 use crate::io::table::{self, Row as _, Table, together};
@@ -18,7 +21,7 @@ use crate::progress::Progress;
 /// Number of runs whose tables are read before they become one.
 const AT_ONCE: usize = 256;
 
-/// A run that the compact form does not have yet.
+/// A run or request that the compact form does not have yet.
 pub(super) struct NewRun {
     /// The file of its row.
     pub(super) file: Listed,
@@ -26,7 +29,7 @@ pub(super) struct NewRun {
     pub(super) row: Option<Table>,
 }
 
-/// The runs of a month.
+/// The runs and requests of a month.
 #[derive(Default)]
 pub(super) struct Month {
     /// Paths of the rows that the earlier state has.
@@ -79,14 +82,14 @@ impl Month {
                 return Ok(None);
             }
         };
-        done.gone += self.gone.len();
+        done.gone += runs_among(&self.gone);
         self.keys = &self.keys - &self.gone;
         for mut some in in_parts(std::mem::take(&mut self.new)) {
             let read: Vec<_> = some.par_iter_mut().map(|run| run.tables(lake)).collect();
             self.take(lake, &some, read, &mut parts, done)?;
             progress.advance(some.len() as u64);
         }
-        done.runs += self.keys.len();
+        done.runs += runs_among(&self.keys);
         let written = self.written(lake, month, &parts)?;
         if !written.is_empty() {
             done.months.push(month.to_owned());
@@ -105,17 +108,22 @@ impl Month {
         if self.keys.is_empty() {
             return Ok(parts);
         }
-        let is_there = |key: &RunKey| {
-            let file = lake.file_key("runs", key);
+        let is_there = |key: &RunKey, request: Option<&AskedRow>| {
+            let file = match request {
+                Some(own) => request_key(key, own.number),
+                None => lake.file_key("runs", key),
+            };
             file.is_ok_and(|file| !self.gone.contains(&file))
         };
         for (parts, name) in parts.iter_mut().zip(TABLES) {
             if let Some(file) = state.file(name, month) {
                 let table = lake.read_compact(file)?;
+                let requests = (name == ASKED).then(|| AskedRow::read(&table));
                 parts.push(if self.gone.is_empty() {
                     table
                 } else {
-                    table.of_runs(|key| is_there(key))?
+                    table
+                        .of_rows(|row, key| is_there(key, requests.as_ref().map(|own| &own[row])))?
                 });
             }
         }
@@ -136,7 +144,7 @@ impl Month {
             match tables {
                 Err(reason) => done.leave_out(lake, &run.file, reason),
                 Ok(tables) => {
-                    done.added += 1;
+                    done.added += usize::from(request_of(&run.file.key).is_none());
                     self.keys.insert(run.file.key.clone());
                     new.iter_mut()
                         .zip(tables)
@@ -163,7 +171,7 @@ impl Month {
         }
         let mut files = vec![lake.put_compact_keys(&self.keys, month)?];
         for (parts, name) in parts.iter().zip(TABLES) {
-            if !parts.is_empty() {
+            if parts.iter().any(|own| own.rows() > 0) {
                 let table = together(schema(name), parts)?;
                 files.push(lake.put_compact(&table, month, runs_in(&table))?);
             }
@@ -179,6 +187,9 @@ impl NewRun {
             Some(row) => row,
             None => row(lake, &self.file)?,
         };
+        if request_of(&self.file.key).is_some() {
+            return Ok([Vec::new(), Vec::new(), vec![row]]);
+        }
         let claim = Claim::of(&row)?;
         let files = claim.files.iter().filter(|file| file.table == "accuracy");
         let read = files.map(|file| {
@@ -187,9 +198,9 @@ impl NewRun {
         });
         let accuracy: Result<Vec<Table>, String> = read.collect();
         match accuracy {
-            Ok(accuracy) => Ok([vec![row], accuracy]),
+            Ok(accuracy) => Ok([vec![row], accuracy, Vec::new()]),
             // Of a run that another replaced only the row may have been kept.
-            Err(_) if is_removed(lake, &claim) => Ok([vec![row], Vec::new()]),
+            Err(_) if is_removed(lake, &claim) => Ok([vec![row], Vec::new(), Vec::new()]),
             Err(reason) => Err(reason),
         }
     }
@@ -204,10 +215,16 @@ fn is_removed(lake: &Lake, claim: &Claim) -> bool {
     claim.files.iter().all(is_gone)
 }
 
-/// The row of a run, which has to be at the place that it names.
+/// The row of a run or request, which has to be at the place that it names.
 pub(super) fn row(lake: &Lake, file: &Listed) -> Result<Table, String> {
+    let text = |error: LakeError| error.to_string();
+    if request_of(&file.key).is_some() {
+        let (key, row) = lake.request(&file.key).map_err(text)?;
+        let row = AskedRow::table(vec![row], &key);
+        return Ok(row.map_err(|error| error.to_string())?.table);
+    }
     let place = lake.place_of(&file.key);
-    let open = lake.open_listed(file).map_err(|error| error.to_string())?;
+    let open = lake.open_listed(file).map_err(text)?;
     let row = table::read_open(open, &place.named(), RunRow::schema());
     let row = row.map_err(|error| error.to_string())?;
     let own = row.key().and_then(|key| lake.file_key("runs", key).ok());
@@ -217,11 +234,14 @@ pub(super) fn row(lake: &Lake, file: &Listed) -> Result<Table, String> {
     Err(format!("{place}: its content is that of another run"))
 }
 
-/// The month of a run's session, or [`UNDATED`].
+/// The month of a run's session or of a request, or [`UNDATED`].
 pub(super) fn of(row: &Table) -> String {
-    let started = RunRow::read(row)
-        .into_iter()
-        .find_map(|row| row.session_started);
+    let started = if row.schema().table == ASKED {
+        AskedRow::read(row).first().map(|row| row.asked_at)
+    } else {
+        let mut rows = RunRow::read(row).into_iter();
+        rows.find_map(|row| row.session_started)
+    };
     // Its text begins with year and month: 2020-11-09 12:34:56.
     started.map_or_else(
         || UNDATED.to_owned(),

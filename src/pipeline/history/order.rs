@@ -1,10 +1,14 @@
 //! The runs that take part, and their order.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+use rayon::prelude::*;
 
 use super::rows::{Fact, Kind, Row};
 use super::{Asked, HistoryError, LeftOut, Reason};
+use crate::io::lake::Lake;
+use crate::manifest::RunKey;
 
 /// The row of a current run.
 pub(super) struct CurrentRow {
@@ -17,20 +21,22 @@ pub(super) struct CurrentRow {
 }
 
 /// The current run of each session in order, and the runs left out.
-pub(super) fn current(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
+pub(super) fn current(lake: &Lake, rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     let (kept, mut left_out) = readable(rows);
-    let last = last_of_each(&kept);
+    let of_each = current_of_each(lake, &kept);
     let mut current = Vec::new();
     for row in kept {
-        let is_last = last.get(&row.fact.key.session) == Some(&row.fact.key.run);
+        let current_run = &of_each[&row.fact.key.session];
+        let is_current = current_run.as_ref() == Ok(&row.fact.key.run);
         let reason = match row.fact.kind {
+            _ if let Err(reason) = current_run => Reason::Unreadable(reason.clone()),
             Kind::Plan => Reason::Plan,
             Kind::Pooled => Reason::Pooled,
-            Kind::Session if is_last && row.fact.measured_at_ns.is_none() => {
+            Kind::Session if is_current && row.fact.measured_at_ns.is_none() => {
                 let session = &row.fact.key.session;
                 Reason::Unreadable(format!("session {session}: its table clocks is gone"))
             }
-            Kind::Session if is_last => {
+            Kind::Session if is_current => {
                 current.push(row);
                 continue;
             }
@@ -71,21 +77,22 @@ fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     (kept, left_out)
 }
 
-/// The current run of each session. Where two machines wrote at once several runs are replaced by none: the last by name
-/// counts.
-fn last_of_each(rows: &[CurrentRow]) -> BTreeMap<String, String> {
-    let replaced: BTreeSet<(&str, &str)> = rows
-        .iter()
-        .filter_map(|row| Some((row.fact.key.session.as_str(), row.fact.replaces.as_deref()?)))
-        .collect();
-    let mut last: BTreeMap<String, String> = BTreeMap::new();
+/// The current run of each session, or why it cannot be told. The only run of a session is it, without a look at the lake.
+fn current_of_each(lake: &Lake, rows: &[CurrentRow]) -> BTreeMap<String, Result<String, String>> {
+    let mut runs: BTreeMap<&str, Vec<&RunKey>> = BTreeMap::new();
     for key in rows.iter().map(|row| &row.fact.key) {
-        if !replaced.contains(&(key.session.as_str(), key.run.as_str())) {
-            let own = last.entry(key.session.clone()).or_default();
-            *own = std::mem::take(own).max(key.run.clone());
-        }
+        runs.entry(&key.session).or_default().push(key);
     }
-    last
+    let current = |(session, runs): (&str, Vec<&RunKey>)| {
+        let run = match runs[..] {
+            [only] => Ok(only.run.clone()),
+            _ => lake
+                .current(runs[0])
+                .map(|own| own.map_or_else(String::new, |own| own.run)),
+        };
+        (session.to_owned(), run.map_err(|error| error.to_string()))
+    };
+    runs.into_par_iter().map(current).collect()
 }
 
 impl CurrentRow {

@@ -4,7 +4,7 @@
 //! the storage has no tags, in the place of its contents. A batch keeps in the lake's index what it told of the run that a state led to
 //! ([`crate::io::lake::Lake::index`]); a later one with the same state tells it again. A file that changed within the last moments has
 //! no state yet, so that a second change in the same instant is not overlooked: it is digested. Runs that are gone from `runs` are
-//! not told.
+//! not told, nor are those of sessions whose current run was changed by a request since.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::Metadata;
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::Done;
 use crate::grid::Verdict;
 use crate::io::input::{self, Bound};
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::{Lake, LakeError, request_key};
 use crate::io::store::Listed;
 use crate::io::table::Word as _;
 use crate::io::tables::words::VerdictOf;
@@ -25,7 +25,7 @@ use crate::manifest::{self, RunKey, VERSION};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};
 
 /// Version of the lines and of their meaning; raised by any change.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// A file that changed later than this may change again at a time that is stated alike.
 const SETTLED: Duration = Duration::from_secs(2);
 
@@ -49,8 +49,8 @@ pub struct Known {
 struct Held {
     /// The files of tasks that were done alone, by their states.
     alone: BTreeMap<String, Listed>,
-    /// Keys of the rows of all runs.
-    runs: BTreeSet<String>,
+    /// Keys of the rows of all runs and of all requests.
+    rows: BTreeSet<String>,
 }
 
 /// What a batch told of a run.
@@ -59,6 +59,8 @@ struct Told {
     robot: String,
     session: String,
     run: String,
+    /// Number of the last request of the session, when the run was current.
+    asked: u64,
     /// Whether it is met; `None` where it could not be shown.
     met: Option<bool>,
     of: Option<String>,
@@ -79,14 +81,14 @@ impl Known {
     pub fn read(lake: Lake) -> Result<Self, LakeError> {
         let before = parsed(&lake.index()).unwrap_or_default();
         let alone = lake.index_alone()?;
-        let runs = if before.is_empty() && alone.is_empty() {
+        let rows = if before.is_empty() && alone.is_empty() {
             BTreeSet::new()
         } else {
-            lake.run_keys()?
+            lake.run_and_request_keys()?
         };
         Ok(Self {
             before,
-            listed: Some(Held { alone, runs }),
+            listed: Some(Held { alone, rows }),
             ..Self::nothing(lake)
         })
     }
@@ -146,28 +148,31 @@ impl Known {
         Some(hasher.finalize().to_hex().to_string())
     }
 
-    /// What was told of the run that a state led to; `None` where nothing was, or the run is gone.
+    /// What was told of the run that a state led to; `None` where nothing was, or the run is gone or not the current one.
     pub fn told(&self, state: &str) -> Option<Done> {
-        let told = match self.before.get(state) {
+        let in_index = self.before.get(state).filter(|own| self.is_current(own));
+        let told = match in_index {
             Some(told) => told.clone(),
-            None => self.told_alone(state)?,
+            None => self.told_alone(state).filter(|own| self.is_current(own))?,
         };
-        if !self.is_there(&told) {
-            return None;
-        }
         let key = RunKey::new(&told.robot, &told.session, &told.run);
         let done = told.done(&self.lake, &key)?;
         self.add(state, told);
         Some(done)
     }
 
-    /// Reads what single tasks told of these states, several files at once; what the index has is not read.
+    /// Reads what single tasks told of these states, several files at once; what the index has of current runs is not read.
     pub fn gather(&self, states: impl IntoIterator<Item = String>) {
         let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else {
             return;
         };
         let unread = states.into_iter();
-        let unread = unread.filter(|state| !self.before.contains_key(state));
+        let is_known = |state: &String| {
+            self.before
+                .get(state)
+                .is_some_and(|own| self.is_current(own))
+        };
+        let unread = unread.filter(|state| !is_known(state));
         let (states, files): (Vec<String>, Vec<Listed>) = unread
             .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
             .map(|(listed, state)| (state, listed))
@@ -205,16 +210,17 @@ impl Known {
         serde_json::from_str(&text).ok()
     }
 
-    /// Whether the run that was told has a row.
-    fn is_there(&self, told: &Told) -> bool {
+    /// Whether the run that was told has a row, and its session no request since.
+    fn is_current(&self, told: &Told) -> bool {
         let key = RunKey::new(&told.robot, &told.session, &told.run);
-        match &self.listed {
-            None => self.lake.exists(&key).unwrap_or(false),
-            Some(held) => {
-                let row = self.lake.file_key("runs", &key);
-                row.is_ok_and(|row| held.runs.contains(&row))
-            }
-        }
+        let is_there = |row: Result<String, LakeError>| match &self.listed {
+            None => self.lake.has_key(&row?),
+            Some(held) => Ok(held.rows.contains(&row?)),
+        };
+        let row = is_there(self.lake.file_key("runs", &key));
+        let [last, later] =
+            [0, 1].map(|more| is_there(request_key(&key, told.asked.saturating_add(more))));
+        matches!((row, last, later), (Ok(true), Ok(true), Ok(false)))
     }
 
     /// Keeps what is told of a task that was done alone, likewise: in a file of its own, as there may be others at once.
@@ -260,7 +266,7 @@ impl Known {
         let told: BTreeSet<_> = now.values().map(run).collect();
         let mut all = now.clone();
         let before = self.before.iter();
-        let others = before.filter(|(_, own)| !told.contains(&run(own)) && self.is_there(own));
+        let others = before.filter(|(_, own)| !told.contains(&run(own)) && self.is_current(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
         if all == self.before {
             return Ok(());
@@ -285,6 +291,7 @@ impl Told {
             robot: done.robot.clone(),
             session: done.session.clone(),
             run: done.run.clone(),
+            asked: done.asked,
             met: match done.verdict {
                 Verdict::Meets => Some(true),
                 Verdict::DoesNotMeet => Some(false),
@@ -304,6 +311,8 @@ impl Told {
             session: self.session.clone(),
             run: self.run.clone(),
             already_there: true,
+            asked: self.asked,
+            took_place: None,
             verdict: match self.met {
                 Some(true) => Verdict::Meets,
                 Some(false) => Verdict::DoesNotMeet,
@@ -462,6 +471,7 @@ mod tests {
             robot: "r".to_owned(),
             session: "mon".to_owned(),
             run: "0a".to_owned(),
+            asked: 1,
             met: None,
             of: Some("compensation".to_owned()),
             reason: Some("too few".to_owned()),
@@ -476,7 +486,7 @@ mod tests {
         let whole = text(all.clone());
         assert_eq!(parsed(&whole), Some(all));
         assert_eq!(parsed(&whole[..whole.len() - 5]), None);
-        assert_eq!(parsed(&whole.replace("\"format\":1", "\"format\":0")), None);
+        assert_eq!(parsed(&whole.replace("\"format\":2", "\"format\":0")), None);
         assert_eq!(parsed(""), None);
     }
 

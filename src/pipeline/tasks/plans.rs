@@ -37,10 +37,11 @@ pub fn all(
     Ok(named.into_iter().map(of).collect())
 }
 
-/// The task of a plan; `None` where the lake has it.
+/// The task of a plan; `None` where the lake has it as the current one.
 pub fn open(planning: &Planning) -> Result<Option<Task>, PlanningError> {
     let key = planning.key();
-    if Lake::at(&planning.lake)?.exists(&key)? {
+    let current = Lake::at(&planning.lake)?.current(&key)?;
+    if current.is_some_and(|current| current.run == key.run) {
         return Ok(None);
     }
     let settings = &planning.settings;

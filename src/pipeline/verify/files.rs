@@ -3,18 +3,19 @@
 //! A query over the folder of a table reads every file there, so files that do not belong are named. A file belongs if the
 //! row of its run, at its own place in `runs`, names it, or the row of its session as joined. Files at a run's place that name that run, without a row of it,
 //! are reported by run: the row was deleted, or the run was never committed. A record of corrections belongs if it is
-//! unchanged. All other files are foreign.
+//! unchanged; requests have to follow one another (`asked`). All other files are foreign.
 
 mod known;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::VerifyError;
 use super::selection::Selected;
+use super::{VerifyError, asked};
 use crate::io::lake::{Lake, LakeFile, PAGES, Stands, is_correction};
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
-use known::{Judged, Known, Scope, rows_now};
+pub(super) use known::Scope;
+use known::{Judged, Known, rows_now};
 
 /// The files under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub struct FilesOfLake {
     pub without_row: Vec<WithoutRow>,
     /// Files that do not belong.
     pub foreign: Vec<Foreign>,
+    /// What is wrong with the requests that changed current runs, in words.
+    pub asked: Vec<String>,
 }
 
 /// The files of a run that has no row in `runs`.
@@ -56,9 +59,9 @@ pub struct Foreign {
 }
 
 impl FilesOfLake {
-    /// Whether there is a file that does not belong.
+    /// Whether there is a file that does not belong, or a request is missing or contradicts others.
     pub const fn is_mismatch(&self) -> bool {
-        !self.without_row.is_empty() || !self.foreign.is_empty()
+        !self.without_row.is_empty() || !self.foreign.is_empty() || !self.asked.is_empty()
     }
 
     /// The number of all files.
@@ -79,7 +82,10 @@ pub fn account(
 ) -> Result<FilesOfLake, VerifyError> {
     let known = Known::of(lake, selected)?;
     let scope = Scope::of(lake, selected, names)?;
-    let mut account = FilesOfLake::default();
+    let mut account = FilesOfLake {
+        asked: asked::problems(lake, &scope)?,
+        ..FilesOfLake::default()
+    };
     let mut doubtful = Vec::new();
     let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
     let mut add_foreign = |file: &LakeFile, why: Option<String>| {

@@ -23,7 +23,7 @@ impl ChangedSetting {
 }
 
 /// Settings that differ, by key.
-pub(super) fn changed(claimed: &str, found: &str) -> Vec<ChangedSetting> {
+pub(in crate::pipeline) fn changed(claimed: &str, found: &str) -> Vec<ChangedSetting> {
     if claimed == found {
         return Vec::new();
     }

@@ -10,6 +10,8 @@ fn done(verdict: Verdict) -> Box<Done> {
         session: "a".to_owned(),
         run: "00ff".to_owned(),
         already_there: false,
+        asked: 1,
+        took_place: None,
         reason: (verdict == Verdict::DoesNotMeet).then(|| "test session wed: bound".to_owned()),
         verdict,
         verdict_of: Some(VerdictOf::Compensation),

@@ -133,7 +133,7 @@ pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeEr
 }
 
 /// The files that are counted.
-pub(super) struct Scope {
+pub(in crate::pipeline::verify) struct Scope {
     all: bool,
     /// ROBOT/SESSION by the names of their folders.
     sessions: BTreeSet<String>,
@@ -169,7 +169,16 @@ impl Scope {
 
     /// Whether a file is counted.
     pub(super) fn has(&self, file: &LakeFile) -> bool {
-        let parts: Vec<&str> = file.key.split('/').collect();
+        let is_named = || match &file.stands {
+            Stands::OfRun { run, .. } => self.names.contains(run),
+            _ => false,
+        };
+        self.has_session(&file.key) || is_named()
+    }
+
+    /// Whether the files in the folder of a file's session are counted.
+    pub(in crate::pipeline::verify) fn has_session(&self, key: &str) -> bool {
+        let parts: Vec<&str> = key.split('/').collect();
         let in_session = match parts[..] {
             [_, robot, session, _, ..] => {
                 self.sessions.contains(&format!("{robot}/{session}"))
@@ -177,10 +186,6 @@ impl Scope {
             }
             _ => false,
         };
-        let is_named = || match &file.stands {
-            Stands::OfRun { run, .. } => self.names.contains(run),
-            _ => false,
-        };
-        self.all || in_session || is_named()
+        self.all || in_session
     }
 }
