@@ -110,6 +110,8 @@ pub fn expanded(standard: f64) -> f64 {
 
 /// The 95 % quantile of chi squared with three degrees of freedom.
 pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
+/// The 99 % quantile of chi squared with three degrees of freedom.
+pub const CHI_SQUARED_3_99: f64 = 11.344_866_730;
 
 /// Fewer blocks of the work space tell no spread of a figure: they are too few to be drawn or compared.
 pub const LEAST_BLOCKS: usize = 8;

@@ -6,7 +6,7 @@ mod common;
 use nalgebra::Vector3;
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{
-    self, FitSettings, KnownTarget, Models, Noise, Observation, Purpose, Source,
+    self, FitSettings, KnownTarget, Measured, Models, Noise, Observation, Purpose, Source,
     TrackerUncertainty, TrainingSettings,
 };
 use posegrid::grid::Tolerance;
@@ -14,9 +14,9 @@ use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
 use posegrid::report::accuracy::accuracy;
 use posegrid::report::evaluate::Stations;
-use posegrid::report::locate::{Locate, LocateBy, LocateTarget, Locator};
+use posegrid::report::locate::{Locate, LocateBy, LocateTarget, Located, Locator};
 use posegrid::report::unseen::unseen_session;
-use posegrid::report::{BaseRefit, Model, ResidualSet};
+use posegrid::report::{Angles, BaseRefit, Model, ResidualSet};
 
 const TOLERANCE: Tolerance = Tolerance {
     mm: 0.5,
@@ -85,12 +85,12 @@ fn learned(arm: &Arm, sessions: &[&[Observation]]) -> Models {
 /// Residuals of the full error model on a session that it never saw, at each kind of angles and by each base.
 fn judged(arm: &Arm, models: &Models, test: &[Observation], locate: Locate) -> Vec<ResidualSet> {
     let locator = with_settings(|settings| Locator::new(models, arm, locate, settings));
-    let finders = locator.finders(models, test);
+    let located = locator.located(models, test);
     let stations = Stations {
         session: "test",
         observations: test,
     };
-    let mut sets = unseen_session(models, stations, &locator, &finders).expect("one of each");
+    let mut sets = unseen_session(models, stations, &locator, &located).expect("one of each");
     sets.retain(|set| set.subject.model == Model::Full);
     sets
 }
@@ -118,7 +118,7 @@ fn told(
     for (by, stations) in [(LocateBy::First, 50), (LocateBy::Chosen, 12)] {
         let locate = Locate {
             by,
-            stations,
+            stations: Some(stations),
             target,
         };
         for set in judged(arm, &models, test, locate) {
@@ -164,6 +164,66 @@ fn twelve_chosen_stations_of_random_b_are_as_good_as_fifty() {
     let chosen = told(&arm, "random-a → random-b", &[&a], &b, known);
     let (mean, inside) = chosen[0];
     assert!(mean <= 0.052 && inside >= 0.9, "{mean} {inside}");
+}
+
+/// The session with its target further away along its own axes.
+fn remounted(session: &[Observation], away_mm: Vector3<f64>) -> Vec<Observation> {
+    let moved = |o: &Observation| {
+        let mut own = o.clone();
+        if let Measured::Pose(point, turn) = &mut own.measured {
+            point.position += turn.orientation * away_mm;
+        }
+        own
+    };
+    session.iter().map(moved).collect()
+}
+
+/// The session after: a target that stayed is taken as known, one that was put on again is noticed and found.
+#[test]
+fn a_target_that_was_put_on_again_is_noticed() {
+    let arm = common::arm("ur10");
+    let Some([_, _, a, b]) = recordings(&arm) else {
+        return;
+    };
+    let models = learned(&arm, &[&a]);
+    let locator =
+        with_settings(|settings| Locator::new(&models, &arm, Locate::default(), settings));
+    let stayed = locator.located(&models, &b);
+    assert_eq!(stayed.finders.len(), 12);
+    assert_eq!((stayed.target_sd_mm, stayed.contradicted), (None, None));
+    // 0.7 mm: more than base, drift and noise leave open.
+    let moved = remounted(&b, Vector3::new(0.5, -0.3, 0.4));
+    let found = locator.located(&models, &moved);
+    assert_eq!(found.finders, stayed.finders, "picked by poses alone");
+    let away = found.contradicted.expect("seven times what is allowed");
+    assert!(
+        (away.mm - 0.707).abs() < 0.15 && away.allowed_mm < 0.4,
+        "{away:?}"
+    );
+    let figures = |located: &Located| {
+        let stations = Stations {
+            session: "test",
+            observations: &moved,
+        };
+        let sets = unseen_session(&models, stations, &locator, located).expect("one of each");
+        let set = sets.iter().find(|set| {
+            let own = &set.subject;
+            (own.model, own.angles, own.base_refit)
+                == (Model::Full, Angles::Commanded, BaseRefit::Chosen)
+        });
+        self::figures(set.expect("stations span space"))
+    };
+    let ((own_mm, own_inside), (known_mm, known_inside)) = (figures(&found), figures(&stayed));
+    assert!(own_mm < 0.06 && own_inside >= 0.92, "{own_mm} {own_inside}");
+    assert!(
+        known_mm > 3.0 * own_mm && known_inside < 0.5,
+        "{known_mm} {known_inside}"
+    );
+    // Few stations leave most of them to judge.
+    for (stations, finders) in [(58, 11), (18, 4)] {
+        let few = locator.located(&models, &b[..stations]);
+        assert_eq!((few.finders.len(), few.contradicted), (finders, None));
+    }
 }
 
 /// A remount 2 m away, months later; and each session by the others.

@@ -449,7 +449,7 @@ fn stage_settings(settings: &PlanSettings) -> StageSettings {
         tolerance: settings.tolerance,
         locate: Locate {
             by: LocateBy::First,
-            stations: 50,
+            stations: Some(50),
             target: LocateTarget::Known,
         },
         leave_sessions_out: false,

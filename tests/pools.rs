@@ -324,7 +324,7 @@ fn left_out(folder: &Path, session: &str) -> Vec<String> {
     sessions.into_iter().map(str::to_owned).collect()
 }
 
-/// Mean error of the full model in a session that only judged, its base found from its first stations, mm.
+/// Mean error of the full model in a session that only judged, its base found from chosen stations, mm.
 fn judged_mm(folder: &Path, session: &str) -> f64 {
     let schema = schema::find("residuals").expect("a published table");
     let tables = std::fs::read_dir(folder.join("lake/residuals/arm/pooled")).expect("a folder");
@@ -335,7 +335,7 @@ fn judged_mm(folder: &Path, session: &str) -> f64 {
         is(row, "of_session", session)
             && is(row, "split", "session")
             && is(row, "model", "full")
-            && is(row, "base_refit", "first")
+            && is(row, "base_refit", "chosen")
     });
     let errors: Vec<f64> = rows
         .map(|row| residuals.f64("residual_mm").value(row))

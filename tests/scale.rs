@@ -76,7 +76,7 @@ fn settings() -> StageSettings {
         },
         locate: Locate {
             by: LocateBy::First,
-            stations: 30,
+            stations: Some(30),
             target: LocateTarget::Known,
         },
         leave_sessions_out: false,

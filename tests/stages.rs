@@ -94,7 +94,7 @@ fn settings() -> StageSettings {
         },
         locate: Locate {
             by: LocateBy::First,
-            stations: 50,
+            stations: Some(50),
             target: LocateTarget::Known,
         },
         leave_sessions_out: true,

@@ -80,7 +80,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
         },
         locate: Locate {
             by: LocateBy::First,
-            stations: 50,
+            stations: Some(50),
             target: LocateTarget::Known,
         },
         rivals: false,

@@ -16,6 +16,8 @@
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3};
 use rayon::prelude::*;
 
+use crate::linalg::gram;
+
 /// Candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 16;
 /// Most rounds of exchanges; they end before where no exchange helps.
@@ -106,6 +108,16 @@ impl Poses {
         })
     }
 
+    /// The unknowns `β̂` by the residuals of all poses, and their covariance `V`. `None` where a factorisation fails, which only rounding
+    /// can cause.
+    pub fn unknowns(&self, residuals: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let all: Vec<usize> = (0..self.len()).collect();
+        let solved = self.between(&all).cholesky()?.solve(&self.columns);
+        let information = self.columns.tr_mul(&solved) + DMatrix::from_diagonal(&self.precision);
+        let covariance = information.cholesky()?.inverse();
+        Some((&covariance * solved.tr_mul(residuals), covariance))
+    }
+
     /// The estimate that counts all stations at `used` alike, with a `ridge` on every unknown.
     pub fn unweighted(&self, used: &[usize], ridge: f64) -> Option<Estimator> {
         let columns = rows_of(&self.columns, used);
@@ -161,8 +173,7 @@ impl Poses {
 
     /// Covariance of the errors of some stations, with that of each measurement.
     fn between(&self, stations: &[usize]) -> DMatrix<f64> {
-        let half = columns_of(&self.half, stations);
-        let mut between = half.tr_mul(&half);
+        let mut between = gram(&columns_of(&self.half, stations).as_view());
         for (place, &station) in stations.iter().enumerate() {
             let mut own = between.fixed_view_mut::<3, 3>(3 * place, 3 * place);
             own += self.alone[station];

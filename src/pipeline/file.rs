@@ -526,7 +526,7 @@ pub struct FitSection {
 
 /// `[report]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(try_from = "BTreeMap<String, toml::Value>")]
+#[serde(default, deny_unknown_fields)]
 pub struct ReportSection {
     /// How base and target of a session that only judges are found, and from how many of its stations; the others judge. Each
     /// session of a pool is judged so too, by a training on the others, always with a target of its own.
@@ -542,17 +542,6 @@ pub struct ReportSection {
     /// Position of the tool tip, for figures there. Absent: no such figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tool_tip: Option<ToolTip>,
-}
-
-/// The keys of `[report]` as a file has them.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ReportKeys {
-    locate: Option<Locate>,
-    leave_sessions_out: Option<bool>,
-    rivals: Option<bool>,
-    plan: Option<String>,
-    tool_tip: Option<ToolTip>,
 }
 
 /// Position of the tool tip.
@@ -597,44 +586,6 @@ impl Default for ReportSection {
             tool_tip: None,
         }
     }
-}
-
-impl TryFrom<BTreeMap<String, toml::Value>> for ReportSection {
-    type Error = toml::de::Error;
-    fn try_from(keys: BTreeMap<String, toml::Value>) -> Result<Self, toml::de::Error> {
-        if let Some(instead) = instead_of_former_keys(&keys) {
-            return Err(serde::de::Error::custom(instead));
-        }
-        let table: toml::Table = keys.into_iter().collect();
-        let (keys, usual): (ReportKeys, _) = (table.try_into()?, Self::default());
-        Ok(Self {
-            locate: keys.locate.unwrap_or(usual.locate),
-            leave_sessions_out: keys.leave_sessions_out.unwrap_or(usual.leave_sessions_out),
-            rivals: keys.rivals.unwrap_or(usual.rivals),
-            plan: keys.plan,
-            tool_tip: keys.tool_tip,
-        })
-    }
-}
-
-/// What to write in place of the keys that former versions had for the base of an unseen session; `None` without such a key.
-fn instead_of_former_keys(keys: &BTreeMap<String, toml::Value>) -> Option<String> {
-    let former = ["refit_first_stations", "refit_target"];
-    let found: Vec<&str> = former
-        .into_iter()
-        .filter(|key| keys.contains_key(*key))
-        .collect();
-    let first = keys.get(former[0]).and_then(toml::Value::as_integer);
-    let own = keys.get(former[1]).and_then(toml::Value::as_bool);
-    (!found.is_empty()).then(|| {
-        format!(
-            "[report] {} became locate: write locate = {{ by = \"first\", stations = {}, target = \"{}\" }}, or by = \"chosen\", whose \
-             stations are picked by their poses: 12 of them do more than 50 first ones",
-            found.join(" and "),
-            first.unwrap_or(50),
-            if own == Some(true) { "own" } else { "known" }
-        )
-    })
 }
 
 fn controller_log() -> LogNames {

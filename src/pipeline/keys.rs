@@ -64,9 +64,6 @@ pub struct KeySection {
     /// Whether the value may be something else than a table with these keys.
     #[serde(default)]
     pub open: bool,
-    /// Keys of earlier versions: whoever reads the file says what became of them.
-    #[serde(default, skip_serializing)]
-    pub former: Vec<String>,
     /// What the section says.
     pub about: String,
     /// Its keys.

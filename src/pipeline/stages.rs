@@ -278,6 +278,7 @@ pub fn results<'a>(
     let maker = FigureMaker {
         settings,
         training: &training,
+        test: &tested,
         frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
@@ -289,7 +290,7 @@ pub fn results<'a>(
     let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
     let scales = scales::scales(&observed, &models, &training, settings);
     scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
-    let mut verdict = judges.verdict(&grids, &accuracy, &residuals);
+    let mut verdict = judges.verdict(&grids, &accuracy, &residuals)?;
     let errors = (&grids, &*accuracy);
     verdict.limit = judges.limit((&verdict, &observed), errors, &semivariograms);
     if let Some(driven) = &driven {

@@ -75,13 +75,8 @@ pub fn locate(
         });
     }
     let (candidates, drawn) = candidates(arm, &placer, settings)?;
-    let own_target = identified.target_sd_mm.is_some();
-    let Some(elsewhere) = identified.model.elsewhere(
-        arm,
-        (identified.session, own_target),
-        &settings.full,
-        settings.up,
-    ) else {
+    let (model, session) = (identified.model, identified.session);
+    let Some(elsewhere) = model.elsewhere(arm, session, &settings.full, settings.up) else {
         return Ok(None);
     };
     let site = Site {
@@ -214,7 +209,8 @@ impl Site<'_> {
         }
         let scale_sd = model.scale_sd();
         let (columns, precision) = frame_columns(&placed, self.identified.target_sd_mm, scale_sd);
-        let half = self.elsewhere.half(&queries);
+        let own_target = self.identified.target_sd_mm.is_some();
+        let half = self.elsewhere.half(&queries, own_target);
         let poses = Poses {
             columns,
             precision,

@@ -2,7 +2,9 @@
 //! one of its own.
 //!
 //! Stations are picked by their place in time or by their poses, never by their readings: those that find the base do not judge,
-//! and a pick by readings would flatter the others.
+//! and a pick by readings would flatter the others. They alone also test whether the target is the one that is known: where its
+//! displacement by them is significant (1 %, by the joint covariance of what they find and of what is known), it is one of the session's
+//! own.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -10,32 +12,36 @@ use serde::{Deserialize, Serialize};
 use super::BaseRefit;
 use super::evaluate::{axes_at, known_at, placed, predictions, turned};
 use super::refit::{self, Placed, Refit};
+use crate::figures::CHI_SQUARED_3_99;
 use crate::fit::full::elsewhere::Elsewhere;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::locate::Poses;
-use crate::fit::{Angles, Model, Models, Observation, TrainingSettings};
+use crate::fit::{Angles, Frames, Model, Models, Observation, TrainingSettings};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
 
 /// `[report] locate`: how base and target of a session that the model did not learn from are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(try_from = "LocateKeys")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Locate {
     /// The way in which stations are picked.
     pub by: LocateBy,
-    /// Number of stations that find the base; the others judge.
-    pub stations: usize,
+    /// Number of stations that find the base, the others judge; `None`: as many as suit the session.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stations: Option<usize>,
     /// Whether the session's target is the one that is known.
+    #[serde(default)]
     pub target: LocateTarget,
 }
 
 /// The way in which the stations that find a session's base are picked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocateBy {
     /// The first that were measured.
     First,
     /// Those whose poses fix base and target best for the identified arm.
+    #[default]
     Chosen,
 }
 
@@ -44,10 +50,39 @@ pub enum LocateBy {
 #[serde(rename_all = "snake_case")]
 pub enum LocateTarget {
     /// The target in its place as the model knows it: it was not taken off.
-    #[default]
     Known,
     /// A target of the session's own, as after a remount: found with the base.
     Own,
+    /// The known one, unless the stations that find the base contradict it: then one of the session's own.
+    #[default]
+    Tested,
+}
+
+/// How base and target of one session are found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Located {
+    /// The stations that find them, by the places of their observations.
+    pub finders: Vec<usize>,
+    /// Standard deviation of the session's own target from the known one, per axis, mm; `None` where the target is the known one.
+    pub target_sd_mm: Option<f64>,
+    /// The displacement that contradicts the known target; `None` where none does.
+    pub contradicted: Option<Displacement>,
+}
+
+/// A significant displacement of a session's target from the known one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Displacement {
+    /// Its size, mm.
+    pub mm: f64,
+    /// The size in its direction that one session in a hundred shows of a target that was not taken off, mm.
+    pub allowed_mm: f64,
+}
+
+impl Located {
+    /// Whether the session's target is found with its base.
+    pub const fn with_target(&self) -> bool {
+        self.target_sd_mm.is_some()
+    }
 }
 
 /// The stations that base and target of a session were found from.
@@ -79,46 +114,14 @@ impl Finders {
     }
 }
 
-/// The keys as a pipeline file has them.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LocateKeys {
-    by: LocateBy,
-    stations: Option<usize>,
-    #[serde(default)]
-    target: LocateTarget,
-}
-
 /// Fewest stations that determine base and target.
 pub const LEAST_STATIONS: usize = 4;
 /// First stations where the pipeline file states no number: neighbours, which tell less than chosen ones.
 const FIRST_STATIONS: usize = 50;
-/// Chosen stations where the pipeline file states no number: four times as many coordinates as base and target have.
+/// Most chosen stations where the pipeline file states no number: four times as many coordinates as base and target have.
 const CHOSEN_STATIONS: usize = 12;
-
-impl Default for Locate {
-    fn default() -> Self {
-        Self {
-            by: LocateBy::First,
-            stations: FIRST_STATIONS,
-            target: LocateTarget::Known,
-        }
-    }
-}
-
-impl From<LocateKeys> for Locate {
-    fn from(keys: LocateKeys) -> Self {
-        let usual = match keys.by {
-            LocateBy::First => FIRST_STATIONS,
-            LocateBy::Chosen => CHOSEN_STATIONS,
-        };
-        Self {
-            by: keys.by,
-            stations: keys.stations.unwrap_or(usual),
-            target: keys.target,
-        }
-    }
-}
+/// Share of a session's stations that are chosen where the pipeline file states no number: one in so many, as the others are to judge.
+const CHOSEN_OF: usize = 5;
 
 impl Locate {
     /// The source of a base that is found so.
@@ -130,25 +133,27 @@ impl Locate {
     }
 
     /// So many stations that were picked in this way.
-    pub fn finders(&self, stations: usize) -> Finders {
+    pub const fn finders(&self, stations: usize, with_target: bool) -> Finders {
         Finders {
             by: self.by,
             stations,
-            with_target: self.with_target(),
+            with_target,
         }
+    }
+
+    /// Number of stations that find the base of a session of so many.
+    fn count(&self, all: usize) -> usize {
+        let usual = match self.by {
+            LocateBy::First => FIRST_STATIONS,
+            LocateBy::Chosen => (all / CHOSEN_OF).clamp(LEAST_STATIONS, CHOSEN_STATIONS),
+        };
+        self.stations.unwrap_or(usual).min(all)
     }
 
     /// First stations that find the base of a session which a table drove: its targets are not chosen for that.
-    pub const fn first(&self) -> usize {
-        match self.by {
-            LocateBy::First => self.stations,
-            LocateBy::Chosen => FIRST_STATIONS,
-        }
-    }
-
-    /// Whether the session's target is found with its base.
-    pub fn with_target(&self) -> bool {
-        self.target == LocateTarget::Own
+    pub fn first(&self) -> usize {
+        let stated = self.stations.filter(|_| self.by == LocateBy::First);
+        stated.unwrap_or(FIRST_STATIONS)
     }
 }
 
@@ -183,11 +188,8 @@ impl Locator {
         settings: &TrainingSettings<'_>,
     ) -> Self {
         let full = models.full.as_ref();
-        let own_target = locate.with_target();
-        let elsewhere = full.and_then(|full| {
-            let mounted = (models.latest(), own_target);
-            full.elsewhere(arm, mounted, settings.full, settings.up)
-        });
+        let elsewhere =
+            full.and_then(|full| full.elsewhere(arm, models.latest(), settings.full, settings.up));
         // Both mountings may be off.
         let apart = |sd_mm: f64| sd_mm * 2.0_f64.sqrt();
         Self {
@@ -211,16 +213,87 @@ impl Locator {
         }
     }
 
+    /// How base and target of a session are found: from which stations, and whether its target is the known one by these.
+    pub fn located(&self, models: &Models, observations: &[Observation]) -> Located {
+        // Of several targets, each in a place of its own, one displacement tells nothing.
+        let mut frames = models.base_target.frames.iter();
+        let are_several = frames.any(Frames::has_several_targets);
+        let target = match self.locate.target {
+            LocateTarget::Tested if are_several => LocateTarget::Known,
+            target => target,
+        };
+        let own = Some(self.target_sd_mm).filter(|_| target != LocateTarget::Known);
+        let finders = self.finders(models, observations, own);
+        let contradicted = (target != LocateTarget::Own && !are_several)
+            .then(|| self.contradiction(models, observations, &finders))
+            .flatten();
+        let target_sd_mm = match (target, contradicted) {
+            (LocateTarget::Tested, None) | (LocateTarget::Known, _) => None,
+            (LocateTarget::Own, _) => own,
+            (LocateTarget::Tested, Some(away)) => Some(self.target_sd_mm(&away)),
+        };
+        Located {
+            finders,
+            target_sd_mm,
+            contradicted,
+        }
+    }
+
+    /// Standard deviation of a target of the session's own that was found so far away, which is not drawn back.
+    pub const fn target_sd_mm(&self, away: &Displacement) -> f64 {
+        self.target_sd_mm.max(away.mm)
+    }
+
+    /// The displacement of the target by the stations at `finders`, where one that was not taken off rarely shows it: their errors have
+    /// the covariance of the arm with the known target.
+    fn contradiction(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+        finders: &[usize],
+    ) -> Option<Displacement> {
+        let own: Vec<Observation> = finders.iter().map(|&f| observations[f].clone()).collect();
+        let (poses, placed) = self.predicted(models, Angles::Weighted, &own, None)?;
+        let measured = own.iter().map(|o| Some(o.point()?.position));
+        let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
+        let base = refit::refit(&measured, &placed, false)?;
+        let left = measured.iter().zip(&placed).flat_map(|(measured, placed)| {
+            let away = base.base_from_tracker * measured - placed.position;
+            [away.x, away.y, away.z]
+        });
+        let left = DVector::from_iterator(3 * placed.len(), left);
+        let (columns, precision) = frame_columns(&placed, Some(ANYWHERE_MM), self.scale_sd);
+        let free = Poses {
+            columns,
+            precision,
+            ..poses
+        };
+        let (found, covariance) = free.unknowns(&left)?;
+        let target = refit::columns_of_frames(false);
+        let shift = found.fixed_rows::<3>(target).into_owned();
+        let covariance = covariance.fixed_view::<3, 3>(target, target).into_owned();
+        let squared = shift.dot(&covariance.cholesky()?.solve(&shift));
+        (squared > CHI_SQUARED_3_99).then(|| Displacement {
+            mm: shift.norm(),
+            allowed_mm: shift.norm() * (CHI_SQUARED_3_99 / squared).sqrt(),
+        })
+    }
+
     /// The stations that find the frames of a session, by the places of their observations; in time, or by their commanded poses,
     /// never by readings. A station is taken with its readings of all targets.
-    pub fn finders(&self, models: &Models, observations: &[Observation]) -> Vec<usize> {
+    fn finders(
+        &self,
+        models: &Models,
+        observations: &[Observation],
+        own_target: Option<f64>,
+    ) -> Vec<usize> {
         // The first observation of each station.
         let firsts: Vec<usize> = (0..observations.len())
             .filter(|&place| {
                 place == 0 || observations[place - 1].station != observations[place].station
             })
             .collect();
-        let count = self.locate.stations.min(firsts.len());
+        let count = self.locate.count(firsts.len());
         let taken: Vec<usize> = match self.locate.by {
             LocateBy::First => (0..count).collect(),
             LocateBy::Chosen => {
@@ -228,7 +301,8 @@ impl Locator {
                     .iter()
                     .map(|&place| observations[place].clone())
                     .collect();
-                self.chosen(models, &poses, count).unwrap_or_default()
+                let chosen = self.chosen(models, &poses, count, own_target);
+                chosen.unwrap_or_default()
             }
         };
         let all = taken.into_iter().flat_map(|station| {
@@ -244,6 +318,7 @@ impl Locator {
         models: &Models,
         observations: &[Observation],
         count: usize,
+        own_target: Option<f64>,
     ) -> Option<Vec<usize>> {
         let every = observations.len().div_ceil(MOST_COMPARED).max(1);
         // All at one time, so that the order in which they were measured does not matter.
@@ -265,7 +340,7 @@ impl Locator {
             .map(|p| placed(&p.target, &to_base))
             .collect();
         let alone = alone(models, &poses, &to_base);
-        let poses = self.errors_at(&poses, Angles::Reported, &placed, alone);
+        let poses = self.errors_at(&poses, Angles::Reported, (&placed, own_target), alone);
         let all: Vec<usize> = (0..placed.len()).collect();
         let chosen = poses.choose(&all, &all, count).stations;
         Some(chosen.into_iter().map(|place| place * every).collect())
@@ -277,16 +352,19 @@ impl Locator {
         &self,
         observations: &[Observation],
         angles: Angles,
-        placed: &[Placed],
+        frames: (&[Placed], Option<f64>),
         alone: Vec<Matrix3<f64>>,
     ) -> Option<Poses> {
         self.elsewhere.as_ref()?;
-        Some(self.errors_at(observations, angles, placed, alone))
+        Some(self.errors_at(observations, angles, frames, alone))
     }
 
     /// The poses of a session as far as its frames concern them, with errors that no two share.
-    pub(super) fn poses_apart(&self, placed: &[Placed], alone: Vec<Matrix3<f64>>) -> Poses {
-        let (columns, precision) = frame_columns(placed, self.own_target(), 0.0);
+    pub(super) fn poses_apart(
+        (placed, own_target): (&[Placed], Option<f64>),
+        alone: Vec<Matrix3<f64>>,
+    ) -> Poses {
+        let (columns, precision) = frame_columns(placed, own_target, 0.0);
         Poses {
             half: DMatrix::zeros(0, 3 * placed.len()),
             columns,
@@ -295,19 +373,14 @@ impl Locator {
         }
     }
 
-    /// Standard deviation of a target of the session's own, mm; `None` of the known one.
-    fn own_target(&self) -> Option<f64> {
-        self.locate.with_target().then_some(self.target_sd_mm)
-    }
-
     fn errors_at(
         &self,
         observations: &[Observation],
         angles: Angles,
-        placed: &[Placed],
+        (placed, own_target): (&[Placed], Option<f64>),
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
-        let (columns, precision) = frame_columns(placed, self.own_target(), self.scale_sd);
+        let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
         let axes = observations
             .iter()
             .map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
@@ -317,7 +390,8 @@ impl Locator {
             .map(|(o, axes)| query(o, axes, known_at(o, angles)))
             .collect();
         let none = || DMatrix::zeros(0, 3 * queries.len());
-        let half = self.elsewhere.as_ref().map(|own| own.half(&queries));
+        let half = self.elsewhere.as_ref();
+        let half = half.map(|own| own.half(&queries, own_target.is_some()));
         let poses = Poses {
             half: half.unwrap_or_else(none),
             columns,
@@ -328,38 +402,39 @@ impl Locator {
     }
 
     /// The frames of a session from those of its stations at `finders`, which are predicted at `placed` at their commands; `None`
-    /// where they do not span space.
+    /// where they do not span space. `own_target` is of a target of the session's own ([`Located::target_sd_mm`]).
     pub fn refit(
         &self,
         models: &Models,
         observations: &[Observation],
-        finders: &[usize],
+        (finders, own_target): (&[usize], Option<f64>),
         placed: &[Placed],
     ) -> Option<Refit> {
         let measured = finders.iter();
         let measured = measured.map(|&finder| Some(observations[finder].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
-        let with_target = self.locate.with_target();
+        let with_target = own_target.is_some();
         let by = self
-            .at_commands(models, observations)
-            .and_then(|(poses, middle)| Some((poses.estimator(finders)?, middle)));
+            .predicted(models, Angles::Commanded, observations, own_target)
+            .and_then(|(poses, all)| Some((poses.estimator(finders)?, all)));
         match by {
-            Some((by, middle)) => {
-                let about = (middle, self.scale_sd);
+            Some((by, all)) => {
+                let about = (refit::middle(&all), self.scale_sd);
                 refit::generalised(&measured, placed, with_target, about, &by)
             }
             None => refit::refit(&measured, placed, with_target),
         }
     }
 
-    /// All poses of a session at their commands by the full error model, and their middle; `None` without such a model or commands.
-    fn at_commands(
+    /// Poses of a session by the full error model, and where it predicts them; `None` without such a model or these angles.
+    fn predicted(
         &self,
         models: &Models,
+        angles: Angles,
         observations: &[Observation],
-    ) -> Option<(Poses, Point3<f64>)> {
+        own_target: Option<f64>,
+    ) -> Option<(Poses, Vec<Placed>)> {
         let full = models.full.as_ref()?;
-        let angles = Angles::Commanded;
         let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
         let source = observations.first()?.source;
         let latest = models.latest();
@@ -370,8 +445,9 @@ impl Locator {
         let to_base = to_tracker.inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
-        let poses = self.poses(observations, angles, &placed, alone.collect())?;
-        Some((poses, refit::middle(&placed)))
+        let frames = (&placed[..], own_target);
+        let poses = self.poses(observations, angles, frames, alone.collect())?;
+        Some((poses, placed))
     }
 }
 

@@ -9,7 +9,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3};
 
 use super::evaluate::{Predicted, Stations, placed, predictions, target_read, turned};
-use super::locate::Locator;
+use super::locate::{Located, Locator};
 use super::refit::{self, Placed, Refit};
 use super::tip::{Turn, without_constant};
 use super::{BaseRefit, Model, Residual, ResidualSet, Split, Subject};
@@ -17,16 +17,16 @@ use crate::fit::locate::{Estimator, Poses};
 use crate::fit::{Models, Observation, PoseModel, TargetId};
 use crate::join::SeveralSources;
 
-/// Residuals of `models` on a session they never saw, whose frames the stations at `finders` find; refused where the models know
-/// several sources, for a base is found with one.
+/// Residuals of `models` on a session they never saw, whose frames are found as `located` says; refused where the models know several
+/// sources, for a base is found with one.
 pub fn unseen_session(
     models: &Models,
     stations: Stations<'_>,
     locator: &Locator,
-    finders: &[usize],
+    located: &Located,
 ) -> Result<Vec<ResidualSet>, SeveralSources> {
     let mut sets = Vec::new();
-    let with_target = locator.locate.with_target();
+    let with_target = located.with_target();
     // A session with a mounting of its own has no base without a refit.
     let refits = [BaseRefit::None, locator.locate.base_refit(), BaseRefit::All];
     for (model, angles) in Model::compared() {
@@ -40,9 +40,10 @@ pub fn unseen_session(
         let placed: Vec<Placed> = placed.collect();
         let measured = (stations.observations, models.latest());
         let noise = noise(it, &predictions, measured, &to_base);
+        let frames = (&placed[..], located.target_sd_mm);
         let poses = match model {
-            Model::Full => locator.poses(stations.observations, angles, &placed, noise),
-            _ => (model.is_rival()).then(|| locator.poses_apart(&placed, noise)),
+            Model::Full => locator.poses(stations.observations, angles, frames, noise),
+            _ => (model.is_rival()).then(|| Locator::poses_apart(frames, noise)),
         };
         let targets = stations.observations.iter().map(|o| target_read(models, o));
         let unseen = Unseen {
@@ -62,7 +63,7 @@ pub fn unseen_session(
                 angles,
                 base_refit,
             };
-            let found = unseen.found(stations.observations, base_refit, finders);
+            let found = unseen.found(stations.observations, base_refit, &located.finders);
             if let Some(found) = found {
                 let residuals = unseen.residuals(stations.observations, &found);
                 sets.push(ResidualSet { subject, residuals });

@@ -96,7 +96,7 @@ fn stage_settings(harmonics: usize) -> StageSettings {
         tolerance: TOLERANCE,
         locate: Locate {
             by: LocateBy::First,
-            stations: 50,
+            stations: Some(50),
             target: LocateTarget::Known,
         },
         leave_sessions_out: false,

@@ -83,17 +83,17 @@ impl<'a> Remounted<'a> {
         };
         let locate = Locate {
             by,
-            stations: 12,
+            stations: Some(12),
             target: LocateTarget::Own,
         };
         let locator = Locator::new(&self.models, arm, locate, &train);
-        let finders = locator.finders(&self.models, session);
-        assert_eq!(finders.len(), 12);
+        let located = locator.located(&self.models, session);
+        assert_eq!(located.finders.len(), 12);
         let stations = Stations {
             session: "tuesday",
             observations: session,
         };
-        let sets = unseen_session(&self.models, stations, &locator, &finders).expect("one of each");
+        let sets = unseen_session(&self.models, stations, &locator, &located).expect("one of each");
         let set = sets.iter().find(|set| {
             let subject = &set.subject;
             (subject.model, subject.angles) == (Model::Full, Angles::Commanded)

@@ -3,7 +3,8 @@
 //! Inputs: a trained [`FullModel`], joint angles of another session. Output: a square root of the covariance of its errors there:
 //! what training left open, how far sessions differ (curves, command–feedback weights), the warm-up that they repeat, and a drift of its own,
 //! whose size past sessions leave open.
-//! Base, scale and, where it is the session's own, target are left out: they are found from its stations ([`crate::fit::locate`]).
+//! Base, scale and, where it is the session's own, target are left out: they are found from its stations ([`crate::fit::locate`]). What is
+//! left of the covariance is that of a target of which nothing is known before.
 
 use nalgebra::{DMatrix, UnitVector3};
 use rayon::prelude::*;
@@ -11,11 +12,9 @@ use rayon::prelude::*;
 use super::layout::Block;
 use super::next::{Mounted, Mounting, Placed, WarmUp};
 use super::{FullModel, FullSettings, Query};
-use crate::fit::problem::{Owner, Unknown};
+use crate::fit::problem::Owner;
 use crate::kinematics::Arm;
 
-/// Standard deviation of a target's place that is the session's own, mm: wider than any.
-const ANYWHERE_MM: f64 = 300.0;
 /// Poses that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
 
@@ -23,8 +22,10 @@ const AT_ONCE: usize = 64;
 #[derive(Debug)]
 pub struct Elsewhere {
     model: FullModel,
-    /// Columns of what the session's own stations find.
+    /// Columns of base and scale, which the session's own stations find.
     found: Vec<usize>,
+    /// Columns of the targets, which they find where these are the session's own.
+    targets: Vec<usize>,
 }
 
 impl FullModel {
@@ -38,26 +39,16 @@ impl FullModel {
         self.span as usize
     }
 
-    /// The arm in another session, with the target of the one given or, if so, with one of its own; `None` where a factorisation
-    /// fails, which only rounding can cause.
+    /// The arm in another session, with base and targets of the one given; `None` where a factorisation fails, which only rounding can
+    /// cause.
     pub fn elsewhere(
         &self,
         arm: &Arm,
-        (session, own_target): (usize, bool),
+        session: usize,
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Elsewhere> {
         let frames = &self.frames()[session];
-        let target = |flange_from_target: &_| {
-            if own_target {
-                Mounted::Other {
-                    flange_from_target: *flange_from_target,
-                    sd_mm: ANYWHERE_MM,
-                }
-            } else {
-                Mounted::Same
-            }
-        };
         let mounting = Mounting {
             session,
             sources: frames
@@ -65,32 +56,33 @@ impl FullModel {
                 .iter()
                 .map(|base| Placed::Moved(*base))
                 .collect(),
-            targets: frames.targets().iter().map(target).collect(),
+            targets: vec![Mounted::Same; frames.targets().len()],
         };
         let stations = self.span_stations();
         let model = self.coming(arm, &mounting, stations, settings, up, WarmUp::Repeats)?;
-        let is_found = |unknown: &Unknown| match unknown.owner {
-            Owner::Arm => false,
-            Owner::Source { .. } => true,
-            Owner::Target { .. } => own_target,
+        let columns = |is_own: fn(&Owner) -> bool| {
+            let unknowns = model.unknowns().iter().enumerate();
+            let own = unknowns.filter(move |(_, unknown)| is_own(&unknown.owner));
+            own.map(|(column, _)| column)
         };
-        let unknowns = model.unknowns().iter().enumerate();
-        let found = unknowns.filter(|(_, unknown)| is_found(unknown));
         let scale = model.layout().columns(Block::Scale(0));
+        let base = columns(|owner| matches!(owner, Owner::Source { .. }));
         Some(Elsewhere {
-            found: found
-                .map(|(column, _)| column)
-                .chain(scale.into_iter().flatten())
-                .collect(),
+            found: base.chain(scale.into_iter().flatten()).collect(),
+            targets: columns(|owner| matches!(owner, Owner::Target { .. })).collect(),
             model,
         })
     }
 }
 
 impl Elsewhere {
-    /// Square root of the covariance of the errors at these queries, in the axes of the base: `HᵀH`, three columns each, mm.
-    pub fn half(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
-        let part = |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries));
+    /// Square root of the covariance of the errors at these queries, with the known target or with one of the session's own, in the axes
+    /// of the base: `HᵀH`, three columns each, mm.
+    pub fn half(&self, queries: &[Query<'_>], own_target: bool) -> DMatrix<f64> {
+        let part = |queries: &[Query<'_>]| {
+            let rows = self.rows(queries, own_target);
+            self.model.posterior.half(&rows)
+        };
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
         let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());
         let mut first = 0;
@@ -102,7 +94,7 @@ impl Elsewhere {
     }
 
     /// The motion of each point by every column that the session's stations do not find, in the axes of the base.
-    fn rows(&self, queries: &[Query<'_>]) -> DMatrix<f64> {
+    fn rows(&self, queries: &[Query<'_>], own_target: bool) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(3 * queries.len(), self.model.layout().size());
         for (place, query) in queries.iter().enumerate() {
             let query = Query {
@@ -117,7 +109,8 @@ impl Elsewhere {
             let own = turn.matrix() * self.model.predict(&query).rows;
             rows.rows_mut(3 * place, 3).copy_from(&own);
         }
-        for &column in &self.found {
+        let targets = self.targets.iter().filter(|_| own_target);
+        for &column in self.found.iter().chain(targets) {
             rows.fill_column(column, 0.0);
         }
         rows

@@ -196,10 +196,11 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
 }
 
 fn locate(locate: &Locate) -> Check {
+    let stations = locate.stations.unwrap_or(LEAST_STATIONS);
     wrong_unless(
-        locate.stations >= LEAST_STATIONS,
+        stations >= LEAST_STATIONS,
         "[report] locate.stations",
-        locate.stations,
+        stations,
         format!("{LEAST_STATIONS} or more: fewer do not determine a base"),
     )
 }

@@ -190,9 +190,7 @@ fn is_known(reference: &KeyReference, section: &KeySection, place: &str, name: &
     } else {
         format!("{place}.{name}")
     };
-    let is_former = section.former.iter().any(|former| former == name);
-    is_former
-        || section.keys.iter().any(|key| key.key == name)
+    section.keys.iter().any(|key| key.key == name)
         || reference
             .sections
             .iter()

@@ -36,20 +36,17 @@ pub(super) fn check(training: &[JoinedSession], test: &[JoinedSession]) -> Resul
     Ok(())
 }
 
-/// Joint angles and readings of a station, bit by bit; `None` of one without a reading.
+/// Joint angles and readings of a station, bit by bit, without what the readings state of themselves; `None` of one without a reading.
 fn bits(station: &Station) -> Option<Vec<u64>> {
-    let readings = station.measured().iter().flat_map(values);
-    let readings: Vec<f64> = readings.collect();
-    let all = station.joints.iter().chain(&readings);
-    (!readings.is_empty()).then(|| all.map(|value| value.to_bits()).collect())
-}
-
-/// The numbers that an instrument read, without what it states of them.
-fn values(reading: &Reading) -> Vec<f64> {
-    let position = reading.position().into_iter();
-    let position = position.flat_map(|position| <[f64; 3]>::from(position.coords));
-    let turn = reading.orientation().into_iter();
-    let turn = turn.flat_map(|turn| <[f64; 4]>::from(turn.coords));
-    let length = reading.value.length().map(|length| length.mm);
-    position.chain(turn).chain(length).collect()
+    let read = |reading: &Reading| {
+        let position = reading.position().map(|own| own.coords.as_slice().to_vec());
+        let turn = reading
+            .orientation()
+            .map(|own| own.coords.as_slice().to_vec());
+        let length = reading.value.length().map(|own| vec![own.mm]);
+        [position, turn, length].into_iter().flatten().flatten()
+    };
+    let readings = station.measured().iter().flat_map(read);
+    let all = station.joints.iter().copied().chain(readings);
+    (!station.measured().is_empty()).then(|| all.map(f64::to_bits).collect())
 }

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
+use super::judged::TestSession;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
 use crate::fit::{ErrorFrame, FramePair};
@@ -21,6 +22,8 @@ use crate::report::{
 pub(super) struct FigureMaker<'f> {
     pub(super) settings: &'f StageSettings,
     pub(super) training: &'f [JoinedSession],
+    /// Sessions that only judge.
+    pub(super) test: &'f [TestSession<'f>],
     /// Base and target of each session that trained.
     pub(super) frames: &'f [FramePair],
     /// The error reference frame of the last session.
@@ -111,16 +114,13 @@ impl FigureMaker<'_> {
         let subject = &set.subject;
         let is_driven = subject.model.is_against_commands();
         let is_found = subject.split == Split::Session && subject.base_refit.judges() && !is_driven;
-        let is_left_out = self
-            .training
-            .iter()
-            .any(|own| own.name == subject.of_session);
-        let finders = self.settings.locate.finders(set.finders());
-        is_found.then_some(Finders {
-            // A session of a pool is left out with a mounting of its own.
-            with_target: finders.with_target || is_left_out,
-            ..finders
-        })
+        let own = &subject.of_session;
+        // A session of a pool is left out with a mounting of its own.
+        let is_left_out = self.training.iter().any(|session| session.name == *own);
+        let mut tested = self.test.iter().filter(|test| test.session.name == *own);
+        let with_target = is_left_out || tested.any(|test| test.located.with_target());
+        let locate = &self.settings.locate;
+        is_found.then(|| locate.finders(set.finders(), with_target))
     }
 
     /// The figures of a set at the tip, which is `lever` away along the flange's axes.

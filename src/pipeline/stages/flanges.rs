@@ -14,6 +14,7 @@ use crate::fit::{Frames, Models, Noise, Observation, TargetId};
 use crate::io::tables::outcome::{JoinedSession, SeveralTargets, ShownFlange};
 use crate::join::Station;
 use crate::kinematics::Arm;
+use crate::report::locate::LocateTarget;
 
 /// Sessions whose stations have at most one reading each.
 #[derive(Debug)]
@@ -40,7 +41,8 @@ impl Flanges {
     ) -> Result<Self, StageError> {
         let frames = &models.base_target.frames;
         let targets = frames.iter().map(|own| own.targets().len()).max();
-        if let (Some(targets @ 2..), true) = (targets, settings.locate.with_target()) {
+        let target = settings.locate.target;
+        if let (Some(targets @ 2..), LocateTarget::Own) = (targets, target) {
             return Err(StageError::OwnTargets { targets });
         }
         let known = known_targets(observed);

@@ -50,7 +50,7 @@ impl Sources<'_> {
             figures.push(self.base_target(visits, &error_frame, None));
         }
         let unseen = test.iter().zip(self.test);
-        figures.extend(unseen.filter_map(|(visits, test)| self.unseen(visits, &test.numbers())));
+        figures.extend(unseen.filter_map(|(visits, test)| self.unseen(visits, test)));
         for visits in training.iter().chain(&test) {
             let sets = self.residuals.iter();
             let own = sets.filter(|set| set.subject.of_session == visits.session.name);
@@ -130,8 +130,8 @@ impl Sources<'_> {
 
     /// The figures of a session that took no part in the training: the base, and the target where it has one of its own,
     /// are found from its stations `finders`. `None` where they do not span space.
-    fn unseen(&self, visits: &Visits<'_>, finders: &BTreeSet<usize>) -> Option<Iso9283> {
-        let with_target = self.settings.locate.with_target();
+    fn unseen(&self, visits: &Visits<'_>, test: &TestSession<'_>) -> Option<Iso9283> {
+        let (finders, with_target) = (test.numbers(), test.located.with_target());
         let trained = *self.frames.last()?;
         let error_frame = self.error_frame(trained);
         let first: Vec<(&Station, Point3<f64>)> = paired(visits.session)
@@ -156,7 +156,7 @@ impl Sources<'_> {
         let oriented = self.settings.noise.takes_orientations() && !with_target;
         let error_frame =
             ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
-        Some(self.base_target(visits, &error_frame, Some(finders)))
+        Some(self.base_target(visits, &error_frame, Some(&finders)))
     }
 
     /// The figures of residuals relative to a command, where they are evidence and poses were repeated.

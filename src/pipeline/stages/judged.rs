@@ -21,7 +21,7 @@ use crate::join::{SeveralSources, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, Stations};
-use crate::report::locate::{Locate, LocateTarget, Locator};
+use crate::report::locate::{Locate, LocateTarget, Located, Locator};
 use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject, unseen};
 
@@ -179,8 +179,8 @@ fn judged_apart(
         observations,
     };
     let locator = Locator::new(models, arm, locate, settings);
-    let finders = locator.finders(models, observations);
-    unseen::unseen_session(models, stations, &locator, &finders)
+    let located = locator.located(models, observations);
+    unseen::unseen_session(models, stations, &locator, &located)
 }
 
 /// Whether no repair of a joint was still to come in a session.
@@ -279,11 +279,7 @@ pub(super) fn unseen_sessions(
     locator: &Locator,
 ) -> Result<Vec<ResidualSet>, SeveralSources> {
     let of = |test: &TestSession<'_>| {
-        let stations = Stations {
-            session: &test.session.name,
-            observations: &test.observations,
-        };
-        unseen::unseen_session(models, stations, locator, &test.finders)
+        unseen::unseen_session(models, test.stations(), locator, &test.located)
     };
     let judged: Result<Vec<_>, SeveralSources> = test.iter().map(of).collect();
     Ok(judged?.into_iter().flatten().collect())
@@ -293,12 +289,12 @@ pub(super) fn unseen_sessions(
 pub(super) struct TestSession<'s> {
     pub(super) session: &'s JoinedSession,
     pub(super) observations: Vec<Observation>,
-    /// The stations that find its base, by their places among the observations.
-    pub(super) finders: Vec<usize>,
+    /// How its base and target are found.
+    pub(super) located: Located,
 }
 
 impl<'s> TestSession<'s> {
-    /// Sessions with their observations, and the stations that find their bases for the arm of `models`.
+    /// Sessions with their observations, and how their bases and targets are found for the arm of `models`.
     pub(super) fn all(
         sessions: &'s [JoinedSession],
         observed: Vec<Vec<Observation>>,
@@ -306,16 +302,24 @@ impl<'s> TestSession<'s> {
         locator: &Locator,
     ) -> Vec<Self> {
         let of = |(session, observations): (&'s JoinedSession, Vec<Observation>)| Self {
-            finders: locator.finders(models, &observations),
+            located: locator.located(models, &observations),
             observations,
             session,
         };
         sessions.iter().zip(observed).map(of).collect()
     }
 
+    /// Its observations under its name.
+    pub(super) fn stations(&self) -> Stations<'_> {
+        Stations {
+            session: &self.session.name,
+            observations: &self.observations,
+        }
+    }
+
     /// The stations that find its base, by their numbers.
     pub(super) fn numbers(&self) -> BTreeSet<usize> {
-        let finders = self.finders.iter();
+        let finders = self.located.finders.iter();
         finders
             .map(|&place| self.observations[place].station)
             .collect()

@@ -15,7 +15,7 @@ use crate::join::{Pairing, Unmeasured};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, Stations};
-use crate::report::locate::{Locate, Locator};
+use crate::report::locate::{Locate, Located, Locator};
 use crate::report::{Angles, BaseRefit, Model, ResidualSet, Split, unseen};
 
 /// Station numbers by session.
@@ -147,7 +147,7 @@ impl Divided {
         }
         let train = training_settings(&self.settings);
         let locator = Locator::new(models, arm, Locate::default(), &train);
-        let mut sets = unseen::unseen_session(models, stations, &locator, &[])?;
+        let mut sets = unseen::unseen_session(models, stations, &locator, &Located::default())?;
         sets.retain(|set| set.subject.base_refit == BaseRefit::None);
         Ok(sets)
     }

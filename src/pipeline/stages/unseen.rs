@@ -16,12 +16,14 @@ use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
+use crate::join::SeveralSources;
 use crate::kinematics::Arm;
-use crate::report::locate::{Locate, Locator};
+use crate::report::locate::{Locate, Located, Locator};
 use crate::report::refit::Placed;
 use crate::report::verdict::{Judge, ProductVerdict, RunVerdict, figure_of, figure_of_model};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject,
+    Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
+    unseen,
 };
 
 /// The judges of a run.
@@ -97,11 +99,12 @@ impl Judges<'_> {
             Some((finder, placed(station)?))
         };
         let (finders, placed): (Vec<usize>, Vec<Placed>) =
-            test.finders.iter().filter_map(of).unzip();
-        let with_target = self.locator.locate.with_target();
+            test.located.finders.iter().filter_map(of).unzip();
+        let target_sd_mm = test.located.target_sd_mm;
+        let finders = (&finders[..], target_sd_mm);
         let found = self
             .locator
-            .refit(self.models, &test.observations, &finders, &placed)?;
+            .refit(self.models, &test.observations, finders, &placed)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -110,7 +113,7 @@ impl Judges<'_> {
             ..*self.error_frame.frames()
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let oriented = self.settings.noise.takes_orientations() && !with_target;
+        let oriented = self.settings.noise.takes_orientations() && target_sd_mm.is_none();
         Some(ErrorFrame::new(
             self.arm,
             frames,
@@ -125,20 +128,17 @@ impl Judges<'_> {
         grids: &Grids,
         accuracy: &[Accuracy],
         residuals: &[ResidualSet],
-    ) -> RunVerdict {
-        let remarks: Vec<Option<String>> = self
-            .test
-            .iter()
-            .map(|test| self.remark(test, residuals))
-            .collect();
+    ) -> Result<RunVerdict, SeveralSources> {
+        let remarks = self.test.iter().map(|test| self.remark(test, residuals));
+        let remarks: Vec<Option<String>> = remarks.collect::<Result<_, _>>()?;
         let identified = Model::ALL.iter().copied();
         let identified = identified.filter(|model| self.models.get(*model).is_some());
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
-        RunVerdict::of(
+        Ok(RunVerdict::of(
             self.of_table(grids, accuracy, &remarks),
             models.collect(),
             self.models.best().0,
-        )
+        ))
     }
 
     /// The verdict of the table, by held-out blocks and by what each test session says of it and of the model.
@@ -200,13 +200,81 @@ impl Judges<'_> {
         ProductVerdict::of(blocks.into_iter().chain(sessions).collect())
     }
 
-    /// A remark on a test session that the identified arm does not fit; `None` where it fits.
-    fn remark(&self, test: &TestSession<'_>, residuals: &[ResidualSet]) -> Option<String> {
+    /// What has to be known of a test session: that the identified arm does not fit it, or that its target is not the known one.
+    fn remark(
+        &self,
+        test: &TestSession<'_>,
+        residuals: &[ResidualSet],
+    ) -> Result<Option<String>, SeveralSources> {
+        let Some(away) = test.located.contradicted else {
+            return Ok(self.unfit(test, residuals, residuals));
+        };
+        // The same session with the other target.
+        let is_found = test.located.with_target();
+        let other = Located {
+            target_sd_mm: (!is_found).then(|| self.locator.target_sd_mm(&away)),
+            ..test.located.clone()
+        };
+        let other = unseen::unseen_session(self.models, test.stations(), self.locator, &other)?;
+        let (with_known, with_own) = if is_found {
+            (&other[..], residuals)
+        } else {
+            (residuals, &other[..])
+        };
+        // Errors of another arm displace the target too.
+        if let Some(unfit) = self.unfit(test, with_own, residuals) {
+            return Ok(Some(unfit));
+        }
+        let name = &test.session.name;
+        let left = |sets| self.left_in_words(sets, name).unwrap_or_default();
+        let mut words = format!(
+            "its stations say that the reflector was put on again or moved: it is {:.3} mm from where the model knows it, and one that stayed seems less than \
+             {:.3} mm away in 99 of 100 sessions; with the known one the model leaves {}; with its own, found with the base, {}",
+            away.mm,
+            away.allowed_mm,
+            left(with_known),
+            left(with_own),
+        );
+        if !is_found {
+            words +=
+                "; [report] locate has target = \"known\": leave that out, and its own is taken";
+        }
+        Ok(Some(words))
+    }
+
+    /// What the best model leaves at the stations of a test session that judge.
+    fn left_in_words(&self, sets: &[ResidualSet], session: &str) -> Option<String> {
+        let best = self.models.best().0;
+        // From commands alone, where there are any.
+        let set = sets.iter().rfind(|set| {
+            let own = &set.subject;
+            own.model == best && own.base_refit.judges() && own.of_session == session
+        })?;
+        let of = accuracy::accuracy(set, &self.settings.tolerance, 0.0);
+        let inside = of.coverage.map_or_else(String::new, |own| {
+            format!(
+                " and {:.0} % inside the 95 % ellipsoids",
+                100.0 * own.inside
+            )
+        });
+        Some(format!(
+            "{:.3} mm are left (mean){inside}",
+            of.figures?.mean
+        ))
+    }
+
+    /// A test session that the identified arm does not fit, by the residuals in frames of its own; `None` where it fits.
+    fn unfit(
+        &self,
+        test: &TestSession<'_>,
+        own: &[ResidualSet],
+        residuals: &[ResidualSet],
+    ) -> Option<String> {
         // Without the full error model the only question is whether the model improves anything.
         let full = self.models.full.is_some();
         let best = self.models.best().0;
-        let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
-        let left = of(&test.session.name, Split::Session, BaseRefit::All)?;
+        let name = &test.session.name;
+        let left = left_by(own, best, name, Split::Session, BaseRefit::All)?;
         let target = self.frames[self.own.1]
             .flange_from_target
             .isometry()
@@ -217,8 +285,9 @@ impl Judges<'_> {
         if fit.is_same_arm() || (!full && left.identified < left.nominal) {
             return None;
         }
-        let improves = of(&self.own.0.name, Split::Blocks, BaseRefit::None)
-            .is_some_and(|blocks| blocks.improves());
+        let name = &self.own.0.name;
+        let blocks = left_by(residuals, best, name, Split::Blocks, BaseRefit::None);
+        let improves = blocks.is_some_and(|blocks| blocks.improves());
         let question = if improves {
             "another arm, this one before or after a repair, or poses unlike those it was learnt at?"
         } else {
@@ -250,7 +319,7 @@ pub(super) fn table_figures(
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
         let test = tested.iter().find(|test| test.session.name == *session)?;
-        let finders = locate.finders(test.numbers().len());
+        let finders = locate.finders(test.numbers().len(), test.located.with_target());
         Some(Accuracy {
             finders: Some(finders),
             ..table_figure(row, session, locate.base_refit(), grids.guard_mm)
