@@ -252,15 +252,9 @@ impl Judges<'_> {
         })?;
         let of = accuracy::accuracy(set, &self.settings.tolerance, 0.0);
         let inside = of.coverage.map_or_else(String::new, |own| {
-            format!(
-                " and {:.0} % inside the 95 % ellipsoids",
-                100.0 * own.inside
-            )
+            format!(", {:.0} % inside the 95 % ellipsoids", 100.0 * own.inside)
         });
-        Some(format!(
-            "{:.3} mm are left (mean){inside}",
-            of.figures?.mean
-        ))
+        Some(format!("{:.3} mm (mean){inside}", of.figures?.mean))
     }
 
     /// A test session that the identified arm does not fit, by the residuals in frames of its own; `None` where it fits.
