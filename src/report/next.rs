@@ -181,7 +181,7 @@ fn to_meet(verdict: &RunVerdict, tolerance: &Tolerance) -> String {
             "the bound is within the tolerance, the measurement's own uncertainty of {guard_mm:.3} mm is too much beside it: measure \
              points and base more accurately"
         )
-    } else if let Some(judge) = judge.filter(|judge| judge.remark.is_some()) {
+    } else if let Some(judge) = judge.filter(|judge| judge.may_be_of_another_arm()) {
         format!(
             "find out whether {} is of this arm, and learn from it too if it is",
             judge.stations.words()

@@ -15,7 +15,7 @@ mod judge;
 use super::{Accuracy, BaseRefit, Model, Point, Split};
 use crate::grid::{Covered, Verdict};
 use judge::badness;
-pub use judge::{Judge, Judging, word};
+pub use judge::{Judge, Judging, Remark, word};
 
 /// Where table and identified arm have one verdict, that of the table is the run's, unless it answers for a smaller share of the
 /// measured stations.
@@ -97,7 +97,7 @@ impl ProductVerdict {
     /// Whether it harms: a judge finds that it does not help, other than a session that may be of another arm.
     fn harms(&self) -> bool {
         let mut judges = self.judges.iter();
-        judges.any(|judge| judge.harms && judge.remark.is_none())
+        judges.any(|judge| judge.harms && !judge.may_be_of_another_arm())
     }
 
     /// What the worst judges say, with who says it where several judge.
@@ -462,7 +462,12 @@ mod tests {
         );
         // A session that may be of another arm is no judge of whether the correction helps.
         let mut stranger = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.9, 60)).harmed(true);
-        stranger.remark = Some("the model hardly improves this session".to_owned());
+        stranger.remark = Some(Remark::OtherArm("hardly improved".to_owned()));
+        // One whose reflector moved is of this arm.
+        let mut moved = stranger.clone();
+        moved.remark = Some(Remark::OtherTarget("put on again".to_owned()));
+        let harmed = run(vec![mon(0.2), moved.clone()], moved);
+        assert_eq!(harmed.applied(), Applied::Nothing);
         let asked = run(vec![mon(0.2), stranger.clone()], stranger);
         assert_eq!(
             (asked.applied(), asked.verdict()),

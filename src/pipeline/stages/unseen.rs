@@ -20,7 +20,9 @@ use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::report::locate::{Locate, Located, Locator};
 use crate::report::refit::Placed;
-use crate::report::verdict::{Judge, ProductVerdict, RunVerdict, figure_of, figure_of_model};
+use crate::report::verdict::{
+    Judge, ProductVerdict, Remark, RunVerdict, figure_of, figure_of_model,
+};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
     unseen,
@@ -130,7 +132,7 @@ impl Judges<'_> {
         residuals: &[ResidualSet],
     ) -> Result<RunVerdict, SeveralSources> {
         let remarks = self.test.iter().map(|test| self.remark(test, residuals));
-        let remarks: Vec<Option<String>> = remarks.collect::<Result<_, _>>()?;
+        let remarks: Vec<Option<Remark>> = remarks.collect::<Result<_, _>>()?;
         let identified = Model::ALL.iter().copied();
         let identified = identified.filter(|model| self.models.get(*model).is_some());
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
@@ -146,7 +148,7 @@ impl Judges<'_> {
         &self,
         grids: &Grids,
         accuracy: &[Accuracy],
-        remarks: &[Option<String>],
+        remarks: &[Option<Remark>],
     ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
         let own = &self.own.0.name;
@@ -176,7 +178,7 @@ impl Judges<'_> {
         &self,
         model: Model,
         accuracy: &[Accuracy],
-        remarks: &[Option<String>],
+        remarks: &[Option<Remark>],
     ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
         let own = &self.own.0.name;
@@ -205,9 +207,10 @@ impl Judges<'_> {
         &self,
         test: &TestSession<'_>,
         residuals: &[ResidualSet],
-    ) -> Result<Option<String>, SeveralSources> {
+    ) -> Result<Option<Remark>, SeveralSources> {
         let Some(away) = test.located.contradicted else {
-            return Ok(self.unfit(test, residuals, residuals));
+            let unfit = self.unfit(test, residuals, residuals);
+            return Ok(unfit.map(Remark::OtherArm));
         };
         // The same session with the other target.
         let is_found = test.located.with_target();
@@ -223,7 +226,7 @@ impl Judges<'_> {
         };
         // Errors of another arm displace the target too.
         if let Some(unfit) = self.unfit(test, with_own, residuals) {
-            return Ok(Some(unfit));
+            return Ok(Some(Remark::OtherArm(unfit)));
         }
         let name = &test.session.name;
         let left = |sets| self.left_in_words(sets, name).unwrap_or_default();
@@ -239,7 +242,7 @@ impl Judges<'_> {
             words +=
                 "; [report] locate has target = \"known\": leave that out, and its own is taken";
         }
-        Ok(Some(words))
+        Ok(Some(Remark::OtherTarget(words)))
     }
 
     /// What the best model leaves at the stations of a test session that judge.

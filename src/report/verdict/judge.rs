@@ -13,7 +13,7 @@ pub struct Judge {
     /// Figures or reason, in words.
     pub words: String,
     /// What else has to be known of it, in words: a session that the model does not fit.
-    pub remark: Option<String>,
+    pub remark: Option<Remark>,
     /// Whether the correction harms here: on average its errors are no smaller than without it.
     pub harms: bool,
     /// The figure that its verdict is read from; `None` where there is none.
@@ -21,6 +21,15 @@ pub struct Judge {
     /// The part of the measured stations and of the box that what is judged answers for; `None` of an identified arm and of no
     /// table.
     pub covered: Option<Covered>,
+}
+
+/// What else has to be known of a test session, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Remark {
+    /// The identified arm does not fit it, so it may be of another.
+    OtherArm(String),
+    /// Its target is not where the model knows it.
+    OtherTarget(String),
 }
 
 /// Stations that judge a run.
@@ -72,7 +81,7 @@ impl Judge {
         model: Option<&Accuracy>,
         table: Option<(&Accuracy, Option<&Covered>)>,
         tolerance: &Tolerance,
-        remark: Option<String>,
+        remark: Option<Remark>,
     ) -> Self {
         let of_both = || model.map(|model| (model, None)).into_iter().chain(table);
         let is_shown = |(own, _): &(&Accuracy, _)| !matches!(own.verdict, Verdict::NotShown(_));
@@ -114,6 +123,11 @@ impl Judge {
         Self { harms, ..self }
     }
 
+    /// Whether its stations may be of another arm.
+    pub const fn may_be_of_another_arm(&self) -> bool {
+        matches!(self.remark, Some(Remark::OtherArm(_)))
+    }
+
     /// Who judges, and what they say, in a line that a person reads.
     pub fn line(&self) -> String {
         format!(
@@ -128,7 +142,9 @@ impl Judge {
     pub(super) fn reason(&self) -> String {
         match &self.remark {
             None => self.words.clone(),
-            Some(remark) => format!("{}; {remark}", self.words),
+            Some(Remark::OtherArm(words) | Remark::OtherTarget(words)) => {
+                format!("{}; {words}", self.words)
+            }
         }
     }
 }
