@@ -27,23 +27,13 @@ use crate::report::compared::{Compared, ErrorPair, Pairs};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
 use crate::report::next::{Next, Stated};
-use crate::report::verdict::{Applied, Judge, Judging, ProductVerdict, RunVerdict};
+use crate::report::verdict::{Applied, Judge, Judging, ProductVerdict, Remark, RunVerdict};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
 /// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that changes the
 /// direction of text: `gpj.exe` would read `exe.jpg`.
 pub(super) const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
-
-fn subject(model: Model, name: &str) -> Subject {
-    Subject {
-        split: Split::Blocks,
-        of_session: name.to_owned(),
-        base_refit: BaseRefit::None,
-        model,
-        angles: Angles::Commanded,
-    }
-}
 
 fn figure(
     model: Model,
@@ -352,7 +342,7 @@ fn verdict(name: &str, verdict: Verdict) -> RunVerdict {
         stations: Judging::Session(name.to_owned()),
         verdict,
         words: name.to_owned(),
-        remark: Some(name.to_owned()),
+        remark: Some(Remark::OtherArm(name.to_owned())),
         harms: false,
         figure: Some(figure),
         covered: None,

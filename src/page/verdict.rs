@@ -103,7 +103,7 @@ fn judges(judges: &[Judge]) -> Markup {
 fn remarks(judges: &[Judge]) -> Markup {
     html! {
         @for remark in judges.iter().filter_map(|judge| Some((&judge.stations, judge.remark.as_ref()?))) {
-            p.warning { (remark.0.words()) ": " (remark.1) }
+            p.warning { (remark.0.words()) ": " (remark.1.words()) }
         }
     }
 }

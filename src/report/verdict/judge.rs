@@ -32,6 +32,15 @@ pub enum Remark {
     OtherTarget(String),
 }
 
+impl Remark {
+    /// The remark in words.
+    pub fn words(&self) -> &str {
+        match self {
+            Self::OtherArm(words) | Self::OtherTarget(words) => words,
+        }
+    }
+}
+
 /// Stations that judge a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Judging {
@@ -142,9 +151,7 @@ impl Judge {
     pub(super) fn reason(&self) -> String {
         match &self.remark {
             None => self.words.clone(),
-            Some(Remark::OtherArm(words) | Remark::OtherTarget(words)) => {
-                format!("{}; {words}", self.words)
-            }
+            Some(remark) => format!("{}; {}", self.words, remark.words()),
         }
     }
 }
