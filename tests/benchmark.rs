@@ -323,7 +323,10 @@ fn another_program_is_judged_by_the_same_code() {
     let is_difference = |row: &BenchmarkRow| row.figure == FigureName::Difference;
     let difference = mine.iter().find(|row| is_difference(row));
     let difference_mm = difference.expect("a difference").value;
-    assert!((difference_mm - (0.1 - full_mm)).abs() < 1e-9);
+    assert!(
+        (difference_mm - (0.1 - full_mm)).abs() < 1e-9,
+        "{difference_mm} beside 0.1 - {full_mm}"
+    );
     let lengths = mine.iter().filter(|row| row.figure.is_length());
     for row in lengths.filter(|row| !is_difference(row)) {
         assert!(

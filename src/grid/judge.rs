@@ -162,7 +162,8 @@ pub struct LocalCell {
 
 /// Places a cell of `pitch` (mm along each axis) around each station, at the table's `orientation` or else at the station's own.
 ///
-/// A cell of the table does not leave its box: the place is mirrored along each axis where that leaves less of the cell outside.
+/// A cell of the table does not leave its box: the place is mirrored along each axis where that leaves less of the cell outside, and
+/// along others where the arm does not serve the cell.
 pub(super) fn local_cells(
     reach: &Reach<'_>,
     stations: &[&GridStation],
@@ -184,23 +185,29 @@ pub(super) fn local_cells(
                 drawn[axis]
             }
         });
-        let least = own.position - fraction.component_mul(&Vector3::from(pitch));
-        let joints = |vertex: usize| {
-            let offset =
-                Vector3::from_fn(|axis, _| pitch[axis] * f64::from(vertex as u32 >> axis & 1));
-            let vertex = Point3::from(least.coords + offset);
-            reach.joints(
-                &vertex,
-                &orientation.unwrap_or(own.orientation),
-                &own.joints,
-            )
-        };
-        let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>();
-        let vertices = vertices.and_then(|vertices| {
+        let orientation = orientation.unwrap_or(own.orientation);
+        let vertices = |fraction: &Vector3<f64>| {
+            let joints = |vertex: usize| {
+                let high = |axis: usize| if vertex >> axis & 1 == 1 { 1.0 } else { 0.0 };
+                let offset =
+                    Vector3::from_fn(|axis, _| (high(axis) - fraction[axis]) * pitch[axis]);
+                reach.joints(&(own.position + offset), &orientation, &own.joints)
+            };
+            let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>()?;
             let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
             let is_one = on_one_branch(&slices, reach.counted());
             is_one.then_some(vertices).ok_or(Refusal::Branches)
-        });
+        };
+        let mirrored = |axes: usize| {
+            let of = |axis: usize, f: f64| if axes >> axis & 1 == 1 { 1.0 - f } else { f };
+            Vector3::from_fn(|axis, _| of(axis, fraction[axis]))
+        };
+        let mut places = (0..8).map(mirrored);
+        let served = places.find_map(|fraction| Some((fraction, vertices(&fraction).ok()?)));
+        let (fraction, vertices) = served.map_or_else(
+            || (fraction, vertices(&fraction)),
+            |(fraction, vertices)| (fraction, Ok(vertices)),
+        );
         LocalCell {
             station,
             fraction,

@@ -231,15 +231,14 @@ pub fn results<'a>(
     residuals.extend(lengths::of_positions(unseen, &observed));
     let (last, best) = (training.len() - 1, models.best().0);
     let beside = rivals::beside(&residuals, best, &settings.fit.blocks);
-    let winner = rivals::winner(&beside, &training[last].name).filter(|_| settings.grid.rivals);
-    let gridded = in_every_fold(winner, &folds).unwrap_or(best);
-    let frames = models.base_target.frames.iter().map(Frames::main);
-    let frames = frames.collect::<Result<Vec<FramePair>, SeveralSources>>()?;
+    let rival = rivals::winner(&beside, &training[last].name).filter(|_| settings.grid.rivals);
+    let gridded = in_every_fold(rival, &folds).unwrap_or(best);
+    let frames = main_frames(&models)?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
     residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let folds_of = observed.folds_of(last);
-    let fold = |station| folds_of.get(&station).copied();
+    let fold = |own| folds_of.get(&own).copied();
     let mut stations = grid_stations(&training[last], &error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
     let mut grids = grids(
@@ -290,9 +289,7 @@ pub fn results<'a>(
     let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
     let scales = scales::scales(&observed, &models, &training, settings);
     scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
-    let mut verdict = judges.verdict(&grids, &accuracy, &residuals)?;
-    let errors = (&grids, &*accuracy);
-    verdict.limit = judges.limit((&verdict, &observed), errors, &semivariograms);
+    let verdict = judges.verdict(&grids, &accuracy, &residuals, (&observed, &semivariograms))?;
     if let Some(driven) = &driven {
         residuals.extend(driven.sets().cloned());
     }
@@ -324,6 +321,11 @@ pub fn results<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// The main frames of each session by base + target.
+fn main_frames(models: &Models) -> Result<Vec<FramePair>, SeveralSources> {
+    models.base_target.frames.iter().map(Frames::main).collect()
 }
 
 /// The model where every fold has it: a table is judged by models of its own kind.

@@ -49,6 +49,16 @@ pub const SAMPLE: Sample = Sample {
     joints: [0.1; 6],
 };
 
+/// The second moment of the interpolation error, which the sample does not state.
+const MOMENT: [&str; 6] = [
+    "interpolation_moment_xx_mm2",
+    "interpolation_moment_xy_mm2",
+    "interpolation_moment_xz_mm2",
+    "interpolation_moment_yy_mm2",
+    "interpolation_moment_yz_mm2",
+    "interpolation_moment_zz_mm2",
+];
+
 fn index(node: usize) -> [usize; 3] {
     let [nx, ny, _] = COUNTS;
     [node % nx, node / nx % ny, node / (nx * ny)]
@@ -165,6 +175,8 @@ fn terms(columns: Columns, sample: &Sample) -> Columns {
         .same("source", "model")
         .same("interpolation", interpolation)
         .same("idw_power", sample.power)
+        .absent(MOMENT)
+        .absent(["table_and_arm"])
         .same("angles", "reported")
         .same("orientation_tolerance_deg", 5.0)
         .same("verdict", sample.verdict)

@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 use super::StageSettings;
 use super::gridded::grid_stations;
 use super::judged::TestSession;
+use super::observed::Observed;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
 use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
@@ -27,6 +28,7 @@ use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
     unseen,
 };
+use crate::similarity::Semivariogram;
 
 /// The judges of a run.
 pub(super) struct Judges<'j> {
@@ -130,17 +132,17 @@ impl Judges<'_> {
         grids: &Grids,
         accuracy: &[Accuracy],
         residuals: &[ResidualSet],
+        (observed, semivariograms): (&Observed, &[(Model, Vec<Semivariogram>)]),
     ) -> Result<RunVerdict, SeveralSources> {
         let remarks = self.test.iter().map(|test| self.remark(test, residuals));
         let remarks: Vec<Option<Remark>> = remarks.collect::<Result<_, _>>()?;
         let identified = Model::ALL.iter().copied();
         let identified = identified.filter(|model| self.models.get(*model).is_some());
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
-        Ok(RunVerdict::of(
-            self.of_table(grids, accuracy, &remarks),
-            models.collect(),
-            self.models.best().0,
-        ))
+        let of_table = self.of_table(grids, accuracy, &remarks);
+        let mut verdict = RunVerdict::of(of_table, models.collect(), self.models.best().0);
+        verdict.limit = self.limit((&verdict, observed), (grids, accuracy), semivariograms);
+        Ok(verdict)
     }
 
     /// The verdict of the table, by held-out blocks and by what each test session says of it and of the model.
