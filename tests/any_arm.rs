@@ -467,7 +467,7 @@ fn a_scara() {
         home: "-40,95,200,20",
         slide: 3,
         controller: "length_unit = \"m\"",
-        flags: &["--grid-step", "100", "--size", "300,300,300"],
+        flags: &["--grid-step", "75", "--size", "300,300,300"],
         planned: None,
         shares: [0.9, 0.5],
     };

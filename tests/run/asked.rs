@@ -51,7 +51,7 @@ fn small() -> Cell {
 fn compensate(cell: &Cell) -> Ended {
     let table = lake(cell).read(
         "compensation",
-        &RunKey::new("kr210-demo", "mon", &current(cell)),
+        &RunKey::new("kr210-demo", "mon", current(cell)),
     );
     let table = table.expect("readable");
     let middle = (table.rows() / 2..table.rows()).find(|row| table.text("refused").is_null(*row));
