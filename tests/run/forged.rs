@@ -159,6 +159,7 @@ pub fn of_first_version(path: &Path) {
             "first_session_started",
             "mean_before_mm",
             "mean_after_mm",
+            "means_of",
         ])
         .without_entry(DIGEST)
         .entry("posegrid.schema_version", "1")

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use posegrid::io::lake::Lake;
+use posegrid::io::lake::{Lake, request_key};
 use posegrid::io::store::Place;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::configuration::Overrides;
@@ -48,7 +48,7 @@ fn fleet(robots: usize, sessions: usize) -> Cell {
     cell
 }
 
-/// Writes an index that tells of a run of each session, and rows of those runs that nothing can be read from.
+/// Writes an index that tells of a run of each session, and rows of those runs and of their requests that nothing can be read from.
 fn pretend(cell: &Cell) {
     let fleet = Fleet::load(&cell.pipeline(), &[], &Overrides::default()).expect("a good file");
     let lake = Lake::at(&Place::of(cell.path("lake"))).expect("a folder");
@@ -56,11 +56,12 @@ fn pretend(cell: &Cell) {
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
         let key = RunKey::new(&done.robot, &done.session, &done.run);
-        let row = cell
-            .path("lake")
-            .join(lake.file_key("runs", &key).expect("a name"));
-        fs::create_dir_all(row.parent().expect("a folder")).expect("writable");
-        fs::write(row, "no table").expect("writable");
+        let keys = [lake.file_key("runs", &key), request_key(&key, done.asked)];
+        for own in keys {
+            let row = cell.path("lake").join(own.expect("a name"));
+            fs::create_dir_all(row.parent().expect("a folder")).expect("writable");
+            fs::write(row, "no table").expect("writable");
+        }
         let state = known.state(own.configuration, own.piece);
         known.keep(state.as_deref(), (own.configuration, own.piece), &done);
     }

@@ -70,6 +70,16 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations",
     ),
     (
+        "drift.verdict",
+        &["small"],
+        "tests/history: nothing moved significantly and by less than counts between these sessions",
+    ),
+    (
+        "runs.verdict_of",
+        &["nothing"],
+        "src/report/verdict.rs: of every run here some correction helps",
+    ),
+    (
         "grid_steps.angles",
         &["reported", "weighted"],
         "steps are judged from commands alone: to go from the schema",
