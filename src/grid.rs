@@ -226,7 +226,7 @@ impl Grids {
     /// The row that has the figures of the chosen table: its own, or that of its local cells where their bound is larger.
     pub fn deciding(&self) -> Option<&Judged> {
         let chosen = self.chosen()?;
-        let local = rows::local_cells_of(&self.judged, chosen);
+        let local = local_cells_of(&self.judged, chosen);
         let local = local.filter(|_| chosen.decided_by == Judgement::LocalCell);
         Some(local.unwrap_or(chosen))
     }
@@ -249,6 +249,17 @@ impl Grids {
         let row = rows::session_row(chosen, session, held_out, tolerance, shown);
         self.judged.push(row);
     }
+}
+
+/// The local cells that judge a table beside its own nodes; `None` of other rows and where there are none.
+fn local_cells_of<'j>(judged: &'j [Judged], table: &Judged) -> Option<&'j Judged> {
+    let is_its = |own: &&Judged| {
+        own.judgement == Judgement::LocalCell
+            && (own.source, own.interpolation) == (table.source, table.interpolation)
+            && own.step_mm.total_cmp(&table.step_mm).is_eq()
+    };
+    let is_table = table.judgement == Judgement::Table && table.of_test.is_none();
+    judged.iter().find(is_its).filter(|_| is_table)
 }
 
 /// Judges every step and builds the table of the one chosen. What steps answer is taken from `known` where it has that of these stations.

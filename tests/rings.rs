@@ -43,7 +43,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ),
     (
         "page",
-        "benchmark fit grid io manifest plan report similarity units",
+        "benchmark figures fit grid io manifest plan report similarity units",
     ),
     // What puts it all to work.
     (

@@ -500,7 +500,7 @@ impl Judged {
 /// Gives each table the larger of its own bound and that of the local cells of its step, and the verdict on it.
 pub(super) fn combine(judged: &mut [Judged], tolerance: &Tolerance, guard_mm: f64) {
     for row in 0..judged.len() {
-        let Some(local) = local_cells_of(judged, &judged[row]) else {
+        let Some(local) = super::local_cells_of(judged, &judged[row]) else {
             continue;
         };
         let (bound, model_bound) = (local.bound, local.model_bound);
@@ -514,17 +514,6 @@ pub(super) fn combine(judged: &mut [Judged], tolerance: &Tolerance, guard_mm: f6
             table.verdict = tolerance.verdict(bound, counted, guard_mm);
         }
     }
-}
-
-/// The local cells that judge a table beside its own nodes; `None` of other rows and where there are none.
-pub(super) fn local_cells_of<'j>(judged: &'j [Judged], table: &Judged) -> Option<&'j Judged> {
-    let is_its = |own: &&Judged| {
-        own.judgement == Judgement::LocalCell
-            && (own.source, own.interpolation) == (table.source, table.interpolation)
-            && own.step_mm.total_cmp(&table.step_mm).is_eq()
-    };
-    let is_table = table.judgement == Judgement::Table && table.of_test.is_none();
-    judged.iter().find(is_its).filter(|_| is_table)
 }
 
 /// The bound of errors with between-session variation, never less than what was seen; `None` with too few poses.

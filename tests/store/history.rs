@@ -23,7 +23,9 @@ fn history_and_compact_form_are_those_of_a_folder_and_new_sessions_cost_small_ob
     };
     remote.run(&[]).expect(0, &["1 of 1 within 0.5 mm"]);
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, bytes) in in_folders() {
+    // Requests have the time of their run.
+    let requests = remote.requests();
+    for (name, bytes) in in_folders().iter().chain(&requests) {
         let file = folder.path().join(name);
         fs::create_dir_all(file.parent().expect("in a folder")).expect("writable");
         fs::write(file, bytes).expect("writable");

@@ -278,6 +278,13 @@ impl Remote {
         assert!(left.is_empty(), "{left:?}");
     }
 
+    /// The requests of the lake, by their keys in it.
+    pub fn requests(&self) -> BTreeMap<String, Vec<u8>> {
+        let mut objects = self.server.objects(&self.key("lake"));
+        objects.retain(|key, _| key.starts_with("asked/"));
+        objects
+    }
+
     /// Every object of the lake but the index, which has the tags of logs, and `asked`, which has a clock.
     pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
         let mut objects = self.server.objects(&self.key("lake"));

@@ -7,8 +7,7 @@ use std::cmp::Ordering;
 use super::Picked;
 use crate::figures::expanded;
 use crate::grid::covered::ENOUGH;
-use crate::grid::rows::local_cells_of;
-use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict};
+use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict, local_cells_of};
 
 /// A bound may exceed the model's own by this, mm, even where the share of it is less: no instrument shows the difference.
 pub const WITHIN_MM: f64 = 0.005;
