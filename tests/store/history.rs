@@ -61,7 +61,8 @@ fn history_and_compact_form_are_those_of_a_folder_and_new_sessions_cost_small_ob
         compacted.messages
     );
     let objects = remote.server.objects(&remote.key("lake/compact"));
-    assert_eq!(objects.len(), 4, "{:?}", objects.keys());
+    // Of the month of the session and of that of its request: rows, requests and their keys, and the state.
+    assert_eq!(objects.len(), 6, "{:?}", objects.keys());
     for (name, bytes) in objects {
         assert!(
             fs::read(folder.path().join("compact").join(&name)).expect("there too") == bytes,
