@@ -103,7 +103,7 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
 /// covers 95 %.
 pub const COVERAGE_FACTOR: f64 = 2.0;
 
-/// What is stated behind a ±, of a standard error or deviation.
+/// The number behind a ±: twice a standard error or deviation, in its unit.
 pub fn expanded(standard: f64) -> f64 {
     COVERAGE_FACTOR * standard
 }

@@ -126,7 +126,7 @@ impl Compared {
         )
     }
 
-    /// What both figures are of, in words: by them figures of one session are told apart.
+    /// The errors that both figures are of, in words, which distinguish figures of one session.
     pub fn of(&self) -> String {
         format!("{}: {}", self.evidence(), self.subject())
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::files::Scope;
 use crate::io::lake::{ASKED, Lake, LakeError, request_key};
 
-/// What is wrong with the requests that are in scope, in words.
+/// Faults of the requests in scope, a sentence each.
 pub(super) fn problems(lake: &Lake, scope: &Scope) -> Result<Vec<String>, LakeError> {
     let mut files = lake.requests(ASKED)?;
     files.retain(|file| scope.has_session(&file.key));

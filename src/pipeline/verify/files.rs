@@ -32,7 +32,7 @@ pub struct FilesOfLake {
     pub without_row: Vec<WithoutRow>,
     /// Files that do not belong.
     pub foreign: Vec<Foreign>,
-    /// What is wrong with the requests that changed current runs, in words.
+    /// Faults of the requests that changed current runs, a sentence each.
     pub asked: Vec<String>,
 }
 
