@@ -73,20 +73,11 @@ impl Compared {
 /// space. What is moved so states no covariance: that of the frame found is not known.
 pub fn placed(compared: &[Compared], finders: &[usize]) -> Option<Vec<Compared>> {
     let of = |part: fn(&Compared) -> Point3<f64>| -> Vec<Point3<f64>> {
-        finders
-            .iter()
-            .map(|&place| part(&compared[place]))
-            .collect()
+        finders.iter().map(|&place| part(&compared[place])).collect()
     };
-    let moved = align(
-        &of(|own| own.measured),
-        &of(|own| own.predicted),
-        &vec![1.0; finders.len()],
-    )?;
-    let place = |own: &Compared| Compared {
-        predicted: moved * own.predicted,
-        covariance: None,
-        ..*own
-    };
+    let moved =
+        align(&of(|own| own.measured), &of(|own| own.predicted), &vec![1.0; finders.len()])?;
+    let place =
+        |own: &Compared| Compared { predicted: moved * own.predicted, covariance: None, ..*own };
     Some(compared.iter().map(place).collect())
 }

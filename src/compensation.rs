@@ -189,11 +189,7 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
         let wanted = target.position.ok_or(Reason::NoPosition)?;
         by_pose(table, target, &wanted)
     });
-    corrected.map_err(|reason| Refused {
-        target: target.name.clone(),
-        reason,
-        slip: None,
-    })
+    corrected.map_err(|reason| Refused { target: target.name.clone(), reason, slip: None })
 }
 
 /// By the nodes of a table. A command on the way that is a little beyond the rim is asked for at the rim.
@@ -204,20 +200,10 @@ fn by_pose(
 ) -> Result<Corrected, Reason> {
     let mut first = true;
     let converged = fixed_point::converge(wanted.point(), |command| {
-        let place = if first {
-            *command
-        } else {
-            table.at_rim(command)
-        };
-        let predicted = table.predict(&At::Tool {
-            position: place,
-            orientation: target.orientation,
-        });
-        let gap = if first {
-            Reason::Target
-        } else {
-            Reason::Command
-        };
+        let place = if first { *command } else { table.at_rim(command) };
+        let predicted =
+            table.predict(&At::Tool { position: place, orientation: target.orientation });
+        let gap = if first { Reason::Target } else { Reason::Command };
         first = false;
         let predicted = predicted.map_err(gap)?;
         let covariance = table.spread(0, SourceId::ONLY, &predicted).covariance();

@@ -53,11 +53,7 @@ impl Figures {
             n: sorted.len(),
             mean,
             rms: (sorted.iter().map(|e| e * e).sum::<f64>() / n).sqrt(),
-            sd: if sorted.len() > 1 {
-                (squares / (n - 1.0)).sqrt()
-            } else {
-                0.0
-            },
+            sd: if sorted.len() > 1 { (squares / (n - 1.0)).sqrt() } else { 0.0 },
             median: median(&sorted)?,
             p95: percentile(&sorted, 0.95),
             p99: percentile(&sorted, 0.99),
@@ -179,10 +175,7 @@ pub struct Counted {
 impl Counted {
     /// Counts of `poses` poses that were each visited once.
     pub const fn once(poses: usize) -> Self {
-        Self {
-            poses,
-            visits: poses,
-        }
+        Self { poses, visits: poses }
     }
 }
 
@@ -209,10 +202,7 @@ impl PoseErrors {
 
     /// Numbers of poses and visits.
     pub fn counted(&self) -> Counted {
-        Counted {
-            poses: self.poses.len(),
-            visits: self.visits.len(),
-        }
+        Counted { poses: self.poses.len(), visits: self.visits.len() }
     }
 
     /// Distribution-free upper bound on the share `coverage.share` of errors, mm; `None` with too few poses.
@@ -265,11 +255,7 @@ pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
 pub fn share_interval(k: usize, n: usize, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
     let low = share_at_least(k, n, 1.0 - tail);
-    let high = if k == n {
-        1.0
-    } else {
-        beta(k + 1, n - k).inverse_cdf(1.0 - tail)
-    };
+    let high = if k == n { 1.0 } else { beta(k + 1, n - k).inverse_cdf(1.0 - tail) };
     (low, high)
 }
 
@@ -315,10 +301,7 @@ mod tests {
     fn values_of_one_group_count_together() {
         let values: Vec<f64> = (0..60).map(|place| f64::from(place * 37 % 19)).collect();
         let groups: Vec<i32> = (0..60).map(|place| place / 6).collect();
-        let means: Vec<f64> = values
-            .chunks(6)
-            .map(|own| own.iter().sum::<f64>() / 6.0)
-            .collect();
+        let means: Vec<f64> = values.chunks(6).map(|own| own.iter().sum::<f64>() / 6.0).collect();
         for (groups, of) in [(groups, &means), ((0..60).collect(), &values)] {
             let (mean, se) = clustered_mean(&values, &groups).expect("groups");
             let figures = Figures::of(of).expect("values");
@@ -331,14 +314,8 @@ mod tests {
     #[test]
     fn ranks_are_the_ones_of_the_method() {
         // The examples of method::grids: 59 for 95/95, 299 for 99/95; 95 of 96, 675 of 700; 99/95: 698 of 700.
-        let p95 = Coverage {
-            share: 0.95,
-            confidence: 0.95,
-        };
-        let p99 = Coverage {
-            share: 0.99,
-            confidence: 0.95,
-        };
+        let p95 = Coverage { share: 0.95, confidence: 0.95 };
+        let p99 = Coverage { share: 0.99, confidence: 0.95 };
         assert_eq!(bound_rank(58, p95), None);
         assert_eq!(bound_rank(59, p95), Some(59));
         assert_eq!(bound_rank(298, p99), None);
@@ -349,10 +326,7 @@ mod tests {
         assert!((least_count(p95) - 59.0).abs() < 1e-12);
     }
 
-    const P95: Coverage = Coverage {
-        share: 0.95,
-        confidence: 0.95,
-    };
+    const P95: Coverage = Coverage { share: 0.95, confidence: 0.95 };
 
     #[test]
     fn a_pose_counts_once_and_with_the_worst_of_its_visits() {
@@ -379,13 +353,7 @@ mod tests {
             errors.add(pose, pose, day, 0.1);
             errors.add(pose, 60 + pose, day, 0.1 + 0.01 * day as f64);
         }
-        assert_eq!(
-            errors.counted(),
-            Counted {
-                poses: 60,
-                visits: 120
-            }
-        );
+        assert_eq!(errors.counted(), Counted { poses: 60, visits: 120 });
         // k = 60 of 60 is the largest: 0.17 mm.
         assert!((errors.bound(P95).expect("60 poses") - 0.17).abs() < 1e-12);
     }

@@ -201,16 +201,10 @@ impl FitSettings {
     /// Refuses places and distances of targets that have no readings: their names are not among [`Self::target_names`].
     pub fn check_targets(&self) -> Result<(), FitError> {
         let distances = self.target_distances.iter();
-        let mut stated = self
-            .targets
-            .keys()
-            .chain(distances.flat_map(|known| &known.between));
+        let mut stated = self.targets.keys().chain(distances.flat_map(|known| &known.between));
         let unknown = stated.find(|name| self.target_of(name).is_none());
         unknown.map_or(Ok(()), |name| {
-            Err(FitError::UnknownTarget {
-                name: name.clone(),
-                known: self.target_names.join(", "),
-            })
+            Err(FitError::UnknownTarget { name: name.clone(), known: self.target_names.join(", ") })
         })
     }
 }
@@ -442,14 +436,7 @@ fn identify_sized(
 ) -> Calibration {
     let stated = settings.prior();
     let fit = |prior: &Prior| {
-        identify_with(
-            arm,
-            observations,
-            starts,
-            freedom,
-            settings,
-            (prior, factors),
-        )
+        identify_with(arm, observations, starts, freedom, settings, (prior, factors))
     };
     let mut found = fit(&stated);
     for _ in 0..WIDENINGS {
@@ -476,10 +463,7 @@ fn identify_with(
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
-    let stations: BTreeSet<_> = observations
-        .iter()
-        .map(|own| (own.session, own.station))
-        .collect();
+    let stations: BTreeSet<_> = observations.iter().map(|own| (own.session, own.station)).collect();
     let covariance = covariance(&problem, &solution, nominal_structure.rank);
     Calibration {
         sources: sources::sizes(&problem, &solution, &covariance, factors),
@@ -507,26 +491,16 @@ fn identify_with(
 fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatrix<f64> {
     let factor = solution.variance_factor;
     let matrix = problem.posterior_information(&solution.information, &solution.offsets, factor);
-    let scales = matrix
-        .diagonal()
-        .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+    let scales = matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
     let size = scales.len();
     let scaled = DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j]);
     let eigen = scaled.symmetric_eigen();
     let mut order: Vec<usize> = (0..size).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let with_prior = problem
-        .prior_precision()
-        .iter()
-        .filter(|&&p| p > 0.0)
-        .count();
+    let with_prior = problem.prior_precision().iter().filter(|&&p| p > 0.0).count();
     let directions = if with_prior > 0 { size } else { rank };
     let mut inverse = DMatrix::zeros(size, size);
-    for &direction in order
-        .iter()
-        .take(directions)
-        .filter(|&&i| eigen.eigenvalues[i] > 0.0)
-    {
+    for &direction in order.iter().take(directions).filter(|&&i| eigen.eigenvalues[i] > 0.0) {
         let vector = eigen.eigenvectors.column(direction);
         inverse.ger(eigen.eigenvalues[direction].recip(), &vector, &vector, 1.0);
     }

@@ -62,10 +62,7 @@ pub struct Transform<To, From> {
 impl<To, From> Transform<To, From> {
     /// Claims that `isometry` (mm) maps coordinates in `From` to coordinates in `To`.
     pub const fn claim(isometry: Isometry3<f64>) -> Self {
-        Self {
-            isometry,
-            frames: PhantomData,
-        }
+        Self { isometry, frames: PhantomData }
     }
 
     /// Claims that the two frames coincide.
@@ -122,10 +119,7 @@ pub struct Position<F> {
 impl<F> Position<F> {
     /// Claims that `point` (mm) is stated in the frame `F`.
     pub const fn claim(point: Point3<f64>) -> Self {
-        Self {
-            point,
-            frame: PhantomData,
-        }
+        Self { point, frame: PhantomData }
     }
 
     /// The bare coordinates, mm.
@@ -194,11 +188,7 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
         return None;
     }
     let barycentre = |points: &[Point3<f64>]| {
-        points
-            .iter()
-            .zip(weights)
-            .fold(Vector3::zeros(), |sum, (p, &w)| sum + p.coords * w)
-            / total
+        points.iter().zip(weights).fold(Vector3::zeros(), |sum, (p, &w)| sum + p.coords * w) / total
     };
     let (to_centre, from_centre) = (barycentre(to), barycentre(from));
     let mut cross = nalgebra::Matrix3::zeros();
@@ -209,13 +199,7 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
     let (u, v_t) = (svd.u?, svd.v_t?);
     let largest = svd.singular_values.max();
     // On a line only one singular value is left: turning about the line changes nothing.
-    if svd
-        .singular_values
-        .iter()
-        .filter(|&&s| s > 1e-9 * largest)
-        .count()
-        < 2
-    {
+    if svd.singular_values.iter().filter(|&&s| s > 1e-9 * largest).count() < 2 {
         return None;
     }
     let handedness = (u * v_t).determinant().signum();
@@ -223,10 +207,7 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
     let mend = nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handedness));
     let rotation =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mend * v_t));
-    Some(Isometry3::from_parts(
-        Translation3::from(to_centre - rotation * from_centre),
-        rotation,
-    ))
+    Some(Isometry3::from_parts(Translation3::from(to_centre - rotation * from_centre), rotation))
 }
 
 #[cfg(test)]
@@ -254,29 +235,19 @@ mod tests {
     #[test]
     fn align_finds_a_known_transform() {
         let truth = isometry_from_rpy([1000.0, -20.0, 300.0], [0.3, -1.2, 2.5]);
-        let from: Vec<_> = [
-            [0.0, 0.0, 0.0],
-            [500.0, 0.0, 10.0],
-            [0.0, 700.0, -3.0],
-            [20.0, 40.0, 600.0],
-        ]
-        .map(Point3::from)
-        .to_vec();
+        let from: Vec<_> =
+            [[0.0, 0.0, 0.0], [500.0, 0.0, 10.0], [0.0, 700.0, -3.0], [20.0, 40.0, 600.0]]
+                .map(Point3::from)
+                .to_vec();
         let to: Vec<_> = from.iter().map(|p| truth * p).collect();
         let found = align(&to, &from, &[1.0, 2.0, 0.5, 1.0]).expect("four points span space");
-        assert!(
-            (found.to_homogeneous() - truth.to_homogeneous())
-                .abs()
-                .max()
-                < 1e-9
-        );
+        assert!((found.to_homogeneous() - truth.to_homogeneous()).abs().max() < 1e-9);
     }
 
     #[test]
     fn align_refuses_points_on_a_line() {
-        let line: Vec<_> = (0..5)
-            .map(|i| Point3::new(f64::from(i), 2.0 * f64::from(i), 0.0))
-            .collect();
+        let line: Vec<_> =
+            (0..5).map(|i| Point3::new(f64::from(i), 2.0 * f64::from(i), 0.0)).collect();
         assert!(align(&line, &line, &[1.0; 5]).is_none());
     }
 

@@ -112,10 +112,7 @@ pub struct Judged {
 impl Judged {
     /// The figures whose moving average is beyond its limit.
     pub fn out_of_control(&self) -> impl Iterator<Item = &str> {
-        let out = self
-            .charted
-            .iter()
-            .filter(|charted| charted.is_out() == Some(true));
+        let out = self.charted.iter().filter(|charted| charted.is_out() == Some(true));
         out.map(|charted| charted.name.as_str())
     }
 }
@@ -147,11 +144,7 @@ pub(crate) fn inverse_above(matrix: &DMatrix<f64>, least: f64) -> (DMatrix<f64>,
     let eigen = matrix.clone().symmetric_eigen();
     let mut inverse = DMatrix::zeros(size, size);
     let mut rank = 0;
-    for (value, vector) in eigen
-        .eigenvalues
-        .iter()
-        .zip(eigen.eigenvectors.column_iter())
-    {
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value > least {
             inverse.ger(value.recip(), &vector, &vector, 1.0);
             rank += 1;

@@ -158,10 +158,7 @@ impl LogReject {
     pub fn join(&mut self, other: &Self) {
         self.byte_start = self.byte_start.min(other.byte_start);
         self.byte_end = self.byte_end.max(other.byte_end);
-        self.messages = self
-            .messages
-            .zip(other.messages)
-            .map(|(a, b)| a.saturating_add(b));
+        self.messages = self.messages.zip(other.messages).map(|(a, b)| a.saturating_add(b));
         self.time_span_ns = match (self.time_span_ns, other.time_span_ns) {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
             (one, another) => one.or(another),

@@ -161,9 +161,7 @@ impl Station {
     /// stands for all of a dwell's is derived first ([`crate::fit::flange`]).
     pub fn one_reading(&self) -> Option<&Reading> {
         let mut places = self.measured().iter();
-        let mut places = places
-            .by_ref()
-            .filter(|reading| !reading.value.kind().is_length());
+        let mut places = places.by_ref().filter(|reading| !reading.value.kind().is_length());
         let one = places.next()?;
         places.next().is_none().then_some(one)
     }
@@ -357,10 +355,8 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     for rows in readings.missing() {
         dispositions.set(rows, Disposition::Missing);
     }
-    let (mut counts, mut rejects) = (
-        dispositions.counts(),
-        dispositions.rejects(|row| readings.stamp(row))?,
-    );
+    let (mut counts, mut rejects) =
+        (dispositions.counts(), dispositions.rejects(|row| readings.stamp(row))?);
     let found = others::Found {
         arm: &seen.arm,
         temperatures: &input.temperatures,
@@ -412,9 +408,7 @@ struct Moves {
 impl Moves {
     fn of(seen: &Observation, decision: &Decision, gate_mm: f64) -> Self {
         let pairs = pattern::overlaps(seen.dwells(), decision.relation);
-        let readings = pairs
-            .iter()
-            .map(|&pair| decide::reading(seen.dwells(), pair));
+        let readings = pairs.iter().map(|&pair| decide::reading(seen.dwells(), pair));
         let readings: Vec<_> = readings.collect();
         let stretches = moved::stretches(&readings, &decision.placement, gate_mm);
         let ends = |own: &moved::Stretch| [own.first, own.last].map(|place| pairs[place]);
@@ -426,10 +420,7 @@ impl Moves {
             let [first, last] = ends(own).map(|pair| &seen.target[pair.target]);
             (first.start, last.end)
         });
-        Self {
-            found: found.collect(),
-            spans: spans.collect(),
-        }
+        Self { found: found.collect(), spans: spans.collect() }
     }
 }
 
@@ -489,11 +480,7 @@ fn method(decision: &Decision, by_edges: bool) -> String {
         decision.support.len(),
         decision.median_mm,
         decision.rival_support,
-        if by_edges {
-            "the edges of dwells"
-        } else {
-            "the middles of dwells"
-        },
+        if by_edges { "the edges of dwells" } else { "the middles of dwells" },
     )
 }
 

@@ -33,45 +33,29 @@ impl Cholesky {
             let corner = matrix.view((first, first), (width, width)).into_owned();
             let corner = factored(corner, &mut diagonal_inverses)?;
             let own = &diagonal_inverses[first / BLOCK..];
-            let panel = behind(
-                &matrix.view((end, first), (size - end, width)),
-                &corner,
-                own,
-            );
-            matrix
-                .view_mut((first, first), (width, width))
-                .copy_from(&corner);
+            let panel = behind(&matrix.view((end, first), (size - end, width)), &corner, own);
+            matrix.view_mut((first, first), (width, width)).copy_from(&corner);
             for (place, part) in panel.iter().enumerate() {
                 let to = (end + place * WIDE, first);
                 matrix.view_mut(to, part.shape()).copy_from(part);
             }
             subtract_outer(&mut matrix, end, &panel);
         }
-        Some(Self {
-            lower: matrix,
-            diagonal_inverses,
-        })
+        Some(Self { lower: matrix, diagonal_inverses })
     }
 
     /// The factorisation whose factor is `lower`, as [`Self::lower`] returns it; only the lower triangle is read. `None`
     /// unless the diagonal is positive.
     pub fn from_lower(lower: DMatrix<f64>) -> Option<Self> {
         let size = lower.nrows();
-        if lower
-            .diagonal()
-            .iter()
-            .any(|pivot| pivot.is_nan() || *pivot <= 0.0)
-        {
+        if lower.diagonal().iter().any(|pivot| pivot.is_nan() || *pivot <= 0.0) {
             return None;
         }
         let block = |first: usize| {
             let width = BLOCK.min(size - first);
             small_inverse(&lower.view((first, first), (width, width)).into_owned())
         };
-        Some(Self {
-            diagonal_inverses: (0..size).step_by(BLOCK).map(block).collect(),
-            lower,
-        })
+        Some(Self { diagonal_inverses: (0..size).step_by(BLOCK).map(block).collect(), lower })
     }
 
     /// The factor L; entries above its diagonal are meaningless.
@@ -86,9 +70,7 @@ impl Cholesky {
 
     /// `ln |A|`.
     pub fn ln_determinant(&self) -> f64 {
-        2.0 * (0..self.size())
-            .map(|i| self.lower[(i, i)].ln())
-            .sum::<f64>()
+        2.0 * (0..self.size()).map(|i| self.lower[(i, i)].ln()).sum::<f64>()
     }
 
     /// `A = L Lᵀ`, computed from the factor.
@@ -132,9 +114,7 @@ impl Cholesky {
         if before.is_empty() {
             return;
         }
-        let lower = self
-            .lower
-            .view((own.start, before.start), (own.len(), before.len()));
+        let lower = self.lower.view((own.start, before.start), (own.len(), before.len()));
         let (done, mut rest) = solved.rows_range_pair_mut(
             before.start - first..before.end - first,
             own.start - first..own.end - first,
@@ -146,11 +126,8 @@ impl Cholesky {
     pub fn inverse_lower(&self) -> DMatrix<f64> {
         let size = self.size();
         let mut inverse = DMatrix::zeros(size, size);
-        inverse
-            .as_mut_slice()
-            .par_chunks_mut(size * WIDE)
-            .enumerate()
-            .for_each(|(block, columns)| {
+        inverse.as_mut_slice().par_chunks_mut(size * WIDE).enumerate().for_each(
+            |(block, columns)| {
                 let first = block * WIDE;
                 let width = columns.len() / size;
                 let mut right = DMatrix::zeros(size - first, width);
@@ -158,7 +135,8 @@ impl Cholesky {
                 let solved = self.forward(right, first);
                 let mut view = DMatrixViewMut::from_slice(columns, size, width);
                 view.rows_mut(first, size - first).copy_from(&solved);
-            });
+            },
+        );
         inverse
     }
 
@@ -171,15 +149,8 @@ impl Cholesky {
             let below = row + width;
             let later = solved.rows(below, size - below).into_owned();
             let mut rest = solved.rows(row, width).into_owned();
-            rest.gemv_tr(
-                -1.0,
-                &self.lower.view((below, row), (size - below, width)),
-                &later,
-                1.0,
-            );
-            solved
-                .rows_mut(row, width)
-                .copy_from(&inverse.tr_mul(&rest));
+            rest.gemv_tr(-1.0, &self.lower.view((below, row), (size - below, width)), &later, 1.0);
+            solved.rows_mut(row, width).copy_from(&inverse.tr_mul(&rest));
         }
         solved
     }
@@ -255,18 +226,16 @@ fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &[DMatrix<f64>])
     if end >= size {
         return;
     }
-    matrix.as_mut_slice()[end * size..]
-        .par_chunks_mut(size * WIDE)
-        .enumerate()
-        .for_each(|(block, columns)| {
+    matrix.as_mut_slice()[end * size..].par_chunks_mut(size * WIDE).enumerate().for_each(
+        |(block, columns)| {
             let width = columns.len() / size;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
             let right = panel[block].transpose();
             for (place, part) in panel.iter().enumerate().skip(block) {
-                view.rows_mut(end + place * WIDE, part.nrows())
-                    .gemm(-1.0, part, &right, 1.0);
+                view.rows_mut(end + place * WIDE, part.nrows()).gemm(-1.0, part, &right, 1.0);
             }
-        });
+        },
+    );
 }
 
 /// Puts the inverse of a small symmetric matrix in its place, by elimination without exchanging rows, which a definite one does not
@@ -358,13 +327,7 @@ fn gram_of_both(rows: &DMatrixView<'_, f64>, columns: &DMatrixView<'_, f64>) -> 
 pub fn subtract_gram(matrix: &mut DMatrix<f64>, rows: &DMatrix<f64>) {
     let rows = rows.as_view();
     let columns = transposed(&rows);
-    add_products(
-        matrix,
-        -1.0,
-        (&rows, &columns.as_view()),
-        rows.ncols(),
-        |_| 0,
-    );
+    add_products(matrix, -1.0, (&rows, &columns.as_view()), rows.ncols(), |_| 0);
 }
 
 /// `Lᵀ L` of a lower triangular matrix, whose entries above the diagonal are zero.
@@ -387,10 +350,8 @@ fn add_products(
     first_row: impl Fn(usize) -> usize + Sync,
 ) {
     let size = rows.ncols();
-    sum.as_mut_slice()
-        .par_chunks_mut((size * WIDE).max(1))
-        .enumerate()
-        .for_each(|(block, columns)| {
+    sum.as_mut_slice().par_chunks_mut((size * WIDE).max(1)).enumerate().for_each(
+        |(block, columns)| {
             let first = block * WIDE;
             let width = columns.len() / size;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
@@ -412,7 +373,8 @@ fn add_products(
             for below in (end..size).step_by(tall.max(1)) {
                 put(below..(below + tall).min(size), first..end);
             }
-        });
+        },
+    );
 }
 
 /// The transpose, tile by tile, so that a line of the cache is read and written once.
@@ -463,21 +425,15 @@ mod tests {
 
     /// A positive definite matrix of more than two blocks, without randomness.
     fn matrix(size: usize) -> DMatrix<f64> {
-        let rows = DMatrix::from_fn(size + 10, size, |i, j| {
-            ((i * 37 + j * 101) as f64 * 0.618).sin()
-        });
+        let rows =
+            DMatrix::from_fn(size + 10, size, |i, j| ((i * 37 + j * 101) as f64 * 0.618).sin());
         gram(&rows.as_view()) + DMatrix::identity(size, size)
     }
 
     #[test]
     fn gram_is_the_plain_product() {
         let rows = DMatrix::from_fn(70, 350, |i, j| ((i * 13 + j * 7) as f64).cos());
-        assert!(
-            (gram(&rows.as_view()) - rows.transpose() * &rows)
-                .abs()
-                .max()
-                < 1e-10
-        );
+        assert!((gram(&rows.as_view()) - rows.transpose() * &rows).abs().max() < 1e-10);
     }
 
     #[test]

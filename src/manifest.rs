@@ -94,11 +94,7 @@ impl RunKey {
         session: impl Into<String>,
         run: impl Into<String>,
     ) -> Self {
-        Self {
-            robot: robot.into(),
-            session: session.into(),
-            run: run.into(),
-        }
+        Self { robot: robot.into(), session: session.into(), run: run.into() }
     }
 
     /// This run's key for the rows of another session that it read.
@@ -141,13 +137,7 @@ impl Work {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
         };
-        for text in [
-            version,
-            &self.robot,
-            &self.session,
-            &self.pipeline,
-            &self.settings,
-        ] {
+        for text in [version, &self.robot, &self.session, &self.pipeline, &self.settings] {
             add(text);
         }
         for sessions in [&self.sessions, &self.test_sessions] {
@@ -199,10 +189,7 @@ pub(crate) mod tests {
     fn settings_are_written_in_one_way() {
         let text = r#"{"b": [1, 2.50], "a": {"z": null, "y": "ü"}}"#;
         let settings: serde_json::Value = serde_json::from_str(text).unwrap();
-        assert_eq!(
-            canonical(&settings).unwrap(),
-            r#"{"a":{"y":"ü","z":null},"b":[1,2.5]}"#
-        );
+        assert_eq!(canonical(&settings).unwrap(), r#"{"a":{"y":"ü","z":null},"b":[1,2.5]}"#);
     }
 
     #[test]

@@ -49,14 +49,10 @@ const SECTIONS: [Maker<Content>; 12] = [
     ("joints", "Joint curves", joints::section),
     ("parameters", "Identified parameters", parameters::section),
     ("clocks", "Clocks and pairing", logs::clocks_section),
-    ("rejects", "What was left out", |c| {
-        Some(logs::rejects_section(c))
-    }),
+    ("rejects", "What was left out", |c| Some(logs::rejects_section(c))),
     ("models", "Fit of the models", models::section),
     ("provenance", "Provenance", |c| Some(provenance::section(c))),
-    ("reading", "How to read the tables", |c| {
-        Some(provenance::reading_section(c))
-    }),
+    ("reading", "How to read the tables", |c| Some(provenance::reading_section(c))),
 ];
 
 /// The page as HTML text.

@@ -124,25 +124,12 @@ pub fn plan(
     progress: &dyn Progress,
 ) -> Result<SamplingPlan, PlanError> {
     let placer = Placer::new(arm, settings)?;
-    let trial = Trial {
-        arm,
-        placer: &placer,
-        settings,
-        progress,
-    };
-    let at_table = Region {
-        cone_rad: 0.0,
-        ..settings.region
-    };
+    let trial = Trial { arm, placer: &placer, settings, progress };
+    let at_table = Region { cone_rad: 0.0, ..settings.region };
     let pool = fresh_poses(&placer, &at_table, settings)?;
     let steps = steps::judge(&trial, &pool)?;
     let step = steps::largest_that_holds(&steps);
-    let least = settings
-        .grid
-        .steps_mm
-        .iter()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
+    let least = settings.grid.steps_mm.iter().copied().fold(f64::INFINITY, f64::min);
     let step_mm = step.map_or(least, |row| steps[row].step_mm);
     let influences = influence::study(&trial, &pool, step_mm, INFLUENCE_ROBOTS)?;
     let pool = fresh_poses(&placer, &settings.region, settings)?;
@@ -195,9 +182,7 @@ fn sized(
 
 /// The smallest chosen design that holds.
 fn least_that_holds(rows: &[DesignRow]) -> Option<usize> {
-    let holding = rows
-        .iter()
-        .filter(|row| row.kind == session::KIND && row.outcomes.holds());
+    let holding = rows.iter().filter(|row| row.kind == session::KIND && row.outcomes.holds());
     holding.map(|row| row.poses).min()
 }
 

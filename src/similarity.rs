@@ -35,11 +35,7 @@ pub struct SimilaritySettings {
 
 impl Default for SimilaritySettings {
     fn default() -> Self {
-        Self {
-            bins: 15,
-            joint_weights: None,
-            slides: Vec::new(),
-        }
+        Self { bins: 15, joint_weights: None, slides: Vec::new() }
     }
 }
 
@@ -113,22 +109,13 @@ pub fn semivariograms(
     settings: &SimilaritySettings,
 ) -> Vec<Semivariogram> {
     let joint_count = samples.first().map_or(0, |sample| sample.joints.len());
-    let weights = settings
-        .joint_weights
-        .clone()
-        .unwrap_or_else(|| vec![1.0; joint_count]);
+    let weights = settings.joint_weights.clone().unwrap_or_else(|| vec![1.0; joint_count]);
     let joint = |a: &ErrorSample, b: &ErrorSample| {
         joint_separation(&a.joints, &b.joints, &weights, &settings.slides)
     };
     let cartesian = |a: &ErrorSample, b: &ErrorSample| (a.position - b.position).norm();
-    let mut found = in_space(
-        Space::Joint,
-        &empirical::bins(samples, joint, settings.bins),
-    );
-    found.extend(in_space(
-        Space::Cartesian,
-        &empirical::bins(samples, cartesian, settings.bins),
-    ));
+    let mut found = in_space(Space::Joint, &empirical::bins(samples, joint, settings.bins));
+    found.extend(in_space(Space::Cartesian, &empirical::bins(samples, cartesian, settings.bins)));
     found
 }
 
@@ -149,17 +136,7 @@ fn in_space(space: Space, sums: &[empirical::Sums]) -> Vec<Semivariogram> {
         let bins: Vec<Bin> = sums.iter().filter_map(|sums| sums.bin(index)).collect();
         let models = variogram::fit_all(&bins);
         let alikeness = variogram::alikeness(&bins, &models);
-        Semivariogram {
-            space,
-            quantity,
-            bins,
-            models,
-            alikeness,
-        }
+        Semivariogram { space, quantity, bins, models, alikeness }
     };
-    Quantity::ALL
-        .into_iter()
-        .enumerate()
-        .map(of_quantity)
-        .collect()
+    Quantity::ALL.into_iter().enumerate().map(of_quantity).collect()
 }

@@ -181,29 +181,20 @@ fn joint_samples(arm: &Arm, settings: &SimulateSettings, timeline: &Timeline) ->
             |(angle, joint): (f64, &Joint)| rounded(angle, ANGLE_RESOLUTION * joint.per_radian());
         angles.push(reported.into_iter().zip(arm.joints()).map(angle));
     }
-    JointSamples {
-        stamps: stamps.iter().map(|&t| stamp(settings, t)).collect(),
-        angles,
-    }
+    JointSamples { stamps: stamps.iter().map(|&t| stamp(settings, t)).collect(), angles }
 }
 
 fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandSamples {
     let stops = &timeline.stops;
     let pose = |stop: &timeline::Stop| stop.base_from_target;
     CommandSamples {
-        stamps: stops
-            .iter()
-            .map(|stop| stamp(settings, stop.start_s))
-            .collect(),
+        stamps: stops.iter().map(|stop| stamp(settings, stop.start_s)).collect(),
         positions: stops
             .iter()
             .map(|stop| tracker::logged_position(&pose(stop).translation.vector))
             .collect(),
         orientations: Some(
-            stops
-                .iter()
-                .map(|stop| tracker::logged_quaternion(&pose(stop).rotation))
-                .collect(),
+            stops.iter().map(|stop| tracker::logged_quaternion(&pose(stop).rotation)).collect(),
         ),
         covariances: None,
     }
@@ -239,11 +230,7 @@ fn short(value: f64) -> f64 {
 
 /// An axis that is far from a direction of length 1: z, or x of one that is near z.
 fn far_axis(direction: &Vector3<f64>) -> Vector3<f64> {
-    if direction.z.abs() < 0.9 {
-        Vector3::z()
-    } else {
-        Vector3::x()
-    }
+    if direction.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }
 }
 
 fn check_samples(settings: &SimulateSettings, end_s: f64) -> Result<(), SimulateError> {
@@ -256,34 +243,22 @@ fn check_samples(settings: &SimulateSettings, end_s: f64) -> Result<(), Simulate
         .map(|(what, rate_hz)| (what, rate_hz * end_s))
         .find(|(_, asked)| *asked > f64::from(MOST_SAMPLES))
     {
-        Some((what, asked)) => Err(SimulateError::TooManySamples {
-            what,
-            asked,
-            most: MOST_SAMPLES,
-        }),
+        Some((what, asked)) => {
+            Err(SimulateError::TooManySamples { what, asked, most: MOST_SAMPLES })
+        }
         None => Ok(()),
     }
 }
 
 fn check_length(what: &'static str, joints: usize, found: usize) -> Result<(), SimulateError> {
-    if joints == found {
-        Ok(())
-    } else {
-        Err(SimulateError::Length {
-            what,
-            joints,
-            found,
-        })
-    }
+    if joints == found { Ok(()) } else { Err(SimulateError::Length { what, joints, found }) }
 }
 
 fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
     check_length("home", arm.joints().len(), settings.home.len())?;
     let motion = &settings.motion;
-    let rates = [
-        ("joint_rate_hz", motion.joint_rate_hz),
-        ("reading_rate_hz", motion.reading_rate_hz),
-    ];
+    let rates =
+        [("joint_rate_hz", motion.joint_rate_hz), ("reading_rate_hz", motion.reading_rate_hz)];
     let positive = [
         ("move_s", motion.move_s),
         ("speed_rad_s", motion.speed_rad_s),
@@ -300,29 +275,14 @@ fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
     check_instrument(settings)?;
     let scale = [("scale", settings.tracker.scale)];
     within(&scale, -0.1, 0.1, "between -0.1 and 0.1")?;
-    within(
-        &[("dwell_spread_s", motion.dwell_spread_s)],
-        0.0,
-        1e6,
-        "between 0 and a million",
-    )?;
+    within(&[("dwell_spread_s", motion.dwell_spread_s)], 0.0, 1e6, "between 0 and a million")?;
     // Times stay far from the ends of 64 bits.
     let clocks = [
         ("offset_s", settings.clocks.offset_s),
         ("origin_ns", settings.clocks.origin_ns as f64 / 1e9),
     ];
-    within(
-        &clocks,
-        -4e9,
-        4e9,
-        "within 4000000000 s of 1970 or of each other",
-    )?;
-    within(
-        &[("drift_ppm", settings.clocks.drift_ppm)],
-        -1e5,
-        1e5,
-        "between -100000 and 100000",
-    )
+    within(&clocks, -4e9, 4e9, "within 4000000000 s of 1970 or of each other")?;
+    within(&[("drift_ppm", settings.clocks.drift_ppm)], -1e5, 1e5, "between -100000 and 100000")
 }
 
 fn check_instrument(settings: &SimulateSettings) -> Result<(), SimulateError> {
@@ -357,15 +317,8 @@ fn within(
     upper: f64,
     wanted: &'static str,
 ) -> Result<(), SimulateError> {
-    match settings
-        .iter()
-        .find(|(_, value)| !(lower..=upper).contains(value))
-    {
-        Some(&(name, found)) => Err(SimulateError::Setting {
-            name,
-            found,
-            wanted,
-        }),
+    match settings.iter().find(|(_, value)| !(lower..=upper).contains(value)) {
+        Some(&(name, found)) => Err(SimulateError::Setting { name, found, wanted }),
         None => Ok(()),
     }
 }

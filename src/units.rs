@@ -21,11 +21,7 @@ pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
 /// The separation of two values of a joint's variable that differ by `difference`, rad: the chord `2 sin(Δq/2)`, which repeats after a full
 /// turn as errors do; of a joint that slides the plain distance, a mm as a mrad.
 pub fn chord(difference: f64, slides: bool) -> f64 {
-    if slides {
-        difference / SLIDE_MM_PER_RAD
-    } else {
-        2.0 * (0.5 * difference).sin()
-    }
+    if slides { difference / SLIDE_MM_PER_RAD } else { 2.0 * (0.5 * difference).sin() }
 }
 
 /// Nanoseconds in a second.
@@ -114,10 +110,7 @@ pub struct Stamp<C> {
 impl<C> Stamp<C> {
     /// Claims that `ns` was read from the clock `C`.
     pub const fn from_ns(ns: i64) -> Self {
-        Self {
-            ns,
-            clock: PhantomData,
-        }
+        Self { ns, clock: PhantomData }
     }
 
     /// Nanoseconds of the clock `C`.
@@ -200,10 +193,7 @@ impl ClockModel {
         let elapsed = stamp.since_ns(self.origin);
         let correction = self.drift.mul_add(elapsed as f64, self.offset_ns);
         Stamp::from_ns(
-            self.origin
-                .ns()
-                .saturating_add(elapsed)
-                .saturating_add(round_ns(correction)),
+            self.origin.ns().saturating_add(elapsed).saturating_add(round_ns(correction)),
         )
     }
 
@@ -211,8 +201,7 @@ impl ClockModel {
     pub fn to_controller(&self, stamp: Stamp<Tracker>) -> Stamp<Controller> {
         let elapsed = stamp.ns().saturating_sub(self.origin.ns());
         let correction = (self.drift * elapsed as f64 + self.offset_ns) / (1.0 + self.drift);
-        self.origin
-            .plus_ns(elapsed.saturating_sub(round_ns(correction)))
+        self.origin.plus_ns(elapsed.saturating_sub(round_ns(correction)))
     }
 }
 
@@ -245,19 +234,13 @@ mod tests {
     #[test]
     fn a_span_is_reported_in_its_own_unit() {
         let told = [0, 59, 60, 3599, 3600, 86_399, 86_400].map(|s| span(Duration::from_secs(s)));
-        assert_eq!(
-            told,
-            ["0 s", "59 s", "1 min", "59 min", "1 h", "23 h", "1 d"]
-        );
+        assert_eq!(told, ["0 s", "59 s", "1 min", "59 min", "1 h", "23 h", "1 d"]);
     }
 
     #[test]
     fn only_a_clock_with_an_epoch_tells_the_day() {
         let told = |ns| WallTime::of_clock_ns(ns).map(|time| time.to_string());
-        assert_eq!(
-            told(1_604_923_200_123_456_789).as_deref(),
-            Some("2020-11-09 12:00:00")
-        );
+        assert_eq!(told(1_604_923_200_123_456_789).as_deref(), Some("2020-11-09 12:00:00"));
         assert_eq!(
             WallTime::of_clock_ns(1_604_923_200_123_456_789),
             Some(WallTime::of_us(1_604_923_200_123_456))
@@ -273,21 +256,14 @@ mod tests {
         ] {
             assert_eq!(told(ns), None, "{ns}");
         }
-        assert_eq!(
-            told(978_307_200_000_000_000).as_deref(),
-            Some("2001-01-01 00:00:00")
-        );
+        assert_eq!(told(978_307_200_000_000_000).as_deref(), Some("2001-01-01 00:00:00"));
         assert_eq!(told(4_102_444_800_000_000_000), None);
     }
 
     #[test]
     fn clock_model_maps_there_and_back_to_the_nanosecond() {
         let origin = Stamp::from_ns(1_605_000_000_000_200_000);
-        let clock = ClockModel {
-            origin,
-            offset_ns: -4.131e9,
-            drift: -25e-6,
-        };
+        let clock = ClockModel { origin, offset_ns: -4.131e9, drift: -25e-6 };
         // An hour after t₀ the tracker has lost 25 µs/s · 3600 s = 90 ms.
         let controller = origin.plus_ns(3_600_000_000_000);
         let tracker = clock.to_tracker(controller);

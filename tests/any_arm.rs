@@ -131,9 +131,8 @@ lake = "lake"
         let cell = Cell { root };
         fs::write(cell.path("pipeline.toml"), self.pipeline()).expect("writable");
         let out = cell.named("sessions/mon");
-        let mut arguments = vec![
-            "simulate", self.robot, "--home", self.home, "--seed", "7", "--out", &out,
-        ];
+        let mut arguments =
+            vec!["simulate", self.robot, "--home", self.home, "--seed", "7", "--out", &out];
         arguments.extend(self.flags);
         posegrid(&arguments).expect(&[0], &["stations of a"]);
         cell
@@ -144,10 +143,7 @@ lake = "lake"
         let cell = self.cell();
         let pipeline = cell.named("pipeline.toml");
         posegrid(&["check", &pipeline]).expect(&[0], &[]);
-        println!(
-            "{}",
-            posegrid(&["run", &pipeline]).expect(&[0, 3], &[]).told
-        );
+        println!("{}", posegrid(&["run", &pipeline]).expect(&[0, 3], &[]).told);
         cell.is_accurate(self.shares);
         cell.counts_add_up();
         let pages = cell.files("report");
@@ -175,23 +171,15 @@ impl Case {
         let (pipeline, csv) = (cell.named("planned.toml"), cell.named("plan.csv"));
         posegrid(&["plan", &pipeline, "--csv", &csv]).expect(&[0, 3], &["40 poses to identify"]);
         let written = fs::read_to_string(&csv).expect("a plan");
-        let first = if self.slide == 1 {
-            ",q1_mm,q2_deg,"
-        } else {
-            ",q1_deg,q2_deg,"
-        };
+        let first = if self.slide == 1 { ",q1_mm,q2_deg," } else { ",q1_deg,q2_deg," };
         assert!(written.contains(first), "{written}");
         if self.slide == 1 {
             let travel_mm = travel(&written);
-            assert!(
-                travel_mm > 1000.0,
-                "the plan moves the slide by {travel_mm} mm"
-            );
+            assert!(travel_mm > 1000.0, "the plan moves the slide by {travel_mm} mm");
         }
         let out = cell.named("by_plan");
-        let arguments = [
-            "simulate", self.robot, "--home", self.home, "--poses", &csv, "--out", &out,
-        ];
+        let arguments =
+            ["simulate", self.robot, "--home", self.home, "--poses", &csv, "--out", &out];
         posegrid(&arguments).expect(&[0], &["stations of a"]);
     }
 }
@@ -253,9 +241,7 @@ impl Cell {
         let table = self.table("accuracy");
         let text = |name: &str| {
             let column = table.text(name);
-            (0..table.rows())
-                .map(|row| column.value(row).to_owned())
-                .collect::<Vec<_>>()
+            (0..table.rows()).map(|row| column.value(row).to_owned()).collect::<Vec<_>>()
         };
         let wanted = [
             ("model", model),
@@ -263,15 +249,10 @@ impl Cell {
             ("name", "mean"),
             ("quantity", "position_error"),
         ];
-        let columns: Vec<_> = wanted
-            .iter()
-            .map(|(name, value)| (text(name), *value))
-            .collect();
+        let columns: Vec<_> = wanted.iter().map(|(name, value)| (text(name), *value)).collect();
         let row = (0..table.rows())
             .find(|row| columns.iter().all(|(column, value)| column[*row] == *value));
-        table
-            .f64("value")
-            .value(row.unwrap_or_else(|| panic!("no held-out mean of {model}")))
+        table.f64("value").value(row.unwrap_or_else(|| panic!("no held-out mean of {model}")))
     }
 
     fn is_accurate(&self, [of_geometry, of_full]: [f64; 2]) {
@@ -317,9 +298,8 @@ impl Cell {
             fs::read_to_string(self.path("sessions/mon/truth_stations.csv")).expect("the truth");
         let mut lines = truth.lines();
         let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
-        let places: Vec<usize> = (0..header.len())
-            .filter(|&place| header[place].starts_with("commanded"))
-            .collect();
+        let places: Vec<usize> =
+            (0..header.len()).filter(|&place| header[place].starts_with("commanded")).collect();
         let mut targets = String::from("target");
         for joint in 1..=places.len() {
             let unit = if joint == case.slide { "mm" } else { "rad" };
@@ -362,14 +342,7 @@ fn six_axes_on_a_track() {
         home: "1500,0,20,-10,25,55,-15",
         slide: 1,
         controller: "length_unit = \"m\"",
-        flags: &[
-            "--random-joints",
-            "140",
-            "--spread-deg",
-            "35",
-            "--spread-mm",
-            "1400",
-        ],
+        flags: &["--random-joints", "140", "--spread-deg", "35", "--spread-mm", "1400"],
         planned: Some([[2300, -500, 1000], [3300, 500, 1900]]),
         shares: [0.5, 0.2],
     };
@@ -429,14 +402,7 @@ fn a_positioner_of_two_axes() {
         home: "10,20",
         slide: 0,
         controller: "",
-        flags: &[
-            "--random-joints",
-            "80",
-            "--spread-deg",
-            "60",
-            "--slow-curve-urad",
-            "800",
-        ],
+        flags: &["--random-joints", "80", "--spread-deg", "60", "--slow-curve-urad", "800"],
         planned: None,
         // Base and target take all but one of its parameters: what is left is in the curves.
         shares: [1.0, 0.5],

@@ -44,10 +44,7 @@ fn measured(robot: &str, place: usize) -> Point3<f64> {
     let file: RobotFile = toml::from_str(robot).expect("a robot file");
     let arm = file.arm().expect("an arm");
     let mut joints = joints(place);
-    for (joint, off) in joints
-        .iter_mut()
-        .zip([0.0, 1.5e-3, -1e-3, 2e-3, -1.5e-3, 0.0])
-    {
+    for (joint, off) in joints.iter_mut().zip([0.0, 1.5e-3, -1e-3, 2e-3, -1.5e-3, 0.0]) {
         *joint += off;
     }
     joints[1] += 4e-4 * (3.0 * joints[1]).sin();
@@ -95,21 +92,13 @@ impl Cell {
     }
 
     fn asked(&self) -> Asked {
-        Asked {
-            suite: self.path("suite.toml"),
-            ..Asked::default()
-        }
+        Asked { suite: self.path("suite.toml"), ..Asked::default() }
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::cargo_bin("posegrid").expect("built with the tests");
         let (suite, out) = (self.path("suite.toml"), self.path("out"));
-        command
-            .arg("benchmark")
-            .arg(suite)
-            .arg("--out")
-            .arg(out)
-            .args(arguments);
+        command.arg("benchmark").arg(suite).arg("--out").arg(out).args(arguments);
         command
     }
 
@@ -232,13 +221,10 @@ fn every_suite_loads_with_the_pipeline_files_that_it_names() {
 
 /// The value of a figure of one model of posegrid, or of a publication.
 fn value(rows: &[BenchmarkRow], split: (&str, &str), model: &str, figure: FigureName) -> f64 {
-    let mut own = rows
-        .iter()
-        .filter(|row| (&*row.robot, &*row.split) == split);
+    let mut own = rows.iter().filter(|row| (&*row.robot, &*row.split) == split);
     let row = own
         .find(|row| row.model == model && row.figure == figure && row.entrant != Entrant::Program);
-    row.unwrap_or_else(|| panic!("{split:?} {model} {figure:?}"))
-        .value
+    row.unwrap_or_else(|| panic!("{split:?} {model} {figure:?}")).value
 }
 
 #[test]
@@ -256,22 +242,14 @@ fn figures_of_a_made_arm_leak_by_rows_and_have_intervals() {
         if let Some((low, high)) = row.low.zip(row.high) {
             assert!(low <= high, "{row:?}");
             // The largest error of a draw is never above that of all.
-            assert!(
-                row.figure != FigureName::Max || high <= row.value,
-                "{row:?}"
-            );
+            assert!(row.figure != FigureName::Max || high <= row.value, "{row:?}");
         }
     }
     let told = &result.told[0].1[0];
     assert!(told.contains("144 read = 144 kept + 0 left out"), "{told}");
-    let published = rows
-        .iter()
-        .find(|row| row.entrant == Entrant::Published)
-        .expect("a published figure");
-    assert_eq!(
-        (published.source.as_deref(), published.value),
-        (Some("its table 4"), 0.3)
-    );
+    let published =
+        rows.iter().find(|row| row.entrant == Entrant::Published).expect("a published figure");
+    assert_eq!((published.source.as_deref(), published.value), (Some("its table 4"), 0.3));
 }
 
 #[test]
@@ -308,12 +286,8 @@ fn another_program_is_judged_by_the_same_code() {
         ..cell.asked()
     };
     let result = benchmark(&asked, &Quiet).unwrap_or_else(|error| panic!("{error}"));
-    let mine: Vec<&BenchmarkRow> = result
-        .rows
-        .rows
-        .iter()
-        .filter(|row| row.entrant == Entrant::Program)
-        .collect();
+    let mine: Vec<&BenchmarkRow> =
+        result.rows.rows.iter().filter(|row| row.entrant == Entrant::Program).collect();
     assert_eq!(mine.len(), 6, "no coverage without covariances");
     let full = result.rows.rows.iter().find(|row| {
         let of = (row.split.as_str(), row.model.as_str(), row.figure);
@@ -329,10 +303,7 @@ fn another_program_is_judged_by_the_same_code() {
     );
     let lengths = mine.iter().filter(|row| row.figure.is_length());
     for row in lengths.filter(|row| !is_difference(row)) {
-        assert!(
-            (row.value - 0.1).abs() < 1e-9 && row.test_stations == STATIONS / 2,
-            "{row:?}"
-        );
+        assert!((row.value - 0.1).abs() < 1e-9 && row.test_stations == STATIONS / 2, "{row:?}");
     }
     assert_eq!(result.remarks, ["mine has no predictions for small/slabs"]);
 }
@@ -349,14 +320,8 @@ fn what_is_exported_is_enough_and_has_no_answers() {
     };
     let (train, test) = (read("train.csv"), read("test.csv"));
     assert_eq!((train.lines().count(), test.lines().count()), (73, 73));
-    assert!(
-        train.starts_with("session,station,q1,q2,q3,q4,q5,q6,x,y,z\nmonday,0,"),
-        "{train}"
-    );
-    assert!(
-        test.lines().skip(1).all(|line| line.ends_with(",,,")),
-        "{test}"
-    );
+    assert!(train.starts_with("session,station,q1,q2,q3,q4,q5,q6,x,y,z\nmonday,0,"), "{train}");
+    assert!(test.lines().skip(1).all(|line| line.ends_with(",,,")), "{test}");
     assert!(!cell.path("out").exists(), "nothing is judged");
 }
 
@@ -366,20 +331,14 @@ fn predictions_of_the_wrong_stations_unit_frame_or_with_nan_are_refused() {
     let refused = |given: &str| cell.fails(1, &["--predictions", given]);
     let given = cell.predictions(|at| at / 1000.0);
     let message = refused(&given);
-    assert!(
-        message.contains("these look like metres, where millimetres are needed"),
-        "{message}"
-    );
+    assert!(message.contains("these look like metres, where millimetres are needed"), "{message}");
     assert!(
         message.contains("predictions of mine, arm \"small\", split \"even-to-odd\""),
         "{message}"
     );
     let turned = Isometry3::rotation(Vector3::z() * 0.3);
     let message = refused(&cell.predictions(|at| turned * at + Vector3::x() * 40.0));
-    assert!(
-        message.contains("these look like another frame: they fit to"),
-        "{message}"
-    );
+    assert!(message.contains("these look like another frame: they fit to"), "{message}");
     cell.predictions(|at| at);
     let file = cell.path("mine/small/even-to-odd.csv");
     let good = fs::read_to_string(&file).expect("written");
@@ -387,30 +346,17 @@ fn predictions_of_the_wrong_stations_unit_frame_or_with_nan_are_refused() {
         |from: &str, to: &str| fs::write(&file, good.replacen(from, to, 1)).expect("writable");
     change("\n7,", "\n8,");
     let message = refused(&given);
-    assert!(
-        message.contains("1 missing (monday/7), 1 that do not test (monday/8)"),
-        "{message}"
-    );
+    assert!(message.contains("1 missing (monday/7), 1 that do not test (monday/8)"), "{message}");
     change("\n7,", "\n5,");
     let message = refused(&given);
     assert!(
         message.contains("line 5: station 5") && message.contains("line 4 already"),
         "{message}"
     );
-    let second = good
-        .lines()
-        .nth(2)
-        .expect("a line")
-        .split(',')
-        .nth(2)
-        .expect("y")
-        .to_owned();
+    let second = good.lines().nth(2).expect("a line").split(',').nth(2).expect("y").to_owned();
     change(&second, "NaN");
     let message = refused(&given);
-    assert!(
-        message.contains("line 3: y is \"NaN\", which is no finite number"),
-        "{message}"
-    );
+    assert!(message.contains("line 3: y is \"NaN\", which is no finite number"), "{message}");
     let message = cell.fails(1, &["--predictions", "mine=/nowhere"]);
     assert!(message.contains("--arm and --split choose it"), "{message}");
 }
@@ -418,10 +364,7 @@ fn predictions_of_the_wrong_stations_unit_frame_or_with_nan_are_refused() {
 #[test]
 fn a_bad_suite_is_named_with_exit_code_2() {
     let fault = |from: &str, to: &str| Cell::new().with(from, to).fails(2, &[]);
-    let overlap = fault(
-        "test = { monday = \"1-143/2\" }",
-        "test = { monday = \"1-143/2, 4\" }",
-    );
+    let overlap = fault("test = { monday = \"1-143/2\" }", "test = { monday = \"1-143/2, 4\" }");
     assert!(
         overlap.contains("arm \"small\", split \"even-to-odd\", train and test: station 4 of session \"monday\" is in both"),
         "{overlap}"
@@ -434,19 +377,13 @@ fn a_bad_suite_is_named_with_exit_code_2() {
         "{missing}"
     );
     let beside = fault("beside = \"slabs\"\n", "");
-    assert!(
-        beside.contains("a split by rows may leak: name the split"),
-        "{beside}"
-    );
+    assert!(beside.contains("a split by rows may leak: name the split"), "{beside}");
     let kind = fault("kind = \"region\"", "kind = \"session\"");
     assert!(kind.contains("session \"monday\" trains too"), "{kind}");
     let list = fault("0-95", "95-0");
     assert!(list.contains("is no list of stations"), "{list}");
     let message = Cell::new().fails(2, &["--arm", "large"]);
-    assert!(
-        message.contains("no arm \"large\"; it has small"),
-        "{message}"
-    );
+    assert!(message.contains("no arm \"large\"; it has small"), "{message}");
 }
 
 #[test]
@@ -485,15 +422,11 @@ fn as_independent_code(folder: &Path) -> PathBuf {
     for robot in ["pipelines/robots/wam.toml", "tests/robots/positioner.toml"] {
         write(robot, fs::read_to_string(robot).expect("readable"));
     }
-    for name in [
-        "pipelines/stations-wam.toml",
-        "pipelines/stations-positioner.toml",
-    ] {
+    for name in ["pipelines/stations-wam.toml", "pipelines/stations-positioner.toml"] {
         let text = fs::read_to_string(name).expect("readable");
         let plain = "[fit]\nprior_length_mm = 0\nprior_angle_mrad = 0\n";
-        let changed = text
-            .replace("orientations = true", "orientations = false")
-            .replace("[fit]\n", plain);
+        let changed =
+            text.replace("orientations = true", "orientations = false").replace("[fit]\n", plain);
         assert_ne!(text, changed);
         write(name, changed);
     }
@@ -506,10 +439,7 @@ fn as_independent_code(folder: &Path) -> PathBuf {
 fn base_target_and_geometry_are_those_of_independent_code() {
     let data = Path::new("../shared/stations");
     if !data.exists() {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "../shared/stations: absent"
-        );
+        assert!(std::env::var_os("CI").is_none(), "../shared/stations: absent");
         eprintln!(
             "SKIPPED: ../shared/stations: absent, so no figure was compared with another program"
         );
@@ -524,30 +454,16 @@ fn base_target_and_geometry_are_those_of_independent_code() {
     };
     let result = benchmark(&asked, &Quiet).unwrap_or_else(|error| panic!("{error}"));
     let rows = &result.rows.rows;
-    let published = rows
-        .iter()
-        .filter(|row| row.model.ends_with(", independent code"));
+    let published = rows.iter().filter(|row| row.model.ends_with(", independent code"));
     let mut compared = 0;
     for reference in published {
-        let model = if reference.model.starts_with("base") {
-            "base_target"
-        } else {
-            "geometric"
-        };
-        let own = value(
-            rows,
-            (&reference.robot, &reference.split),
-            model,
-            reference.figure,
-        );
+        let model = if reference.model.starts_with("base") { "base_target" } else { "geometric" };
+        let own = value(rows, (&reference.robot, &reference.split), model, reference.figure);
         println!(
             "{} {} {model} {:?}: {own:.4}, independent code {:.4}",
             reference.robot, reference.split, reference.figure, reference.value
         );
-        assert!(
-            (own / reference.value - 1.0).abs() < APART,
-            "{own} {reference:?}"
-        );
+        assert!((own / reference.value - 1.0).abs() < APART, "{own} {reference:?}");
         compared += 1;
     }
     assert_eq!(compared, 9);

@@ -69,10 +69,7 @@ fn exact(arm: &Arm, seed: u64, count: usize) -> (Simulated, JoinedSession) {
     settings.tracker = TrackerErrors::none();
     settings.joints = JointErrors::none();
     settings.gravity.sag_rad = 0.0;
-    settings.geometry = GeometryErrors {
-        length_sd_mm: 0.4,
-        angle_sd_rad: 3e-4,
-    };
+    settings.geometry = GeometryErrors { length_sd_mm: 0.4, angle_sd_rad: 3e-4 };
     let simulated = simulate(arm, &settings).expect("in reach");
     let session = common::joined("monday", arm, &simulated.recording, tool());
     (simulated, session)
@@ -88,15 +85,8 @@ fn pose(station: &Station) -> Option<Isometry3<f64>> {
 fn camera_from_tracker(session: &JoinedSession, distance_mm: f64) -> Isometry3<f64> {
     let poses: Vec<_> = session.joined.stations.iter().filter_map(pose).collect();
     let count = poses.len() as f64;
-    let middle = poses
-        .iter()
-        .map(|own| own.translation.vector)
-        .sum::<Vector3<f64>>()
-        / count;
-    let normal = poses
-        .iter()
-        .map(|own| own.rotation * Vector3::z())
-        .sum::<Vector3<f64>>();
+    let middle = poses.iter().map(|own| own.translation.vector).sum::<Vector3<f64>>() / count;
+    let normal = poses.iter().map(|own| own.rotation * Vector3::z()).sum::<Vector3<f64>>();
     let ahead = -normal.normalize();
     let turn = UnitQuaternion::face_towards(&ahead, &Vector3::z());
     Isometry3::from_parts((middle - ahead * distance_mm).into(), turn).inverse()
@@ -113,12 +103,7 @@ struct Views {
 
 impl Views {
     fn new(seed: u64, noise_px: f64) -> Self {
-        Self {
-            rng: ChaCha8Rng::seed_from_u64(seed),
-            noise_px,
-            flip_every: 0,
-            seen: 0,
-        }
+        Self { rng: ChaCha8Rng::seed_from_u64(seed), noise_px, flip_every: 0, seen: 0 }
     }
 
     fn normal(&mut self) -> f64 {
@@ -135,10 +120,7 @@ impl Views {
         }
         let noise_px = self.noise_px / cosine;
         let image: Vec<f64> = image(truth);
-        let seen: Vec<f64> = image
-            .iter()
-            .map(|own| own + noise_px * self.normal())
-            .collect();
+        let seen: Vec<f64> = image.iter().map(|own| own + noise_px * self.normal()).collect();
         self.seen += 1;
         let is_flipped = self.flip_every > 0 && self.seen.is_multiple_of(self.flip_every);
         let start = if is_flipped { second(truth) } else { *truth };
@@ -161,9 +143,7 @@ fn image(pose: &Isometry3<f64>) -> Vec<f64> {
     let half = BOARD_MM / 2.0;
     let corners = [(-half, -half), (-half, half), (half, -half), (half, half)];
     let seen = corners.map(|(x, y)| pose * Point3::new(x, y, 0.0));
-    let points = seen
-        .iter()
-        .flat_map(|p| [FOCAL_PX * p.x / p.z, FOCAL_PX * p.y / p.z]);
+    let points = seen.iter().flat_map(|p| [FOCAL_PX * p.x / p.z, FOCAL_PX * p.y / p.z]);
     points.collect()
 }
 
@@ -183,19 +163,12 @@ fn fitted(seen: &[f64], start: Isometry3<f64>) -> Isometry3<f64> {
                 &Vector6::from_fn(|row, _| if row == k { step } else { 0.0 }),
                 &found,
             ));
-            ahead
-                .iter()
-                .zip(&at)
-                .map(|(a, b)| (a - b) / step)
-                .collect::<Vec<f64>>()
+            ahead.iter().zip(&at).map(|(a, b)| (a - b) / step).collect::<Vec<f64>>()
         };
         let columns: Vec<Vec<f64>> = (0..6).map(column).collect();
         let jacobian = DMatrix::from_fn(8, 6, |row, k| columns[k][row]);
         let off = DVector::from_fn(8, |row, _| seen[row] - at[row]);
-        let step = jacobian
-            .svd(true, true)
-            .solve(&off, 1e-12)
-            .expect("singular values");
+        let step = jacobian.svd(true, true).solve(&off, 1e-12).expect("singular values");
         let step = Vector6::from_iterator(step.iter().copied());
         // A turn of more than a quarter radian in one step would leave the solution near which it began.
         let turn = step.fixed_rows::<3>(3).norm();
@@ -237,11 +210,7 @@ fn viewed(
         own.value = value(&stated(measured));
         own.kept = 1;
     }
-    let kept = session
-        .joined
-        .stations
-        .iter()
-        .filter(|own| own.one_reading().is_some());
+    let kept = session.joined.stations.iter().filter(|own| own.one_reading().is_some());
     session.joined.counts.kept = kept.count() as u64;
     session.joined.counts.unpaired = 0;
     (session, flipped)
@@ -254,19 +223,13 @@ fn value(pose: &Isometry3<f64>) -> Value {
         motion_covariance: None,
         stated_covariance: None,
     };
-    let turn = MeanOrientation {
-        orientation: pose.rotation,
-        scatter_rad: 0.0,
-        stated_covariance: None,
-    };
+    let turn =
+        MeanOrientation { orientation: pose.rotation, scatter_rad: 0.0, stated_covariance: None };
     Value::Pose(point, turn)
 }
 
 fn by_camera(camera: CameraUncertainty) -> Noise {
-    let source = Source {
-        reads: ReadingKind::Pose,
-        uncertainty: fit::Uncertainty::Camera(camera),
-    };
+    let source = Source { reads: ReadingKind::Pose, uncertainty: fit::Uncertainty::Camera(camera) };
     Noise::of_one(source, 0.005)
 }
 
@@ -280,10 +243,7 @@ fn constant(mm: f64, rad: f64) -> Noise {
         divisor: 1.0,
         orientation_rad: Some(rad),
     };
-    let source = Source {
-        reads: ReadingKind::Pose,
-        uncertainty: tracker.into(),
-    };
+    let source = Source { reads: ReadingKind::Pose, uncertainty: tracker.into() };
     Noise::of_one(source, 0.005)
 }
 
@@ -291,14 +251,8 @@ fn settings(noise: Noise) -> StageSettings {
     StageSettings {
         rivals: false,
         noise,
-        fit: FitSettings {
-            orientations: true,
-            ..FitSettings::default()
-        },
-        full: FullSettings {
-            harmonics: 8,
-            ..FullSettings::default()
-        },
+        fit: FitSettings { orientations: true, ..FitSettings::default() },
+        full: FullSettings { harmonics: 8, ..FullSettings::default() },
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
@@ -306,11 +260,7 @@ fn settings(noise: Noise) -> StageSettings {
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: common::one_step(250.0),
-        tolerance: Tolerance {
-            mm: 1.0,
-            share: 0.95,
-            confidence: 0.95,
-        },
+        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
         locate: Locate::default(),
         leave_sessions_out: false,
         tool_tip: None,
@@ -323,14 +273,7 @@ fn outcome<'a>(arm: &'a Arm, session: &JoinedSession, settings: &StageSettings) 
 
 fn identified(arm: &Arm, session: &JoinedSession, noise: &Noise) -> Calibration {
     let observed = fit::observations(0, &session.joined.stations, arm, noise);
-    fit::identify(
-        arm,
-        &observed,
-        1,
-        Freedom::Geometry,
-        &FitSettings::default(),
-    )
-    .expect("a fit")
+    fit::identify(arm, &observed, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit")
 }
 
 /// Root mean square distance of predicted from true places of the target, mm, of the stations whose place is within `near_mm` of the
@@ -346,10 +289,7 @@ fn errors(
     let target = frames.targets()[0].isometry();
     let squares = truth.iter().map(|(joints, place)| {
         let flange = base * found.chain.nominal(&arm.axes(joints));
-        (
-            place.norm(),
-            ((flange * target).translation.vector - place).norm_squared(),
-        )
+        (place.norm(), ((flange * target).translation.vector - place).norm_squared())
     });
     let squares: Vec<(f64, f64)> = squares.collect();
     let rms = |within_mm: f64| {
@@ -375,35 +315,20 @@ fn the_size_of_a_cameras_noise_is_found_and_its_model_judges_near_poses_better_t
     let (mut sums, mut shares) = ([[0.0; 2]; 2], Vec::new());
     let seeds = 1..=6;
     for seed in seeds.clone() {
-        let (seen, _) = viewed(&session, &mut Views::new(seed, TRUE_NOISE_PX), of, |own| {
-            own
-        });
+        let (seen, _) = viewed(&session, &mut Views::new(seed, TRUE_NOISE_PX), of, |own| own);
         let found = outcome(&arm, &seen, &settings(by_camera(CAMERA)));
         let size = found.camera_size.expect("a camera");
         let true_size = TRUE_NOISE_PX / STATED_NOISE_PX;
         shares.push((size.size - true_size) / size.size_se);
-        println!(
-            "size {:.3} ± {:.3}, beside {:.3} mm",
-            size.size, size.size_se, size.beside_mm
-        );
+        println!("size {:.3} ± {:.3}, beside {:.3} mm", size.size, size.size_se, size.beside_mm);
         let modelled = identified(&arm, &seen, &by_camera(CAMERA));
         // One number: the root mean square over the session of what the model states.
-        let camera = CameraUncertainty {
-            size: true_size,
-            ..CAMERA
-        };
-        let stated = seen
-            .joined
-            .stations
-            .iter()
-            .filter_map(pose)
-            .map(|own| camera.of_pose(&own));
+        let camera = CameraUncertainty { size: true_size, ..CAMERA };
+        let stated = seen.joined.stations.iter().filter_map(pose).map(|own| camera.of_pose(&own));
         let stated: Vec<_> = stated.collect();
         let mean = |from: usize| {
-            let sum: f64 = stated
-                .iter()
-                .map(|own| own.fixed_view::<3, 3>(from, from).trace() / 3.0)
-                .sum();
+            let sum: f64 =
+                stated.iter().map(|own| own.fixed_view::<3, 3>(from, from).trace() / 3.0).sum();
             (sum / stated.len() as f64).sqrt()
         };
         let constant = identified(&arm, &seen, &constant(mean(0), mean(3)));
@@ -427,9 +352,7 @@ fn the_size_of_a_cameras_noise_is_found_and_its_model_judges_near_poses_better_t
 
 fn flip_rejects(session: &JoinedSession) -> Vec<&JoinReject> {
     let rejects = session.joined.rejects.iter();
-    rejects
-        .filter(|own| own.reason.starts_with("flipped view of a planar target"))
-        .collect()
+    rejects.filter(|own| own.reason.starts_with("flipped view of a planar target")).collect()
 }
 
 #[test]
@@ -469,11 +392,7 @@ fn flipped_views_are_named_and_not_fitted() {
     }
     let without = outcome(&arm, &without, &settings);
     let misfits = |outcome: &Outcome<'_>| {
-        outcome
-            .calibrations
-            .iter()
-            .map(|own| own.1.misfit_mm)
-            .collect::<Vec<f64>>()
+        outcome.calibrations.iter().map(|own| own.1.misfit_mm).collect::<Vec<f64>>()
     };
     assert_eq!(misfits(&found), misfits(&without));
     // Without flips nothing is named.
@@ -486,9 +405,7 @@ fn board_of(simulated: &Simulated, session: &JoinedSession) -> Isometry3<f64> {
     let base = base_of(simulated);
     let cameras = session.joined.stations.iter().filter_map(pose);
     let cameras: Vec<Isometry3<f64>> = cameras.map(|own| base.inverse() * own).collect();
-    let ahead = cameras
-        .iter()
-        .map(|own| (own * Point3::new(0.0, 0.0, 900.0)).coords);
+    let ahead = cameras.iter().map(|own| (own * Point3::new(0.0, 0.0, 900.0)).coords);
     let middle = ahead.sum::<Vector3<f64>>() / cameras.len() as f64;
     let normal = cameras.iter().map(|own| own.rotation * Vector3::z());
     let normal = normal.sum::<Vector3<f64>>();
@@ -505,10 +422,7 @@ fn base_of(simulated: &Simulated) -> Isometry3<f64> {
 fn on_the_flange(simulated: &Simulated, session: &JoinedSession) -> JoinedSession {
     let (base, board) = (base_of(simulated), board_of(simulated, session));
     let of = |station: &Station| Some((base.inverse() * pose(station)?).inverse() * board);
-    viewed(session, &mut Views::new(5, TRUE_NOISE_PX), of, |own| {
-        own.inverse()
-    })
-    .0
+    viewed(session, &mut Views::new(5, TRUE_NOISE_PX), of, |own| own.inverse()).0
 }
 
 #[test]
@@ -517,16 +431,10 @@ fn a_camera_on_the_flange_finds_the_arm_as_one_in_the_cell_does() {
     let (simulated, session) = exact(&arm, 11, 220);
     let seen = on_the_flange(&simulated, &session);
     let board = board_of(&simulated, &session);
-    let camera = CameraUncertainty {
-        mounted: Mounted::Flange,
-        ..CAMERA
-    };
+    let camera = CameraUncertainty { mounted: Mounted::Flange, ..CAMERA };
     let found = outcome(&arm, &seen, &settings(by_camera(camera)));
     let size = found.camera_size.expect("a camera");
-    println!(
-        "{} stations, size {:.3} ± {:.3}",
-        size.readings, size.size, size.size_se
-    );
+    println!("{} stations, size {:.3} ± {:.3}", size.readings, size.size, size.size_se);
     assert!(size.readings > 100);
     assert!((size.size - 1.5).abs() < 3.0 * size.size_se, "{size:?}");
     // Frames: the base in the board's frame, and the camera at the flange.
@@ -537,10 +445,7 @@ fn a_camera_on_the_flange_finds_the_arm_as_one_in_the_cell_does() {
         off.translation.vector.norm(),
         1e3 * off.rotation.angle()
     );
-    assert!(
-        off.translation.vector.norm() < 3.0 && off.rotation.angle() < 3e-3,
-        "{off}"
-    );
+    assert!(off.translation.vector.norm() < 3.0 && off.rotation.angle() < 3e-3, "{off}");
     let camera = frames.targets()[0].isometry();
     let away = camera.translation.vector - Vector3::from(TOOL_MM);
     assert!(away.norm() < 3.0, "{away}");
@@ -566,11 +471,7 @@ fn table(session: &JoinedSession) -> String {
 fn run_mounted(text: &str, mounted: &str) -> (i32, String, String) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name);
-    fs::copy(
-        "pipelines/robots/kr210-r2700-extra.toml",
-        path("robot.toml"),
-    )
-    .expect("copied");
+    fs::copy("pipelines/robots/kr210-r2700-extra.toml", path("robot.toml")).expect("copied");
     fs::create_dir_all(path("sessions/monday")).expect("writable");
     fs::write(path("sessions/monday/measured.csv"), text).expect("writable");
     let pipeline = format!(
@@ -605,17 +506,10 @@ lake = "lake"
     );
     fs::write(path("eye.toml"), pipeline).expect("writable");
     let mut command = Command::cargo_bin("posegrid").expect("built");
-    let output = command
-        .args(["run", "eye.toml", "--verbose"])
-        .current_dir(folder.path())
-        .output();
+    let output = command.args(["run", "eye.toml", "--verbose"]).current_dir(folder.path()).output();
     let output = output.expect("it runs");
     let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (
-        output.status.code().expect("it ended"),
-        words(&output.stdout),
-        words(&output.stderr),
-    )
+    (output.status.code().expect("it ended"), words(&output.stdout), words(&output.stderr))
 }
 
 #[test]
@@ -634,10 +528,7 @@ fn a_table_of_a_camera_on_the_flange_runs_and_a_wrong_mounting_is_named() {
     let (code, _, messages) = run_mounted(&text, "fixed");
     println!("{messages}");
     assert_eq!(code, 1);
-    assert!(
-        messages.contains("set [tracker] camera.mounted = \"flange\""),
-        "{messages}"
-    );
+    assert!(messages.contains("set [tracker] camera.mounted = \"flange\""), "{messages}");
 }
 
 #[test]
@@ -649,25 +540,15 @@ fn points_of_a_laser_line_with_their_covariance_find_the_arm_better_than_without
     let place = camera_from_tracker(&session, 1500.0);
     let of = |station: &Station| Some(place * pose(station)?);
     let truth = session.joined.stations.iter();
-    let truth: Vec<(Vec<f64>, Vector3<f64>)> = truth
-        .filter_map(|own| Some((own.joints.clone(), of(own)?.translation.vector)))
-        .collect();
+    let truth: Vec<(Vec<f64>, Vector3<f64>)> =
+        truth.filter_map(|own| Some((own.joints.clone(), of(own)?.translation.vector))).collect();
     let mut noise = Views::new(9, 0.0);
     let (mut with, mut without) = (session.clone(), session.clone());
-    let stations = with
-        .joined
-        .stations
-        .iter_mut()
-        .zip(&mut without.joined.stations);
+    let stations = with.joined.stations.iter_mut().zip(&mut without.joined.stations);
     for (station, plain) in stations {
         let Some(seen) = of(station) else { continue };
         let ray = seen.translation.vector.normalize();
-        let own = [
-            noise.normal(),
-            noise.normal(),
-            noise.normal(),
-            noise.normal(),
-        ];
+        let own = [noise.normal(), noise.normal(), noise.normal(), noise.normal()];
         let off = Vector3::new(own[0], own[1], own[2]) * 0.05 + ray * (0.5 * own[3]);
         let covariance = nalgebra::Matrix3::identity() * 0.05_f64.powi(2)
             + ray * ray.transpose() * 0.5_f64.powi(2);
@@ -678,10 +559,7 @@ fn points_of_a_laser_line_with_their_covariance_find_the_arm_better_than_without
             motion_covariance: None,
             stated_covariance: stated,
         };
-        for (station, stated) in [
-            (station, Some(places.map(|at| covariance[at]))),
-            (plain, None),
-        ] {
+        for (station, stated) in [(station, Some(places.map(|at| covariance[at]))), (plain, None)] {
             let reading = &mut station.readings[0];
             (reading.value, reading.kept) = (Value::Point(point(stated)), 1);
         }
@@ -709,30 +587,13 @@ fn the_gradient_of_correlated_rows_is_that_of_their_norms() {
     let of = |station: &Station| Some(place * pose(station)?);
     let (seen, _) = viewed(&session, &mut Views::new(8, TRUE_NOISE_PX), of, |own| own);
     let observed = fit::observations(0, &seen.joined.stations, &arm, &by_camera(CAMERA));
-    let found = fit::identify(
-        &arm,
-        &observed,
-        1,
-        Freedom::BaseAndTarget,
-        &FitSettings::default(),
-    );
+    let found = fit::identify(&arm, &observed, 1, Freedom::BaseAndTarget, &FitSettings::default());
     let frames = found.expect("a fit").frames;
-    let problem = Problem::new(
-        &observed,
-        arm.chain(),
-        &frames,
-        Freedom::Geometry,
-        &Prior::default(),
-    );
+    let problem =
+        Problem::new(&observed, arm.chain(), &frames, Freedom::Geometry, &Prior::default());
     let size = problem.unknowns().len();
     let at = DVector::from_fn(size, |place, _| 1e-5 * (place as f64 + 1.0).sin());
-    let cost = |at: &DVector<f64>| {
-        problem
-            .norms(at)
-            .iter()
-            .map(|norm| norm * norm)
-            .sum::<f64>()
-    };
+    let cost = |at: &DVector<f64>| problem.norms(at).iter().map(|norm| norm * norm).sum::<f64>();
     let normal = problem.normal(&at, &vec![1.0; observed.len()]);
     assert!((normal.cost / cost(&at) - 1.0).abs() < 1e-9);
     for place in 0..size {

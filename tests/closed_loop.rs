@@ -37,12 +37,7 @@ fn measured(script: &str) {
         .expect("Python starts");
     let told = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     println!("{}", told(&ended.stdout));
-    assert!(
-        ended.status.success(),
-        "{}{}",
-        told(&ended.stdout),
-        told(&ended.stderr)
-    );
+    assert!(ended.status.success(), "{}{}", told(&ended.stdout), told(&ended.stderr));
 }
 
 #[test]

@@ -143,18 +143,10 @@ fn generations(root: &Path) -> BTreeMap<String, Vec<u8>> {
         found.map(|entry| entry.expect("readable").path()).collect()
     };
     let compact = root.join("compact");
-    let tables = folders(&compact)
-        .into_iter()
-        .filter(|own| !own.ends_with("states"));
-    for file in tables
-        .flat_map(|own| folders(&own))
-        .flat_map(|own| folders(&own))
-    {
+    let tables = folders(&compact).into_iter().filter(|own| !own.ends_with("states"));
+    for file in tables.flat_map(|own| folders(&own)).flat_map(|own| folders(&own)) {
         let name = file.strip_prefix(&compact).expect("below");
-        found.insert(
-            name.display().to_string(),
-            fs::read(&file).expect("readable"),
-        );
+        found.insert(name.display().to_string(), fs::read(&file).expect("readable"));
     }
     found
 }
@@ -169,11 +161,7 @@ fn every_row_is_in_its_month_once_as_it_was_published() {
     let lake = sample(folder.path());
     let done = compacted(&lake);
     assert_eq!((done.state, done.runs, done.added), (1, 5, 5));
-    assert_eq!(
-        done.files.len(),
-        3 * 3,
-        "runs, accuracy and keys of three months"
-    );
+    assert_eq!(done.files.len(), 3 * 3, "runs, accuracy and keys of three months");
     let runs = rows(&lake, &done.files, "runs");
     assert_eq!(runs["2026-01"], [pair("a", "mon"), pair("b ü", "mon")]);
     assert_eq!(runs["2026-02"], [pair("a", "tue"), pair("b ü", "tue")]);
@@ -182,10 +170,7 @@ fn every_row_is_in_its_month_once_as_it_was_published() {
     assert_eq!(accuracy["undated"], [pair("a", "some"), pair("a", "some")]);
     // The rows are those of the run's own files.
     for name in ["runs", "accuracy"] {
-        let file = done
-            .files
-            .iter()
-            .find(|file| file.table == name && file.month == "undated");
+        let file = done.files.iter().find(|file| file.table == name && file.month == "undated");
         let table = lake.read_compact(file.expect("there")).expect("readable");
         let own: Table = lake.read(name, &table.keys()[0]).expect("readable");
         assert_eq!(own.batch(), table.batch());
@@ -204,10 +189,7 @@ fn steps_and_one_go_give_the_same_bytes_and_only_months_with_new_runs_are_writte
     let before = compacted(&lake);
     publish(&lake, "a", "wed", Some(2));
     let done = compacted(&lake);
-    assert_eq!(
-        (done.state, done.added, &done.months[..]),
-        (2, 1, &["2026-02".to_owned()][..])
-    );
+    assert_eq!((done.state, done.added, &done.months[..]), (2, 1, &["2026-02".to_owned()][..]));
     let same = |file: &&CompactFile| before.files.contains(file);
     assert_eq!(done.files.iter().filter(same).count(), 6);
     // A run that is removed goes from it too.
@@ -220,11 +202,8 @@ fn steps_and_one_go_give_the_same_bytes_and_only_months_with_new_runs_are_writte
     let done = compacted(&lake);
     assert_eq!((done.gone, done.runs), (1, 6));
     // What is named is what one go makes.
-    let named: BTreeSet<String> = done
-        .files
-        .iter()
-        .map(|file| file.file["compact/".len()..].to_owned())
-        .collect();
+    let named: BTreeSet<String> =
+        done.files.iter().map(|file| file.file["compact/".len()..].to_owned()).collect();
     let mut in_steps = generations(folder.path());
     in_steps.retain(|name, _| named.contains(name));
     fs::remove_dir_all(folder.path().join("compact")).expect("there");
@@ -240,11 +219,7 @@ fn requests_are_in_the_month_in_which_they_were_made() {
         let listed = lake.run_files().expect("listed").into_iter();
         let mut own = listed.filter(|file| file.key.starts_with(&format!("runs/a/{session}/")));
         let file = own.next().expect("published").key;
-        let run = file
-            .rsplit('/')
-            .next()
-            .expect("a name")
-            .trim_end_matches(".parquet");
+        let run = file.rsplit('/').next().expect("a name").trim_end_matches(".parquet");
         RunKey::new("a", session, run)
     });
     lake.ask(&mon).expect("recorded");
@@ -262,10 +237,7 @@ fn requests_are_in_the_month_in_which_they_were_made() {
     assert_eq!(asked(&done.files), [pair("a", "mon"), pair("a", "tue")]);
     fs::remove_file(folder.path().join("asked/a/mon/00000001.parquet")).expect("there");
     let done = compacted(&lake);
-    assert_eq!(
-        (asked(&done.files), done.gone, done.runs),
-        (vec![pair("a", "tue")], 0, 5)
-    );
+    assert_eq!((asked(&done.files), done.gone, done.runs), (vec![pair("a", "tue")], 0, 5));
     let again = compacted(&lake);
     assert!(!again.is_new && again.runs == 5);
 }
@@ -283,10 +255,7 @@ fn one_that_was_killed_leaves_the_state_before_and_several_at_once_make_one() {
         let other = scope.spawn(|| compacted(&lake));
         (compacted(&lake), other.join().expect("no panic"))
     });
-    assert_eq!(
-        (again.files, other.files),
-        (whole.files.clone(), whole.files)
-    );
+    assert_eq!((again.files, other.files), (whole.files.clone(), whole.files));
     assert_eq!(again.state.max(other.state), 1);
     assert_eq!(generations(folder.path()), files);
 }
@@ -303,11 +272,7 @@ fn what_cannot_be_read_is_left_out_and_a_damaged_generation_is_made_again() {
     damaged[middle] ^= 0x10;
     fs::write(&accuracy, damaged).expect("writable");
     let posegrid = || Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
-    let told = posegrid()
-        .arg("compact")
-        .arg(folder.path())
-        .output()
-        .expect("started");
+    let told = posegrid().arg("compact").arg(folder.path()).output().expect("started");
     let messages = String::from_utf8_lossy(&told.stderr).into_owned();
     assert_eq!(told.status.code(), Some(3), "{messages}");
     assert!(messages.contains("is not what the run wrote"), "{messages}");
@@ -315,20 +280,13 @@ fn what_cannot_be_read_is_left_out_and_a_damaged_generation_is_made_again() {
     let done = compacted(&lake);
     assert_eq!((done.state, done.added, done.runs), (2, 1, 6));
     // A generation that was changed is made from its runs.
-    let file = done
-        .files
-        .iter()
-        .find(|file| file.table == "runs")
-        .expect("there");
+    let file = done.files.iter().find(|file| file.table == "runs").expect("there");
     fs::write(folder.path().join(&file.file), "not a table").expect("writable");
     publish(&lake, "a", "fri", Some(-1));
     let after = compacted(&lake);
     assert_eq!(after.runs, 7);
     assert_eq!(rows(&lake, &after.files, "runs")["2026-01"].len(), 3);
-    let nowhere = posegrid()
-        .arg("compact")
-        .arg(folder.path().join("none"))
-        .output();
+    let nowhere = posegrid().arg("compact").arg(folder.path().join("none")).output();
     assert_eq!(nowhere.expect("started").status.code(), Some(2));
 }
 
@@ -343,9 +301,7 @@ fn replaced_files_stay_for_a_day() {
     assert_eq!(files, 9 + 3);
     // As if both states had been made three and two days ago.
     let old = |name: &str, days: u64| {
-        let file = fs::File::options()
-            .write(true)
-            .open(folder.path().join("compact").join(name));
+        let file = fs::File::options().write(true).open(folder.path().join("compact").join(name));
         let then = SystemTime::now() - Duration::from_hours(24 * days);
         file.expect("there").set_modified(then).expect("set");
     };
@@ -365,19 +321,9 @@ fn replaced_files_stay_for_a_day() {
 
 /// 240 figures, as many as a session with a few steps has: before and after, of four models, held out and in training.
 fn figures(session: &str, day: i64) -> Vec<AccuracyRow> {
-    let models = [
-        Model::BaseTarget,
-        Model::Geometric,
-        Model::Full,
-        Model::Table,
-    ];
-    let names = [
-        FigureName::Mean,
-        FigureName::Rms,
-        FigureName::P95,
-        FigureName::Max,
-        FigureName::P99,
-    ];
+    let models = [Model::BaseTarget, Model::Geometric, Model::Full, Model::Table];
+    let names =
+        [FigureName::Mean, FigureName::Rms, FigureName::P95, FigureName::Max, FigureName::P99];
     let mut rows = Vec::new();
     for (place, model) in models.into_iter().enumerate() {
         for role in [Role::HeldOut, Role::Training] {
@@ -431,13 +377,7 @@ fn a_year_of_200_robots_is_compacted_and_asked() {
     assert_eq!(told("nothing new", &lake).added, 0);
     robots.par_iter().for_each(|robot| {
         let figures = figures("day-365", 365);
-        publish_figures(
-            &lake,
-            &format!("r{robot:03}"),
-            "day-365",
-            Some(365),
-            figures,
-        );
+        publish_figures(&lake, &format!("r{robot:03}"), "day-365", Some(365), figures);
     });
     let done = told("one more night", &lake);
     assert_eq!((done.added, done.runs), (200, 73_200));

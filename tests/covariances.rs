@@ -78,10 +78,7 @@ impl Draw {
     }
 
     fn normal(&mut self) -> f64 {
-        let (u, v): (f64, f64) = (
-            self.0.random_range(1e-12..1.0),
-            self.0.random_range(0.0..1.0),
-        );
+        let (u, v): (f64, f64) = (self.0.random_range(1e-12..1.0), self.0.random_range(0.0..1.0));
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     }
 
@@ -117,16 +114,11 @@ fn read_by(exact: &Recording, instrument: &Instrument<'_>) -> Recording {
     let (mut off, mut is_missed) = (DVector::zeros(6), false);
     for row in 0..seen.stamps.len() {
         let at = Vector3::from(seen.positions[row]);
-        let before = row
-            .checked_sub(1)
-            .map(|row| Vector3::from(seen.positions[row]));
-        let turn = seen
-            .orientations
-            .as_ref()
-            .map_or_else(UnitQuaternion::identity, |all| {
-                let [x, y, z, w] = all[row];
-                UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
-            });
+        let before = row.checked_sub(1).map(|row| Vector3::from(seen.positions[row]));
+        let turn = seen.orientations.as_ref().map_or_else(UnitQuaternion::identity, |all| {
+            let [x, y, z, w] = all[row];
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+        });
         let covariance = (instrument.states)(&Isometry3::from_parts(at.into(), turn));
         if before.is_none_or(|before| (at - before).norm() > STILL_MM) {
             let of = |place: usize| instrument.wrong_by[place / 3];
@@ -136,21 +128,14 @@ fn read_by(exact: &Recording, instrument: &Instrument<'_>) -> Recording {
         }
         let jitter = Vector3::from_fn(|_, _| JITTER_MM * draw.normal());
         let shift = Vector3::new(off[0], off[1], off[2]) + jitter;
-        own.positions[row] = if is_missed {
-            [0.0; 3]
-        } else {
-            (at + shift).into()
-        };
+        own.positions[row] = if is_missed { [0.0; 3] } else { (at + shift).into() };
         if let Some(all) = &mut own.orientations {
             let by = UnitQuaternion::from_scaled_axis(Vector3::new(off[3], off[4], off[5]));
             all[row] = (by * turn).coords.into();
         }
         let has_turn = own.orientations.is_some();
         let whole = PoseCovariance::of(&covariance);
-        stated.push(PoseCovariance {
-            turn: whole.turn.filter(|_| has_turn),
-            ..whole
-        });
+        stated.push(PoseCovariance { turn: whole.turn.filter(|_| has_turn), ..whole });
     }
     own.covariances = Some(stated);
     recording
@@ -163,11 +148,7 @@ fn scanned(exact: &Recording, wrong_by: f64, seed: u64) -> Recording {
         whole.fixed_view_mut::<3, 3>(0, 0).copy_from(&position);
         whole
     };
-    let instrument = Instrument {
-        states: &states,
-        wrong_by: [wrong_by; 2],
-        seed,
-    };
+    let instrument = Instrument { states: &states, wrong_by: [wrong_by; 2], seed };
     read_by(exact, &instrument)
 }
 
@@ -195,23 +176,14 @@ fn noise(reads: ReadingKind) -> Noise {
         divisor: 1.0,
         orientation_rad: Some(2e-3),
     };
-    Noise::of_one(
-        Source {
-            reads,
-            uncertainty: uncertainty.into(),
-        },
-        0.02,
-    )
+    Noise::of_one(Source { reads, uncertainty: uncertainty.into() }, 0.02)
 }
 
 fn settings(reads: ReadingKind, full: bool) -> StageSettings {
     StageSettings {
         rivals: false,
         noise: noise(reads),
-        fit: FitSettings {
-            orientations: reads == ReadingKind::Pose,
-            ..FitSettings::default()
-        },
+        fit: FitSettings { orientations: reads == ReadingKind::Pose, ..FitSettings::default() },
         full: FullSettings {
             harmonics: 4,
             gear_lines: false,
@@ -225,11 +197,7 @@ fn settings(reads: ReadingKind, full: bool) -> StageSettings {
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: common::one_step(250.0),
-        tolerance: Tolerance {
-            mm: 1.0,
-            share: 0.95,
-            confidence: 0.95,
-        },
+        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
         locate: Locate::default(),
         leave_sessions_out: false,
         tool_tip: None,
@@ -271,9 +239,7 @@ fn the_size_of_what_a_scanner_states_is_found_from_its_log() {
         let exact = exact(&arm, 20 + seed, 120, false);
         let session = joined(&arm, &scanned(&exact, 3.0, seed));
         let found = outcome(&arm, &session, None, &settings(ReadingKind::Point, false));
-        let [own] = &found.stated_sizes[..] else {
-            panic!("{:?}", found.stated_sizes)
-        };
+        let [own] = &found.stated_sizes[..] else { panic!("{:?}", found.stated_sizes) };
         println!(
             "{} readings: size {:.3} ± {:.3}, beside {:.3} mm",
             own.readings, own.size.position, own.standard_error.position, own.beside_mm
@@ -341,11 +307,7 @@ fn a_session_that_judges_has_the_size_of_those_that_train() {
 fn poses_of_a_log_state_all_their_numbers_whole() {
     let arm = arm();
     let exact = exact(&arm, 51, 110, true);
-    let instrument = Instrument {
-        states: &of_board,
-        wrong_by: [3.0, 0.5],
-        seed: 4,
-    };
+    let instrument = Instrument { states: &of_board, wrong_by: [3.0, 0.5], seed: 4 };
     let mut recording = read_by(&exact, &instrument);
     // A few messages do not know their covariance, or state none that is one.
     let all = recording.readings.covariances.as_mut().expect("stated");
@@ -388,40 +350,24 @@ fn poses_of_a_log_state_all_their_numbers_whole() {
 
     // Positions and orientations are wrong by factors of their own.
     let found = outcome(&arm, &session, None, &settings(ReadingKind::Pose, false));
-    let [own] = &found.stated_sizes[..] else {
-        panic!("{:?}", found.stated_sizes)
-    };
+    let [own] = &found.stated_sizes[..] else { panic!("{:?}", found.stated_sizes) };
     println!("{own:?}");
     assert!(own.is_apart);
     let (size, error) = (own.size, own.standard_error);
-    assert!(
-        (size.position - 3.0).abs() < 3.5 * error.position,
-        "{own:?}"
-    );
+    assert!((size.position - 3.0).abs() < 3.5 * error.position, "{own:?}");
     // The arm turns a little itself, which counts to the orientations.
     assert!((0.45..0.75).contains(&size.orientation), "{own:?}");
     let kinds = found.training[0].joined.stations.iter();
-    let of_fit = fit::observations(
-        0,
-        &kinds.cloned().collect::<Vec<_>>(),
-        &arm,
-        &noise(ReadingKind::Pose),
-    );
-    assert!(
-        of_fit
-            .iter()
-            .all(|own| matches!(own.measured, Measured::Pose(..)))
-    );
+    let of_fit =
+        fit::observations(0, &kinds.cloned().collect::<Vec<_>>(), &arm, &noise(ReadingKind::Pose));
+    assert!(of_fit.iter().all(|own| matches!(own.measured, Measured::Pose(..))));
 }
 
 /// Mean covariance of the readings between a station's first and last one kept, and the factors on the variances of position and
 /// orientation that add, over the three axes, the variance of their mean by their scatter.
 fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64; 2]) {
     let own = station.one_reading().expect("paired");
-    let (point, turn) = (
-        own.value.point().expect("a pose"),
-        own.value.turn().expect("a pose"),
-    );
+    let (point, turn) = (own.value.point().expect("a pose"), own.value.turn().expect("a pose"));
     let rows: Vec<usize> = (0..readings.stamps.len())
         .filter(|&row| (own.first..=own.last).contains(&readings.stamps[row]))
         .filter(|&row| readings.positions[row].iter().any(|x| *x != 0.0))
@@ -430,18 +376,13 @@ fn expected(station: &Station, readings: &TargetReadings) -> (Matrix6<f64>, [f64
     // One that is none does not count.
     let whole = rows.iter().filter_map(|&row| stated[row].whole());
     let whole = whole.filter(|own| own.cholesky().is_some());
-    let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| {
-        (sum + own, n + 1.0)
-    });
+    let (sum, count) = whole.fold((Matrix6::zeros(), 0.0), |(sum, n), own| (sum + own, n + 1.0));
     let mean = sum / count;
     let kept = own.kept as f64;
     let variances = |from: usize| (from..from + 3).map(|axis| mean[(axis, axis)]).sum::<f64>();
     let moved = point.scatter_mm.iter().map(|own| own * own).sum::<f64>() / kept;
     let turned = 3.0 * turn.scatter_rad.powi(2) / kept;
-    (
-        mean,
-        [1.0 + moved / variances(0), 1.0 + turned / variances(3)],
-    )
+    (mean, [1.0 + moved / variances(0), 1.0 + turned / variances(3)])
 }
 
 /// A session as a table: joints, the point and the six numbers of its covariance.
@@ -459,9 +400,7 @@ fn table(session: &JoinedSession) -> String {
             _ => {}
         }
         let joints = station.joints.iter().copied();
-        let numbers = joints
-            .chain(point.position.coords.iter().copied())
-            .chain(stated);
+        let numbers = joints.chain(point.position.coords.iter().copied()).chain(stated);
         let numbers: Vec<String> = numbers.map(|number| format!("{number:.12}")).collect();
         writeln!(text, "{}", numbers.join(",")).expect("a string");
     }
@@ -516,14 +455,9 @@ lake = "lake"
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();
     println!("{results}{messages}");
     assert!(matches!(output.status.code(), Some(0 | 3)), "{messages}");
-    let line = results
-        .lines()
-        .find(|line| line.contains("times what they state"));
+    let line = results.lines().find(|line| line.contains("times what they state"));
     let line = line.expect("the size of what is stated");
-    let size = line
-        .split(" is ")
-        .nth(1)
-        .and_then(|rest| rest.split(' ').next());
+    let size = line.split(" is ").nth(1).and_then(|rest| rest.split(' ').next());
     let size: f64 = size.and_then(|size| size.parse().ok()).expect("a number");
     assert!((size - 3.0).abs() < 0.7, "{line}");
     // Three covariances that are none are counted by their reason, and published.
@@ -536,11 +470,7 @@ lake = "lake"
     let counts = batch.column_by_name("counts").expect("counts");
     let counts = arrow::util::display::array_value_to_string(counts, 0).expect("text");
     println!("{counts}");
-    for reason in [
-        "all_zero",
-        "first_entry_minus_one",
-        "not_positive_semidefinite",
-    ] {
+    for reason in ["all_zero", "first_entry_minus_one", "not_positive_semidefinite"] {
         assert!(counts.contains(reason), "{reason}: {counts}");
     }
 }

@@ -29,9 +29,7 @@ fn angles(station: usize) -> Vec<f64> {
 /// How the flange moves with each joint, mm/rad.
 fn twists(arm: &posegrid::kinematics::Arm, angles: &[f64]) -> Vec<Twist> {
     let chain = arm.chain();
-    chain
-        .differential(angles, &vec![0.0; chain.parameters().len()])
-        .joints
+    chain.differential(angles, &vec![0.0; chain.parameters().len()]).joints
 }
 
 fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
@@ -54,10 +52,8 @@ fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
 /// `Σ_j J_j k(q_j − q'_j) J'_jᵀ`, the kernels without their constant, which the joint offsets own.
 fn dense(left: &[(Vec<f64>, Vec<Twist>)], right: &[(Vec<f64>, Vec<Twist>)]) -> DMatrix<f64> {
     let settings = FullSettings::default();
-    let (short, long) = (
-        settings.short_length_deg.to_radians(),
-        settings.long_length_deg.to_radians(),
-    );
+    let (short, long) =
+        (settings.short_length_deg.to_radians(), settings.long_length_deg.to_radians());
     let constant =
         Kernel::Matern52(short).variances(0)[0] + Kernel::SquaredExponential(long).variances(0)[0];
     let kernel = |difference: f64| {
@@ -73,9 +69,7 @@ fn dense(left: &[(Vec<f64>, Vec<Twist>)], right: &[(Vec<f64>, Vec<Twist>)]) -> D
             let block = (0..JOINTS).fold(Matrix3::zeros(), |sum, joint| {
                 sum + j[joint].linear * l[joint].linear.transpose() * kernel(q[joint] - p[joint])
             });
-            covariance
-                .fixed_view_mut::<3, 3>(3 * i, 3 * k)
-                .copy_from(&block);
+            covariance.fixed_view_mut::<3, 3>(3 * i, 3 * k).copy_from(&block);
         }
     }
     covariance
@@ -102,11 +96,8 @@ fn apart(harmonics: usize, period_turns: u32) -> f64 {
         train.iter().flat_map(|pose| <[f64; 3]>::from(error(pose))),
     );
 
-    let settings = FullSettings {
-        harmonics,
-        curve_period_turns: period_turns,
-        ..FullSettings::default()
-    };
+    let settings =
+        FullSettings { harmonics, curve_period_turns: period_turns, ..FullSettings::default() };
     let mut layout = Layout::new(period_turns);
     for joint in 0..JOINTS {
         layout.push(Block::Curve(joint), 2 * harmonics * period_turns as usize);
@@ -114,23 +105,17 @@ fn apart(harmonics: usize, period_turns: u32) -> f64 {
     let stacked = |poses: &[(Vec<f64>, Vec<Twist>)]| {
         let mut all = DMatrix::zeros(3 * poses.len(), layout.size());
         for (place, (angles, twists)) in poses.iter().enumerate() {
-            all.rows_mut(3 * place, 3)
-                .copy_from(&rows(twists, angles, &layout));
+            all.rows_mut(3 * place, 3).copy_from(&rows(twists, angles, &layout));
         }
         all
     };
     let variances = Components::new(&layout, &[], &settings, 1.0).variances();
     let sums = Sums::new(&(stacked(&train) / NOISE_MM), &(&values / NOISE_MM), 0.0);
-    let mean = sums
-        .posterior(&variances)
-        .expect("positive definite")
-        .mean();
+    let mean = sums.posterior(&variances).expect("positive definite").mean();
     let by_features = stacked(&test) * mean;
 
     let noise = DMatrix::identity(values.len(), values.len()) * NOISE_MM.powi(2);
-    let factor = (dense(&train, &train) + noise)
-        .cholesky()
-        .expect("positive definite");
+    let factor = (dense(&train, &train) + noise).cholesky().expect("positive definite");
     let by_process = dense(&test, &train) * factor.solve(&values);
     (by_features - by_process).amax()
 }

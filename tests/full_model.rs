@@ -74,10 +74,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
 /// Mean variance per axis that the model states for its predictions on `test`, mm².
 fn stated_variance(model: &FullModel, test: &[Observation]) -> f64 {
     let variance = |o: &Observation| {
-        let query = Query {
-            station: None,
-            ..Query::of(o)
-        };
+        let query = Query { station: None, ..Query::of(o) };
         model.covariances(&model.predict(&query).rows)[0].trace() / 3.0
     };
     test.iter().map(variance).sum::<f64>() / test.len() as f64
@@ -90,10 +87,7 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
         return;
     };
     let every = |stride: usize| {
-        a.iter()
-            .filter(|o| o.station.is_multiple_of(stride))
-            .cloned()
-            .collect::<Vec<_>>()
+        a.iter().filter(|o| o.station.is_multiple_of(stride)).cloned().collect::<Vec<_>>()
     };
     let (few, many) = (
         trained(&arm, &every(70), 1, &FitSettings::default()),
@@ -101,37 +95,21 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     );
     // The fast way to a mean is the rows' way.
     for o in &b[..20] {
-        let query = Query {
-            lever: Vector3::new(1.0, 2.0, 3.0),
-            ..Query::of(o)
-        };
+        let query = Query { lever: Vector3::new(1.0, 2.0, 3.0), ..Query::of(o) };
         let apart = (many.position(&query) - many.predict(&query).position).norm();
-        assert!(
-            apart < 1e-6,
-            "{apart} mm: a nanometre is what tables of the curves may cost"
-        );
+        assert!(apart < 1e-6, "{apart} mm: a nanometre is what tables of the curves may cost");
     }
     let few_figures = base_refitted(&predictions(&few, &b), &b);
     // The same ten stations with the nominal arm, base and target alone.
-    let nominal = fit::identify(
-        &arm,
-        &every(70),
-        1,
-        Freedom::BaseAndTarget,
-        &FitSettings::default(),
-    )
-    .expect("a fit");
+    let nominal =
+        fit::identify(&arm, &every(70), 1, Freedom::BaseAndTarget, &FitSettings::default())
+            .expect("a fit");
     let target = *nominal.frames[0].targets()[0].origin().point();
-    let of_nominal: Vec<Point3<f64>> = b
-        .iter()
-        .map(|o| arm.chain().nominal(&o.axes) * target)
-        .collect();
+    let of_nominal: Vec<Point3<f64>> =
+        b.iter().map(|o| arm.chain().nominal(&o.axes) * target).collect();
     let nominal = base_refitted(&of_nominal, &b);
     println!("10 stations: {few_figures:?}, nominal arm {nominal:?}");
-    assert!(
-        few_figures.mean < 1.1 * nominal.mean,
-        "{few_figures:?}, nominal arm {nominal:?}"
-    );
+    assert!(few_figures.mean < 1.1 * nominal.mean, "{few_figures:?}, nominal arm {nominal:?}");
     assert!(stated_variance(&few, &b) > 4.0 * stated_variance(&many, &b));
 }
 
@@ -141,19 +119,12 @@ fn a_station_that_stands_twice_changes_little() {
     let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
-    let once: Vec<_> = a
-        .iter()
-        .filter(|o| o.station.is_multiple_of(7))
-        .cloned()
-        .collect();
+    let once: Vec<_> = a.iter().filter(|o| o.station.is_multiple_of(7)).cloned().collect();
     let mut twice = once.clone();
     twice.extend(once[..5].to_vec());
     let apart = predictions(&trained(&arm, &once, 1, &FitSettings::default()), &b)
         .iter()
-        .zip(predictions(
-            &trained(&arm, &twice, 1, &FitSettings::default()),
-            &b,
-        ))
+        .zip(predictions(&trained(&arm, &twice, 1, &FitSettings::default()), &b))
         .map(|(p, q)| (p - q).norm())
         .sum::<f64>()
         / b.len() as f64;

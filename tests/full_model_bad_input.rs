@@ -29,15 +29,9 @@ fn home() -> Vec<f64> {
 fn about_home(count: usize, spread_deg: [f64; 6]) -> Poses {
     let bound = |side: f64| -> Vec<f64> {
         let angles = HOME_DEG.iter().zip(spread_deg);
-        angles
-            .map(|(home, spread)| (home + side * spread).to_radians())
-            .collect()
+        angles.map(|(home, spread)| (home + side * spread).to_radians()).collect()
     };
-    Poses::Joints {
-        count,
-        lower: bound(-1.0),
-        upper: bound(1.0),
-    }
+    Poses::Joints { count, lower: bound(-1.0), upper: bound(1.0) }
 }
 
 /// A session of the arm that `seed` stands for, as session `session` of a pool.
@@ -50,10 +44,8 @@ fn simulated(arm: &Arm, seed: u64, session: usize, poses: Poses) -> Vec<Observat
         settings.cell.flange_from_target_rpy,
     );
     let simulated = simulate(arm, &settings).expect("poses in reach");
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool),
-    };
+    let frames =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: Some(tool) };
     observed(arm, session, &simulated.stations(), &frames)
 }
 
@@ -110,10 +102,7 @@ fn split(observations: Vec<Observation>) -> (Vec<Observation>, Vec<Observation>)
 fn expected_sd(full: &FullModel, joint: usize) -> f64 {
     let columns = full.layout().columns(Block::Curve(joint)).expect("a curve");
     // cos² and sin² of a pair, each of the pair's variance, give it once.
-    let variance: f64 = columns
-        .step_by(2)
-        .map(|place| full.prior_sd()[place].powi(2))
-        .sum();
+    let variance: f64 = columns.step_by(2).map(|place| full.prior_sd()[place].powi(2)).sum();
     variance.sqrt()
 }
 
@@ -130,9 +119,8 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
     assert!(full < geometric && geometric < base_target);
     let model = models.full.as_ref().expect("a model");
     let value = HOME_DEG[HELD].to_radians();
-    let away: Vec<f64> = [30.0_f64, 60.0, 120.0, -45.0]
-        .map(|degrees| value + degrees.to_radians())
-        .to_vec();
+    let away: Vec<f64> =
+        [30.0_f64, 60.0, 120.0, -45.0].map(|degrees| value + degrees.to_radians()).to_vec();
     let expected = expected_sd(model, HELD);
     for error in model.joint_curves().errors(HELD, &away) {
         println!("{error:?} of {expected:.2e}");
@@ -142,11 +130,8 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
     // A pose with the joint elsewhere is as uncertain as the joint: lever times its deviation, and more.
     let mut elsewhere = test[0].clone();
     elsewhere.axes[HELD] += 60.0_f64.to_radians();
-    let deviation = |o: &Observation| {
-        model.covariances(&model.predict(&Query::of(o)).rows)[0]
-            .trace()
-            .sqrt()
-    };
+    let deviation =
+        |o: &Observation| model.covariances(&model.predict(&Query::of(o)).rows)[0].trace().sqrt();
     assert!(deviation(&elsewhere) > 3.0 * deviation(&test[0]));
     // A joint that moved is known where it moved.
     let moved = model.joint_curves().errors(0, &[0.0])[0].sd;
@@ -156,16 +141,12 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
 #[test]
 fn stations_on_one_line_are_refused_with_their_spread() {
     let arm = common::arm("ur10");
-    let target = SimulateSettings::exact(0, home(), about_home(0, [0.0; 6]))
-        .cell
-        .flange_from_target_mm;
+    let target =
+        SimulateSettings::exact(0, home(), about_home(0, [0.0; 6])).cell.flange_from_target_mm;
     let at_home = arm.flange(&home()).isometry() * Point3::from(target);
     let along = Vector3::new(0.0, 200.0, 0.0);
     let (roll, pitch, yaw) = arm.flange(&home()).isometry().rotation.euler_angles();
-    let (lower_mm, upper_mm) = (
-        (at_home.coords - along).into(),
-        (at_home.coords + along).into(),
-    );
+    let (lower_mm, upper_mm) = ((at_home.coords - along).into(), (at_home.coords + along).into());
     for cone_deg in [0.0_f64, 20.0] {
         let poses = Poses::Box {
             count: 60,
@@ -191,14 +172,7 @@ fn pooled(arm: &Arm, observations: &[Observation], names: &[&str]) -> Result<(),
     for fit in same_arm::fits(arm, full, &models.base_target, observations, change_rad) {
         println!("{}: {fit:?}, ratio {:.3}", names[fit.session], fit.ratio());
     }
-    same_arm::check(
-        arm,
-        full,
-        &models.base_target,
-        observations,
-        names,
-        change_rad,
-    )
+    same_arm::check(arm, full, &models.base_target, observations, names, change_rad)
 }
 
 const WIDE: [f64; 6] = [60.0, 40.0, 45.0, 60.0, 50.0, 120.0];
@@ -222,12 +196,7 @@ fn sessions_of_two_arms_are_refused_and_of_one_are_not() {
         );
     }
     // Among sessions of another arm the stranger is the one that is named.
-    let three = [
-        session(11, 0, WIDE),
-        session(12, 1, NARROW),
-        session(11, 2, NARROW),
-    ]
-    .concat();
+    let three = [session(11, 0, WIDE), session(12, 1, NARROW), session(11, 2, NARROW)].concat();
     let refused = pooled(&arm, &three, &["mon", "tue", "wed"]).expect_err("two arms");
     assert_eq!(refused.session, "tue", "{refused}");
 }

@@ -29,12 +29,7 @@ fn three() -> Cell {
 }
 
 fn history(cell: &Cell, arguments: &[&str]) -> Ended {
-    ended(
-        posegrid()
-            .arg("history")
-            .arg(cell.path("lake"))
-            .args(arguments),
-    )
+    ended(posegrid().arg("history").arg(cell.path("lake")).args(arguments))
 }
 
 fn table(folder: &Path, name: &str) -> Table {
@@ -76,12 +71,8 @@ fn a_history_is_reported_kept_and_written() {
     written.expect(0, &["history.parquet", "drift.parquet", "kr210-demo.html"]);
     let (history_rows, drift) = (table(&out, "history"), table(&out, "drift"));
     let sessions = |table: &Table| -> Vec<String> {
-        let mut names: Vec<String> = table
-            .text("session")
-            .iter()
-            .flatten()
-            .map(str::to_owned)
-            .collect();
+        let mut names: Vec<String> =
+            table.text("session").iter().flatten().map(str::to_owned).collect();
         names.dedup();
         names
     };

@@ -23,11 +23,7 @@ fn radians(degrees: [f64; 6]) -> Vec<f64> {
 
 /// 300 stations at random joint angles; `change` is made to the arm before it is drawn.
 fn session(arm: &Arm, change: impl FnOnce(&mut SimulateSettings)) -> Simulated {
-    let poses = Poses::Joints {
-        count: 300,
-        lower: radians(LOWER_DEG),
-        upper: radians(UPPER_DEG),
-    };
+    let poses = Poses::Joints { count: 300, lower: radians(LOWER_DEG), upper: radians(UPPER_DEG) };
     let mut settings = SimulateSettings::realistic(11, radians(HOME_DEG), poses);
     change(&mut settings);
     simulate(arm, &settings).expect("in reach")
@@ -37,10 +33,8 @@ fn session(arm: &Arm, change: impl FnOnce(&mut SimulateSettings)) -> Simulated {
 fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
     let tool = isometry_from_rpy([25.0, -40.0, 100.0], [0.0; 3]);
     let stations = session.stations();
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool),
-    };
+    let frames =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: Some(tool) };
     let commanded = commanded(&stations, arm, &frames);
     let mut observations = fit::observations(0, &stations, arm, &NOISE);
     fit::add_commands(&mut observations, &stations, &commanded);
@@ -60,9 +54,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
     IdentifiedArm {
         table_id: "00ff".to_owned(),
         arm: arm.clone(),
-        frames: models.base_target.frames[0]
-            .one()
-            .expect("one source and target"),
+        frames: models.base_target.frames[0].one().expect("one source and target"),
         flange_from_tool: Transform::claim(tool),
         command_from_base: Transform::identity(),
         model: ArmModel {
@@ -96,16 +88,10 @@ fn fresh(count: usize) -> Vec<(Target, Vec<f64>)> {
             let side = (share(row, joint, 3_f64.sqrt()) - 0.5).signum();
             side * (0.5 + share(row, joint, 7_f64.sqrt()))
         };
-        let joints = TargetJoints {
-            slides: None,
-            names: Vec::new(),
-            angles: (0..6).map(between).collect(),
-        };
-        let target = Target {
-            name: format!("hole {row}"),
-            joints: Some(joints),
-            ..Target::default()
-        };
+        let joints =
+            TargetJoints { slides: None, names: Vec::new(), angles: (0..6).map(between).collect() };
+        let target =
+            Target { name: format!("hole {row}"), joints: Some(joints), ..Target::default() };
         (target, (0..6).map(visit).collect())
     };
     (0..count).map(target).collect()
@@ -129,14 +115,8 @@ fn left(
         let side = if *short == 0.0 { 0.0 } else { short.signum() };
         errors.nearer_command * short - side * backlash / 2.0
     };
-    let visit: Vec<f64> = short
-        .iter()
-        .zip(&truth.arm.backlash_rad)
-        .map(stands)
-        .collect();
-    let base_from_target = truth
-        .arm
-        .base_from_target(&identified.arm, &reported, &visit);
+    let visit: Vec<f64> = short.iter().zip(&truth.arm.backlash_rad).map(stands).collect();
+    let base_from_target = truth.arm.base_from_target(&identified.arm, &reported, &visit);
     let cell = &truth.settings.cell;
     let tracker_from_base =
         isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
@@ -185,32 +165,17 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
         // The nominal arm at the joint command is at the command.
         let at_command = identified.error_frame().nominal_tool(&joints.command);
         assert!((at_command.translation.vector - done.command.coords()).norm() < 1e-5);
-        assert!(
-            done.orientation
-                .expect("one")
-                .angle_to(&at_command.rotation)
-                < 1e-7
-        );
+        assert!(done.orientation.expect("one").angle_to(&at_command.rotation) < 1e-7);
     }
     let [before, after, middle] =
         [before, after, middle].map(|norms| Figures::of(&norms).expect("targets").mean);
     let n = squares.len() as f64;
     let mean_square = squares.iter().sum::<f64>() / n;
-    let inside = squares
-        .iter()
-        .filter(|square| **square < CHI_SQUARE)
-        .count() as f64
-        / n;
+    let inside = squares.iter().filter(|square| **square < CHI_SQUARE).count() as f64 / n;
     println!(
         "{before:.3} → {after:.3} mm, {middle:.3} in the middle of both sides; {mean_square:.2} of 3, {inside:.3} inside"
     );
-    Played {
-        before,
-        after,
-        middle,
-        mean_square,
-        inside,
-    }
+    Played { before, after, middle, mean_square, inside }
 }
 
 #[test]

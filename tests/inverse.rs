@@ -61,9 +61,7 @@ fn jacobian(drawn: &Drawn, joints: &[f64]) -> DMatrix<f64> {
             let (plus, minus) = (at(half), at(-half));
             let linear = (plus.translation.vector - minus.translation.vector) / 2e-5 / LEVER_MM;
             let angular = (plus.rotation * minus.rotation.inverse()).scaled_axis() / 2e-5;
-            [
-                linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-            ]
+            [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
         })
         .collect();
     DMatrix::from_fn(6, columns.len(), |row, column| columns[column][row])
@@ -77,16 +75,8 @@ fn assert_reaches(drawn: &Drawn, target: &Isometry3<f64>, found: &[f64]) {
     let reached = drawn.arm.flange(found).isometry() * tool();
     let off_mm = (reached.translation.vector - target.translation.vector).norm();
     let off_rad = reached.rotation.angle_to(&target.rotation);
-    assert!(
-        off_mm < 1e-8 && off_rad < 1e-7,
-        "{}: {off_mm} mm, {off_rad} rad",
-        drawn.name
-    );
-    assert!(
-        drawn.arm.within_limits_or_rounding(found),
-        "{}: {found:?}",
-        drawn.name
-    );
+    assert!(off_mm < 1e-8 && off_rad < 1e-7, "{}: {off_mm} mm, {off_rad} rad", drawn.name);
+    assert!(drawn.arm.within_limits_or_rounding(found), "{}: {found:?}", drawn.name);
 }
 
 trait Rounded {
@@ -182,14 +172,7 @@ fn tool_at(arm: &Arm, joints: &[f64]) -> Isometry3<f64> {
 }
 
 fn from_seed(arm: &Arm, target: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
-    inverse(
-        arm,
-        &nominal(arm),
-        target,
-        &tool(),
-        seed,
-        &InverseSettings::default(),
-    )
+    inverse(arm, &nominal(arm), target, &tool(), seed, &InverseSettings::default())
 }
 
 fn from_pose(
@@ -224,12 +207,7 @@ fn seven_axes_stay_as_near_to_the_seed_as_the_pose_allows() {
             let normal = jacobian.tr_mul(&jacobian).symmetric_eigen();
             let own = normal.eigenvectors.column(normal.eigenvalues.imin());
             let away = DVector::from_fn(7, |joint, _| found[joint] - seed[joint]);
-            assert!(
-                own.dot(&away).abs() < 1e-6,
-                "{}: {}",
-                drawn.name,
-                own.dot(&away)
-            );
+            assert!(own.dot(&away).abs() < 1e-6, "{}: {}", drawn.name, own.dot(&away));
         }
     }
 }
@@ -257,24 +235,12 @@ fn a_joint_takes_the_turn_nearest_to_what_is_asked_for_and_within_its_limits() {
         let close = |joints: &[f64]| largest_difference(&joints[..5], &truth[..5]) < 0.1;
         let nominal = nominal(&arm);
         let anywhere = Anywhere::new(&arm, &nominal, tool(), InverseSettings::default());
-        let found = anywhere
-            .joints_where(&pose, Some(&near), close)
-            .expect("reachable");
+        let found = anywhere.joints_where(&pose, Some(&near), close).expect("reachable");
         (found[5] - truth[5]) / TAU
     };
     // Joint 6 has ±450°, and is at 40°: one turn on is 400°, two turns are beyond, and one turn back is −320°.
-    for (asked, taken) in [
-        (0.0, 0.0),
-        (1.0, 1.0),
-        (2.0, 1.0),
-        (-1.0, -1.0),
-        (-2.0, -1.0),
-    ] {
-        assert!(
-            (on_turn(asked) - taken).abs() < 1e-9,
-            "{asked}: {}",
-            on_turn(asked)
-        );
+    for (asked, taken) in [(0.0, 0.0), (1.0, 1.0), (2.0, 1.0), (-1.0, -1.0), (-2.0, -1.0)] {
+        assert!((on_turn(asked) - taken).abs() < 1e-9, "{asked}: {}", on_turn(asked));
     }
 }
 
@@ -286,20 +252,10 @@ fn joints_without_limits_are_searched_over_one_turn() {
     }
     let chain = coupled().chain().clone();
     let map: Vec<Vec<f64>> = (0..6)
-        .map(|row| {
-            (0..6)
-                .map(|column| f64::from(u8::from(row == column)))
-                .collect()
-        })
+        .map(|row| (0..6).map(|column| f64::from(u8::from(row == column))).collect())
         .collect();
-    let arm = Arm::new(
-        "continuous".to_owned(),
-        Convention::StandardDh,
-        all,
-        &map,
-        chain,
-    )
-    .expect("an arm");
+    let arm = Arm::new("continuous".to_owned(), Convention::StandardDh, all, &map, chain)
+        .expect("an arm");
     let truth = [0.3, 0.4, 0.2, 7.0, 0.8, -9.0];
     let found = from_pose(&arm, &tool_at(&arm, &truth), None).expect("reachable");
     assert!(found[3].abs() <= PI && found[5].abs() <= PI, "{found:?}");
@@ -315,15 +271,10 @@ fn five_axes_have_the_position_and_an_orientation_as_near_as_the_settings_allow(
     // Half a millimetre aside at some 400 mm from axis 1 turns the tool with it by a milliradian or so.
     let aside = moved(&here, [0.3, -0.4, 0.2]);
     let refused = from_seed(&arm, &aside, &seed).expect_err("turned");
-    let InverseError::Orientation { joints: 5, off_deg } = refused else {
-        panic!("{refused}")
-    };
+    let InverseError::Orientation { joints: 5, off_deg } = refused else { panic!("{refused}") };
     assert!((1e-3..0.2).contains(&off_deg), "{off_deg}");
     assert!(refused.to_string().contains("5 joints"), "{refused}");
-    let settings = InverseSettings {
-        orientation_slack_rad: 0.01,
-        ..InverseSettings::default()
-    };
+    let settings = InverseSettings { orientation_slack_rad: 0.01, ..InverseSettings::default() };
     let found = inverse(&arm, &nominal(&arm), &aside, &tool(), &seed, &settings).expect("allowed");
     let reached = tool_at(&arm, &found);
     assert!((reached.translation.vector - aside.translation.vector).norm() < 1e-9);
@@ -357,9 +308,7 @@ fn a_pose_beyond_the_arm_is_refused_with_what_is_missing() {
     let pose = isometry_from_rpy([2000.0, 0.0, 360.0], [0.0, FRAC_PI_2, 0.0]);
     // Stretched, the flange is 420 + 400 + 126 mm from the shoulder, and the tool's end some 140 mm further.
     let refused = from_pose(&arm, &pose, None).expect_err("2 m away");
-    let InverseError::NotReachable { position_mm, .. } = refused else {
-        panic!("{refused}")
-    };
+    let InverseError::NotReachable { position_mm, .. } = refused else { panic!("{refused}") };
     assert!((800.0..1300.0).contains(&position_mm), "{position_mm}");
 }
 
@@ -393,15 +342,7 @@ fn arms_without_the_three_factors_have_no_configuration() {
         Configuration::of(arm, &nominal(arm), &joints).is_some()
     };
     assert!(has(&kr210()) && has(&ur10()) && has(&coupled()));
-    for other in [
-        offset_wrist(),
-        iiwa(),
-        wam(),
-        on_track(),
-        five(),
-        scara(),
-        palletiser(),
-    ] {
+    for other in [offset_wrist(), iiwa(), wam(), on_track(), five(), scara(), palletiser()] {
         assert!(!has(&other), "{}", other.model());
     }
 }

@@ -17,13 +17,7 @@ struct Truth {
 }
 
 const SESSIONS: [Truth; 4] = [
-    Truth {
-        name: "ur10-grid",
-        stations: 615,
-        unmeasured: &[],
-        offset_s: 0.0,
-        drift_ppm: 0.0,
-    },
+    Truth { name: "ur10-grid", stations: 615, unmeasured: &[], offset_s: 0.0, drift_ppm: 0.0 },
     Truth {
         name: "ur10-random-a",
         stations: 700,
@@ -66,10 +60,7 @@ fn rows(session: &str) -> Vec<Row> {
             command_mm: std::array::from_fn(|i| number(14 + i)),
         }
     };
-    reader
-        .records()
-        .map(|record| row(record.expect("a row")))
-        .collect()
+    reader.records().map(|record| row(record.expect("a row"))).collect()
 }
 
 #[test]
@@ -81,13 +72,7 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
         };
         let begun = std::time::Instant::now();
         let joined = join(&read.input, &arm, &JoinSettings::default()).expect(truth.name);
-        eprintln!(
-            "{}: {:?} {:?} {:?}",
-            truth.name,
-            begun.elapsed(),
-            joined.found,
-            joined.counts
-        );
+        eprintln!("{}: {:?} {:?} {:?}", truth.name, begun.elapsed(), joined.found, joined.counts);
         check_clock(&truth, &joined);
         check_stations(&truth, &joined, &rows(truth.name));
         let counted = joined.counts.kept
@@ -143,16 +128,8 @@ fn check_clock(truth: &Truth, joined: &Joined) {
         (offset_s - truth.offset_s) * 1e3,
         drift_ppm - truth.drift_ppm
     );
-    assert!(
-        (offset_s - truth.offset_s).abs() < 0.010,
-        "{}: offset {offset_s} s",
-        truth.name
-    );
-    assert!(
-        (drift_ppm - truth.drift_ppm).abs() < 3.0,
-        "{}: drift {drift_ppm} ppm",
-        truth.name
-    );
+    assert!((offset_s - truth.offset_s).abs() < 0.010, "{}: offset {offset_s} s", truth.name);
+    assert!((drift_ppm - truth.drift_ppm).abs() < 3.0, "{}: drift {drift_ppm} ppm", truth.name);
 }
 
 fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
@@ -162,11 +139,7 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
         for (angle, truth) in station.joints.iter().zip(row.joints) {
             assert!((angle - truth).abs() < 1e-6, "station {}", station.number);
         }
-        let command = station
-            .command
-            .as_ref()
-            .expect("a command a station")
-            .position;
+        let command = station.command.as_ref().expect("a command a station").position;
         assert!(
             (0..3).all(|i| (command[i] - row.command_mm[i]).abs() < 1e-3),
             "station {}",

@@ -65,10 +65,7 @@ struct Normal(ChaCha8Rng);
 
 impl Normal {
     fn next(&mut self) -> f64 {
-        let (u, v): (f64, f64) = (
-            self.0.random_range(1e-15..1.0),
-            self.0.random_range(0.0..1.0),
-        );
+        let (u, v): (f64, f64) = (self.0.random_range(1e-15..1.0), self.0.random_range(0.0..1.0));
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     }
 
@@ -89,29 +86,17 @@ impl Session {
         let mut normal = Normal(ChaCha8Rng::seed_from_u64(seed));
         let parameters = arm.chain().parameters();
         let offsets = parameters.iter().map(|parameter| {
-            let sd = if parameter.is_angle() {
-                1e-3 * PRIOR_MRAD
-            } else {
-                PRIOR_MM
-            };
+            let sd = if parameter.is_angle() { 1e-3 * PRIOR_MRAD } else { PRIOR_MM };
             sd * normal.next()
         });
-        Self {
-            kind,
-            offsets: offsets.collect(),
-            normal,
-        }
+        Self { kind, offsets: offsets.collect(), normal }
     }
 
     /// The rows of the session's table.
     fn rows(&mut self, arm: &Arm) -> Rows {
-        let rows = (0..STATIONS)
-            .map(|station| self.row(arm, station))
-            .collect();
+        let rows = (0..STATIONS).map(|station| self.row(arm, station)).collect();
         let references = match self.kind {
-            Kind::References => (0..4)
-                .map(|own| (format!("B{own}"), StandsOn::Base))
-                .collect(),
+            Kind::References => (0..4).map(|own| (format!("B{own}"), StandsOn::Base)).collect(),
             _ => Vec::new(),
         };
         Rows {
@@ -147,20 +132,12 @@ impl Session {
         match self.kind {
             Kind::Reflector | Kind::References | Kind::TrackerAndBallBar => {
                 let place = tracker * Point3::from(target.translation.vector);
-                add(
-                    0,
-                    0,
-                    Value::Point(point(place + self.normal.vector(POINT_MM))),
-                );
+                add(0, 0, Value::Point(point(place + self.normal.vector(POINT_MM))));
             }
             Kind::ThreeReflectors => {
                 for (own, at) in beside.iter().enumerate() {
                     let place = tracker * target * Point3::from(*at);
-                    add(
-                        0,
-                        own,
-                        Value::Point(point(place + self.normal.vector(POINT_MM))),
-                    );
+                    add(0, own, Value::Point(point(place + self.normal.vector(POINT_MM))));
                 }
             }
             Kind::SixDof => {
@@ -264,10 +241,7 @@ fn point(position: Point3<f64>) -> MeanPoint {
 }
 
 fn length(mm: f64) -> MeanLength {
-    MeanLength {
-        mm,
-        sd_mm: LENGTH_MM,
-    }
+    MeanLength { mm, sd_mm: LENGTH_MM }
 }
 
 /// What the readings do not show: the repeatability is none, and positions state their own covariance.
@@ -280,15 +254,8 @@ fn noise(kind: Kind) -> Noise {
         divisor: 2.0,
         orientation_rad: Some(TURN_RAD),
     };
-    let source = |reads| Source {
-        reads,
-        uncertainty: uncertainty.into(),
-    };
-    let first = if kind == Kind::SixDof {
-        ReadingKind::Pose
-    } else {
-        ReadingKind::Point
-    };
+    let source = |reads| Source { reads, uncertainty: uncertainty.into() };
+    let first = if kind == Kind::SixDof { ReadingKind::Pose } else { ReadingKind::Point };
     let (distance, height) = (source(ReadingKind::Distance), source(ReadingKind::Height));
     let more = match kind {
         Kind::ThreeDistances => vec![distance; 3],
@@ -324,20 +291,13 @@ fn errors(arm: &Arm, kind: Kind, seed: u64) -> Vec<f64> {
         let Parameter::Link { .. } = unknown.parameter else {
             return None;
         };
-        let own = parameters
-            .iter()
-            .position(|own| *own == unknown.parameter)?;
+        let own = parameters.iter().position(|own| *own == unknown.parameter)?;
         let sd = found.covariance[(place, place)].sqrt();
         let identifiable = sd < IDENTIFIABLE * found.prior_sd[place]?;
         let off = found.solution.offsets[place] - session.offsets[own];
         identifiable.then_some(off / sd)
     };
-    found
-        .unknowns
-        .iter()
-        .enumerate()
-        .filter_map(error)
-        .collect()
+    found.unknowns.iter().enumerate().filter_map(error).collect()
 }
 
 /// The share of intervals that hold the truth, its standard error over sessions, and the mean squared error.
@@ -349,10 +309,8 @@ struct Share {
 }
 
 fn share(arm: &Arm, kind: Kind, sessions: u64) -> Share {
-    let all: Vec<Vec<f64>> = (0..sessions)
-        .into_par_iter()
-        .map(|seed| errors(arm, kind, seed))
-        .collect();
+    let all: Vec<Vec<f64>> =
+        (0..sessions).into_par_iter().map(|seed| errors(arm, kind, seed)).collect();
     let inside = |own: &Vec<f64>| own.iter().filter(|z| z.abs() <= INTERVAL).count() as f64;
     let intervals: usize = all.iter().map(Vec::len).sum();
     let share = all.iter().map(inside).sum::<f64>() / intervals as f64;
@@ -404,11 +362,6 @@ fn intervals_of_500_sessions_of_each_kind_hold_95_percent() {
         let off = (share.inside - 0.95).abs();
         // Seven kinds are asked at once: each may be off by chance with a seventh of 5 %.
         let allowed = TOGETHER * share.error;
-        assert!(
-            off <= allowed,
-            "{kind:?}: {:.4} ± {:.4}",
-            share.inside,
-            share.error
-        );
+        assert!(off <= allowed, "{kind:?}: {:.4} ± {:.4}", share.inside, share.error);
     }
 }

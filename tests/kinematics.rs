@@ -9,14 +9,7 @@ use posegrid::kinematics::{
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-const ROBOTS: [&str; 6] = [
-    "irb120",
-    "kr210-r2700-extra",
-    "ur10",
-    "ur10e",
-    "ur5",
-    "ur5e",
-];
+const ROBOTS: [&str; 6] = ["irb120", "kr210-r2700-extra", "ur10", "ur10e", "ur5", "ur5e"];
 
 /// Flange poses by another way: the joint origins and axes of the public URDF descriptions (ROS-Industrial
 /// packages of the KR 210 and the IRB 120 with their tool0, the UR ones from their inner base link, which is the
@@ -37,10 +30,7 @@ fn flanges() -> Vec<(String, [f64; 6], Isometry3<f64>)> {
 }
 
 fn arm(robot: &str) -> Arm {
-    let path = format!(
-        "{}/pipelines/robots/{robot}.toml",
-        env!("CARGO_MANIFEST_DIR")
-    );
+    let path = format!("{}/pipelines/robots/{robot}.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let file: RobotFile = toml::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
     file.arm().unwrap_or_else(|error| panic!("{path}: {error}"))
@@ -98,11 +88,7 @@ fn flanges_agree_with_the_urdf() {
 #[test]
 fn hayati_stands_where_axes_are_parallel() {
     for robot in ROBOTS {
-        let expected: &[usize] = if robot.starts_with("ur") {
-            &[2, 3]
-        } else {
-            &[2]
-        };
+        let expected: &[usize] = if robot.starts_with("ur") { &[2, 3] } else { &[2] };
         assert_eq!(arm(robot).parallel_joints(), expected, "{robot}");
     }
 }
@@ -119,9 +105,7 @@ fn difference(plus: &Isometry3<f64>, minus: &Isometry3<f64>, width: f64) -> Twis
 fn column(twist: &Twist) -> Vector6<f64> {
     let mut column = Vector6::zeros();
     column.fixed_rows_mut::<3>(0).copy_from(&twist.linear);
-    column
-        .fixed_rows_mut::<3>(3)
-        .copy_from(&(twist.angular * 1000.0));
+    column.fixed_rows_mut::<3>(3).copy_from(&(twist.angular * 1000.0));
     column
 }
 
@@ -129,10 +113,7 @@ fn column(twist: &Twist) -> Vector6<f64> {
 fn assert_same_column(what: &str, analytic: &Twist, numerical: &Twist) {
     let (analytic, numerical) = (column(analytic), column(numerical));
     let off = (analytic - numerical).norm() / analytic.norm();
-    assert!(
-        off < 1e-7,
-        "{what}: analytic {analytic} numerical {numerical}"
-    );
+    assert!(off < 1e-7, "{what}: analytic {analytic} numerical {numerical}");
 }
 
 /// Half the width of a central difference: its truncation (h²/6, of third derivatives as large as the first) and the
@@ -143,26 +124,20 @@ fn half_width(is_angle: bool) -> f64 {
 
 fn check_differential(arm: &Arm, joints: &[f64]) {
     let before = Axis::ALL.map(Motion::Translation).into_iter();
-    let before = before
-        .chain(Axis::ALL.map(Motion::Rotation))
-        .map(|motion| Element::Free {
-            motion,
-            nominal: 0.1,
-            parameter: Parameter::Base(motion),
-        });
-    let after = Axis::ALL
-        .map(Motion::Translation)
-        .map(|motion| Element::Free {
-            motion,
-            nominal: 60.0,
-            parameter: Parameter::Target(motion),
-        });
+    let before = before.chain(Axis::ALL.map(Motion::Rotation)).map(|motion| Element::Free {
+        motion,
+        nominal: 0.1,
+        parameter: Parameter::Base(motion),
+    });
+    let after = Axis::ALL.map(Motion::Translation).map(|motion| Element::Free {
+        motion,
+        nominal: 60.0,
+        parameter: Parameter::Target(motion),
+    });
     let chain = arm.chain().extended(before.collect(), after.to_vec());
     let parameters = chain.parameters();
-    let offsets: Vec<f64> = parameters
-        .iter()
-        .map(|parameter| if parameter.is_angle() { 2e-3 } else { 0.7 })
-        .collect();
+    let offsets: Vec<f64> =
+        parameters.iter().map(|parameter| if parameter.is_angle() { 2e-3 } else { 0.7 }).collect();
     let axes = arm.axes(joints);
     let analytic = chain.differential(&axes, &offsets);
     for (index, parameter) in parameters.iter().enumerate() {
@@ -173,11 +148,7 @@ fn check_differential(arm: &Arm, joints: &[f64]) {
             chain.forward(&axes, &moved)
         };
         let numerical = difference(&at(half), &at(-half), 2.0 * half);
-        assert_same_column(
-            &parameter.to_string(),
-            &analytic.parameters[index],
-            &numerical,
-        );
+        assert_same_column(&parameter.to_string(), &analytic.parameters[index], &numerical);
     }
     for (index, twist) in arm.joint_twists(&analytic.joints).iter().enumerate() {
         let half = half_width(true);
@@ -203,11 +174,8 @@ fn differentials_agree_with_central_differences() {
 }
 
 fn any_robot() -> impl Strategy<Value = Arm> {
-    (0..=ROBOTS.len()).prop_map(|index| {
-        ROBOTS
-            .get(index)
-            .map_or_else(coupled_arm, |robot| arm(robot))
-    })
+    (0..=ROBOTS.len())
+        .prop_map(|index| ROBOTS.get(index).map_or_else(coupled_arm, |robot| arm(robot)))
 }
 
 /// Joint angles anywhere in the limits of every arm here but for the KR 210's second, which ends at −5°.

@@ -18,11 +18,7 @@ use posegrid::report::locate::{Locate, LocateBy, LocateTarget, Located, Locator}
 use posegrid::report::unseen::unseen_session;
 use posegrid::report::{Angles, BaseRefit, Model, ResidualSet};
 
-const TOLERANCE: Tolerance = Tolerance {
-    mm: 0.5,
-    share: 0.95,
-    confidence: 0.95,
-};
+const TOLERANCE: Tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
 
 /// The instrument of the recordings, with its orientations.
 fn noise() -> Noise {
@@ -35,22 +31,13 @@ fn noise() -> Noise {
         orientation_rad: Some(130e-6),
     };
     let reads = ReadingKind::Pose;
-    Noise::of_one(
-        Source {
-            reads,
-            uncertainty: uncertainty.into(),
-        },
-        0.03,
-    )
+    Noise::of_one(Source { reads, uncertainty: uncertainty.into() }, 0.03)
 }
 
 fn fit() -> FitSettings {
     FitSettings {
         orientations: true,
-        target: Some(KnownTarget {
-            xyz_mm: [-0.2, 0.2, 92.8],
-            sd_mm: 1.0,
-        }),
+        target: Some(KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 }),
         ..FitSettings::default()
     }
 }
@@ -71,10 +58,7 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
 /// The models of an arm learned from these sessions together.
 fn learned(arm: &Arm, sessions: &[&[Observation]]) -> Models {
     let own = |(session, own): (usize, &&[Observation])| {
-        let own = own.iter().map(move |o| Observation {
-            session,
-            ..o.clone()
-        });
+        let own = own.iter().map(move |o| Observation { session, ..o.clone() });
         own.collect::<Vec<_>>()
     };
     let all: Vec<Observation> = sessions.iter().enumerate().flat_map(own).collect();
@@ -86,10 +70,7 @@ fn learned(arm: &Arm, sessions: &[&[Observation]]) -> Models {
 fn judged(arm: &Arm, models: &Models, test: &[Observation], locate: Locate) -> Vec<ResidualSet> {
     let locator = with_settings(|settings| Locator::new(models, arm, locate, settings));
     let located = locator.located(models, test);
-    let stations = Stations {
-        session: "test",
-        observations: test,
-    };
+    let stations = Stations { session: "test", observations: test };
     let mut sets = unseen_session(models, stations, &locator, &located).expect("one of each");
     sets.retain(|set| set.subject.model == Model::Full);
     sets
@@ -99,10 +80,7 @@ fn judged(arm: &Arm, models: &Models, test: &[Observation], locate: Locate) -> V
 fn figures(set: &ResidualSet) -> (f64, f64) {
     let of = accuracy(set, &TOLERANCE, 0.0);
     let mean = of.figures.expect("stations judge").mean;
-    (
-        mean,
-        of.coverage.map_or(f64::NAN, |coverage| coverage.inside),
-    )
+    (mean, of.coverage.map_or(f64::NAN, |coverage| coverage.inside))
 }
 
 /// Prints the figures of each way to find base and target; those by twelve chosen stations, for all kinds of angles.
@@ -116,11 +94,7 @@ fn told(
     let models = learned(arm, training);
     let mut chosen = Vec::new();
     for (by, stations) in [(LocateBy::First, 50), (LocateBy::Chosen, 12)] {
-        let locate = Locate {
-            by,
-            stations: Some(stations),
-            target,
-        };
+        let locate = Locate { by, stations: Some(stations), target };
         for set in judged(arm, &models, test, locate) {
             let (subject, (mean, inside)) = (&set.subject, figures(&set));
             let is_new = subject.base_refit.judges() || by == LocateBy::First;
@@ -145,12 +119,7 @@ fn told(
 fn recordings(arm: &Arm) -> Option<[Vec<Observation>; 4]> {
     let noise = noise();
     let of = |name: &str| common::trained::observed(name, arm, &noise);
-    Some([
-        of("ur10-grid")?,
-        of("ur10-joint")?,
-        of("ur10-random-a")?,
-        of("ur10-random-b")?,
-    ])
+    Some([of("ur10-grid")?, of("ur10-joint")?, of("ur10-random-a")?, of("ur10-random-b")?])
 }
 
 /// The session after, the target in its place.
@@ -196,15 +165,9 @@ fn a_target_that_was_put_on_again_is_noticed() {
     let found = locator.located(&models, &moved);
     assert_eq!(found.finders, stayed.finders, "picked by poses alone");
     let away = found.contradicted.expect("seven times what is allowed");
-    assert!(
-        (away.mm - 0.707).abs() < 0.15 && away.allowed_mm < 0.4,
-        "{away:?}"
-    );
+    assert!((away.mm - 0.707).abs() < 0.15 && away.allowed_mm < 0.4, "{away:?}");
     let figures = |located: &Located| {
-        let stations = Stations {
-            session: "test",
-            observations: &moved,
-        };
+        let stations = Stations { session: "test", observations: &moved };
         let sets = unseen_session(&models, stations, &locator, located).expect("one of each");
         let set = sets.iter().find(|set| {
             let own = &set.subject;
@@ -215,10 +178,7 @@ fn a_target_that_was_put_on_again_is_noticed() {
     };
     let ((own_mm, own_inside), (known_mm, known_inside)) = (figures(&found), figures(&stayed));
     assert!(own_mm < 0.06 && own_inside >= 0.92, "{own_mm} {own_inside}");
-    assert!(
-        known_mm > 3.0 * own_mm && known_inside < 0.5,
-        "{known_mm} {known_inside}"
-    );
+    assert!(known_mm > 3.0 * own_mm && known_inside < 0.5, "{known_mm} {known_inside}");
     // Few stations leave most of them to judge.
     for (stations, finders) in [(58, 11), (18, 4)] {
         let few = locator.located(&models, &b[..stations]);

@@ -58,15 +58,8 @@ fn check_cell(cell: Cell<'_>, expected: &str, at: &str) {
     match cell {
         Cell::Blank => assert_eq!(expected, "", "{at}"),
         Cell::Number(number) => {
-            assert!(
-                expected.contains("0x"),
-                "{at}: {number} is {expected:?} elsewhere"
-            );
-            assert_eq!(
-                number.to_bits(),
-                from_hex(expected).to_bits(),
-                "{at}: {number}"
-            );
+            assert!(expected.contains("0x"), "{at}: {number} is {expected:?} elsewhere");
+            assert_eq!(number.to_bits(), from_hex(expected).to_bits(), "{at}: {number}");
         }
         Cell::Text(text) => assert_eq!(text, expected, "{at}"),
     }
@@ -103,10 +96,7 @@ fn every_form_of_the_six_tables_is_read_as_other_programs_read_it() {
     assert!(ended.status.success(), "{told}");
     let files = std::fs::read_dir(folder.path()).expect("a folder");
     let mut files: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
-    files.retain(|file| {
-        file.extension()
-            .is_none_or(|extension| extension != "expected")
-    });
+    files.retain(|file| file.extension().is_none_or(|extension| extension != "expected"));
     files.sort();
     assert_eq!(files.len(), 5 * 14 + 8, "files in all forms");
     for file in &files {
@@ -130,32 +120,15 @@ fn the_six_tables_are_read_as_they_lie_there() {
         let table = read(&stations.join(name), Bound::TARGETS, &Form::default());
         let table = table.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(table.row_count(), rows, "{name}");
-        assert_eq!(
-            table.columns().len(),
-            columns,
-            "{name}: {:?}",
-            table.columns()
-        );
+        assert_eq!(table.columns().len(), columns, "{name}: {:?}", table.columns());
         assert_eq!(table.columns()[0], first, "{name}");
     }
-    let positioner = read(
-        &stations.join("positioner.yaml"),
-        Bound::TARGETS,
-        &Form::default(),
-    );
+    let positioner = read(&stations.join("positioner.yaml"), Bound::TARGETS, &Form::default());
     let positioner = positioner.expect("a table");
     for name in ["pose.qw", "pose.x", "target_joints[0]", "target_joints[1]"] {
-        assert!(
-            positioner.column(name).is_some(),
-            "{name}: {:?}",
-            positioner.columns()
-        );
+        assert!(positioner.column(name).is_some(), "{name}: {:?}", positioner.columns());
     }
-    let grid = read(
-        &stations.join("ur10-grid.csv"),
-        Bound::TARGETS,
-        &Form::default(),
-    );
+    let grid = read(&stations.join("ur10-grid.csv"), Bound::TARGETS, &Form::default());
     let grid = grid.expect("a table");
     let elbow = grid.column("elbow_joint").expect("a column");
     assert_eq!(grid.cell(0, elbow), Cell::Number(-1.128_429_999_999_999_8));
@@ -164,14 +137,8 @@ fn the_six_tables_are_read_as_they_lie_there() {
 
 /// Reads bytes under a name and looks at every cell; tells how that went.
 fn tried(bytes: &[u8], ending: &str) -> String {
-    let bound = Bound {
-        bytes: 1 << 24,
-        advice: "split it",
-    };
-    let mut file = tempfile::Builder::new()
-        .suffix(ending)
-        .tempfile()
-        .expect("a file");
+    let bound = Bound { bytes: 1 << 24, advice: "split it" };
+    let mut file = tempfile::Builder::new().suffix(ending).tempfile().expect("a file");
     std::io::Write::write_all(&mut file, bytes).expect("room");
     match read(file.path(), bound, &Form::default()) {
         Err(error) => error.kind.to_string(),
@@ -189,11 +156,7 @@ fn tried(bytes: &[u8], ending: &str) -> String {
                 Cell::Blank => false,
             });
             let remarks = table.remarks().join(" ");
-            format!(
-                "{remarks} texts {} units {}",
-                texts.count() > 0,
-                table.units().is_some()
-            )
+            format!("{remarks} texts {} units {}", texts.count() > 0, table.units().is_some())
         }
     }
 }
@@ -207,9 +170,7 @@ fn texts_changed_at_random_are_tables_or_errors() {
         "x|y\r1|2\r",
     ];
     let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
-    fuzz::fuzz("measured_text", seeds, fuzz::change_words, |bytes| {
-        tried(bytes, ".csv")
-    });
+    fuzz::fuzz("measured_text", seeds, fuzz::change_words, |bytes| tried(bytes, ".csv"));
 }
 
 #[test]
@@ -221,9 +182,7 @@ fn json_changed_at_random_is_a_table_or_an_error() {
         r#"{"7": {"x": 1}, "8": {"x": 2}}"#,
     ];
     let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
-    fuzz::fuzz("measured_json", seeds, fuzz::change_words, |bytes| {
-        tried(bytes, ".json")
-    });
+    fuzz::fuzz("measured_json", seeds, fuzz::change_words, |bytes| tried(bytes, ".json"));
 }
 
 #[test]
@@ -234,7 +193,5 @@ fn yaml_changed_at_random_is_a_table_or_an_error() {
         "---\nx: 1\n---\nx: |\n  2\n...\n",
     ];
     let seeds = seeds.map(|seed| seed.as_bytes().to_vec()).to_vec();
-    fuzz::fuzz("measured_yaml", seeds, fuzz::change_words, |bytes| {
-        tried(bytes, ".yaml")
-    });
+    fuzz::fuzz("measured_yaml", seeds, fuzz::change_words, |bytes| tried(bytes, ".yaml"));
 }

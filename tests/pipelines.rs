@@ -17,9 +17,7 @@ use posegrid::pipeline::planning::Planning;
 /// TOML files of a folder, by name.
 fn files(folder: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).expect("the folder is part of the project");
-    let mut paths: Vec<_> = entries
-        .map(|entry| entry.expect("readable").path())
-        .collect();
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("readable").path()).collect();
     paths.retain(|path| path.extension().is_some_and(|ending| ending == "toml"));
     paths.sort();
     assert!(!paths.is_empty(), "{folder} has no TOML file");
@@ -32,8 +30,7 @@ fn every_robot_file_makes_an_arm() {
         let text = fs::read_to_string(&path).expect("readable");
         let file: RobotFile =
             toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        file.arm()
-            .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        file.arm().unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     }
 }
 
@@ -55,11 +52,7 @@ fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
         }
         let configuration =
             Configuration::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
-        assert!(
-            configuration.stages.grid.steps_mm.len() >= 6,
-            "{}",
-            path.display()
-        );
+        assert!(configuration.stages.grid.steps_mm.len() >= 6, "{}", path.display());
         // Published tables do not state everything.
         let unstated = ["[robot] up", "there is no [commanded]"];
         let is_told = |remark: &&String| {
@@ -74,55 +67,28 @@ fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
 #[test]
 fn the_settings_of_a_run_do_not_know_where_it_ran() {
     let cell = Cell::new(&[]);
-    let configuration = cell
-        .configuration(&Overrides::default())
-        .expect("a good file");
-    let elsewhere = Cell::new(&[])
-        .configuration(&Overrides::default())
-        .expect("a good file");
+    let configuration = cell.configuration(&Overrides::default()).expect("a good file");
+    let elsewhere = Cell::new(&[]).configuration(&Overrides::default()).expect("a good file");
     assert_eq!(configuration.settings, elsewhere.settings);
     for hidden in [cell.folder(), "arm.toml", "cell-3", "controller.mcap"] {
-        assert!(
-            !configuration.settings.contains(hidden),
-            "{hidden} in {}",
-            configuration.settings
-        );
+        assert!(!configuration.settings.contains(hidden), "{hidden} in {}", configuration.settings);
     }
     let stricter = Cell::new(&[("mm = 0.5", "mm = 0.4")]);
-    let stricter = stricter
-        .configuration(&Overrides::default())
-        .expect("a good file");
+    let stricter = stricter.configuration(&Overrides::default()).expect("a good file");
     assert_ne!(configuration.settings, stricter.settings);
 }
 
 #[test]
 fn sessions_are_the_folders_with_both_logs_and_others_are_reported() {
-    let configuration = Cell::new(&[])
-        .configuration(&Overrides::default())
-        .expect("good");
-    let names: Vec<_> = configuration
-        .pieces
-        .iter()
-        .map(|piece| piece.session.as_str())
-        .collect();
+    let configuration = Cell::new(&[]).configuration(&Overrides::default()).expect("good");
+    let names: Vec<_> = configuration.pieces.iter().map(|piece| piece.session.as_str()).collect();
     assert_eq!(names, ["mon", "tue"]);
-    let left: Vec<_> = configuration
-        .left_out
-        .iter()
-        .map(|left| left.name.as_str())
-        .collect();
+    let left: Vec<_> = configuration.left_out.iter().map(|left| left.name.as_str()).collect();
     assert_eq!(left, ["none"], "it has neither log");
-    assert_eq!(
-        configuration.set_aside.len(),
-        1,
-        "it has a controller's log only"
-    );
+    assert_eq!(configuration.set_aside.len(), 1, "it has a controller's log only");
     let half = &configuration.set_aside[0];
     assert_eq!((half.session.as_str(), half.before), ("half", 0));
-    assert_eq!(
-        half.why,
-        Why::Waits("it has no tracker.mcap yet".to_owned())
-    );
+    assert_eq!(half.why, Why::Waits("it has no tracker.mcap yet".to_owned()));
 }
 
 #[test]
@@ -160,10 +126,7 @@ fn pools_learn_from_each_all_or_everything_until() {
     ] {
         let refused = cell(pool).configuration(&Overrides::default());
         let told = refused.expect_err("no such pool").to_string();
-        assert!(
-            told.contains("pool_latest") && told.contains(wanted),
-            "{told}"
-        );
+        assert!(told.contains("pool_latest") && told.contains(wanted), "{told}");
     }
 }
 
@@ -182,9 +145,7 @@ fn a_tool_tip_is_stated_in_the_frame_of_the_tool_or_the_flange() {
     };
     assert_eq!(tip("tool"), "10.000 5.000 300.000");
     assert_eq!(tip("flange"), "5.000 0.000 200.000");
-    let none = Cell::new(&[])
-        .configuration(&Overrides::default())
-        .expect("good");
+    let none = Cell::new(&[]).configuration(&Overrides::default()).expect("good");
     assert_eq!(none.stages.tool_tip, None);
 }
 
@@ -202,10 +163,7 @@ fn a_test_session_is_not_learnt_from() {
     assert_eq!(configuration.pieces[0].training[0].name, "mon");
     assert_eq!(configuration.pieces[0].test[0].name, "tue");
     let both = test(&["tue"]).expect_err("learnt from and judging");
-    assert!(
-        matches!(both, ConfigurationError::NamedTwice { .. }),
-        "{both}"
-    );
+    assert!(matches!(both, ConfigurationError::NamedTwice { .. }), "{both}");
 }
 
 /// Each change to a good file, and what the message has to hold.
@@ -223,11 +181,7 @@ const BAD: [(&str, &str, &[&str]); 29] = [
     (
         "[tolerance]",
         "[report]\ntool_tip = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n[tolerance]",
-        &[
-            "[commanded] flange_from_tool is missing",
-            "tool_tip",
-            "frame = \"flange\"",
-        ],
+        &["[commanded] flange_from_tool is missing", "tool_tip", "frame = \"flange\""],
     ),
     (
         "[tolerance]",
@@ -244,21 +198,9 @@ const BAD: [(&str, &str, &[&str]); 29] = [
         "topic = \"/p\"\ntime = \"header\"",
         &["[tracker]", "`unit`", "\"m\" or \"mm\""],
     ),
-    (
-        "unit = \"rad\"",
-        "unit = \"grad\"",
-        &["line 14", "`grad`", "`rad` or `deg`"],
-    ),
-    (
-        "uncertainty = ",
-        "# ",
-        &["[tracker] has no `uncertainty`", "range_um = 10"],
-    ),
-    (
-        "target_is_tool = true",
-        "",
-        &["[commanded] has no `target_is_tool`", "true where"],
-    ),
+    ("unit = \"rad\"", "unit = \"grad\"", &["line 14", "`grad`", "`rad` or `deg`"]),
+    ("uncertainty = ", "# ", &["[tracker] has no `uncertainty`", "range_um = 10"]),
+    ("target_is_tool = true", "", &["[commanded] has no `target_is_tool`", "true where"]),
     (
         "target_is_tool = true",
         "target_is_tool = false",
@@ -269,66 +211,22 @@ const BAD: [(&str, &str, &[&str]); 29] = [
         "euler_deg = [0, 0, 90]",
         &["base_from_command", "euler_order", "moving-zyx"],
     ),
-    (
-        "steps_mm = [50, 100]",
-        "steps_mm = [50, 100]\nwithin = -0.05",
-        &["[grid] within = -0.05"],
-    ),
+    ("steps_mm = [50, 100]", "steps_mm = [50, 100]\nwithin = -0.05", &["[grid] within = -0.05"]),
     (
         "steps_mm = [50, 100]",
         "steps_mm = [50, 100]\nchoose = \"largest\"",
         &["unknown variant `largest`", "`within` or `fewest-nodes`"],
     ),
-    (
-        "steps_mm = [50, 100]",
-        "steps_mm = []",
-        &["[grid] steps_mm = []", "one step or more"],
-    ),
-    (
-        "steps_mm = [50, 100]",
-        "steps_mm = [50, -1]",
-        &["[grid] steps_mm = -1", "above 0"],
-    ),
-    (
-        "steps_mm = [50, 100]",
-        "steps_mm = [50, 50.0]",
-        &["[grid] steps_mm = 50", "given once"],
-    ),
-    (
-        "steps_mm = [50, 100]",
-        "steps_mm = [50, nan]",
-        &["grid.steps_mm = NaN", "finite"],
-    ),
-    (
-        "share = 0.95",
-        "share = 95",
-        &["[tolerance] share = 95", "between 0 and 1"],
-    ),
-    (
-        "confidence = 0.95",
-        "confidence = 1.0",
-        &["[tolerance] confidence = 1"],
-    ),
-    (
-        "up = [0, 0, 1]",
-        "up = [0, 0, 9.81]",
-        &["[robot] up", "9.81", "length 1"],
-    ),
-    (
-        "up = [0, 0, 1]",
-        "up = [0, 0, 0]",
-        &["[robot] up", "length 0"],
-    ),
-    (
-        "file = \"arm.toml\"",
-        "file = \"arn.toml\"",
-        &["arn.toml", "[robot] file", "No such file"],
-    ),
-    (
-        "folder = \"cell\"",
-        "folder = \"cel\"",
-        &["cel,", "[input] folder", "No such file"],
-    ),
+    ("steps_mm = [50, 100]", "steps_mm = []", &["[grid] steps_mm = []", "one step or more"]),
+    ("steps_mm = [50, 100]", "steps_mm = [50, -1]", &["[grid] steps_mm = -1", "above 0"]),
+    ("steps_mm = [50, 100]", "steps_mm = [50, 50.0]", &["[grid] steps_mm = 50", "given once"]),
+    ("steps_mm = [50, 100]", "steps_mm = [50, nan]", &["grid.steps_mm = NaN", "finite"]),
+    ("share = 0.95", "share = 95", &["[tolerance] share = 95", "between 0 and 1"]),
+    ("confidence = 0.95", "confidence = 1.0", &["[tolerance] confidence = 1"]),
+    ("up = [0, 0, 1]", "up = [0, 0, 9.81]", &["[robot] up", "9.81", "length 1"]),
+    ("up = [0, 0, 1]", "up = [0, 0, 0]", &["[robot] up", "length 0"]),
+    ("file = \"arm.toml\"", "file = \"arn.toml\"", &["arn.toml", "[robot] file", "No such file"]),
+    ("folder = \"cell\"", "folder = \"cel\"", &["cel,", "[input] folder", "No such file"]),
     (
         "folder = \"cell\"",
         "folder = \"cell\"\nsessions = [\"wed\"]",
@@ -349,11 +247,7 @@ const BAD: [(&str, &str, &[&str]); 29] = [
         "folder = \"cell\"\ntracker = \"{session}.mcap\"",
         &["[input] tracker", "sessions_by"],
     ),
-    (
-        "folder = \"cell\"",
-        "folder = \"cell\"\nsessions = [\"../cell/mon\"]",
-        &["not by a path"],
-    ),
+    ("folder = \"cell\"", "folder = \"cell\"\nsessions = [\"../cell/mon\"]", &["not by a path"]),
     (
         "[tolerance]",
         "[fit]\norientation = true\n[tolerance]",
@@ -380,9 +274,7 @@ fn several_missing_keys_are_told_at_once_with_their_lines() {
         ("share = 0.95\nconfidence = 0.95\n", "tolerence = 1\n"),
         ("uncertainty = ", "# "),
     ]);
-    let error = cell
-        .configuration(&Overrides::default())
-        .expect_err("keys are missing");
+    let error = cell.configuration(&Overrides::default()).expect_err("keys are missing");
     let told = error.to_string();
     for part in [
         "5 keys are missing or not known; every key: `posegrid schema pipeline`: ",
@@ -395,14 +287,9 @@ fn several_missing_keys_are_told_at_once_with_their_lines() {
     let cell = Cell::new(&[]);
     let arm = cell.path("arm.toml");
     let text = fs::read_to_string(&arm).expect("readable");
-    let without: Vec<&str> = text
-        .lines()
-        .filter(|line| !line.starts_with("d_mm"))
-        .collect();
+    let without: Vec<&str> = text.lines().filter(|line| !line.starts_with("d_mm")).collect();
     fs::write(&arm, without.join("\n")).expect("writable");
-    let error = cell
-        .configuration(&Overrides::default())
-        .expect_err("keys are missing");
+    let error = cell.configuration(&Overrides::default()).expect_err("keys are missing");
     let told = error.to_string();
     for part in [
         "arm.toml: ",
@@ -414,41 +301,20 @@ fn several_missing_keys_are_told_at_once_with_their_lines() {
         assert!(told.contains(part), "no {part:?} in: {told}");
     }
     let out = cell.path("simulated");
-    let output = posegrid()
-        .arg("simulate")
-        .arg(&arm)
-        .args(POSES)
-        .arg("--out")
-        .arg(&out)
-        .output();
+    let output = posegrid().arg("simulate").arg(&arm).args(POSES).arg("--out").arg(&out).output();
     let message = String::from_utf8(output.expect("runs").stderr).expect("UTF-8");
-    assert!(
-        message.contains("[[joint]] 2 (line ") && !message.contains("\\n"),
-        "{message}"
-    );
+    assert!(message.contains("[[joint]] 2 (line ") && !message.contains("\\n"), "{message}");
 }
 
 #[test]
 fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
     for (section, key) in [
         ("[join]\nwindow_s = 0", "[join] window_s = 0"),
-        (
-            "[fit]\nrepeatability_mm = -0.1",
-            "[fit] repeatability_mm = -0.1",
-        ),
-        (
-            "[fit]\nloss = { kind = \"huber\", tuning = 0 }",
-            "[fit] loss.tuning = 0",
-        ),
-        (
-            "[fit]\norientations = true",
-            "uncertainty.orientation_rad is missing",
-        ),
+        ("[fit]\nrepeatability_mm = -0.1", "[fit] repeatability_mm = -0.1"),
+        ("[fit]\nloss = { kind = \"huber\", tuning = 0 }", "[fit] loss.tuning = 0"),
+        ("[fit]\norientations = true", "uncertainty.orientation_rad is missing"),
         ("[fit.full]\nnoise_mm = 0", "[fit.full] noise_mm = 0"),
-        (
-            "[similarity]\njoint_weights = [1, 1]",
-            "joint_weights = 2 weights",
-        ),
+        ("[similarity]\njoint_weights = [1, 1]", "joint_weights = 2 weights"),
         ("[limits]\nchunk_bytes = 0", "[limits] chunk_bytes = 0"),
     ] {
         let cell = Cell::new(&[("[tolerance]", &format!("{section}\n[tolerance]"))]);
@@ -472,23 +338,15 @@ fn fields_of_messages_are_checked_and_taken_over() {
             "[tracker] fields = \"b[\", but it has to be a field path",
         ),
         ("/p", "u = \"a\"", "unknown field `u`"),
-        (
-            "/c",
-            "temperature = \"t\"",
-            "[commanded] fields.temperature",
-        ),
+        ("/c", "temperature = \"t\"", "[commanded] fields.temperature"),
         ("/j", "angles = \"q\"", "[controller] fields.angles = \"q\""),
         ("/j", "angles = [\"q\"]", "one path for each of the arm's"),
     ] {
-        let error = with(topic, &format!("fields = {{ {fields} }}"))
-            .expect_err(fields)
-            .to_string();
+        let error = with(topic, &format!("fields = {{ {fields} }}")).expect_err(fields).to_string();
         assert!(error.contains(told), "{fields}: {error}");
     }
-    let configuration = with(
-        "/p",
-        "frame = \"laser\"\nfields = { x = \"a\", y = \"b[1]\", z = \"c\" }",
-    );
+    let configuration =
+        with("/p", "frame = \"laser\"\nfields = { x = \"a\", y = \"b[1]\", z = \"c\" }");
     let configuration = configuration.expect("a good file");
     let mapping = configuration.reads.mapping().expect("logs");
     assert_eq!(mapping.tracker.fields.position(), Some(["a", "b[1]", "c"]));
@@ -501,35 +359,21 @@ fn fields_of_messages_are_checked_and_taken_over() {
 fn the_command_line_exits_with_2_on_bad_usage_and_says_why_on_stderr() {
     let cell = Cell::new(&[("share = 0.95", "share = 95")]);
     for command in ["run", "check"] {
-        let output = posegrid()
-            .arg(command)
-            .arg(&cell.file)
-            .output()
-            .expect("runs");
+        let output = posegrid().arg(command).arg(&cell.file).output().expect("runs");
         assert_eq!(output.status.code(), Some(2));
         assert!(output.stdout.is_empty(), "results only on stdout");
         let message = String::from_utf8_lossy(&output.stderr);
         assert!(message.contains("[tolerance] share = 95"), "{message}");
     }
-    for bad in [
-        &["run"][..],
-        &["fly"],
-        &["run", "p.toml", "--jobs", "0"],
-        &["run", "absent.toml"],
-    ] {
+    for bad in [&["run"][..], &["fly"], &["run", "p.toml", "--jobs", "0"], &["run", "absent.toml"]]
+    {
         posegrid().args(bad).assert().code(2);
     }
 }
 
 /// Poses of a simulated session.
-const POSES: [&str; 6] = [
-    "--home",
-    "0,-75,100,25,55,-15",
-    "--size",
-    "720,1440,720",
-    "--grid-step",
-    "120",
-];
+const POSES: [&str; 6] =
+    ["--home", "0,-75,100,25,55,-15", "--size", "720,1440,720", "--grid-step", "120"];
 
 /// Words that name an error of the system or of a library, and no remedy.
 const NO_HELP: [&str; 4] = ["os error 21", "External", "Parquet error", "\\n"];
@@ -554,73 +398,34 @@ fn what_is_given_in_the_place_of_a_file_is_named_with_what_to_give() {
         (&["run", &folder], wants_file),
         (&["check", &folder], wants_file),
         (&["plan", &folder], wants_file),
-        (
-            &["run", &nowhere],
-            &["No such file", "give the path of a TOML file"],
-        ),
+        (&["run", &nowhere], &["No such file", "give the path of a TOML file"]),
         (&["inspect", &folder], &["it is a folder", "no log in it"]),
         (&["inspect", &nowhere], &["No such file"]),
-        (
-            &simulate,
-            &["it is a folder", "give the path of a robot file"],
-        ),
-        (
-            &["compensate", &folder, &targets],
-            &["is a folder; give a file of table compensation"],
-        ),
-        (
-            &["compensate", &text, &targets],
-            &["it is a text", "name the right file"],
-        ),
-        (
-            &["compensate", &cut, &targets],
-            &["its end is missing", "get it anew"],
-        ),
-        (
-            &["compensate", &nowhere, &targets],
-            &["there is no file", "--lake"],
-        ),
+        (&simulate, &["it is a folder", "give the path of a robot file"]),
+        (&["compensate", &folder, &targets], &["is a folder; give a file of table compensation"]),
+        (&["compensate", &text, &targets], &["it is a text", "name the right file"]),
+        (&["compensate", &cut, &targets], &["its end is missing", "get it anew"]),
+        (&["compensate", &nowhere, &targets], &["there is no file", "--lake"]),
         (
             &["export", &folder, "--format", "csv"],
             &["is a folder; give a file of a table of a run"],
         ),
-        (
-            &["export", &text, "--format", "csv"],
-            &["it is a text", "name the right file"],
-        ),
-        (
-            &["export", &nowhere, "--format", "csv"],
-            &["No such file", "check its name"],
-        ),
-        (
-            &["history", file],
-            &["there is no lake", "printed as its tables"],
-        ),
-        (
-            &["history", &nowhere],
-            &["there is no lake", "printed as its tables"],
-        ),
+        (&["export", &text, "--format", "csv"], &["it is a text", "name the right file"]),
+        (&["export", &nowhere, "--format", "csv"], &["No such file", "check its name"]),
+        (&["history", file], &["there is no lake", "printed as its tables"]),
+        (&["history", &nowhere], &["there is no lake", "printed as its tables"]),
         (&["verify", file], &["folder"]),
         (&["verify", &nowhere], &["no"]),
-        (
-            &["verify", whole, "--expect", &folder],
-            &["it is a folder", "verify LAKE --list"],
-        ),
+        (&["verify", whole, "--expect", &folder], &["it is a folder", "verify LAKE --list"]),
         (&["verify", whole, "--expect", &nowhere], &["No such file"]),
     ];
     for (args, told) in cases {
         let output = posegrid().args(args).output().expect("runs");
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(
-            matches!(output.status.code(), Some(1 | 2)),
-            "{args:?}: {message}"
-        );
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{args:?}: {message}");
         assert!(!message.is_empty(), "{args:?}");
         for part in told {
-            assert!(
-                message.contains(part),
-                "{args:?}: no {part:?} in: {message}"
-            );
+            assert!(message.contains(part), "{args:?}: no {part:?} in: {message}");
         }
         for part in NO_HELP {
             assert!(!message.contains(part), "{args:?}: {part:?} in: {message}");
@@ -631,12 +436,7 @@ fn what_is_given_in_the_place_of_a_file_is_named_with_what_to_give() {
 #[test]
 fn an_unknown_session_on_the_command_line_is_bad_usage() {
     let cell = Cell::new(&[]);
-    let output = posegrid()
-        .arg("run")
-        .arg(&cell.file)
-        .arg("wed")
-        .output()
-        .expect("runs");
+    let output = posegrid().arg("run").arg(&cell.file).arg("wed").output().expect("runs");
     assert_eq!(output.status.code(), Some(2));
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("mon, tue"), "{message}");
@@ -644,10 +444,8 @@ fn an_unknown_session_on_the_command_line_is_bad_usage() {
 
 #[test]
 fn messages_for_a_scheduler_are_json_lines() {
-    let output = posegrid()
-        .args(["run", "absent.toml", "--log-format", "json"])
-        .output()
-        .expect("runs");
+    let output =
+        posegrid().args(["run", "absent.toml", "--log-format", "json"]).output().expect("runs");
     let text = String::from_utf8(output.stderr).expect("UTF-8");
     let message: serde_json::Value = serde_json::from_str(text.trim()).expect("one JSON object");
     assert_eq!(message["level"], "ERROR");
@@ -658,10 +456,7 @@ fn messages_for_a_scheduler_are_json_lines() {
 #[test]
 fn a_dry_run_lists_the_work_and_makes_no_lake() {
     let cell = Cell::new(&[]);
-    let output = posegrid()
-        .args(["run", "--dry-run", "--test", "tue"])
-        .arg(&cell.file)
-        .output();
+    let output = posegrid().args(["run", "--dry-run", "--test", "tue"]).arg(&cell.file).output();
     let output = output.expect("runs");
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
@@ -674,33 +469,19 @@ fn a_dry_run_lists_the_work_and_makes_no_lake() {
 #[test]
 fn a_check_shows_the_arm_with_its_parallel_joint() {
     let cell = Cell::new(&[]);
-    let output = posegrid()
-        .arg("check")
-        .arg(&cell.file)
-        .output()
-        .expect("runs");
+    let output = posegrid().arg("check").arg(&cell.file).output().expect("runs");
     assert_eq!(output.status.code(), Some(0));
     let text = String::from_utf8_lossy(&output.stdout);
-    let second = text
-        .lines()
-        .find(|line| line.contains("joint_a2"))
-        .expect("named");
-    assert!(
-        second.contains("Hayati"),
-        "axes 2 and 3 of a KR 210 are parallel: {second}"
-    );
+    let second = text.lines().find(|line| line.contains("joint_a2")).expect("named");
+    assert!(second.contains("Hayati"), "axes 2 and 3 of a KR 210 are parallel: {second}");
     assert_eq!(text.matches("Hayati").count(), 1, "{text}");
 }
 
 #[test]
 fn a_session_without_a_result_does_not_stop_the_others() {
     let cell = Cell::new(&[]);
-    let output = posegrid()
-        .arg("run")
-        .arg(&cell.file)
-        .args(["--jobs", "2"])
-        .output()
-        .expect("runs");
+    let output =
+        posegrid().arg("run").arg(&cell.file).args(["--jobs", "2"]).output().expect("runs");
     assert_eq!(output.status.code(), Some(1), "both logs are empty files");
     let text = String::from_utf8_lossy(&output.stdout);
     for session in ["mon: no result", "tue: no result", "0 of 2 within"] {
@@ -776,10 +557,7 @@ impl Cell {
         };
         write("pipeline.toml", &text);
         let arm = Path::new("pipelines/robots/kr210-r2700-extra.toml");
-        write(
-            "arm.toml",
-            &fs::read_to_string(arm).expect("part of the project"),
-        );
+        write("arm.toml", &fs::read_to_string(arm).expect("part of the project"));
         fs::create_dir_all(root.path().join("cell/none")).expect("writable");
         let file = root.path().join("pipeline.toml");
         let both = ["controller", "tracker"];

@@ -41,10 +41,7 @@ use posegrid::simulate::{Ingredient, Poses, SimulateSettings, Stream, simulate, 
 
 fn settings() -> FitSettings {
     FitSettings {
-        target: Some(KnownTarget {
-            xyz_mm: [-0.2, 0.2, 92.8],
-            sd_mm: 1.0,
-        }),
+        target: Some(KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 }),
         ..FitSettings::default()
     }
 }
@@ -59,10 +56,8 @@ fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     let up = Some(Vector3::z_axis());
     let prior = settings.prior();
     let model = FullModel::expected(arm, &frames[0], &poses, poses.len(), &prior, &full, up);
-    let candidate = |o: &Observation| Candidate {
-        axes: o.axes.clone(),
-        noise: model.noise(o, o.session),
-    };
+    let candidate =
+        |o: &Observation| Candidate { axes: o.axes.clone(), noise: model.noise(o, o.session) };
     let candidates: Vec<Candidate> = session.iter().map(candidate).collect();
     let mut design = Design::new(&model, &candidates, &poses);
     for _ in 0..count {
@@ -76,11 +71,7 @@ fn drawn(of: usize, count: usize, stream: &mut Stream) -> Vec<usize> {
     let mut places: Vec<usize> = (0..of).collect();
     for place in 0..count {
         let left = of - place;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a place"
-        )]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place")]
         let other = place + (stream.uniform() * left as f64) as usize;
         places.swap(place, other);
     }
@@ -108,9 +99,8 @@ fn on_a_real_arm_chosen_poses_leave_less_than_random_ones_and_far_smaller_larges
     let mut stream = Stream::new(20, Ingredient::Poses);
     for count in [50, 100] {
         let chosen = judged(&arm, &a, &b, &order[..count]);
-        let random: Vec<Figures> = (0..DRAWS)
-            .map(|_| judged(&arm, &a, &b, &drawn(a.len(), count, &mut stream)))
-            .collect();
+        let random: Vec<Figures> =
+            (0..DRAWS).map(|_| judged(&arm, &a, &b, &drawn(a.len(), count, &mut stream))).collect();
         let mean = |of: fn(&Figures) -> f64| random.iter().map(of).sum::<f64>() / DRAWS as f64;
         let (random_mean, random_max) = (mean(|f| f.mean), mean(|f| f.max));
         println!(
@@ -140,10 +130,7 @@ fn small_of(path: &str, lake: &Path) -> Planning {
         poses: vec![20, 30],
         verify_poses: 12,
         drift_check_every: 15,
-        robots_meet: Coverage {
-            share: 0.7,
-            confidence: 0.9,
-        },
+        robots_meet: Coverage { share: 0.7, confidence: 0.9 },
         ..planning.settings
     };
     planning.settings.grid.steps_mm = vec![250.0, 500.0, 1000.0];
@@ -160,45 +147,24 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
     assert_eq!(plan.steps.len(), 12);
     // One cell of a metre has its corners more than 1.5 rad of a joint apart: it may not serve, and says so.
     let largest = plan.steps.iter().filter(|row| row.step_mm > 900.0);
-    assert!(
-        largest
-            .clone()
-            .all(|row| row.outcomes.mean.is_none() && !row.outcomes.holds())
-    );
-    let refused: usize = largest
-        .map(|row| row.outcomes.refused.values().sum::<usize>())
-        .sum();
+    assert!(largest.clone().all(|row| row.outcomes.mean.is_none() && !row.outcomes.holds()));
+    let refused: usize = largest.map(|row| row.outcomes.refused.values().sum::<usize>()).sum();
     assert_eq!(refused, 4 * 8 * 80);
     // Moved grids are judged where all of them are: every fresh pose lies inside.
-    let shifts: Vec<&InfluenceRow> = plan
-        .influences
-        .iter()
-        .filter(|row| matches!(row.study, Study::Shift(_)))
-        .collect();
+    let shifts: Vec<&InfluenceRow> =
+        plan.influences.iter().filter(|row| matches!(row.study, Study::Shift(_))).collect();
     assert_eq!(shifts.len(), 4 * 4);
     for row in shifts {
         let all = &row.outcomes;
         assert!(all.outside == 0 && all.judged == all.robots, "{row:?}");
     }
     let kinds: Vec<Kind> = plan.designs.iter().map(|row| row.kind).collect();
-    assert!(
-        Kind::ALL.iter().all(|kind| kinds.contains(kind)),
-        "{kinds:?}"
-    );
+    assert!(Kind::ALL.iter().all(|kind| kinds.contains(kind)), "{kinds:?}");
     let count = |purpose| plan.session.count(|own| own == purpose);
     assert_eq!(count(Purpose::Verify), 12);
     assert!(count(Purpose::Identify) <= 30 && count(Purpose::Identify) >= 10);
-    assert!(
-        plan.session
-            .visits
-            .iter()
-            .any(|v| matches!(v.purpose, Purpose::DriftCheck { .. }))
-    );
-    assert!(
-        plan.promise.bound_mm.is_some_and(|bound| bound < 0.5),
-        "{:?}",
-        plan.promise
-    );
+    assert!(plan.session.visits.iter().any(|v| matches!(v.purpose, Purpose::DriftCheck { .. })));
+    assert!(plan.promise.bound_mm.is_some_and(|bound| bound < 0.5), "{:?}", plan.promise);
     let page = planned.page.as_ref().expect("a page beside the tables");
     let page = std::fs::read_to_string(page.named()).expect("the page");
     let promised = plan.promise.mean_bound_mm.expect("a promise");
@@ -217,31 +183,17 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
         let mut files = files(&lake.join("sampling_plan"));
         files.extend(self::files(&lake.join("plan_figures")));
         files.extend(self::files(&lake.join("report")));
-        files
-            .iter()
-            .map(|path| std::fs::read(path).expect("a table"))
-            .collect::<Vec<_>>()
+        files.iter().map(|path| std::fs::read(path).expect("a table")).collect::<Vec<_>>()
     };
-    assert_eq!(
-        bytes(lake.path()),
-        bytes(other.path()),
-        "{:?}",
-        elsewhere.key
-    );
+    assert_eq!(bytes(lake.path()), bytes(other.path()), "{:?}", elsewhere.key);
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).expect("a folder of the lake");
-    let mut paths: Vec<PathBuf> = entries
-        .map(|entry| entry.expect("an entry").path())
-        .collect();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
     paths.sort();
     let inside = |path: &PathBuf| {
-        if path.is_dir() {
-            files(path)
-        } else {
-            vec![path.clone()]
-        }
+        if path.is_dir() { files(path) } else { vec![path.clone()] }
     };
     paths.iter().flat_map(inside).collect()
 }
@@ -251,27 +203,16 @@ fn keep(planning: &Planning, robots: usize) -> (usize, f64) {
     let Planning { arm, settings, .. } = planning;
     let made = plan(arm, settings, &Quiet).expect("a plan");
     let promised = made.promise.bound_mm.expect("enough robots for a promise");
-    let fresh = PlanSettings {
-        seed: settings.seed + 1,
-        ..settings.clone()
-    };
+    let fresh = PlanSettings { seed: settings.seed + 1, ..settings.clone() };
     let placer = Placer::new(arm, &fresh).expect("the same cell");
     let pool = fresh_poses(&placer, &fresh.region, &fresh).expect("poses in reach");
-    let trial = Trial {
-        arm,
-        placer: &placer,
-        settings: &fresh,
-        progress: &Quiet,
-    };
+    let trial = Trial { arm, placer: &placer, settings: &fresh, progress: &Quiet };
     let found = session::tried(&trial, &made.session, &pool, 0..robots);
     let keeps = |outcome: &RobotOutcome| match outcome {
         RobotOutcome::Judged(left) => left.bound.is_some_and(|bound| bound <= promised),
         RobotOutcome::NoFit(_) => false,
     };
-    (
-        found.iter().filter(|outcome| keeps(outcome)).count(),
-        promised,
-    )
+    (found.iter().filter(|outcome| keeps(outcome)).count(), promised)
 }
 
 fn check(planning: &Planning, robots: usize) {
@@ -358,21 +299,13 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
     let cell = SimulateSettings {
         seed: 40_000 + number,
         home: settings.home.clone(),
-        poses: Poses::Listed {
-            joints: joints.collect(),
-        },
+        poses: Poses::Listed { joints: joints.collect() },
         ..settings.population.clone()
     };
     let simulated = simulate(arm, &cell).expect("poses in reach");
     let session = joined(arm, settings, &simulated.recording);
-    let found = stages::run(
-        arm,
-        vec![session],
-        vec![],
-        &stage_settings(settings),
-        &Quiet,
-    )
-    .expect("a sound session");
+    let found = stages::run(arm, vec![session], vec![], &stage_settings(settings), &Quiet)
+        .expect("a sound session");
     let chosen = found.grids.chosen().expect("a table");
     let bound = chosen.bound.expect("216 stations are enough");
     let of_session = chosen.bound_of_session.expect("the same stations");
@@ -388,45 +321,25 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         Ok(error.unwrap_or_else(|_| Vector3::zeros()))
     };
     let errors: Vec<NodeError> = table.nodes.iter().map(error).collect();
-    let between_sessions = SimulateSettings {
-        seed: 80_000 + number,
-        ..cell
-    };
+    let between_sessions = SimulateSettings { seed: 80_000 + number, ..cell };
     let mut stream = Stream::new(between_sessions.seed, Ingredient::TestPoses);
     let (fresh, _) = placer
-        .random(&settings.region, settings.test_poses, &mut stream, &|_| {
-            Ok(())
-        })
+        .random(&settings.region, settings.test_poses, &mut stream, &|_| Ok(()))
         .expect("poses in reach");
     let left = visits(arm, &between_sessions, &simulated.truth.arm, &fresh);
     let left = left.iter().filter_map(|visit| {
         let perfect = visit.perfect(&between_sessions);
         let command = perfect.command.as_ref()?.position;
-        let station = GridStation::of(
-            &perfect,
-            Some(command),
-            &found.error_frame,
-            placer.reach(),
-            0,
-        )?;
+        let station =
+            GridStation::of(&perfect, Some(command), &found.error_frame, placer.reach(), 0)?;
         let power = table.idw_power;
-        let there = by_nodes(
-            &placed,
-            |node| errors[node],
-            &command,
-            table.interpolation,
-            power,
-        )?
-        .ok()?;
+        let there =
+            by_nodes(&placed, |node| errors[node], &command, table.interpolation, power)?.ok()?;
         Some((station.error - there).norm())
     });
     let left: Vec<f64> = left.collect();
     let within = |bound: f64| left.iter().filter(|&&norm| norm <= bound).count();
-    Fresh {
-        within: within(bound),
-        within_of_session: within(of_session),
-        of: left.len(),
-    }
+    Fresh { within: within(bound), within_of_session: within(of_session), of: left.len() }
 }
 
 fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSession {
@@ -447,11 +360,7 @@ fn stage_settings(settings: &PlanSettings) -> StageSettings {
         similarity: SimilaritySettings::default(),
         grid: settings.grid.clone(),
         tolerance: settings.tolerance,
-        locate: Locate {
-            by: LocateBy::First,
-            stations: Some(50),
-            target: LocateTarget::Known,
-        },
+        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
         leave_sessions_out: false,
         tool_tip: None,
     }
@@ -499,11 +408,7 @@ fn steps_that_run_chooses_hold_on_fresh_poses() {
 #[test]
 fn robots_that_cannot_be_judged_are_reported() {
     // With 12 fresh poses no bound of 95 % of errors with 95 % confidence exists: 59 are needed.
-    let tolerance = posegrid::grid::Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    let tolerance = posegrid::grid::Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
     let outcome = RobotOutcome::of((0..12).map(|_| Some(Ok(0.1))), &tolerance);
     let RobotOutcome::Judged(left) = outcome else {
         panic!("it was judged");

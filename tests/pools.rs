@@ -27,26 +27,16 @@ fn settings() -> FullSettings {
 }
 
 /// Three sessions a month, whose curves wander by three tenths of their size in a year.
-const SLOW: Truth = Truth {
-    curve_rad: 2e-4,
-    walk_rad: 1e-5,
-    own_rad: 4e-6,
-    days: 11.0,
-};
+const SLOW: Truth = Truth { curve_rad: 2e-4, walk_rad: 1e-5, own_rad: 4e-6, days: 11.0 };
 
 /// The mean error in the next session, mm: by a model of all sessions with their dates, of the last ten alone, of all without dates, and
 /// of all with their dates, learnt one on top of the other.
 fn next_by(sessions: usize, stations: usize, seed: u64) -> [f64; 4] {
     let mut measured = MeasuredArm::new(SLOW, seed);
-    let all: Vec<Observation> = (0..sessions)
-        .flat_map(|_| measured.session(stations))
-        .collect();
+    let all: Vec<Observation> = (0..sessions).flat_map(|_| measured.session(stations)).collect();
     let start = frames(&measured.arm, &all[..stations]);
     let last = sessions - 10;
-    let undated = |own: &Observation| Observation {
-        day: None,
-        ..own.clone()
-    };
+    let undated = |own: &Observation| Observation { day: None, ..own.clone() };
     let latest: Vec<Observation> = all[last * stations..]
         .iter()
         .map(|own| undated(&of_session(own, own.session - last)))
@@ -64,12 +54,7 @@ fn next_by(sessions: usize, stations: usize, seed: u64) -> [f64; 4] {
 }
 
 /// A pool that does not wander.
-const STEADY: Truth = Truth {
-    curve_rad: 2e-4,
-    walk_rad: 0.0,
-    own_rad: 1e-5,
-    days: 1.0,
-};
+const STEADY: Truth = Truth { curve_rad: 2e-4, walk_rad: 0.0, own_rad: 1e-5, days: 1.0 };
 
 #[test]
 fn sessions_that_are_learnt_one_on_top_of_the_other_say_what_they_say_together() {
@@ -81,10 +66,8 @@ fn sessions_that_are_learnt_one_on_top_of_the_other_say_what_they_say_together()
         let arm = measured.arm.clone();
         let carried = one_by_one(&arm, &seen, &start, &settings());
         let together = trained(&arm, &seen, &start, &settings());
-        let alone: Vec<Observation> = seen[7 * STATIONS..]
-            .iter()
-            .map(|own| of_session(own, 0))
-            .collect();
+        let alone: Vec<Observation> =
+            seen[7 * STATIONS..].iter().map(|own| of_session(own, 0)).collect();
         let alone = trained(&arm, &alone, &start, &settings());
         let poses = measured.poses(300);
         let errors = [(&carried, 0), (&together, 7), (&alone, 0)]
@@ -101,13 +84,7 @@ fn what_is_carried_over_comes_back_from_bytes_to_the_last_bit_and_damage_is_seen
     let mut measured = MeasuredArm::new(STEADY, 9);
     let first = measured.session(60);
     let start = frames(&measured.arm, &first);
-    let model = learnt(
-        &measured.arm,
-        &Carrying::default(),
-        &first,
-        &start,
-        &settings(),
-    );
+    let model = learnt(&measured.arm, &Carrying::default(), &first, &start, &settings());
     let carried = model.leaves().expect("what it leaves");
     let bytes = carried.packed().expect("finite numbers");
     assert!(Carried::unpacked(&bytes).as_ref() == Some(&**carried));
@@ -170,13 +147,7 @@ fn repaired_arm(stations: usize, seed: u64) -> (MeasuredArm, Vec<Observation>) {
 fn with_repair() -> FullSettings {
     // The days of the sessions are whole.
     let from = WallTime::of_us((20_000 + 6) * 86_400_000_000 - 1);
-    FullSettings {
-        repaired: vec![Repair {
-            joint: REPAIRED + 1,
-            from: Day(from),
-        }],
-        ..settings()
-    }
+    FullSettings { repaired: vec![Repair { joint: REPAIRED + 1, from: Day(from) }], ..settings() }
 }
 
 #[test]
@@ -189,9 +160,8 @@ fn sessions_before_a_repair_say_nothing_of_the_joint_and_what_they_know_of_the_o
         let arm = measured.arm.clone();
         let poses = measured.poses(300);
         let latest = seen[BEFORE * STATIONS..].iter();
-        let latest: Vec<Observation> = latest
-            .map(|own| of_session(own, own.session - BEFORE))
-            .collect();
+        let latest: Vec<Observation> =
+            latest.map(|own| of_session(own, own.session - BEFORE)).collect();
         let told = trained(&arm, &seen, &start, &with_repair());
         let untold = trained(&arm, &seen, &start, &settings());
         let alone = trained(&arm, &latest, &start, &settings());
@@ -224,19 +194,14 @@ fn a_pool_with_a_repair_predicts_the_same_when_it_is_read_back() {
     let (measured, seen) = repaired_arm(30, 7);
     let start = frames(&measured.arm, &seen[..30]);
     let model = trained(&measured.arm, &seen, &start, &with_repair());
-    let names: Vec<String> = (0..BEFORE + AFTER)
-        .map(|day| format!("day-{day}"))
-        .collect();
+    let names: Vec<String> = (0..BEFORE + AFTER).map(|day| format!("day-{day}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let text = serde_json::to_string(&model.saved(&measured.arm, &names)).expect("text");
     let saved = posegrid::fit::full::saved::SavedFull::read(&text).expect("its own text");
     let again = FullModel::from_saved(&saved).expect("its own model");
     for own in seen.iter().step_by(7) {
         for of_session in [true, false] {
-            let query = Query {
-                own: of_session,
-                ..Query::of(own)
-            };
+            let query = Query { own: of_session, ..Query::of(own) };
             let apart = (model.position(&query) - again.position(&query)).norm();
             assert!(apart < 1e-9, "{apart}");
             // The fast way and the one of rows are one.
@@ -251,13 +216,8 @@ fn tabled(folder: &Path, seen: &[Observation], repaired: &str) {
     let mut table = String::from("session,t,q1,q2,q3,q4,q5,q6,x,y,z\n");
     for own in seen {
         let (day, minute) = (own.session + 1, own.station);
-        write!(
-            table,
-            "day-{day},2026-03-{day:02}T{:02}:{:02}:00Z",
-            8 + minute / 60,
-            minute % 60
-        )
-        .expect("text");
+        write!(table, "day-{day},2026-03-{day:02}T{:02}:{:02}:00Z", 8 + minute / 60, minute % 60)
+            .expect("text");
         for angle in &own.axes {
             write!(table, ",{angle}").expect("text");
         }
@@ -337,9 +297,7 @@ fn judged_mm(folder: &Path, session: &str) -> f64 {
             && is(row, "model", "full")
             && is(row, "base_refit", "chosen")
     });
-    let errors: Vec<f64> = rows
-        .map(|row| residuals.f64("residual_mm").value(row))
-        .collect();
+    let errors: Vec<f64> = rows.map(|row| residuals.f64("residual_mm").value(row)).collect();
     assert!(errors.len() > 50, "{} errors", errors.len());
     errors.iter().sum::<f64>() / errors.len() as f64
 }
@@ -358,11 +316,7 @@ fn a_session_that_only_judges_has_the_target_of_the_latest_that_trained() {
     let sessions = "sessions = [\"day-1\", \"day-2\"]\ntest = [\"day-3\"]\npool = \"all\"";
     std::fs::write(&file, text.replace("pool = \"all\"", sessions)).expect("a pipeline file");
     let output = run(folder);
-    assert!(
-        matches!(output.status.code(), Some(0 | 3)),
-        "{}",
-        stderr(&output)
-    );
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", stderr(&output));
     // The target of the first session is 1.9 mm away.
     let error = judged_mm(folder, "day-3");
     assert!(error < 0.15, "{error} mm");
@@ -393,20 +347,13 @@ fn a_repair_that_the_pipeline_file_states_lets_a_pool_go_on() {
     };
     tabled(folder.path(), &seen, &repair(3, "2026-03-07"));
     let told = run(folder.path());
-    assert!(
-        matches!(told.status.code(), Some(0 | 3)),
-        "{}",
-        stderr(&told)
-    );
+    assert!(matches!(told.status.code(), Some(0 | 3)), "{}", stderr(&told));
     assert!(
         stderr(&told).contains("joint 3 was repaired on 2026-03-07 00:00:00: of it day-1, day-2"),
         "{}",
         stderr(&told)
     );
-    let verified = posegrid(
-        folder.path(),
-        &["verify", "lake", "--pipeline", "pool.toml"],
-    );
+    let verified = posegrid(folder.path(), &["verify", "lake", "--pipeline", "pool.toml"]);
     assert!(verified.status.success(), "{}", stderr(&verified));
 
     println!("{}", String::from_utf8_lossy(&told.stdout));
@@ -415,13 +362,7 @@ fn a_repair_that_the_pipeline_file_states_lets_a_pool_go_on() {
     let judging = ("pool = \"all\"", "test = [\"day-2\"]");
     let undated = ("time = { column = \"t\", unit = \"iso8601\" }", "");
     for (joint, from, (old, new), code, wanted) in [
-        (
-            7,
-            "2026-03-07",
-            ("", ""),
-            2,
-            "joint = 7, but it has to be 1 to 6",
-        ),
+        (7, "2026-03-07", ("", ""), 2, "joint = 7, but it has to be 1 to 6"),
         (3, "7 March", ("", ""), 2, "write \"2026-05-14\""),
         (3, "2026-03-07", judging, 1, "session day-2 judges the arm"),
         (3, "2026-03-07", undated, 1, "session day-1 has no date"),
@@ -479,10 +420,7 @@ fn a_session_of_another_arm_is_left_out_of_those_after_it_and_not_found_again_ea
     let done = run(folder.path());
     let told = stderr(&done);
     assert_eq!(done.status.code(), Some(1), "{told}");
-    assert!(
-        told.contains("session day-4 does not fit the arm"),
-        "{told}"
-    );
+    assert!(told.contains("session day-4 does not fit the arm"), "{told}");
     assert!(told.contains("going on without day-4"), "{told}");
     let foreign = folder.path().join("lake/estimates/arm/day-4");
     assert_eq!(std::fs::read_dir(foreign).map_or(0, Iterator::count), 0);
@@ -501,20 +439,14 @@ fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
     const SESSIONS: usize = 5;
     const STATIONS: usize = 60;
     let mut measured = MeasuredArm::new(STEADY, 13);
-    let seen: Vec<Observation> = (0..SESSIONS)
-        .flat_map(|_| measured.session(STATIONS))
-        .collect();
+    let seen: Vec<Observation> = (0..SESSIONS).flat_map(|_| measured.session(STATIONS)).collect();
     let growing = |folder: &Path, sessions: usize, mm: &str| {
         tabled_growing(folder, &seen[..sessions * STATIONS], mm);
     };
     let at_once = tempfile::tempdir().expect("a temporary folder");
     growing(at_once.path(), SESSIONS, "mm = 0.5");
     let done = run(at_once.path());
-    assert!(
-        matches!(done.status.code(), Some(0 | 3)),
-        "{}",
-        stderr(&done)
-    );
+    assert!(matches!(done.status.code(), Some(0 | 3)), "{}", stderr(&done));
     // Night by night, the third time without what was kept, the last time with a tolerance before it.
     let nightly = tempfile::tempdir().expect("a temporary folder");
     for sessions in 2..=SESSIONS {
@@ -524,24 +456,16 @@ fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
             std::fs::remove_dir_all(kept).expect("a folder of the lake");
         }
         let done = run(nightly.path());
-        assert!(
-            matches!(done.status.code(), Some(0 | 3)),
-            "{}",
-            stderr(&done)
-        );
+        assert!(matches!(done.status.code(), Some(0 | 3)), "{}", stderr(&done));
         let learnt_again = stderr(&done).contains("is learnt for it");
         assert_eq!(learnt_again, sessions == 4, "{sessions}: {}", stderr(&done));
     }
     let (wanted, found) = (results(at_once.path()), results(nightly.path()));
-    let same: Vec<&String> = wanted
-        .keys()
-        .filter(|own| found.get(*own) == wanted.get(*own))
-        .collect();
+    let same: Vec<&String> =
+        wanted.keys().filter(|own| found.get(*own) == wanted.get(*own)).collect();
     // The table of stations has other rows each night, so runs of earlier nights state another digest of it; the last night's is that of all.
     // Requests have the time of their run.
-    let last = wanted
-        .keys()
-        .filter(|own| own.contains("/day-5/") && !own.contains("/asked/"));
+    let last = wanted.keys().filter(|own| own.contains("/day-5/") && !own.contains("/asked/"));
     for own in last {
         assert!(same.contains(&own), "{own}");
     }
@@ -552,18 +476,11 @@ fn a_pool_that_grows_night_by_night_is_the_one_that_is_learnt_at_once() {
     growing(nightly.path(), SESSIONS, "mm = 0.4");
     std::fs::remove_file(nightly.path().join("measured/stations.csv")).expect("a file");
     let other = posegrid(nightly.path(), &["run", "pool.toml", "--from", "estimate"]);
-    assert!(
-        matches!(other.status.code(), Some(0 | 3)),
-        "{}",
-        stderr(&other)
-    );
+    assert!(matches!(other.status.code(), Some(0 | 3)), "{}", stderr(&other));
     for told in ["is learnt for it", "trained again"] {
         assert!(!stderr(&other).contains(told), "{}", stderr(&other));
     }
-    let verified = posegrid(
-        at_once.path(),
-        &["verify", "lake", "--pipeline", "pool.toml"],
-    );
+    let verified = posegrid(at_once.path(), &["verify", "lake", "--pipeline", "pool.toml"]);
     assert!(verified.status.success(), "{}", stderr(&verified));
     println!("{}", String::from_utf8_lossy(&verified.stdout));
 }

@@ -15,17 +15,10 @@ use posegrid::kinematics::Arm;
 use posegrid::report::refit::{Placed, refit};
 
 /// Where the target sits at the flange, roughly: one tool orientation does not show it.
-const TARGET: KnownTarget = KnownTarget {
-    xyz_mm: [-0.2, 0.2, 92.8],
-    sd_mm: 1.0,
-};
+const TARGET: KnownTarget = KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 };
 
 fn settings(orientations: bool) -> FitSettings {
-    FitSettings {
-        orientations,
-        target: Some(TARGET),
-        ..FitSettings::default()
-    }
+    FitSettings { orientations, target: Some(TARGET), ..FitSettings::default() }
 }
 
 fn with_orientations() -> Noise {
@@ -38,10 +31,7 @@ fn with_orientations() -> Noise {
 /// Sessions as one pool, numbered in their order.
 fn pool(sessions: &[&[Observation]]) -> Vec<Observation> {
     let numbered = |(session, own): (usize, &&[Observation])| {
-        let of = move |o: &Observation| Observation {
-            session,
-            ..o.clone()
-        };
+        let of = move |o: &Observation| Observation { session, ..o.clone() };
         own.iter().map(of).collect::<Vec<_>>()
     };
     sessions.iter().enumerate().flat_map(numbered).collect()
@@ -79,10 +69,8 @@ fn even_stations_of_two_sessions_predict_odd_ones() {
     let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
-    let (even, odd): (Vec<_>, Vec<_>) = pool(&[&a, &b])
-        .into_iter()
-        .enumerate()
-        .partition(|(place, _)| place % 2 == 0);
+    let (even, odd): (Vec<_>, Vec<_>) =
+        pool(&[&a, &b]).into_iter().enumerate().partition(|(place, _)| place % 2 == 0);
     let stations = |half: Vec<(usize, Observation)>| half.into_iter().map(|(_, o)| o).collect();
     let (even, odd): (Vec<_>, Vec<_>) = (stations(even), stations(odd));
     let found = own_session(&trained(&arm, &even, 2, &settings(false)), &odd);
@@ -101,10 +89,9 @@ fn is_held_out(place: &Point3<f64>) -> bool {
 #[test]
 fn blocks_of_the_grid_that_were_held_out_are_predicted() {
     let arm = common::arm("ur10");
-    let (Some(grid), Some(truth)) = (
-        observed("ur10-grid", &arm, &with_orientations()),
-        common::truth_stations("ur10-grid"),
-    ) else {
+    let (Some(grid), Some(truth)) =
+        (observed("ur10-grid", &arm, &with_orientations()), common::truth_stations("ur10-grid"))
+    else {
         return;
     };
     let place = |o: &Observation| {

@@ -77,10 +77,7 @@ fn day(seed: u64, count: usize, realistic: bool) -> SimulateSettings {
         settings.joints = JointErrors::none();
         settings.gravity.sag_rad = 0.0;
         settings.cell.base_drift_mm = 0.0;
-        settings.geometry = GeometryErrors {
-            length_sd_mm: 0.4,
-            angle_sd_rad: 3e-4,
-        };
+        settings.geometry = GeometryErrors { length_sd_mm: 0.4, angle_sd_rad: 3e-4 };
     }
     settings
 }
@@ -99,12 +96,7 @@ impl Normal {
 }
 
 fn reading(of: &Reading, target: usize, value: &Value) -> Reading {
-    Reading {
-        source: SourceId::ONLY,
-        target: TargetId(target),
-        value: *value,
-        ..of.clone()
-    }
+    Reading { source: SourceId::ONLY, target: TargetId(target), value: *value, ..of.clone() }
 }
 
 fn point(position: Point3<f64>) -> MeanPoint {
@@ -165,9 +157,7 @@ fn reflectors(
             reading(&own, target, &Value::Point(point(position)))
         };
         let all: Vec<Reading> = (0..3).map(seen).collect();
-        let kept = all
-            .into_iter()
-            .filter(|own| is_there(station, own.target.0));
+        let kept = all.into_iter().filter(|own| is_there(station, own.target.0));
         station.readings = kept.collect();
     }
     session
@@ -197,10 +187,7 @@ fn three_reflectors_find_the_parameters_that_a_6_dof_target_finds() {
     let arm = common::arm("kr210-r2700-extra");
     let simulated = simulated(&arm, 150, false);
     let truth = common::joined("monday", &arm, &simulated.recording, tool());
-    let three = identified(
-        &arm,
-        &observed(&arm, &reflectors(&truth, |_, _| true), false),
-    );
+    let three = identified(&arm, &observed(&arm, &reflectors(&truth, |_, _| true), false));
     let six = identified(&arm, &observed(&arm, &six_dof(&truth), true));
     // Each model leaves what was read: the noise.
     assert!(three.misfit_mm < 1.5 * NOISE_MM, "{} mm", three.misfit_mm);
@@ -244,10 +231,7 @@ fn settings(simulated: &Simulated, six_dof: bool) -> StageSettings {
             target_names: ["tool", "b", "c"].map(str::to_owned).to_vec(),
             ..FitSettings::default()
         },
-        full: FullSettings {
-            harmonics: 8,
-            ..FullSettings::default()
-        },
+        full: FullSettings { harmonics: 8, ..FullSettings::default() },
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
@@ -259,11 +243,7 @@ fn settings(simulated: &Simulated, six_dof: bool) -> StageSettings {
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: common::one_step(250.0),
-        tolerance: Tolerance {
-            mm: 1.0,
-            share: 0.95,
-            confidence: 0.95,
-        },
+        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
         locate: Locate::default(),
         leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
@@ -304,10 +284,7 @@ fn a_session_of_three_reflectors_has_figures_of_the_tip_like_one_of_a_6_dof_targ
     let three = reflectors(&truth, some_missing);
     let by_three = settings(&simulated, false);
     let outcome_of = |session, test, settings| outcome(&arm, session, test, settings);
-    let mut tuesday = JoinedSession {
-        name: "tuesday".to_owned(),
-        ..three.clone()
-    };
+    let mut tuesday = JoinedSession { name: "tuesday".to_owned(), ..three.clone() };
     // A picoradian apart: stations that are the same to the last bit would be refused as copies.
     for station in &mut tuesday.joined.stations {
         station.joints.iter_mut().for_each(|q| *q += 1e-12);
@@ -348,30 +325,14 @@ fn a_session_of_three_reflectors_has_figures_of_the_tip_like_one_of_a_6_dof_targ
         *by_target.entry(target).or_default() += 1;
     }
     assert_eq!(by_target.keys().collect::<Vec<_>>(), ["b", "c", "tool"]);
-    let figure = of(
-        &found.accuracy,
-        Model::Full,
-        Angles::Weighted,
-        Split::Blocks,
-    );
+    let figure = of(&found.accuracy, Model::Full, Angles::Weighted, Split::Blocks);
     assert_eq!(figure.figures.expect("figures").n, readings);
     // Test sessions are judged too: their base by twelve chosen stations, not readings.
-    let unseen = of(
-        &found.accuracy,
-        Model::Full,
-        Angles::Weighted,
-        Split::Session,
-    );
+    let unseen = of(&found.accuracy, Model::Full, Angles::Weighted, Split::Session);
     assert!(unseen.figures.expect("figures").mean < 0.2, "{unseen:?}");
-    let finders: Vec<usize> = found
-        .accuracy
-        .iter()
-        .filter_map(|own| Some(own.finders?.stations))
-        .collect();
-    assert!(
-        !finders.is_empty() && finders.iter().all(|stations| *stations == 12),
-        "{finders:?}"
-    );
+    let finders: Vec<usize> =
+        found.accuracy.iter().filter_map(|own| Some(own.finders?.stations)).collect();
+    assert!(!finders.is_empty() && finders.iter().all(|stations| *stations == 12), "{finders:?}");
 
     // The tip: as with a 6-DoF target, and not at all with one reflector.
     let by_six = settings(&simulated, true);
@@ -389,16 +350,9 @@ fn a_session_of_three_reflectors_has_figures_of_the_tip_like_one_of_a_6_dof_targ
             "{model:?} at the tip: {:.4} mm (n {}) and {:.4} mm (n {})",
             a.mean, a.n, b.mean, b.n
         );
-        assert!(
-            (a.mean - b.mean).abs() < 0.02 + 0.1 * b.mean,
-            "{model:?}: {a:?} {b:?}"
-        );
+        assert!((a.mean - b.mean).abs() < 0.02 + 0.1 * b.mean, "{model:?}: {a:?} {b:?}");
     }
-    let one = outcome_of(
-        reflectors(&truth, |_, target| target == 0),
-        vec![],
-        &by_three,
-    );
+    let one = outcome_of(reflectors(&truth, |_, target| target == 0), vec![], &by_three);
     let tip = of(&one.at_tip, Model::Full, Angles::Weighted, Split::Blocks);
     assert!(tip.figures.is_none(), "{tip:?}");
 }
@@ -428,11 +382,7 @@ fn readings_under_other_names_are_named_and_not_fitted() {
     };
     three.joined.counts.kept = samples as u64;
     three.joined.counts.unpaired = 0;
-    let mut paired = three
-        .joined
-        .stations
-        .iter_mut()
-        .filter(|own| own.measured().len() == 3);
+    let mut paired = three.joined.stations.iter_mut().filter(|own| own.measured().len() == 3);
     let mut next = || paired.next().expect("stations enough");
     // All three read, two swapped; two read, swapped: their distance says nothing; one read under another name.
     let (both, pair, single, far) = (next(), next(), next(), next());
@@ -462,33 +412,17 @@ fn readings_under_other_names_are_named_and_not_fitted() {
             "{station:?}"
         );
     }
-    let said: Vec<&str> = session
-        .joined
-        .rejects
-        .iter()
-        .map(|own| &*own.reason)
-        .collect();
-    let of = |number: usize| {
-        said.iter()
-            .filter(move |own| own.contains(&format!("station {number} ")))
-    };
+    let said: Vec<&str> = session.joined.rejects.iter().map(|own| &*own.reason).collect();
+    let of =
+        |number: usize| said.iter().filter(move |own| own.contains(&format!("station {number} ")));
     assert_eq!((of(wrong[0]).count(), of(wrong[1]).count()), (3, 2));
     let first = of(wrong[0]).next().expect("a reason");
-    assert!(
-        first.contains("what is named tool is b, what is named b is tool"),
-        "{first}"
-    );
-    assert!(
-        first.contains("as named") && first.contains("next best"),
-        "{first}"
-    );
+    assert!(first.contains("what is named tool is b, what is named b is tool"), "{first}");
+    assert!(first.contains("as named") && first.contains("next best"), "{first}");
     let third = of(wrong[2]).next().expect("a reason");
     assert!(third.contains("what is named c is tool"), "{third}");
     let away = of(far).next().expect("a reason");
-    assert!(
-        of(far).count() == 1 && away.starts_with("wrong target"),
-        "{away}"
-    );
+    assert!(of(far).count() == 1 && away.starts_with("wrong target"), "{away}");
     // In = kept + rejected, and the others of that station are kept.
     let counts = &session.joined.counts;
     assert_eq!(counts.kept + counts.unpaired, total);
@@ -499,22 +433,12 @@ fn readings_under_other_names_are_named_and_not_fitted() {
     let kept = kept.expect("residuals").residuals.iter();
     assert_eq!(kept.filter(|own| own.station == far).count(), 2);
     let mean = of_model(&found);
-    let sound = of_model(&outcome(
-        &arm,
-        reflectors(&truth, |_, _| true),
-        vec![],
-        &settings,
-    ));
+    let sound = of_model(&outcome(&arm, reflectors(&truth, |_, _| true), vec![], &settings));
     assert!((mean - sound).abs() < 0.02, "{mean} and {sound} mm");
 }
 
 fn of_model(outcome: &Outcome<'_>) -> f64 {
-    let figure = of(
-        &outcome.accuracy,
-        Model::Full,
-        Angles::Weighted,
-        Split::Blocks,
-    );
+    let figure = of(&outcome.accuracy, Model::Full, Angles::Weighted, Split::Blocks);
     figure.figures.expect("figures").mean
 }
 
@@ -524,10 +448,7 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     let simulated = simulated(&arm, 60, true);
     let truth = common::joined("monday", &arm, &simulated.recording, tool());
     let sound = reflectors(&truth, |_, _| true);
-    let mut swapped = JoinedSession {
-        name: "tuesday".to_owned(),
-        ..sound.clone()
-    };
+    let mut swapped = JoinedSession { name: "tuesday".to_owned(), ..sound.clone() };
     for station in &mut swapped.joined.stations {
         swap(station, [1, 2]);
     }
@@ -540,23 +461,14 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     // Beside another session, and alone beside stated places.
     let said = refused(vec![sound.clone(), swapped.clone()], &settings);
     println!("{said}");
-    assert!(
-        said.contains("session tuesday") && said.contains("what is named b is c"),
-        "{said}"
-    );
+    assert!(said.contains("session tuesday") && said.contains("what is named b is c"), "{said}");
     for (name, place) in ["tool", "b", "c"].into_iter().zip(PLACES) {
         let at = Vector3::from(TOOL_MM) + Vector3::from(place);
-        let known = KnownTarget {
-            xyz_mm: at.into(),
-            sd_mm: 0.5,
-        };
+        let known = KnownTarget { xyz_mm: at.into(), sd_mm: 0.5 };
         settings.fit.targets.insert(name.to_owned(), known);
     }
     let said = refused(vec![swapped], &settings);
-    assert!(
-        said.contains("[fit.targets]") && said.contains("mm as named"),
-        "{said}"
-    );
+    assert!(said.contains("[fit.targets]") && said.contains("mm as named"), "{said}");
     let run = stages::run(&arm, vec![sound], vec![], &settings, &Quiet);
     assert!(run.is_ok(), "{:?}", run.map(|_| ()));
 }
@@ -566,9 +478,7 @@ fn learnt(arm: &Arm, simulated: &Simulated, found: Outcome<'_>) -> IdentifiedArm
     let stations = &found.training[0].joined.stations;
     let measured = (0..6).map(|joint| {
         let angles = stations.iter().map(|station| station.joints[joint]);
-        angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| {
-            [low.min(q), high.max(q)]
-        })
+        angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(q), high.max(q)])
     });
     let (_, base_target) = &found.calibrations[0];
     let full = found.full.expect("a full error model");
@@ -607,11 +517,7 @@ fn left(arm: &Arm, identified: &IdentifiedArm, corrected: &[Corrected], after: b
     let errors = ArmErrors::draw(arm, &day);
     let joints = |own: &Corrected| {
         let joints = own.joints.as_ref().expect("joint angles");
-        if after {
-            joints.command.clone()
-        } else {
-            joints.target.clone()
-        }
+        if after { joints.command.clone() } else { joints.target.clone() }
     };
     let commands: Vec<Commanded> = corrected
         .iter()
@@ -636,11 +542,7 @@ fn left(arm: &Arm, identified: &IdentifiedArm, corrected: &[Corrected], after: b
     assert!(n > 20.0, "{n} targets");
     let mean = turns.iter().sum::<Vector3<f64>>() / n;
     let of = |constant: Vector3<f64>| {
-        1e3 * turns
-            .iter()
-            .map(|turn| (turn - constant).norm())
-            .sum::<f64>()
-            / n
+        1e3 * turns.iter().map(|turn| (turn - constant).norm()).sum::<f64>() / n
     };
     Left {
         turned: of(Vector3::zeros()),
@@ -687,10 +589,7 @@ fn an_arm_learnt_from_three_reflectors_corrects_orientations_too() {
     let mut stated = settings.clone();
     for (name, place) in ["tool", "b", "c"].into_iter().zip(PLACES) {
         let at = Vector3::from(TOOL_MM) + Vector3::from(place);
-        let known = KnownTarget {
-            xyz_mm: at.into(),
-            sd_mm: 0.02,
-        };
+        let known = KnownTarget { xyz_mm: at.into(), sd_mm: 0.02 };
         stated.fit.targets.insert(name.to_owned(), known);
     }
     let identified = learnt(&arm, &simulated, outcome(&arm, three, vec![], &stated));
@@ -699,17 +598,9 @@ fn an_arm_learnt_from_three_reflectors_corrects_orientations_too() {
     assert!(known.turned < 0.5 * before.turned, "{known:?}");
 
     // With one reflector orientations are commanded as they are.
-    let one = outcome(
-        &arm,
-        reflectors(&truth, |_, target| target == 0),
-        vec![],
-        &settings,
-    );
+    let one = outcome(&arm, reflectors(&truth, |_, target| target == 0), vec![], &settings);
     let (_, base_target) = &one.calibrations[0];
-    assert_eq!(
-        turn_behind(&base_target.frames[0], &base_target.frames[0]),
-        None
-    );
+    assert_eq!(turn_behind(&base_target.frames[0], &base_target.frames[0]), None);
 }
 
 /// Three reflectors as a tracker's log has them, each message naming its own; joined.
@@ -722,11 +613,8 @@ fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> 
     let (nothing, recording) = (BTreeMap::new(), &simulated.recording);
     write_controller_log(create(&controller), recording, &joints, &nothing).expect("room");
     let names = ["T1", "T2", "T3"];
-    let named: Vec<(String, TargetReadings)> = names
-        .iter()
-        .map(|name| (*name).to_owned())
-        .zip(readings)
-        .collect();
+    let named: Vec<(String, TargetReadings)> =
+        names.iter().map(|name| (*name).to_owned()).zip(readings).collect();
     let log = TrackerLog {
         readings: &recording.readings,
         targets: &named,
@@ -754,10 +642,7 @@ fn from_log(arm: &Arm, simulated: &Simulated, readings: Vec<TargetReadings>) -> 
 /// Asserts that every reading of a log is kept or rejected.
 fn assert_balanced(joined: &Joined, read: u64) {
     let c = joined.counts;
-    assert_eq!(
-        read,
-        c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing
-    );
+    assert_eq!(read, c.kept + c.settling + c.outlier + c.moving + c.unpaired + c.missing);
     let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
     assert_eq!(read, c.kept + rejected);
 }
@@ -802,10 +687,7 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
     assert_balanced(&joined, kept);
     let (largest, counts) = beside_table(&joined, &table);
     println!("at once: {largest:.4} mm from the table, {counts:?} readings");
-    assert!(
-        largest < 0.02 && counts[0] >= counts[1] - 3,
-        "{largest} {counts:?}"
-    );
+    assert!(largest < 0.02 && counts[0] >= counts[1] - 3, "{largest} {counts:?}");
 
     // One after another: each reflector for a third of the dwell; nothing while the arm moves.
     let clocks = &simulated.truth.settings.clocks;
@@ -816,9 +698,7 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
     };
     let third = |stamp: Stamp<Tracker>| {
         let stations = &simulated.truth.stations;
-        let own = stations
-            .iter()
-            .find(|own| clock.to_tracker(own.end) >= stamp)?;
+        let own = stations.iter().find(|own| clock.to_tracker(own.end) >= stamp)?;
         let (start, end) = (clock.to_tracker(own.start), clock.to_tracker(own.end));
         let share = stamp.since_ns(start) as f64 / end.since_ns(start) as f64;
         (share >= 0.0).then_some(share * 3.0)
@@ -829,11 +709,7 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
             third(**stamp).is_some_and(|third| third > target + 0.1 && third < target + 0.9)
         });
         let (stamps, positions) = kept.map(|(stamp, position)| (*stamp, *position)).unzip();
-        TargetReadings {
-            stamps,
-            positions,
-            ..TargetReadings::default()
-        }
+        TargetReadings { stamps, positions, ..TargetReadings::default() }
     });
     let (joined, kept) = from_log(&arm, &simulated, one_by_one.collect());
     let rejected: u64 = joined.rejects.iter().map(|own| own.readings).sum();
@@ -843,10 +719,7 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
         "one by one: {largest:.4} mm from the table, {counts:?} readings, {}",
         joined.clock.method
     );
-    assert!(
-        largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
-        "{largest} {counts:?}"
-    );
+    assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
 }
 
 /// The same readings as one topic of points that do not name their reflector; joined by geometry, with places stated to half a
@@ -862,10 +735,7 @@ fn from_unnamed_log(
     let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
     let joints: Vec<&str> = arm.joints().iter().map(|own| own.name.as_str()).collect();
     let nothing = BTreeMap::new();
-    let recording = Recording {
-        readings: without_names(readings),
-        ..simulated.recording.clone()
-    };
+    let recording = Recording { readings: without_names(readings), ..simulated.recording.clone() };
     write_controller_log(create(&controller), &recording, &joints, &nothing).expect("room");
     write_tracker_log(create(&tracker), &recording, &nothing).expect("room");
     let mut mapping = common::mapping(arm);
@@ -901,10 +771,7 @@ fn reflectors_that_a_log_does_not_name_are_those_of_the_table_of_the_same_sessio
         let (largest, counts) = beside_table(&joined, &table);
         println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
         // A reading under another name would be more than 100 mm off.
-        assert!(
-            largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
-            "{largest} {counts:?}"
-        );
+        assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
         let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
         assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
     }
@@ -958,10 +825,7 @@ fn reflectors_that_a_log_shows_at_once_are_those_of_the_table_of_the_same_sessio
         let (largest, counts) = beside_table(&joined, &table);
         println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
         // A reading under another name would be more than 100 mm off.
-        assert!(
-            largest < 0.1 && 10 * counts[0] >= 9 * counts[1],
-            "{largest} {counts:?}"
-        );
+        assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
         let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
         assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
     }

@@ -26,14 +26,8 @@ const MAY_USE: &[(&str, &str)] = &[
     ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join kinematics units"),
     ("simulate", "geometry ingest join kinematics units"),
-    (
-        "plan",
-        "figures fit geometry grid ingest join kinematics linalg progress report simulate",
-    ),
-    (
-        "history",
-        "compensation figures fit kinematics report units",
-    ),
+    ("plan", "figures fit geometry grid ingest join kinematics linalg progress report simulate"),
+    ("history", "compensation figures fit kinematics report units"),
     ("benchmark", "figures geometry report"),
     // What reads and writes.
     ("manifest", ""),
@@ -41,10 +35,7 @@ const MAY_USE: &[(&str, &str)] = &[
         "io",
         "benchmark compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
     ),
-    (
-        "page",
-        "benchmark figures fit grid io manifest plan report similarity units",
-    ),
+    ("page", "benchmark figures fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
@@ -59,11 +50,7 @@ const MAY_USE: &[(&str, &str)] = &[
 
 /// Modules of one room that use each other in a circle, and why they stay so.
 const CIRCLES: &[(&str, &[&str], &str)] = &[
-    (
-        "cli",
-        &["messages", "progress"],
-        "a message stops the bars, a bar is drawn between messages",
-    ),
+    ("cli", &["messages", "progress"], "a message stops the bars, a bar is drawn between messages"),
     (
         "compensation",
         &["identified", "pose"],
@@ -89,11 +76,7 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["compare", "estimate", "hypotheses"],
         "one comparison in three steps, each with the types of the next",
     ),
-    (
-        "io",
-        &["input", "log", "table"],
-        "inputs are bounded by what logs and tables take",
-    ),
+    ("io", &["input", "log", "table"], "inputs are bounded by what logs and tables take"),
     (
         "io",
         &["common", "lake", "store", "tables"],
@@ -102,14 +85,7 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "join",
-        &[
-            "average",
-            "clock",
-            "dwell",
-            "pattern",
-            "readings",
-            "stationary",
-        ],
+        &["average", "clock", "dwell", "pattern", "readings", "stationary"],
         "dwells, their patterns and readings share their types",
     ),
     (
@@ -141,20 +117,14 @@ fn modules_use_what_their_ring_may_use() {
         let may: BTreeSet<String> = may.split_whitespace().map(str::to_owned).collect();
         let does = found.remove(*room).unwrap_or_default();
         let more: Vec<_> = does.difference(&may).collect();
-        assert!(
-            more.is_empty(),
-            "`{room}` uses {more:?}, which its ring may not use"
-        );
+        assert!(more.is_empty(), "`{room}` uses {more:?}, which its ring may not use");
         let less: Vec<_> = may.difference(&does).collect();
         assert!(
             less.is_empty(),
             "`{room}` does not use {less:?} any more: take them from the table"
         );
     }
-    assert!(
-        found.is_empty(),
-        "modules that the table does not know: {found:?}"
-    );
+    assert!(found.is_empty(), "modules that the table does not know: {found:?}");
 }
 
 #[test]
@@ -171,17 +141,12 @@ fn circles_inside_a_room_are_named_with_a_reason() {
             edges.insert((inner.clone(), used.clone()));
         }
     }
-    let circles = of_rooms.iter().flat_map(|(room, edges)| {
-        circles(edges)
-            .into_iter()
-            .map(|circle| (room.clone(), circle))
-    });
+    let circles = of_rooms
+        .iter()
+        .flat_map(|(room, edges)| circles(edges).into_iter().map(|circle| (room.clone(), circle)));
     let found: BTreeSet<(String, Vec<String>)> = circles.collect();
     let named = CIRCLES.iter().map(|(room, circle, _)| {
-        (
-            room.to_string(),
-            circle.iter().map(ToString::to_string).collect(),
-        )
+        (room.to_string(), circle.iter().map(ToString::to_string).collect())
     });
     assert_eq!(found, named.collect());
 }
@@ -192,26 +157,18 @@ fn circles(edges: &BTreeSet<(String, String)>) -> BTreeSet<Vec<String>> {
         let mut seen = BTreeSet::new();
         let mut next = vec![from];
         while let Some(module) = next.pop() {
-            let used = edges
-                .iter()
-                .filter(|(user, _)| user == module)
-                .map(|(_, used)| used);
+            let used = edges.iter().filter(|(user, _)| user == module).map(|(_, used)| used);
             next.extend(used.filter(|used| seen.insert((*used).clone())));
         }
         seen
     };
-    let of: BTreeMap<&String, BTreeSet<String>> = edges
-        .iter()
-        .map(|(from, _)| (from, reached(from)))
-        .collect();
+    let of: BTreeMap<&String, BTreeSet<String>> =
+        edges.iter().map(|(from, _)| (from, reached(from))).collect();
     let together = |from: &String| -> Vec<String> {
         let back = |to: &&String| of.get(to).is_some_and(|reached| reached.contains(from));
         of[from].iter().filter(back).cloned().collect()
     };
-    of.keys()
-        .map(|from| together(from))
-        .filter(|circle| circle.len() > 1)
-        .collect()
+    of.keys().map(|from| together(from)).filter(|circle| circle.len() > 1).collect()
 }
 
 /// Every path in `src` from a module to another place in the crate.
@@ -230,10 +187,7 @@ fn uses() -> Uses {
             }
         }
     }
-    assert!(
-        uses.len() > 1000,
-        "the source is not where the test looks for it"
-    );
+    assert!(uses.len() > 1000, "the source is not where the test looks for it");
     uses
 }
 
@@ -249,9 +203,7 @@ fn files() -> Vec<(Vec<String>, PathBuf)> {
                 folders.push(path);
             } else if path.extension().is_some_and(|end| end == "rs") {
                 let inside = path.strip_prefix(&root).expect("inside").with_extension("");
-                let names = inside
-                    .iter()
-                    .map(|name| name.to_string_lossy().into_owned());
+                let names = inside.iter().map(|name| name.to_string_lossy().into_owned());
                 found.push((names.collect::<Vec<_>>(), path));
             }
         }
@@ -269,9 +221,7 @@ fn modules() -> BTreeSet<Vec<String>> {
 /// The text without comments and without the tests at its end.
 fn production(text: &str) -> String {
     let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
-    let code = text
-        .lines()
-        .map(|line| line.split("//").next().unwrap_or_default());
+    let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     code.collect::<Vec<_>>().join("\n")
 }
 
@@ -286,9 +236,7 @@ struct Used {
 /// Paths that begin with `crate::` or `super::`; of a group in braces one for each of its members.
 fn paths(code: &str) -> Vec<Used> {
     let mut found = Vec::new();
-    let starts = code
-        .match_indices("crate::")
-        .chain(code.match_indices("super::"));
+    let starts = code.match_indices("crate::").chain(code.match_indices("super::"));
     for (start, word) in starts {
         let before = &code[..start];
         if before.ends_with("super::")
@@ -316,9 +264,7 @@ fn names(text: &str) -> Vec<Vec<String>> {
     let mut names = Vec::new();
     let mut rest = text;
     loop {
-        let end = rest
-            .find(|c: char| !(c.is_alphanumeric() || c == '_'))
-            .unwrap_or(rest.len());
+        let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
         if end > 0 {
             names.push(rest[..end].to_owned());
         }
@@ -343,17 +289,11 @@ fn names(text: &str) -> Vec<Vec<String>> {
         }
     }
     let first = |member: &String| {
-        let name = member
-            .trim()
-            .split(|c: char| !(c.is_alphanumeric() || c == '_'))
-            .next();
-        name.filter(|name| !name.is_empty() && *name != "self")
-            .map(str::to_owned)
+        let name = member.trim().split(|c: char| !(c.is_alphanumeric() || c == '_')).next();
+        name.filter(|name| !name.is_empty() && *name != "self").map(str::to_owned)
     };
     let ends = members.iter().filter_map(first);
-    let mut found: Vec<_> = ends
-        .map(|end| names.iter().cloned().chain([end]).collect())
-        .collect();
+    let mut found: Vec<_> = ends.map(|end| names.iter().cloned().chain([end]).collect()).collect();
     if found.is_empty() {
         found.push(names);
     }

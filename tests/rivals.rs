@@ -53,11 +53,7 @@ type Residuals = Vec<(Vector3<f64>, Option<Matrix3<f64>>)>;
 /// Residuals and their covariances, in the tracker's frame; `own` of a session that the model knows.
 fn residuals(model: &dyn PoseModel, test: &[Observation], own: bool) -> Residuals {
     let predict = |o: &Observation| {
-        let query = Query {
-            session: 0,
-            own,
-            ..Query::of(o)
-        };
+        let query = Query { session: 0, own, ..Query::of(o) };
         model.predict(&At::Joints(query)).expect("joint angles")
     };
     let predicted: Vec<_> = test.iter().map(predict).collect();
@@ -86,10 +82,7 @@ fn left(residuals: &Residuals) -> Left {
         Some(own.dot(&(covariance.as_ref()?.try_inverse()? * own)))
     };
     let distances: Vec<f64> = residuals.iter().filter_map(distance).collect();
-    let inside = distances
-        .iter()
-        .filter(|own| **own <= CHI_SQUARED_3_95)
-        .count();
+    let inside = distances.iter().filter(|own| **own <= CHI_SQUARED_3_95).count();
     let radius = |(_, covariance): &(_, Option<Matrix3<f64>>)| {
         Some(CHI_SQUARED_3_95.sqrt() * covariance.as_ref()?.determinant().powf(1.0 / 6.0))
     };
@@ -116,10 +109,7 @@ fn rivals(
     };
     let all: Vec<(&str, Option<Arc<dyn PoseModel>>)> = vec![
         ("kriging of all joints", on(Kriging::new(samples, &slides))),
-        (
-            "inverse distances, joints",
-            idw(Space::Joints(slides.clone())),
-        ),
+        ("inverse distances, joints", idw(Space::Joints(slides.clone()))),
         ("inverse distances, space", idw(Space::Position)),
         #[cfg(feature = "learned")]
         ("neural network", {
@@ -133,9 +123,7 @@ fn rivals(
             map.map(|map| Arc::new(Rival::new(Arc::clone(under), map)) as _)
         }),
     ];
-    let made = all
-        .into_iter()
-        .filter_map(|(name, model)| Some((name, model?)));
+    let made = all.into_iter().filter_map(|(name, model)| Some((name, model?)));
     made.collect()
 }
 
@@ -180,9 +168,7 @@ fn difference(own: &Residuals, other: &Residuals, test: &[Observation]) -> (f64,
     let blocks = Blocks::default().cells(&positions).into_iter();
     let blocks: Vec<[u64; 3]> = blocks.map(|block| block.map(f64::to_bits)).collect();
     let differences = own.iter().zip(other);
-    let differences: Vec<f64> = differences
-        .map(|((a, _), (b, _))| a.norm() - b.norm())
-        .collect();
+    let differences: Vec<f64> = differences.map(|((a, _), (b, _))| a.norm() - b.norm()).collect();
     clustered_mean(&differences, &blocks).expect("several blocks")
 }
 
@@ -203,10 +189,7 @@ fn rivals_learn_more_than_geometry_and_less_than_the_full_error_model() {
     assert!(full < kriging && kriging < geometry);
     for idw in [Model::IdwJoints, Model::IdwSpace] {
         let idw = mean(idw);
-        assert!(
-            kriging < idw,
-            "kriging {kriging:.4}, inverse distances {idw:.4} mm"
-        );
+        assert!(kriging < idw, "kriging {kriging:.4}, inverse distances {idw:.4} mm");
     }
 }
 
@@ -255,12 +238,7 @@ fn left_out_joint_ranges() {
             &|o: &Observation| own(o) > high - quarter,
         ] {
             let (test, train): (Vec<_>, Vec<_>) = a.iter().cloned().partition(is_out);
-            println!(
-                "joint {}: {} left out of {}",
-                joint + 1,
-                test.len(),
-                a.len()
-            );
+            println!("joint {}: {} left out of {}", joint + 1, test.len(), a.len());
             let models = models(&arm, &train, true);
             for &model in Model::ALL {
                 let Some(trained) = models.get(model) else {

@@ -57,11 +57,7 @@ fn settings() -> StageSettings {
         rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
-        full: FullSettings {
-            harmonics: 8,
-            gear_lines: false,
-            ..FullSettings::default()
-        },
+        full: FullSettings { harmonics: 8, gear_lines: false, ..FullSettings::default() },
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
@@ -69,16 +65,8 @@ fn settings() -> StageSettings {
         target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: common::one_step(100.0),
-        tolerance: Tolerance {
-            mm: 2.0,
-            share: 0.8,
-            confidence: 0.9,
-        },
-        locate: Locate {
-            by: LocateBy::First,
-            stations: Some(30),
-            target: LocateTarget::Known,
-        },
+        tolerance: Tolerance { mm: 2.0, share: 0.8, confidence: 0.9 },
+        locate: Locate { by: LocateBy::First, stations: Some(30), target: LocateTarget::Known },
         leave_sessions_out: false,
         tool_tip: None,
     }
@@ -122,9 +110,7 @@ fn a_tracker_that_is_wrong_by_a_thousandth_is_named_and_nothing_is_met() {
     let settings = settings();
     let sound = outcome(&arm, session(&arm, HOME_DEG, 3, 90, |_| ()), &settings);
     assert_eq!(sound.grids.choice.verdict, Verdict::Meets);
-    let [scale] = &sound.scales[..] else {
-        panic!("one session: {:?}", sound.scales)
-    };
+    let [scale] = &sound.scales[..] else { panic!("one session: {:?}", sound.scales) };
     let free = scale.free.expect("positive definite");
     println!("sound: {scale:?}");
     assert_eq!(scale.verdict(), ScaleVerdict::NotNamed, "{scale:?}");
@@ -138,24 +124,16 @@ fn a_tracker_that_is_wrong_by_a_thousandth_is_named_and_nothing_is_met() {
 
     let wrong = |s: &mut SimulateSettings| s.tracker.scale = 1e-3;
     let wrong = outcome(&arm, session(&arm, HOME_DEG, 3, 90, wrong), &settings);
-    let [scale] = &wrong.scales[..] else {
-        panic!("one session: {:?}", wrong.scales)
-    };
+    let [scale] = &wrong.scales[..] else { panic!("one session: {:?}", wrong.scales) };
     let found = scale.free.expect("positive definite");
     println!("wrong: {scale:?}");
     // The same lengths, and a thousandth more.
-    assert!(
-        (found.ppm - free.ppm - 1000.0).abs() < 60.0,
-        "{found:?} {free:?}"
-    );
+    assert!((found.ppm - free.ppm - 1000.0).abs() < 60.0, "{found:?} {free:?}");
     assert_eq!(scale.verdict(), ScaleVerdict::Named);
     let Verdict::NotShown(reason) = &wrong.grids.choice.verdict else {
         panic!("{:?}", wrong.grids.choice)
     };
-    assert!(
-        reason.contains("scale is wrong") && reason.contains("K warmer"),
-        "{reason}"
-    );
+    assert!(reason.contains("scale is wrong") && reason.contains("K warmer"), "{reason}");
     let met = |verdict: &Verdict| *verdict == Verdict::Meets;
     assert!(!wrong.accuracy.iter().any(|figure| met(&figure.verdict)));
     assert!(!wrong.grids.judged.iter().any(|row| met(&row.verdict)));
@@ -179,17 +157,12 @@ fn readings_that_repeat_to_the_bit_fail_nothing() {
     let arm = common::arm("kr210-r2700-extra");
     let mut twice = session(&arm, HOME_DEG, 5, 40, |_| ());
     let (stations, count) = (twice.joined.stations.clone(), twice.joined.stations.len());
-    twice
-        .joined
-        .stations
-        .extend(stations.into_iter().map(|mut again| {
-            again.number += count;
-            again
-        }));
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool()),
-    };
+    twice.joined.stations.extend(stations.into_iter().map(|mut again| {
+        again.number += count;
+        again
+    }));
+    let frames =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: Some(tool()) };
     twice.commanded = commanded(&twice.joined.stations, &arm, &frames);
     let settings = settings();
     let outcome = outcome(&arm, twice, &settings);
@@ -246,25 +219,17 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let model = trained(&arm, &pool, 3, &short());
     let part = model.parts.iter().find(|part| part.name == "session_scale");
     assert!(part.is_some_and(|part| part.kept), "{:?}", model.parts);
-    let scales: Vec<(f64, f64)> = (0..3)
-        .map(|session| model.session_scale(session).expect("the model has scales"))
-        .collect();
+    let scales: Vec<(f64, f64)> =
+        (0..3).map(|session| model.session_scale(session).expect("the model has scales")).collect();
     println!("{scales:?}");
-    assert!(
-        (scales[0].0 - scales[1].0 - 80e-6).abs() < 20e-6,
-        "{scales:?}"
-    );
+    assert!((scales[0].0 - scales[1].0 - 80e-6).abs() < 20e-6, "{scales:?}");
     assert!(scales[2].0.abs() < 25e-6, "{scales:?}");
 
     // A reading in a unit that is longer by h, about the middle of the session's stations: p(h) = m + (1 + h)(p − m).
     let own: Vec<&Observation> = pool.iter().filter(|o| o.session == 1).collect();
     let ends = own.iter().map(|o| model.position(&Query::of(o)).coords);
     let middle = ends.sum::<Vector3<f64>>() / own.len() as f64;
-    let column = model
-        .layout()
-        .columns(Block::Scale(1))
-        .expect("of session 1")
-        .start;
+    let column = model.layout().columns(Block::Scale(1)).expect("of session 1").start;
     for o in &own[..20] {
         let predicted = model.predict(&Query::of(o));
         let at = |h: f64| middle + (predicted.position.coords - middle) * (1.0 + h);
@@ -276,16 +241,10 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     }
 
     // A command is given some day: no session's scale is in it, and the spread of all is in its width.
-    let command = Query {
-        station: None,
-        ..Query::of(own[0])
-    };
+    let command = Query { station: None, ..Query::of(own[0]) };
     let predicted = model.predict(&command);
     assert!(predicted.rows.column(column).amax() == 0.0);
-    let spread = model
-        .any_scale_covariance(1, SourceId::ONLY, &predicted.position)
-        .trace()
-        .sqrt();
+    let spread = model.any_scale_covariance(1, SourceId::ONLY, &predicted.position).trace().sqrt();
     let expected = 50e-6 * (predicted.position.coords - middle).norm();
     assert!((spread - expected).abs() < 1e-3, "{spread} {expected}");
 }
@@ -344,10 +303,7 @@ fn the_real_recordings_have_scales_that_lengths_explain() {
         let model = trained(&arm, &own, 1, &FullSettings::default());
         let evidence = model.scale_evidence().expect("the model has scales");
         let free = evidence.free_scales(0.3).expect("positive definite")[0];
-        println!(
-            "{name}: {free:?}, detectable {:.0} ppm",
-            free.detectable_ppm()
-        );
+        println!("{name}: {free:?}, detectable {:.0} ppm", free.detectable_ppm());
         assert!(!free.is_named(), "{name}: {free:?}");
     }
 }

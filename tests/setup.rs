@@ -23,20 +23,8 @@ const ARMS: [(&str, [f64; 6]); 2] = [
 ];
 
 fn known_arms() -> Vec<KnownArm> {
-    let known = |name: &str| KnownArm {
-        file: format!("{name}.toml"),
-        arm: common::arm(name),
-    };
-    [
-        "irb120",
-        "kr210-r2700-extra",
-        "ur10",
-        "ur10e",
-        "ur5",
-        "ur5e",
-    ]
-    .map(known)
-    .to_vec()
+    let known = |name: &str| KnownArm { file: format!("{name}.toml"), arm: common::arm(name) };
+    ["irb120", "kr210-r2700-extra", "ur10", "ur10e", "ur5", "ur5e"].map(known).to_vec()
 }
 
 /// A sound session of an arm that is three times as wrong as good ones are.
@@ -86,10 +74,7 @@ fn poorer(number: u64, stated: &mut SetUp, evidence: &mut Evidence) {
 }
 
 fn alternatives() -> Alternatives {
-    Alternatives {
-        arms: Arc::new(LazyLock::new(known_arms)),
-        readings: Vec::new(),
-    }
+    Alternatives { arms: Arc::new(LazyLock::new(known_arms)), readings: Vec::new() }
 }
 
 fn real(name: &str) -> Option<(SetUp, Evidence)> {
@@ -112,11 +97,7 @@ fn real_sessions_agree_with_their_set_up() {
             continue;
         };
         println!("{name}: {:?}", Agreement::of(&stated, &evidence));
-        assert_eq!(
-            check(&stated, &evidence, &alternatives(), GATE_MM),
-            None,
-            "{name}"
-        );
+        assert_eq!(check(&stated, &evidence, &alternatives(), GATE_MM), None, "{name}");
     }
 }
 
@@ -168,23 +149,12 @@ fn swap(stated: &mut SetUp, first: usize, second: usize) {
 /// A link quantity of the robot file changed.
 fn link(stated: &mut SetUp, joint: usize, quantity: LinkQuantity, change: impl Fn(f64) -> f64) {
     let of = |parameter: Parameter| parameter == Parameter::Link { joint, quantity };
-    let elements = stated
-        .arm
-        .chain()
-        .elements()
-        .iter()
-        .map(|element| match element {
-            Element::Free {
-                motion,
-                nominal,
-                parameter,
-            } if of(*parameter) => Element::Free {
-                motion: *motion,
-                nominal: change(*nominal),
-                parameter: *parameter,
-            },
-            other => other.clone(),
-        });
+    let elements = stated.arm.chain().elements().iter().map(|element| match element {
+        Element::Free { motion, nominal, parameter } if of(*parameter) => {
+            Element::Free { motion: *motion, nominal: change(*nominal), parameter: *parameter }
+        }
+        other => other.clone(),
+    });
     stated.arm = stated.arm.with_chain(Chain::new(elements.collect()));
 }
 
@@ -195,10 +165,8 @@ fn tool(stated: &mut SetUp, change: impl Fn(Isometry3<f64>) -> Isometry3<f64>) {
 /// A set-up with a survey: some kinds are about it.
 fn surveyed(stated: &mut SetUp) {
     let cell = posegrid::simulate::settings::Cell::default();
-    stated.tracker_from_base = Some(isometry_from_rpy(
-        cell.tracker_from_base_mm,
-        cell.tracker_from_base_rpy,
-    ));
+    stated.tracker_from_base =
+        Some(isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy));
 }
 
 const KINDS: [Kind; 24] = [
@@ -284,60 +252,40 @@ const KINDS: [Kind; 24] = [
         make: |s, _| link(s, 1, LinkQuantity::Alpha, |alpha| -alpha),
         named: &["alpha_deg of link 1"],
     },
-    Kind {
-        name: "joints 5 and 6 swapped",
-        make: |s, _| swap(s, 4, 5),
-        named: &["are swapped"],
-    },
-    Kind {
-        name: "joints 1 and 2 swapped",
-        make: |s, _| swap(s, 0, 1),
-        named: &["are swapped"],
-    },
+    Kind { name: "joints 5 and 6 swapped", make: |s, _| swap(s, 4, 5), named: &["are swapped"] },
+    Kind { name: "joints 1 and 2 swapped", make: |s, _| swap(s, 0, 1), named: &["are swapped"] },
     Kind {
         name: "joint 3 counted the other way",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .for_each(|station| station.reported[2] *= -1.0);
+            e.stations.iter_mut().for_each(|station| station.reported[2] *= -1.0);
         },
         named: &["the other way"],
     },
     Kind {
         name: "zero of joint 2 a right angle away",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .for_each(|station| station.reported[1] += FRAC_PI_2);
+            e.stations.iter_mut().for_each(|station| station.reported[1] += FRAC_PI_2);
         },
         named: &["the zero of"],
     },
     Kind {
         name: "angles in degrees read as radians",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .flat_map(|s| &mut s.reported)
-                .for_each(|q| *q = q.to_degrees());
+            e.stations.iter_mut().flat_map(|s| &mut s.reported).for_each(|q| *q = q.to_degrees());
         },
         named: &["joint angles are in deg"],
     },
     Kind {
         name: "angles in radians read as degrees",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .flat_map(|s| &mut s.reported)
-                .for_each(|q| *q = q.to_radians());
+            e.stations.iter_mut().flat_map(|s| &mut s.reported).for_each(|q| *q = q.to_radians());
         },
         named: &["joint angles are in rad"],
     },
     Kind {
         name: "readings in metres read as mm",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .for_each(|station| station.measured /= 1000.0);
+            e.stations.iter_mut().for_each(|station| station.measured /= 1000.0);
         },
         named: &["tracker's positions are in m"],
     },
@@ -354,11 +302,7 @@ const KINDS: [Kind; 24] = [
     Kind {
         name: "another arm's file",
         make: |s, _| {
-            let other = if s.arm.model().contains("UR10") {
-                "ur10e"
-            } else {
-                "irb120"
-            };
+            let other = if s.arm.model().contains("UR10") { "ur10e" } else { "irb120" };
             s.arm = common::arm(other);
         },
         named: &["the robot file is of another arm"],
@@ -374,9 +318,7 @@ const KINDS: [Kind; 24] = [
     Kind {
         name: "coupled joint 3",
         make: |_, e| {
-            e.stations
-                .iter_mut()
-                .for_each(|station| station.reported[2] += station.reported[1]);
+            e.stations.iter_mut().for_each(|station| station.reported[2] += station.reported[1]);
         },
         named: &["turns by it - "],
     },
@@ -406,9 +348,7 @@ fn mistakes(arms: u64) {
                     .take(4)
                     .any(|mistake| kind.named.iter().any(|words| mistake.what.contains(words)))
             };
-            let is_right = found
-                .as_ref()
-                .is_some_and(|finding| finding.is_grave && named(finding));
+            let is_right = found.as_ref().is_some_and(|finding| finding.is_grave && named(finding));
             let first = |finding: &Finding| {
                 finding
                     .mistakes
@@ -416,9 +356,7 @@ fn mistakes(arms: u64) {
                     .is_some_and(|m| kind.named.iter().any(|words| m.what.contains(words)))
             };
             if !is_right || !found.as_ref().is_some_and(first) {
-                let words = found
-                    .as_ref()
-                    .map_or("nothing".to_owned(), ToString::to_string);
+                let words = found.as_ref().map_or("nothing".to_owned(), ToString::to_string);
                 println!(
                     "{}, arm {number}, {}: {words}",
                     kind.name,
@@ -442,10 +380,7 @@ fn small_disagreements_are_warnings() {
         let finding =
             check(&stated, &evidence, &alternatives(), GATE_MM).expect("five millimetres");
         assert!(!finding.is_grave, "{finding}");
-        assert!(
-            finding.mistakes[0].what.contains("flange_from_tool"),
-            "{finding}"
-        );
+        assert!(finding.mistakes[0].what.contains("flange_from_tool"), "{finding}");
     }
 }
 
@@ -463,10 +398,7 @@ fn another_convention_of_the_same_numbers_is_named() {
         convention,
         placed,
     });
-    let alternatives = Alternatives {
-        readings: readings.collect(),
-        ..alternatives()
-    };
+    let alternatives = Alternatives { readings: readings.collect(), ..alternatives() };
     let finding =
         check(&stated, &evidence, &alternatives, GATE_MM).expect("turned by tens of degrees");
     assert!(finding.mistakes[0].what.contains("fixed-xyz"), "{finding}");

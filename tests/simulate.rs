@@ -13,12 +13,7 @@ struct Simulate {
     args: SimulateArgs,
 }
 
-const FILES: [&str; 4] = [
-    "controller.mcap",
-    "tracker.mcap",
-    "truth.json",
-    "truth_stations.csv",
-];
+const FILES: [&str; 4] = ["controller.mcap", "tracker.mcap", "truth.json", "truth_stations.csv"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -27,9 +22,7 @@ fn root() -> &'static Path {
 /// Runs the words of a command line, its robot file taken from the repository.
 fn simulate<'a>(words: impl IntoIterator<Item = &'a str>) -> Result<SimulatedSession, String> {
     let command = std::iter::once("simulate").chain(words);
-    let mut args = Simulate::try_parse_from(command)
-        .map_err(|error| error.to_string())?
-        .args;
+    let mut args = Simulate::try_parse_from(command).map_err(|error| error.to_string())?.args;
     args.robot = root().join(&args.robot);
     run(&args).map_err(|error| error.to_string())
 }
@@ -44,11 +37,7 @@ fn words(out: &Path, more: &str) -> Vec<String> {
 
 /// A session of the KR 210; 8 stations where no flag says otherwise.
 fn simulate_small(out: &Path, more: &str) -> Result<SimulatedSession, String> {
-    let size = if more.contains("--size") {
-        ""
-    } else {
-        " --size 100,100,100"
-    };
+    let size = if more.contains("--size") { "" } else { " --size 100,100,100" };
     let words = words(out, &format!("{more}{size}"));
     simulate(words.iter().map(String::as_str))
 }
@@ -62,9 +51,7 @@ fn the_flags_are_consistent() {
 fn quickstart_command() -> String {
     let readme = root().join("tests/recordings/quickstart/README.md");
     let text = fs::read_to_string(&readme).unwrap_or_else(|e| panic!("{}: {e}", readme.display()));
-    let (_, command) = text
-        .split_once("posegrid simulate ")
-        .expect("the README gives the command");
+    let (_, command) = text.split_once("posegrid simulate ").expect("the README gives the command");
     let (command, _) = command.split_once("```").expect("in a fenced block");
     command.replace("\\\n", " ")
 }
@@ -113,13 +100,9 @@ fn a_log_reads_back_as_the_recording_it_was_written_from() {
         }
     }
     assert_eq!(read.len(), recording.readings.stamps.len());
-    for ((ns, metres), (stamp, mm)) in read.iter().zip(
-        recording
-            .readings
-            .stamps
-            .iter()
-            .zip(&recording.readings.positions),
-    ) {
+    for ((ns, metres), (stamp, mm)) in
+        read.iter().zip(recording.readings.stamps.iter().zip(&recording.readings.positions))
+    {
         assert_eq!(i64::try_from(*ns).expect("a stamp"), stamp.ns());
         for (m, mm) in metres.iter().zip(mm) {
             assert!((m * 1000.0 - mm).abs() < 1e-9);
@@ -157,14 +140,8 @@ fn bad_usage_says_what_to_do() {
         ("--scanner 0.1,0.02 --six-dof", "cannot be used with"),
         ("--on-flange", "--camera"),
         ("--understated 2", "--scanner"),
-        (
-            "--scanner 0.1,0.02 --camera 1500,0.2,240,5",
-            "cannot be used with",
-        ),
-        (
-            "--clock-offset-s 1e9",
-            "choose another clock origin or offset",
-        ),
+        ("--scanner 0.1,0.02 --camera 1500,0.2,240,5", "cannot be used with"),
+        ("--clock-offset-s 1e9", "choose another clock origin or offset"),
     ];
     for (flags, expected) in cases {
         let error = simulate_small(&out, flags).expect_err(flags);
@@ -182,11 +159,7 @@ fn bad_usage_says_what_to_do() {
         "--out",
         out.to_str().expect("UTF-8"),
     ]);
-    assert!(
-        wrong_home
-            .expect_err("too few angles")
-            .contains("2 angles, but the arm has 6")
-    );
+    assert!(wrong_home.expect_err("too few angles").contains("2 angles, but the arm has 6"));
 }
 
 #[test]
@@ -202,11 +175,7 @@ fn an_earlier_session_is_not_overwritten() {
         .expect("the folder")
         .map(|entry| entry.expect("an entry").path())
         .collect();
-    assert_eq!(
-        names.len(),
-        FILES.len(),
-        "nothing partial is left: {names:?}"
-    );
+    assert_eq!(names.len(), FILES.len(), "nothing partial is left: {names:?}");
 }
 
 #[test]
@@ -225,10 +194,7 @@ fn a_folder_that_cannot_be_made_is_named() {
 fn pipeline(folder: &Path, session: &str, tracker: &str, from_table: bool, poses: bool) -> PathBuf {
     let mut lines = vec![
         "[robot]".to_owned(),
-        format!(
-            "file = \"{}/pipelines/robots/kr210-r2700-extra.toml\"",
-            root().display()
-        ),
+        format!("file = \"{}/pipelines/robots/kr210-r2700-extra.toml\"", root().display()),
         "name = \"kr\"\n[input]\nfolder = \".\"".to_owned(),
         format!("sessions = [\"{session}\"]"),
     ];

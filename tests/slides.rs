@@ -33,22 +33,15 @@ fn observations(
     let mut poses = Stream::new(settings.seed, Ingredient::Poses);
     let sent: Vec<Commanded> = (0..150)
         .map(|_| {
-            let joints: Vec<f64> = ranges
-                .iter()
-                .map(|[low, high]| poses.between(*low, *high))
-                .collect();
-            Commanded {
-                base_from_target: arm.chain().nominal(&arm.axes(&joints)) * target,
-                joints,
-            }
+            let joints: Vec<f64> =
+                ranges.iter().map(|[low, high]| poses.between(*low, *high)).collect();
+            Commanded { base_from_target: arm.chain().nominal(&arm.axes(&joints)) * target, joints }
         })
         .collect();
     let visits = visits(arm, settings, errors, &sent);
     let stations: Vec<_> = visits.into_iter().map(|visit| visit.station).collect();
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(target),
-    };
+    let frames =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: Some(target) };
     let commands = commanded(&stations, arm, &frames);
     let mut seen = fit::observations(0, &stations, arm, &NOISE);
     fit::add_commands(&mut seen, &stations, &commands);
@@ -64,20 +57,13 @@ fn trained(arm: &Arm, seen: &[Observation], settings: &FullSettings) -> FullMode
 }
 
 fn quick() -> FullSettings {
-    FullSettings {
-        harmonics: 12,
-        gear_lines: false,
-        ..FullSettings::default()
-    }
+    FullSettings { harmonics: 12, gear_lines: false, ..FullSettings::default() }
 }
 
 /// Mean distance of measured and predicted positions, mm, by the base of the training.
 fn mean_off(model: &FullModel, seen: &[Observation]) -> f64 {
     let off = |o: &Observation| {
-        let query = Query {
-            own: false,
-            ..Query::of(o)
-        };
+        let query = Query { own: false, ..Query::of(o) };
         (model.predict(&query).position - position(o)).norm()
     };
     seen.iter().map(off).sum::<f64>() / seen.len() as f64
@@ -111,10 +97,7 @@ fn a_slides_offset_after_an_approach_is_found_in_mm() {
     let offsets = model.coefficients(Block::ApproachOffset);
     let offsets = offsets.expect("commands as sent");
     // With the command–feedback weight alone.
-    let weight = FullSettings {
-        approach_offset_sd_rad: 1e-9,
-        ..quick()
-    };
+    let weight = FullSettings { approach_offset_sd_rad: 1e-9, ..quick() };
     let without = trained(&arm, &first, &weight);
     let (mean, plain) = (mean_off(&model, &second), mean_off(&without, &second));
     println!(
@@ -137,33 +120,21 @@ fn the_column_of_a_slides_offset_is_the_motion_of_the_target() {
     let columns = model.layout().columns(Block::ApproachOffset);
     let column = columns.expect("commands as sent").start + SPINDLE;
     // Half of the 0.06 mm at which it is complete, all of it, and beyond, towards either side.
-    for (settling_mm, share) in [
-        (0.03, 0.5),
-        (0.06, 1.0),
-        (0.2, 1.0),
-        (-0.015, -0.25),
-        (-1.0, -1.0),
-    ] {
+    for (settling_mm, share) in
+        [(0.03, 0.5), (0.06, 1.0), (0.2, 1.0), (-0.015, -0.25), (-1.0, -1.0)]
+    {
         for o in &first[..10] {
             let at = |moved_mm: f64| {
                 let mut axes = o.axes.clone();
                 axes[SPINDLE] += moved_mm;
-                model.position(&Query {
-                    axes: &axes,
-                    ..Query::of(o)
-                })
+                model.position(&Query { axes: &axes, ..Query::of(o) })
             };
             let numerical = (at(0.5) - at(-0.5)) * share;
             let mut settling_error = vec![0.0; 4];
             settling_error[SPINDLE] = settling_mm;
             let settling_error = SettlingError::Sent(settling_error);
             let known = Known::Both(&settling_error);
-            let rows = model
-                .predict(&Query {
-                    known,
-                    ..Query::of(o)
-                })
-                .rows;
+            let rows = model.predict(&Query { known, ..Query::of(o) }).rows;
             let off = (rows.column(column) - numerical).norm();
             assert!(off < 2e-3 * share.abs(), "{settling_mm} mm: {off}");
         }
@@ -173,15 +144,8 @@ fn the_column_of_a_slides_offset_is_the_motion_of_the_target() {
 #[test]
 fn another_session_is_predicted_by_the_base_as_fitted() {
     let arm = arm(include_str!("../pipelines/robots/wam.toml"));
-    let ranges = [
-        [-1.0, 1.0],
-        [-1.2, 1.2],
-        [-1.2, 1.2],
-        [0.2, 2.0],
-        [-1.5, 1.5],
-        [-1.0, 1.0],
-        [-1.0, 1.0],
-    ];
+    let ranges =
+        [[-1.0, 1.0], [-1.2, 1.2], [-1.2, 1.2], [0.2, 2.0], [-1.5, 1.5], [-1.0, 1.0], [-1.0, 1.0]];
     let settings = |seed| {
         let listed = Poses::Listed { joints: Vec::new() };
         let mut settings = SimulateSettings::realistic(seed, vec![0.0; 7], listed);
@@ -196,18 +160,11 @@ fn another_session_is_predicted_by_the_base_as_fitted() {
     let session = |seed| observations(&arm, &ranges, (&settings(seed), &errors));
     let (first, second) = (session(5), session(6));
     // Without parts of its own, a session is predicted alike whether it took part or not.
-    let shared = FullSettings {
-        drift: false,
-        session_scale_ppm: 0.0,
-        ..quick()
-    };
+    let shared = FullSettings { drift: false, session_scale_ppm: 0.0, ..quick() };
     let model = trained(&arm, &first, &shared);
     let far = |o: &Observation| {
         let query = Query::of(o);
-        let other = Query {
-            own: false,
-            ..query
-        };
+        let other = Query { own: false, ..query };
         (model.predict(&query).position - model.predict(&other).position).norm()
     };
     let farthest = first.iter().map(far).fold(0.0, f64::max);

@@ -62,10 +62,7 @@ fn settings() -> StageSettings {
         ),
         fit: FitSettings {
             orientations: true,
-            target: Some(KnownTarget {
-                xyz_mm: [-0.2, 0.2, 92.8],
-                sd_mm: 1.0,
-            }),
+            target: Some(KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 }),
             ..FitSettings::default()
         },
         full: FullSettings::default(),
@@ -87,16 +84,8 @@ fn settings() -> StageSettings {
             choose: Rule::Within,
             within: 0.05,
         },
-        tolerance: Tolerance {
-            mm: 0.5,
-            share: 0.95,
-            confidence: 0.95,
-        },
-        locate: Locate {
-            by: LocateBy::First,
-            stations: Some(50),
-            target: LocateTarget::Known,
-        },
+        tolerance: Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 },
+        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
         leave_sessions_out: true,
         tool_tip: None,
     }
@@ -114,13 +103,7 @@ fn mean(
         let s = &a.subject;
         (s.split, s.model, s.angles, s.base_refit) == (split, model, angles, base_refit)
     };
-    outcome
-        .accuracy
-        .iter()
-        .find(is_it)
-        .and_then(|a| a.figures)
-        .expect("a figure")
-        .mean
+    outcome.accuracy.iter().find(is_it).and_then(|a| a.figures).expect("a figure").mean
 }
 
 fn outcome<'a>(
@@ -129,12 +112,8 @@ fn outcome<'a>(
     test: &[&str],
     settings: &StageSettings,
 ) -> Option<Outcome<'a>> {
-    let all = |names: &[&str]| {
-        names
-            .iter()
-            .map(|name| joined(name, arm))
-            .collect::<Option<Vec<_>>>()
-    };
+    let all =
+        |names: &[&str]| names.iter().map(|name| joined(name, arm)).collect::<Option<Vec<_>>>();
     Some(stages::run(arm, all(train)?, all(test)?, settings, &Quiet).expect("stages"))
 }
 
@@ -144,30 +123,16 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
     let Some(outcome) = outcome(&arm, &["ur10-grid"], &[], &settings()) else {
         return;
     };
-    let full = mean(
-        &outcome,
-        Split::Blocks,
-        Model::Full,
-        Angles::Weighted,
-        BaseRefit::None,
-    );
-    let geometric = mean(
-        &outcome,
-        Split::Blocks,
-        Model::Geometric,
-        Angles::Reported,
-        BaseRefit::None,
-    );
+    let full = mean(&outcome, Split::Blocks, Model::Full, Angles::Weighted, BaseRefit::None);
+    let geometric =
+        mean(&outcome, Split::Blocks, Model::Geometric, Angles::Reported, BaseRefit::None);
     assert!(
         full < 0.07 && geometric > 0.4,
         "full error model {full:.4} mm, geometry {geometric:.4} mm"
     );
     let chosen = outcome.grids.chosen().expect("a table");
     assert_eq!(chosen.verdict, Verdict::Meets);
-    assert!(
-        chosen.held_out.counted().poses >= 59,
-        "fewer than a bound needs"
-    );
+    assert!(chosen.held_out.counted().poses >= 59, "fewer than a bound needs");
     let fails = |row: &&posegrid::grid::Judged| {
         row.verdict == Verdict::DoesNotMeet && row.step_mm > chosen.step_mm
     };
@@ -176,12 +141,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
         "no larger step fails: the choice shows nothing"
     );
     // Every station of every judged row is accounted for.
-    for row in outcome
-        .grids
-        .judged
-        .iter()
-        .filter(|row| row.source == Source::Model)
-    {
+    for row in outcome.grids.judged.iter().filter(|row| row.source == Source::Model) {
         let refused: usize = row.held_out.refused.values().sum();
         assert_eq!(
             row.held_out.counted().visits + refused + row.held_out.outside + row.held_out.unlike,
@@ -207,11 +167,7 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
         let judges =
             accuracy.subject.split != Split::None && accuracy.subject.angles == Angles::Weighted;
         if let Some(coverage) = accuracy.coverage.filter(|_| judges) {
-            assert!(
-                coverage.inside >= 0.9,
-                "{:?}: {coverage:?}",
-                accuracy.subject
-            );
+            assert!(coverage.inside >= 0.9, "{:?}: {coverage:?}", accuracy.subject);
         }
     }
     // Few stations are within 5° of the table's orientation: too few for any bound, and said so.
@@ -219,13 +175,8 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     // What can be applied is the identified arm, which is met on held-out blocks and on the other session.
     let verdict = &outcome.verdict;
     assert_eq!(verdict.applied(), Applied::IdentifiedArm);
-    assert_eq!(
-        (verdict.verdict(), verdict.reason()),
-        (Verdict::Meets, None)
-    );
-    let [blocks, session] = verdict.judges() else {
-        panic!("{verdict:?}")
-    };
+    assert_eq!((verdict.verdict(), verdict.reason()), (Verdict::Meets, None));
+    let [blocks, session] = verdict.judges() else { panic!("{verdict:?}") };
     assert_eq!(session.verdict, Verdict::Meets, "{}", session.line());
     assert_eq!(session.remark, None);
     assert_eq!(blocks.stations, Judging::Blocks("ur10-random-a".to_owned()));

@@ -119,9 +119,7 @@ fn write_joined(lake: &Lake, key: &RunKey) {
     let mut open = open.expect("the lake is new");
     let readings = schema::find("readings").unwrap();
     open.publish(&sample(readings, key)).unwrap();
-    let [file] = open.written() else {
-        panic!("one file")
-    };
+    let [file] = open.written() else { panic!("one file") };
     let row = JoinedSessionRow {
         version: "0.1.0".to_owned(),
         platform: "x86_64-linux".to_owned(),
@@ -210,9 +208,7 @@ fn write_sample_lake(root: &Path) -> Lake {
     for schema in published() {
         run.publish(&sample(schema, &key)).unwrap();
     }
-    let runs = hostile_work()
-        .runs_table(&[], run.written(), &outcome())
-        .unwrap();
+    let runs = hostile_work().runs_table(&[], run.written(), &outcome()).unwrap();
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
     assert_eq!(lake.ask(&key).unwrap().number, 1);
     assert!(lake.record(&correction()).unwrap());
@@ -227,17 +223,11 @@ fn contents(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut folders = vec![root.to_owned()];
     while let Some(folder) = folders.pop() {
-        for path in fs::read_dir(folder)
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-        {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
             if path.is_dir() {
                 folders.extend((!path.ends_with(ASKED)).then_some(path));
             } else {
-                found.push((
-                    path.strip_prefix(root).unwrap().to_owned(),
-                    fs::read(&path).unwrap(),
-                ));
+                found.push((path.strip_prefix(root).unwrap().to_owned(), fs::read(&path).unwrap()));
             }
         }
     }
@@ -289,12 +279,8 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
 fn foreign_targets(x_mm: ArrayRef, more: Vec<(&str, ArrayRef)>) -> Result<Table, String> {
     let names: ArrayRef = Arc::new(StringArray::from(vec!["rivet 1", "rivet 2"]));
     let zero: ArrayRef = Arc::new(Float64Array::from(vec![0.0, 0.0]));
-    let mut columns = vec![
-        ("z_mm", zero.clone()),
-        ("y_mm", zero),
-        ("x_mm", x_mm),
-        ("target", names),
-    ];
+    let mut columns =
+        vec![("z_mm", zero.clone()), ("y_mm", zero), ("x_mm", x_mm), ("target", names)];
     columns.extend(more);
     let batch = RecordBatch::try_from_iter(columns).unwrap();
     let file = tempfile::NamedTempFile::new().unwrap();
@@ -315,27 +301,17 @@ fn accepted_targets_may_come_from_other_writers() {
 
     let unit: ArrayRef = Arc::new(StringArray::from(vec!["1.5 mm", "2 mm"]));
     let error = foreign_targets(unit.clone(), vec![]).unwrap_err();
-    assert!(
-        error.contains("\"x_mm\": found Utf8, the schema states float64"),
-        "{error}"
-    );
+    assert!(error.contains("\"x_mm\": found Utf8, the schema states float64"), "{error}");
     // A column that may be null is no place for text to vanish into.
     let number: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
     let error = foreign_targets(number, vec![("qw", unit.clone())]).unwrap_err();
     assert!(error.contains("\"qw\": found Utf8"), "{error}");
     let hole: ArrayRef = Arc::new(Float64Array::from(vec![Some(1.0), None]));
     let targets = foreign_targets(hole, vec![]).unwrap();
-    assert_eq!(
-        targets.f64("x_mm").null_count(),
-        1,
-        "joint angles may stand instead"
-    );
+    assert_eq!(targets.f64("x_mm").null_count(), 1, "joint angles may stand instead");
     let nan: ArrayRef = Arc::new(Float64Array::from(vec![f64::NAN, 0.0]));
     let error = foreign_targets(nan, vec![]).unwrap_err();
-    assert!(
-        error.contains("row 0: NaN is not a finite number"),
-        "{error}"
-    );
+    assert!(error.contains("row 0: NaN is not a finite number"), "{error}");
 }
 
 #[test]
@@ -346,48 +322,26 @@ fn of_many_that_commit_the_same_run_one_wins() {
     let together = Barrier::new(8);
     let commit = || {
         let mut run = lake.start(&key).unwrap().expect("nobody has committed yet");
-        run.publish(&sample(schema::find("clocks").unwrap(), &key))
-            .unwrap();
-        let runs = hostile_work()
-            .runs_table(&[], run.written(), &outcome())
-            .unwrap();
+        run.publish(&sample(schema::find("clocks").unwrap(), &key)).unwrap();
+        let runs = hostile_work().runs_table(&[], run.written(), &outcome()).unwrap();
         together.wait();
         run.commit(&runs).unwrap()
     };
     let commits: Vec<Commit> = std::thread::scope(|scope| {
         let racers: Vec<_> = (0..8).map(|_| scope.spawn(commit)).collect();
-        racers
-            .into_iter()
-            .map(|racer| racer.join().unwrap())
-            .collect()
+        racers.into_iter().map(|racer| racer.join().unwrap()).collect()
     });
-    assert_eq!(
-        commits
-            .iter()
-            .filter(|&&commit| commit == Commit::Done)
-            .count(),
-        1
-    );
+    assert_eq!(commits.iter().filter(|&&commit| commit == Commit::Done).count(), 1);
     assert!(lake.start(&key).unwrap().is_none(), "the run exists");
-    assert_eq!(
-        contents(folder.path()).len(),
-        2,
-        "the table and its row, no temporaries"
-    );
+    assert_eq!(contents(folder.path()).len(), 2, "the table and its row, no temporaries");
 }
 
 /// Commits a run of the hostile session that has a setting, after the run that is current then.
 fn committed(lake: &Lake, setting: u32) -> RunKey {
-    let work = Work {
-        settings: canonical(&setting).unwrap(),
-        ..hostile_work()
-    };
+    let work = Work { settings: canonical(&setting).unwrap(), ..hostile_work() };
     let key = work.key();
     let run = lake.start(&key).unwrap().expect("a new setting");
-    let ending = Ending {
-        replaces: lake.current(&key).unwrap(),
-        ..outcome()
-    };
+    let ending = Ending { replaces: lake.current(&key).unwrap(), ..outcome() };
     let row = work.runs_table(&[], run.written(), &ending).unwrap();
     assert_eq!(run.commit(&row).unwrap(), Commit::Done);
     key
@@ -415,10 +369,7 @@ fn the_run_asked_for_last_is_current_whoever_asks_at_once() {
     assert!(requests(&lake).is_empty());
     // One that comes back is current again, once, and says what it replaced.
     let asked = lake.ask(&first).unwrap();
-    assert_eq!(
-        (asked.number, asked.replaced.as_ref()),
-        (1, Some(&second.run))
-    );
+    assert_eq!((asked.number, asked.replaced.as_ref()), (1, Some(&second.run)));
     assert_eq!(current(&first).as_ref(), Some(&first.run));
     let again = lake.ask(&first).unwrap();
     assert_eq!((again.number, again.replaced), (1, None));
@@ -440,10 +391,7 @@ fn the_run_asked_for_last_is_current_whoever_asks_at_once() {
     let all = requests(&lake);
     for pair in all.windows(2) {
         assert_eq!(pair[1].1.as_ref(), Some(&pair[0].0));
-        assert_ne!(
-            pair[1].0, pair[0].0,
-            "a request that changes nothing is no row"
-        );
+        assert_ne!(pair[1].0, pair[0].0, "a request that changes nothing is no row");
     }
     assert!(all.len() >= 4, "each of three runs was asked for");
     assert_eq!(current(&first), all.last().map(|own| own.0.clone()));
@@ -473,14 +421,9 @@ fn what_never_committed_is_no_run_and_is_written_anew() {
     assert_eq!(lake.read("clocks", &key).unwrap(), clocks);
     // A table that changes between writing and committing keeps the run from existing.
     fs::write(&path, "torn").unwrap();
-    let runs = hostile_work()
-        .runs_table(&[], again.written(), &outcome())
-        .unwrap();
+    let runs = hostile_work().runs_table(&[], again.written(), &outcome()).unwrap();
     let error = again.commit(&runs).unwrap_err().to_string();
-    assert!(
-        error.contains("changed while its run was being written"),
-        "{error}"
-    );
+    assert!(error.contains("changed while its run was being written"), "{error}");
     assert!(!lake.exists(&key).unwrap());
 }
 
@@ -498,24 +441,13 @@ fn nothing_published_is_rewritten() {
     slower.publish(&sample(schema, &key)).unwrap();
     let other = Columns::new(schema, 0).key(&key);
     let rest = schema.columns.iter().skip(KEY_COLUMNS.len());
-    let other = rest
-        .fold(other, |columns, column| fill(columns, column, 0))
-        .finish()
-        .unwrap();
+    let other = rest.fold(other, |columns, column| fill(columns, column, 0)).finish().unwrap();
     let error = slower.publish(&other).unwrap_err().to_string();
-    assert!(
-        error.contains("is published, and recomputing it gave other bytes"),
-        "{error}"
-    );
+    assert!(error.contains("is published, and recomputing it gave other bytes"), "{error}");
     let foreign = RunKey::new(&key.robot, &key.session, "00ff");
-    let error = slower
-        .publish(&sample(schema, &foreign))
-        .unwrap_err()
-        .to_string();
+    let error = slower.publish(&sample(schema, &foreign)).unwrap_err().to_string();
     assert!(error.contains("its rows belong to 00ff"), "{error}");
-    let runs = hostile_work()
-        .runs_table(&[], slower.written(), &outcome())
-        .unwrap();
+    let runs = hostile_work().runs_table(&[], slower.written(), &outcome()).unwrap();
     assert_eq!(slower.commit(&runs).unwrap(), Commit::AlreadyThere);
     assert!(before == contents(folder.path()));
 }
@@ -535,15 +467,10 @@ fn run_in_mount(test: &str, prepare: &str) {
         .arg(std::env::current_exe().unwrap())
         .env(MOUNTED, folder.path())
         .output();
-    let may_mount = Command::new("unshare")
-        .args(["-rm", "true"])
-        .status()
-        .is_ok_and(|status| status.success());
+    let may_mount =
+        Command::new("unshare").args(["-rm", "true"]).status().is_ok_and(|status| status.success());
     if !may_mount {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "`unshare -rm` is not permitted, and CI is set"
-        );
+        assert!(std::env::var_os("CI").is_none(), "`unshare -rm` is not permitted, and CI is set");
         eprintln!(
             "SKIPPED {test}: `unshare -rm` is not permitted here, so no full or read-only folder can be made"
         );
@@ -552,19 +479,14 @@ fn run_in_mount(test: &str, prepare: &str) {
     let output = output.unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     let ran = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        output.status.success() && ran.contains("1 passed"),
-        "{ran}{said}"
-    );
+    assert!(output.status.success() && ran.contains("1 passed"), "{ran}{said}");
 }
 
 fn publish_error(root: &Path) -> String {
     let lake = Lake::new(root);
     let key = hostile_work().key();
     let mut run = lake.start(&key).unwrap().unwrap();
-    run.publish(&sample(schema::find("joint_errors").unwrap(), &key))
-        .unwrap_err()
-        .to_string()
+    run.publish(&sample(schema::find("joint_errors").unwrap(), &key)).unwrap_err().to_string()
 }
 
 #[test]
@@ -585,10 +507,7 @@ fn a_full_disk_is_reported_and_leaves_nothing_behind() {
 #[test]
 fn a_read_only_folder_is_reported() {
     let Some(mount) = std::env::var_os(MOUNTED) else {
-        return run_in_mount(
-            "a_read_only_folder_is_reported",
-            "mount -o remount,ro \"$1\"",
-        );
+        return run_in_mount("a_read_only_folder_is_reported", "mount -o remount,ro \"$1\"");
     };
     let error = publish_error(Path::new(&mount));
     assert!(
@@ -632,21 +551,12 @@ fn other_samples() -> JoinInput {
             stamps: vec![Stamp::from_ns(5), Stamp::from_ns(5)],
             positions: vec![[0.5; 3]; 2],
             orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]; 2]),
-            covariances: Some(vec![
-                PoseCovariance {
-                    position: Some([1e-4; 6]),
-                    turn: None,
-                };
-                2
-            ]),
+            covariances: Some(vec![PoseCovariance { position: Some([1e-4; 6]), turn: None }; 2]),
         }),
         others: Vec::new(),
         references: Vec::new(),
         lengths: Vec::new(),
-        temperatures: TemperatureSamples {
-            stamps: vec![Stamp::from_ns(6)],
-            celsius: vec![20.5],
-        },
+        temperatures: TemperatureSamples { stamps: vec![Stamp::from_ns(6)], celsius: vec![20.5] },
     }
 }
 
@@ -675,19 +585,11 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
         let folder = tempfile::tempdir().unwrap();
         let lake = Lake::new(folder.path());
         let mut run = lake.start(&key).unwrap().unwrap();
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| publish_samples(&mut run, &stamps_ns, &angles))
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| publish_samples(&mut run, &stamps_ns, &angles)).unwrap();
         let written = run.written()[0].clone();
         let table = lake.read("logs", &key).unwrap();
-        assert_eq!(
-            (written.rows, table.rows()),
-            (66_040, 66_040),
-            "65 536 + 500, 1, 2 and 1"
-        );
+        assert_eq!((written.rows, table.rows()), (66_040, 66_040), "65 536 + 500, 1, 2 and 1");
         // In the schema's order: joints, command, target, temperature.
         let sources: Vec<_> = [0, 66_036, 66_037, 66_039]
             .map(|row| table.text("source").value(row).to_owned())
@@ -700,11 +602,7 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             &Float64Array::from(last) as &dyn arrow::array::Array
         );
         assert!(lists.is_null(66_036), "a command has no angles");
-        let numbers = [
-            ("x_mm", 66_036),
-            ("stated_cov_zz_mm2", 66_038),
-            ("temperature_c", 66_039),
-        ];
+        let numbers = [("x_mm", 66_036), ("stated_cov_zz_mm2", 66_038), ("temperature_c", 66_039)];
         let found = numbers.map(|(column, row)| Some(table.f64(column).value(row)));
         assert_eq!(found, [Some(1.0), Some(1e-4), Some(20.5)]);
         written.digest
@@ -723,10 +621,7 @@ fn a_part_that_breaks_the_contract_leaves_no_file() {
     let mut run = lake.start(&key).unwrap().unwrap();
     let published = publish_samples(&mut run, &stamps_ns, &angles);
     let error = published.unwrap_err().to_string();
-    assert!(
-        error.contains("\"joints_rad\", row 7: NaN is not a finite number"),
-        "{error}"
-    );
+    assert!(error.contains("\"joints_rad\", row 7: NaN is not a finite number"), "{error}");
     assert!(run.written().is_empty());
     assert_eq!(contents(folder.path()), []);
 }
@@ -736,14 +631,8 @@ fn cleaning_a_lake_leaves_its_tables() {
     let folder = tempfile::tempdir().unwrap();
     let lake = write_sample_lake(folder.path());
     assert_eq!(lake.clean().unwrap(), Vec::<PathBuf>::new());
-    assert_eq!(
-        contents(folder.path()).len(),
-        published().count() + OTHER_FILES
-    );
-    assert_eq!(
-        Lake::new(folder.path().join("none")).clean().unwrap(),
-        Vec::<PathBuf>::new()
-    );
+    assert_eq!(contents(folder.path()).len(), published().count() + OTHER_FILES);
+    assert_eq!(Lake::new(folder.path().join("none")).clean().unwrap(), Vec::<PathBuf>::new());
 }
 
 #[test]
@@ -760,10 +649,7 @@ fn two_columns_of_one_name_or_in_letters_of_another_size_are_reported() {
         assert!(error.contains(told), "{error}");
     }
     let error = foreign_targets(x.clone(), vec![("Table_ID", texts.clone())]).unwrap_err();
-    assert!(
-        error.contains("columns \"Table_ID\" and \"table_id\""),
-        "{error}"
-    );
+    assert!(error.contains("columns \"Table_ID\" and \"table_id\""), "{error}");
     let found = foreign_targets(x, vec![("note", texts)]).unwrap();
     assert_eq!(found.rows(), 2, "a column of the caller's own");
 }

@@ -52,10 +52,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
     common::state_orientation(&mut noise, 30e-6);
     StageSettings {
         noise,
-        fit: FitSettings {
-            orientations: true,
-            ..FitSettings::default()
-        },
+        fit: FitSettings { orientations: true, ..FitSettings::default() },
         full: FullSettings {
             // Without orientations there is nothing that a full error model would show.
             enabled: cell.six_dof,
@@ -73,16 +70,8 @@ fn settings(simulated: &Simulated) -> StageSettings {
         target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: common::one_step(250.0),
-        tolerance: Tolerance {
-            mm: 1.0,
-            share: 0.95,
-            confidence: 0.95,
-        },
-        locate: Locate {
-            by: LocateBy::First,
-            stations: Some(50),
-            target: LocateTarget::Known,
-        },
+        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
+        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
         rivals: false,
         leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
@@ -128,28 +117,15 @@ fn the_tip_s_figures_are_those_of_the_true_tip() {
     let arm = common::arm("kr210-r2700-extra");
     let simulated = session(&arm, 110, true);
     let outcome = outcome(&arm, &simulated);
-    let raw = of(
-        &outcome.at_tip,
-        Model::RawCommand,
-        Angles::Commanded,
-        Split::None,
-    );
+    let raw = of(&outcome.at_tip, Model::RawCommand, Angles::Commanded, Split::None);
     let truth = Figures::of(&true_errors(&simulated)).expect("stations");
     let found = raw.figures.expect("stations");
     assert_eq!((raw.point, found.n), (Point::Tip, truth.n));
     // The truth is that of the middle of a dwell, the measurement its mean.
-    assert!(
-        (found.mean - truth.mean).abs() < 1e-3,
-        "{found:?} {truth:?}"
-    );
+    assert!((found.mean - truth.mean).abs() < 1e-3, "{found:?} {truth:?}");
     assert!((found.max - truth.max).abs() < 1e-3, "{found:?} {truth:?}");
     // The tip is another point: its figure is not that of the target.
-    let target = of(
-        &outcome.accuracy,
-        Model::RawCommand,
-        Angles::Commanded,
-        Split::None,
-    );
+    let target = of(&outcome.accuracy, Model::RawCommand, Angles::Commanded, Split::None);
     assert!((target.figures.expect("stations").mean - found.mean).abs() > 0.01);
 
     // A model that knows how curves and gravity turn the flange leaves little at the tip too; its held-out stations say how much.
@@ -163,12 +139,7 @@ fn the_tip_s_figures_are_those_of_the_true_tip() {
     assert!(after < before / 4.0, "{before} → {after}");
     assert!(after < 2.0 * at_target, "target {at_target}, tip {after}");
     // A table leaves orientations as they are: its tip misses by more than the tip of a model that predicts it.
-    let table = of(
-        &outcome.at_tip,
-        Model::Table,
-        Angles::Commanded,
-        Split::Blocks,
-    );
+    let table = of(&outcome.at_tip, Model::Table, Angles::Commanded, Split::Blocks);
     let commanded = mean(&outcome.at_tip, Model::Full, Angles::Commanded);
     assert!(table.figures.expect("stations").mean > commanded);
     assert!(table.bound.expect("59 stations") >= table.figures.expect("stations").p95);

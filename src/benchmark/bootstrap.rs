@@ -27,11 +27,7 @@ pub struct BootstrapSettings {
 
 impl Default for BootstrapSettings {
     fn default() -> Self {
-        Self {
-            draws: 2000,
-            seed: 1,
-            confidence: 0.95,
-        }
+        Self { draws: 2000, seed: 1, confidence: 0.95 }
     }
 }
 
@@ -111,10 +107,7 @@ mod tests {
         let values: Vec<f64> = (0..120)
             .map(|place| f64::from(place / 6 * 37 % 20) + 0.01 * f64::from(place % 6))
             .collect();
-        let settings = BootstrapSettings {
-            draws: 20_000,
-            ..BootstrapSettings::default()
-        };
+        let settings = BootstrapSettings { draws: 20_000, ..BootstrapSettings::default() };
         let draws = Draws::new(&blocks, &settings).unwrap();
         let mean = |own: &[usize]| own.iter().map(|&p| values[p]).sum::<f64>() / own.len() as f64;
         let [[low, high]] = draws.intervals(|own| [mean(own)]);
@@ -131,11 +124,7 @@ mod tests {
     fn draws_follow_from_the_seed_and_few_blocks_give_none() {
         let blocks: Vec<usize> = (0..40).map(|place| place / 4).collect();
         let of = |seed| {
-            let settings = BootstrapSettings {
-                draws: 50,
-                seed,
-                confidence: 0.9,
-            };
+            let settings = BootstrapSettings { draws: 50, seed, confidence: 0.9 };
             Draws::new(&blocks, &settings).unwrap().draws
         };
         assert_eq!(of(1), of(1));

@@ -111,23 +111,13 @@ fn values(errors: &[PredictionError], references: References<'_>, places: &[usiz
     let Some(own) = Figures::of(&distances(errors)) else {
         return [0.0; 7];
     };
-    let inside = places
-        .iter()
-        .filter_map(|&place| errors[place].mahalanobis_squared);
+    let inside = places.iter().filter_map(|&place| errors[place].mahalanobis_squared);
     let inside = inside.filter(|&squared| is_inside(squared)).count();
     let mean = |of: Option<&[PredictionError]>| Some(Figures::of(&distances(of?))?.mean);
     let improvement = mean(references.base_target).map_or(0.0, |before| 1.0 - own.mean / before);
     let difference = mean(references.full).map_or(0.0, |full| own.mean - full);
     let coverage = inside as f64 / places.len() as f64;
-    [
-        own.mean,
-        own.rms,
-        own.p95,
-        own.max,
-        coverage,
-        improvement,
-        difference,
-    ]
+    [own.mean, own.rms, own.p95, own.max, coverage, improvement, difference]
 }
 
 #[cfg(test)]
@@ -137,10 +127,7 @@ mod tests {
     fn errors(of: impl Fn(usize) -> (f64, Option<f64>)) -> Vec<PredictionError> {
         let error = |place| {
             let (distance_mm, mahalanobis_squared) = of(place);
-            PredictionError {
-                distance_mm,
-                mahalanobis_squared,
-            }
+            PredictionError { distance_mm, mahalanobis_squared }
         };
         (0..20).map(error).collect()
     }
@@ -148,18 +135,11 @@ mod tests {
     #[test]
     fn figures_of_plain_errors_are_as_by_hand() {
         // 0.1, 0.2, … 2.0 mm: mean 1.05; rms √((21·41)/6)/10 = 1.1979; p95 at rank 18.05: 1.905.
-        let own = errors(|place| {
-            (
-                0.1 * (place + 1) as f64,
-                Some(if place < 19 { 1.0 } else { 9.0 }),
-            )
-        });
+        let own =
+            errors(|place| (0.1 * (place + 1) as f64, Some(if place < 19 { 1.0 } else { 9.0 })));
         let before = errors(|_| (2.1, None));
         let full = errors(|_| (1.0, None));
-        let references = References {
-            base_target: Some(&before),
-            full: Some(&full),
-        };
+        let references = References { base_target: Some(&before), full: Some(&full) };
         let found = figures(&own, references, None);
         let values: Vec<f64> = found.iter().map(|own| own.value).collect();
         let expected = [1.05, 1.197_915, 1.905, 2.0, 0.95, 0.5, 0.05];

@@ -68,15 +68,10 @@ fn look(train: &[Vec<f64>], test: &[Vec<f64>], own: usize) -> (f64, f64) {
     let mut all: Vec<(f64, bool)> = trained.chain(tested).collect();
     // Of equal distances test stations come first: a tie is no evidence of a leak.
     all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let nearest = train
-        .iter()
-        .map(|other| largest_difference(&test[own], other));
+    let nearest = train.iter().map(|other| largest_difference(&test[own], other));
     let count = NEIGHBOURS.min(all.len());
     let training = all[..count].iter().filter(|(_, is_training)| *is_training);
-    (
-        training.count() as f64 / count as f64,
-        nearest.fold(f64::INFINITY, f64::min),
-    )
+    (training.count() as f64 / count as f64, nearest.fold(f64::INFINITY, f64::min))
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
@@ -121,12 +116,8 @@ mod tests {
         assert!(grid(Region, |place, _| place % 5 != 0).leaks());
         // Every second block of 2 × 2 × 2 is a region.
         assert!(
-            !grid(Region, |_, index| index
-                .map(|own| own / 2 % 2)
-                .iter()
-                .sum::<usize>()
-                < 3)
-            .leaks()
+            !grid(Region, |_, index| index.map(|own| own / 2 % 2).iter().sum::<usize>() < 3)
+                .leaks()
         );
     }
 

@@ -189,10 +189,7 @@ pub struct SuiteError {
 
 /// An error at a place of a suite, without arm and split.
 fn fault<T>(place: impl Into<String>, fault: impl Into<String>) -> Result<T, SuiteError> {
-    Err(SuiteError {
-        place: place.into(),
-        fault: fault.into(),
-    })
+    Err(SuiteError { place: place.into(), fault: fault.into() })
 }
 
 /// Most draws of the bootstrap.
@@ -211,10 +208,7 @@ impl Suite {
         }
         if !(own.confidence > 0.0 && own.confidence < 1.0) {
             let found = own.confidence;
-            return fault(
-                "[bootstrap] confidence",
-                format!("{found} is not between 0 and 1"),
-            );
+            return fault("[bootstrap] confidence", format!("{found} is not between 0 and 1"));
         }
         if self.arms.is_empty() {
             return fault("[[arm]]", "there is none; a suite has one at least");
@@ -249,15 +243,8 @@ impl SuiteArm {
             place: format!("arm {:?}, {}", self.name, error.place),
             ..error
         };
-        names(
-            "[[arm.split]]",
-            self.splits.iter().map(|split| &*split.name),
-        )
-        .map_err(at)?;
-        self.sessions
-            .iter()
-            .try_for_each(SuiteSession::check)
-            .map_err(at)?;
+        names("[[arm.split]]", self.splits.iter().map(|split| &*split.name)).map_err(at)?;
+        self.sessions.iter().try_for_each(SuiteSession::check).map_err(at)?;
         let split = |split: &SuiteSplit| {
             split.check(self).map_err(|error| SuiteError {
                 place: format!("split {:?}, {}", split.name, error.place),
@@ -297,10 +284,7 @@ impl SuiteSession {
 impl SuiteSplit {
     fn check(&self, arm: &SuiteArm) -> Result<(), SuiteError> {
         if self.train.is_empty() || self.test.is_empty() {
-            return fault(
-                "train and test",
-                "both name stations of one session at least",
-            );
+            return fault("train and test", "both name stations of one session at least");
         }
         for (part, lists) in self.lists() {
             for (name, numbers) in lists {
@@ -318,9 +302,7 @@ impl SuiteSplit {
             SplitBase::Found(lists) => Some(("base", lists)),
             SplitBase::Named(_) => None,
         };
-        [("train", &self.train), ("test", &self.test)]
-            .into_iter()
-            .chain(found)
+        [("train", &self.train), ("test", &self.test)].into_iter().chain(found)
     }
 
     /// No station may have two parts.
@@ -391,10 +373,7 @@ impl SuiteSplit {
 
 fn is_in(arm: &SuiteArm, part: &str, name: &str, numbers: &Numbers) -> Result<(), SuiteError> {
     let Some(session) = arm.session(name) else {
-        return fault(
-            part,
-            format!("there is no session {name:?} in [[arm.session]]"),
-        );
+        return fault(part, format!("there is no session {name:?} in [[arm.session]]"));
     };
     let last = numbers.all().last().copied();
     match session.stations.zip(last) {

@@ -18,12 +18,8 @@ const AS_GOOD: f64 = 3.0;
 /// Fewer stations fit any frame.
 const LEAST_STATIONS: usize = 6;
 /// Other units, with millimetres in each.
-const UNITS: [(&str, f64); 4] = [
-    ("metres", 1000.0),
-    ("micrometres", 0.001),
-    ("centimetres", 10.0),
-    ("inches", 25.4),
-];
+const UNITS: [(&str, f64); 4] =
+    [("metres", 1000.0), ("micrometres", 0.001), ("centimetres", 10.0), ("inches", 25.4)];
 
 /// Predictions in another unit or frame than the measurements: their errors as stated and after the change.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,11 +36,7 @@ pub struct Unlike {
 
 impl fmt::Display for Unlike {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "they are {:.3} mm (rms) from the measured positions; ",
-            self.as_stated_mm
-        )?;
+        write!(f, "they are {:.3} mm (rms) from the measured positions; ", self.as_stated_mm)?;
         if let Some(unit) = self.unit {
             write!(f, "these look like {unit}, where millimetres are needed")?;
         }
@@ -72,11 +64,7 @@ pub fn unlike(compared: &[Compared], reference_mm: f64, has_own_frame: bool) -> 
     let as_stated_mm = rms(compared, |own| own.predicted)?;
     let is_off = |mm: f64| mm > WORSE * reference_mm;
     let aligned_mm = moved(compared, 1.0).map_or(f64::INFINITY, |own| own.rms_mm);
-    let stated_mm = if has_own_frame {
-        aligned_mm
-    } else {
-        as_stated_mm
-    };
+    let stated_mm = if has_own_frame { aligned_mm } else { as_stated_mm };
     if compared.len() < LEAST_STATIONS || !is_off(stated_mm) {
         return None;
     }
@@ -97,10 +85,7 @@ pub fn unlike(compared: &[Compared], reference_mm: f64, has_own_frame: bool) -> 
         let moved = moved(compared, mm)?;
         change(unit, Some((moved.shift_mm, moved.turn)), moved.rms_mm)
     };
-    units
-        .iter()
-        .find_map(plain)
-        .or_else(|| units.iter().find_map(in_frame))
+    units.iter().find_map(plain).or_else(|| units.iter().find_map(in_frame))
 }
 
 /// A motion onto the measured positions.
@@ -115,9 +100,9 @@ fn moved(compared: &[Compared], mm: f64) -> Option<Moved> {
     let measured: Vec<Point3<f64>> = compared.iter().map(|own| own.measured).collect();
     let predicted: Vec<Point3<f64>> = compared.iter().map(|own| own.predicted * mm).collect();
     let motion = align(&measured, &predicted, &vec![1.0; compared.len()])?;
-    let middle = predicted.iter().fold(Point3::origin(), |sum, own| {
-        sum + own.coords / predicted.len() as f64
-    });
+    let middle = predicted
+        .iter()
+        .fold(Point3::origin(), |sum, own| sum + own.coords / predicted.len() as f64);
     Some(Moved {
         shift_mm: (motion * middle - middle).norm(),
         turn: motion.rotation.angle(),
@@ -126,9 +111,7 @@ fn moved(compared: &[Compared], mm: f64) -> Option<Moved> {
 }
 
 fn rms(compared: &[Compared], predicted: impl Fn(&Compared) -> Point3<f64>) -> Option<f64> {
-    let away = compared
-        .iter()
-        .map(|own| (own.measured - predicted(own)).norm());
+    let away = compared.iter().map(|own| (own.measured - predicted(own)).norm());
     Some(Figures::of(&away.collect::<Vec<_>>())?.rms)
 }
 
@@ -143,11 +126,7 @@ mod tests {
             let [x, y, z] = [place % 3, place / 3 % 3, place / 9].map(|own| 100.0 * f64::from(own));
             let measured = Point3::new(800.0 + x, y - 300.0, 400.0 + z);
             let error = Vector3::new(0.3, -0.2, 0.1) * f64::from(place % 4 - 1);
-            Compared {
-                measured,
-                predicted: predicted(measured + error),
-                covariance: None,
-            }
+            Compared { measured, predicted: predicted(measured + error), covariance: None }
         };
         (0..27).map(of).collect()
     }
@@ -160,10 +139,7 @@ mod tests {
     fn another_unit_or_frame_is_named_and_a_bad_model_is_not() {
         assert_eq!(words(|own| own), None);
         let metres = words(|own| own / 1000.0).unwrap();
-        assert!(
-            metres.contains("these look like metres, where millimetres"),
-            "{metres}"
-        );
+        assert!(metres.contains("these look like metres, where millimetres"), "{metres}");
         // Without errors of their own the motion is found to the last digit shown.
         let exact = |own: Compared| Compared {
             predicted: own.measured + Vector3::new(0.0, 30.0, 40.0),
@@ -172,21 +148,12 @@ mod tests {
         let exact: Vec<Compared> = compared(|own| own).into_iter().map(exact).collect();
         let shifted = unlike(&exact, 0.5, false).unwrap().to_string();
         assert!(shifted.contains("another frame"), "{shifted}");
-        assert!(
-            shifted.contains("a shift of 50.000 mm and a turn of 0.000°"),
-            "{shifted}"
-        );
+        assert!(shifted.contains("a shift of 50.000 mm and a turn of 0.000°"), "{shifted}");
         let frame = Isometry3::new(Vector3::new(1000.0, 0.0, 0.0), Vector3::z() * 0.5);
         let both = words(|own| frame * own / 1000.0).unwrap();
-        assert!(
-            both.contains("metres") && both.contains("another frame"),
-            "{both}"
-        );
+        assert!(both.contains("metres") && both.contains("another frame"), "{both}");
         // Bent out of shape: no motion and no unit explains it.
-        assert_eq!(
-            words(|own| Point3::new(own.y, own.x * 2.0, own.z * own.z / 100.0)),
-            None
-        );
+        assert_eq!(words(|own| Point3::new(own.y, own.x * 2.0, own.z * own.z / 100.0)), None);
     }
 
     #[test]

@@ -83,11 +83,7 @@ pub fn run(args: &BenchmarkArgs, bars: &Bars) -> u8 {
         Ok(text) => messages::result(text, bars).map_or_else(Undelivered::exit_code, |()| DONE),
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
-            if error.is_of_suite() {
-                BAD_USAGE
-            } else {
-                NO_RESULT
-            }
+            if error.is_of_suite() { BAD_USAGE } else { NO_RESULT }
         }
     }
 }

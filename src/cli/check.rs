@@ -78,29 +78,15 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
     let mut line = |name: &str, value: &str| {
         writeln!(text, "{name:<12} {value}").expect("a string");
     };
-    let robot = configuration
-        .robot
-        .as_deref()
-        .unwrap_or("as the logs name it");
+    let robot = configuration.robot.as_deref().unwrap_or("as the logs name it");
     line("robot", &Printable(robot).to_string());
     for (name, value) in conventions(configuration) {
         line(name, &value);
     }
     let grid = &configuration.stages.grid;
     let joined = |steps: Vec<String>| steps.join(", ");
-    line(
-        "steps",
-        &joined(
-            grid.steps_mm
-                .iter()
-                .map(|step| nodes(*step, grid))
-                .collect(),
-        ),
-    );
-    line(
-        "nodes from",
-        &joined(grid.sources.iter().map(|s| s.name().to_owned()).collect()),
-    );
+    line("steps", &joined(grid.steps_mm.iter().map(|step| nodes(*step, grid)).collect()));
+    line("nodes from", &joined(grid.sources.iter().map(|s| s.name().to_owned()).collect()));
     let ways = grid.interpolations.iter().map(|way| way.name().to_owned());
     line("between them", &joined(ways.collect()));
     line(
@@ -143,15 +129,8 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
 
 /// A step with the number of nodes that it makes of the box, or of a cube of 1 m where stations will say the box.
 fn nodes(step_mm: f64, grid: &GridSettings) -> String {
-    let cube = WorkBox {
-        low_mm: [0.0; 3],
-        high_mm: [1000.0; 3],
-    };
-    let of = if grid.bounds.is_some() {
-        ""
-    } else {
-        " in a cube of 1 m"
-    };
+    let cube = WorkBox { low_mm: [0.0; 3], high_mm: [1000.0; 3] };
+    let of = if grid.bounds.is_some() { "" } else { " in a cube of 1 m" };
     match Lattice::new(&grid.bounds.unwrap_or(cube), step_mm) {
         Ok(lattice) => format!("{step_mm} mm ({} nodes{of})", lattice.node_count()),
         Err(reason) => format!("{step_mm} mm ({reason})"),
@@ -160,10 +139,8 @@ fn nodes(step_mm: f64, grid: &GridSettings) -> String {
 
 /// Sessions whose logs are split into several files.
 fn split(configuration: &Configuration) -> String {
-    let sessions = configuration
-        .pieces
-        .iter()
-        .flat_map(|piece| piece.training.iter().chain(&piece.test));
+    let sessions =
+        configuration.pieces.iter().flat_map(|piece| piece.training.iter().chain(&piece.test));
     let counts: BTreeMap<_, _> = sessions
         .filter_map(|session| {
             let logs = session.recorded.logs()?;
@@ -178,10 +155,7 @@ fn split(configuration: &Configuration) -> String {
             Printable(name)
         )
     };
-    counts
-        .iter()
-        .map(|(name, counts)| line((name, counts)))
-        .collect()
+    counts.iter().map(|(name, counts)| line((name, counts))).collect()
 }
 
 /// The convention's way with two parallel axes, as text.
@@ -245,16 +219,11 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     let degrees_at_end = if any_slides { "" } else { "°" };
     let beyond = arm.joints().iter().zip(reported);
     let beyond = beyond.filter(|(joint, q)| !(joint.lower..=joint.upper).contains(q));
-    let beyond: Vec<String> = beyond
-        .map(|(joint, _)| Printable(&joint.name).to_string())
-        .collect();
+    let beyond: Vec<String> = beyond.map(|(joint, _)| Printable(&joint.name).to_string()).collect();
     let limits = if beyond.is_empty() {
         String::new()
     } else {
-        format!(
-            " (outside the limits of {}: it cannot be gone to)",
-            beyond.join(", ")
-        )
+        format!(" (outside the limits of {}: it cannot be gone to)", beyond.join(", "))
     };
     format!(
         "  flange {name} ({}{degrees_at_end}): [{:.3}, {:.3}, {:.3}] mm, [{:.3}, {:.3}, {:.3}]° fixed-xyz{limits}\n",
@@ -271,18 +240,11 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
 /// The topics of logs.
 fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
-    let Mapping {
-        controller,
-        tracker,
-        ..
-    } = mapping;
+    let Mapping { controller, tracker, .. } = mapping;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
     let mut named = vec![
-        (
-            "controller",
-            topic(&controller.topic, controller.time, &angle),
-        ),
+        ("controller", topic(&controller.topic, controller.time, &angle)),
         ("tracker", topic(&tracker.topic, tracker.time, &length)),
     ];
     if let Some(commanded) = &mapping.commanded {
@@ -303,11 +265,7 @@ fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
     let angle = format!("{:?}", stations.joint_unit).to_lowercase();
     let joints = format!("{} in {angle}", stations.joints.join(", "));
     let pose = |position: &[String; 3], unit| {
-        format!(
-            "{} in {}",
-            position.join(", "),
-            format!("{unit:?}").to_lowercase()
-        )
+        format!("{} in {}", position.join(", "), format!("{unit:?}").to_lowercase())
     };
     let mut named = vec![("joints", joints)];
     let targets = stations.target_names();
@@ -315,11 +273,7 @@ fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
         let words = pose(&own.position, own.unit);
         named.push((
             "measured",
-            if targets.len() > 1 {
-                format!("{target}: {words}")
-            } else {
-                words
-            },
+            if targets.len() > 1 { format!("{target}: {words}") } else { words },
         ));
     }
     for own in &stations.lengths {
@@ -339,10 +293,7 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
         Reads::Logs(mapping) => topics(mapping),
         Reads::Tables(stations) => columns(stations),
     };
-    named.push((
-        "error frame",
-        configuration.stages.base_in_words().to_owned(),
-    ));
+    named.push(("error frame", configuration.stages.base_in_words().to_owned()));
     named.push((
         "up",
         configuration.stages.up.map_or_else(

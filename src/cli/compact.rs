@@ -59,11 +59,7 @@ fn told(done: &Compacted, bars: &Bars) -> u8 {
         tracing::warn!("{}", Printable(&text));
     }
     let printed = messages::result(words(done).join("\n"), bars);
-    let code = if done.left_out.is_empty() {
-        DONE
-    } else {
-        NOT_MET
-    };
+    let code = if done.left_out.is_empty() { DONE } else { NOT_MET };
     printed.map_or_else(Undelivered::exit_code, |()| code)
 }
 
@@ -86,12 +82,7 @@ fn words(done: &Compacted) -> Vec<String> {
         )
     };
     let mut lines = vec![first];
-    lines.extend(
-        TABLES
-            .into_iter()
-            .chain([KEYS])
-            .map(|table| of_table(done, table)),
-    );
+    lines.extend(TABLES.into_iter().chain([KEYS]).map(|table| of_table(done, table)));
     if !done.months.is_empty() {
         lines.push(format!("  months written: {}", done.months.join(", ")));
     }

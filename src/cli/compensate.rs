@@ -156,19 +156,10 @@ pub fn run(
         table_id: by.table_id,
         units: source.units(&targets),
     };
-    let bytes = written
-        .bytes(form)
-        .map_err(|source| args.not_written(source))?;
+    let bytes = written.bytes(form).map_err(|source| args.not_written(source))?;
     let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
     args.write(&written, &bytes, form, stdout)?;
-    Ok(Compensated {
-        named,
-        source,
-        held,
-        targets,
-        outcomes,
-        recording,
-    })
+    Ok(Compensated { named, source, held, targets, outcomes, recording })
 }
 
 impl CompensateArgs {
@@ -237,14 +228,10 @@ impl Compensated {
     }
 
     fn corrected(&self) -> impl Iterator<Item = &Corrected> {
-        self.outcomes
-            .iter()
-            .filter_map(|outcome| outcome.as_ref().ok())
+        self.outcomes.iter().filter_map(|outcome| outcome.as_ref().ok())
     }
 
     fn refused(&self) -> impl Iterator<Item = &Refused> {
-        self.outcomes
-            .iter()
-            .filter_map(|outcome| outcome.as_ref().err())
+        self.outcomes.iter().filter_map(|outcome| outcome.as_ref().err())
     }
 }

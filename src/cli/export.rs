@@ -155,10 +155,7 @@ pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
 
 impl ExportArgs {
     fn given_urdf(&self) -> Option<GivenUrdf<'_>> {
-        let ends = Ends {
-            base: self.base.as_deref()?,
-            tip: self.tip.as_deref()?,
-        };
+        let ends = Ends { base: self.base.as_deref()?, tip: self.tip.as_deref()? };
         let path = self.urdf.as_deref()?;
         Some(GivenUrdf { path, ends })
     }
@@ -240,11 +237,9 @@ impl ExportFormat {
 
 const fn exit_code(error: &ExportError) -> u8 {
     match error {
-        ExportError::Write(_)
-        | ExportError::At {
-            kind: ExportErrorKind::NotWritten(_),
-            ..
-        } => NO_RESULT,
+        ExportError::Write(_) | ExportError::At { kind: ExportErrorKind::NotWritten(_), .. } => {
+            NO_RESULT
+        }
         _ => BAD_USAGE,
     }
 }

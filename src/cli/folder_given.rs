@@ -21,39 +21,23 @@ pub struct FolderGiven {
 impl FolderGiven {
     /// The folder, the file that is needed in words, and the files that can be given.
     pub(super) fn new(path: &Path, wanted: &'static str, files: Vec<PathBuf>) -> Self {
-        Self {
-            path: path.to_owned(),
-            wanted,
-            files: Some(files),
-        }
+        Self { path: path.to_owned(), wanted, files: Some(files) }
     }
 
     /// A folder in the place of a new file.
     pub(super) fn for_new_file(path: &Path, wanted: &'static str) -> Self {
-        Self {
-            path: path.to_owned(),
-            wanted,
-            files: None,
-        }
+        Self { path: path.to_owned(), wanted, files: None }
     }
 }
 
 impl fmt::Display for FolderGiven {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} is a folder; give {}",
-            self.path.display(),
-            self.wanted
-        )?;
+        write!(f, "{} is a folder; give {}", self.path.display(), self.wanted)?;
         let Some(files) = &self.files else {
             return Ok(());
         };
-        let named: Vec<String> = files
-            .iter()
-            .take(FILES_NAMED)
-            .map(|file| file.display().to_string())
-            .collect();
+        let named: Vec<String> =
+            files.iter().take(FILES_NAMED).map(|file| file.display().to_string()).collect();
         let more = files.len().saturating_sub(FILES_NAMED);
         let which = match (named.is_empty(), more) {
             (true, _) => "none is in it".to_owned(),

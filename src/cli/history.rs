@@ -99,11 +99,7 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         (None, Some(to)) => pages(&lake, &robots, to, args.as_of),
         (None, None) => Ok(Vec::new()),
     };
-    let mut text: String = robots
-        .iter()
-        .flat_map(words)
-        .map(|text| line(&text))
-        .collect();
+    let mut text: String = robots.iter().flat_map(words).map(|text| line(&text)).collect();
     let paths = written.iter().flatten();
     text.extend(paths.map(|path| line(&format!("written: {}", path.display()))));
     let printed = messages::result(text, bars);
@@ -169,14 +165,7 @@ fn exit_code(robots: &[RobotHistory]) -> u8 {
     };
     let is_open = |robot: &RobotHistory| {
         robot.sessions.last().is_some_and(is_moved)
-            || robot
-                .left_out
-                .iter()
-                .any(|own| matches!(own.reason, Reason::Unreadable(_)))
+            || robot.left_out.iter().any(|own| matches!(own.reason, Reason::Unreadable(_)))
     };
-    if robots.iter().any(is_open) {
-        NOT_MET
-    } else {
-        DONE
-    }
+    if robots.iter().any(is_open) { NOT_MET } else { DONE }
 }

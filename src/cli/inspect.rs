@@ -218,11 +218,7 @@ mod tests {
     #[test]
     fn names_are_harmless_on_a_terminal_and_whole_in_toml() {
         let name = "/a\u{1b}[2J\n\"b\\ü\u{202e}";
-        assert!(
-            !escaped(name)
-                .chars()
-                .any(|c| c.is_control() || c == '\u{202e}')
-        );
+        assert!(!escaped(name).chars().any(|c| c.is_control() || c == '\u{202e}'));
         let toml: toml::Table =
             toml::from_str(&format!("topic = {}", toml_text(name))).expect("sound TOML");
         assert_eq!(toml["topic"].as_str(), Some(name));

@@ -155,10 +155,8 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
             let units = JointUnits::of(&planning.arm, AngleUnit::Deg);
             Ok(write_csv(&table, units, sink)?)
         };
-        write_whole(path, write).map_err(|source| PlanCommandError::Write {
-            path: path.clone(),
-            source,
-        })?;
+        write_whole(path, write)
+            .map_err(|source| PlanCommandError::Write { path: path.clone(), source })?;
     }
     let words = words(&planned, &planning, args);
     Ok((planned.is_met, words))
@@ -176,16 +174,8 @@ fn new_csv(args: &PlanArgs) -> Result<(), PlanCommandError> {
 fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
     let planning = load(args)?;
     let progress = bars.of("plan");
-    let found = planning
-        .so_far(&args.pipeline, session, &progress)
-        .map_err(Box::new)?;
-    let SoFar {
-        identify,
-        verify,
-        unmeasured,
-        planned,
-        ..
-    } = found;
+    let found = planning.so_far(&args.pipeline, session, &progress).map_err(Box::new)?;
+    let SoFar { identify, verify, unmeasured, planned, .. } = found;
     let mut text = format!(
         "plan {}, session {session} so far: {identify} stations to identify ({planned} poses are planned), {verify} to \
          verify, {unmeasured} without a measurement\n",
@@ -244,11 +234,7 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
             text += "the lake has this plan already: same file, same robot, same version; nothing was done\n";
         }
     }
-    let verdict = if planned.is_met {
-        "shown to be met"
-    } else {
-        "not shown to be met"
-    };
+    let verdict = if planned.is_met { "shown to be met" } else { "not shown to be met" };
     let mut line = |words: String| {
         text += &words;
         text.push('\n');
@@ -336,12 +322,8 @@ fn instruments(text: &mut String, plan: &SamplingPlan, planning: &Planning) {
     let Some(first) = rows.first() else { return };
     let width = rows.iter().map(|row| row.instruments.len()).max();
     let width = width.unwrap_or(0).max(11);
-    writeln!(
-        text,
-        "{:<width$}  numbers  rank  open mm  beside the tracker",
-        "instruments"
-    )
-    .expect("a string");
+    writeln!(text, "{:<width$}  numbers  rank  open mm  beside the tracker", "instruments")
+        .expect("a string");
     let told = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
     };

@@ -61,10 +61,7 @@ impl Bars {
         } else {
             ProgressDrawTarget::hidden()
         };
-        Self {
-            drawn: MultiProgress::with_draw_target(target),
-            are_seen: is_drawn,
-        }
+        Self { drawn: MultiProgress::with_draw_target(target), are_seen: is_drawn }
     }
 
     /// Writes to a stream while no bar is drawn. It takes bytes, not a function that makes them: a function that logged a
@@ -97,21 +94,11 @@ impl TerminalProgress {
 impl Progress for TerminalProgress {
     fn begin(&self, task: &str, total: u64) {
         let style = ProgressStyle::with_template(TEMPLATE).expect("the template is ours");
-        let bar = self
-            .bars
-            .drawn
-            .add(ProgressBar::new(total).with_style(style));
+        let bar = self.bars.drawn.add(ProgressBar::new(total).with_style(style));
         bar.set_prefix(self.session.clone());
         bar.set_message(task.to_owned());
         let now = Instant::now();
-        let task = Task {
-            bar,
-            name: task.to_owned(),
-            total,
-            done: 0,
-            begun: now,
-            told: now,
-        };
+        let task = Task { bar, name: task.to_owned(), total, done: 0, begun: now, told: now };
         self.with_tasks(|tasks| tasks.push(task));
     }
 
@@ -167,16 +154,10 @@ mod tests {
         let words = in_words("robots", 30, 60, Duration::from_mins(1));
         assert_eq!(
             words,
-            format!(
-                "robots: 30 of 60, 0.500 a second, {} remaining",
-                span(Duration::from_mins(1))
-            )
+            format!("robots: 30 of 60, 0.500 a second, {} remaining", span(Duration::from_mins(1)))
         );
         let nothing = in_words("robots", 0, 60, Duration::from_secs(10));
-        assert!(
-            nothing.contains("0 of 60") && nothing.ends_with("long remaining"),
-            "{nothing}"
-        );
+        assert!(nothing.contains("0 of 60") && nothing.ends_with("long remaining"), "{nothing}");
     }
 
     #[test]

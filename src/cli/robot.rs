@@ -69,11 +69,7 @@ pub struct ArmFlags {
 impl ArmFlags {
     /// The arm in the file, and the names of its joints.
     pub fn selection(&self) -> Selection {
-        Selection {
-            base: self.base.clone(),
-            tip: self.tip.clone(),
-            joints: self.joints.clone(),
-        }
+        Selection { base: self.base.clone(), tip: self.tip.clone(), joints: self.joints.clone() }
     }
 }
 
@@ -131,10 +127,7 @@ impl RobotProblem {
     }
 
     fn at(self, path: &Path) -> RobotCommandError {
-        RobotCommandError::File {
-            path: path.to_owned(),
-            kind: self,
-        }
+        RobotCommandError::File { path: path.to_owned(), kind: self }
     }
 }
 
@@ -151,9 +144,7 @@ pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
     let text = text(path)?;
     let stated = args.stated(path, &text).map_err(|kind| kind.at(path))?;
     let Some(poses) = &args.at else {
-        return args
-            .printed(path, text, &stated)
-            .map_err(|kind| kind.at(path));
+        return args.printed(path, text, &stated).map_err(|kind| kind.at(path));
     };
     let positions = input::text(poses, Bound::TARGETS);
     let positions = positions.map_err(|source| RobotProblem::Read(source).at(poses))?;
@@ -186,11 +177,7 @@ impl RobotArgs {
     fn stated(&self, path: &Path, text: &str) -> Result<Stated, RobotProblem> {
         let selection = self.arm.selection();
         let robot::Read { file, left_out } = robot_file::read(path, text, &selection)?;
-        let mut stated = Stated {
-            arm: robot_file::arm_of(&file, text)?,
-            file,
-            left_out,
-        };
+        let mut stated = Stated { arm: robot_file::arm_of(&file, text)?, file, left_out };
         if let Some(convention) = self.convention {
             stated.file = stated.file.restated(convention)?;
             stated.arm = stated.file.arm().map_err(RestateError::from)?;
@@ -202,11 +189,7 @@ impl RobotArgs {
     fn printed(&self, path: &Path, text: String, stated: &Stated) -> Result<String, RobotProblem> {
         let is_changed = self.arm.joints.is_some() || self.convention.is_some();
         let Some(left_out) = &stated.left_out else {
-            return Ok(if is_changed {
-                written::toml(&stated.file)?
-            } else {
-                text
-            });
+            return Ok(if is_changed { written::toml(&stated.file)? } else { text });
         };
         let source = path.file_name().unwrap_or_default().to_string_lossy();
         Ok(written::comment(&source, left_out) + &written::toml(&stated.file)?)

@@ -68,10 +68,7 @@ and changes no exit code. One batch works on a lake at a time: another one says 
 with --wait.
 A first SIGINT or SIGTERM (Ctrl-C) ends what is under way and exits with 130 or 143, a second one ends at once.
 However a run ends, it leaves nothing half done: run it again.")]
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command")]
 pub struct RunArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
@@ -152,11 +149,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         Ok(fleet) => fleet,
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
-            return if error.is_worth_a_retry() {
-                NO_RESULT
-            } else {
-                BAD_USAGE
-            };
+            return if error.is_worth_a_retry() { NO_RESULT } else { BAD_USAGE };
         }
     };
     let fleet = match args.until {
@@ -209,11 +202,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Some(Until::Table) => Extent::Gridded,
         None => Extent::Whole,
     };
-    let known = if args.fresh {
-        Ok(Known::nothing(lake))
-    } else {
-        Known::read(lake)
-    };
+    let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
         Err(error) => {
@@ -231,10 +220,8 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let written = messages::result(
-        summary::summary(fleet, &endings, &set_aside, extent, args.verbose),
-        bars,
-    );
+    let written =
+        messages::result(summary::summary(fleet, &endings, &set_aside, extent, args.verbose), bars);
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
 }

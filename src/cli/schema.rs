@@ -49,11 +49,7 @@ pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
         });
     }
     if args.table.as_deref() == Some(VIEWS) {
-        let sql = if args.compact {
-            schema::COMPACT_VIEWS_SQL
-        } else {
-            schema::VIEWS_SQL
-        };
+        let sql = if args.compact { schema::COMPACT_VIEWS_SQL } else { schema::VIEWS_SQL };
         return Ok(match args.format {
             Format::Text => sql.to_owned(),
             Format::Json => json(&sql),
@@ -74,11 +70,7 @@ fn json(schema: &impl serde::Serialize) -> String {
 
 fn list() -> String {
     let line = |schema: &TableSchema| {
-        let read = if schema.role == Role::Accepted {
-            " (read)"
-        } else {
-            ""
-        };
+        let read = if schema.role == Role::Accepted { " (read)" } else { "" };
         format!(
             "{:<18} v{}  one row per {}{read}\n",
             schema.table, schema.version, schema.one_row_per
@@ -96,16 +88,10 @@ fn contract(schema: &TableSchema) -> String {
         schema.table, schema.version, schema.description, schema.one_row_per
     );
     if !schema.order.is_empty() {
-        line(
-            &mut text,
-            &format!("Sorted by {}, which name a row.", schema.order.join(", ")),
-        );
+        line(&mut text, &format!("Sorted by {}, which name a row.", schema.order.join(", ")));
     }
     for column in &schema.columns {
-        line(
-            &mut text,
-            &format!("\n{}  {}", column.name, properties(column)),
-        );
+        line(&mut text, &format!("\n{}  {}", column.name, properties(column)));
         line(&mut text, &format!("    {}", column.description));
         if let Some(words) = &column.values {
             line(&mut text, &format!("    one of: {}", words.join(", ")));
@@ -120,21 +106,10 @@ fn contract(schema: &TableSchema) -> String {
 
 fn properties(column: &ColumnSchema) -> String {
     let unit = column.unit.as_deref().filter(|unit| *unit != "1");
-    let frame = column
-        .frame
-        .as_ref()
-        .map(|frame| format!("in frame: {frame}"));
+    let frame = column.frame.as_ref().map(|frame| format!("in frame: {frame}"));
     let nullable = column.nullable.then_some("may be null");
-    let since = column
-        .since
-        .map(|version| format!("since version {version}"));
-    let parts = [
-        Some(column.kind.name()),
-        unit,
-        frame.as_deref(),
-        nullable,
-        since.as_deref(),
-    ];
+    let since = column.since.map(|version| format!("since version {version}"));
+    let parts = [Some(column.kind.name()), unit, frame.as_deref(), nullable, since.as_deref()];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
@@ -147,24 +122,14 @@ mod tests {
     use super::*;
 
     fn shown(table: Option<&str>, format: Format) -> Result<String, SchemaError> {
-        show(&SchemaArgs {
-            table: table.map(str::to_owned),
-            format,
-            compact: false,
-        })
+        show(&SchemaArgs { table: table.map(str::to_owned), format, compact: false })
     }
 
     #[test]
     fn without_a_table_every_table_and_kind_of_file_is_a_line() {
         let text = shown(None, Format::Text).unwrap();
-        assert_eq!(
-            text.lines().count(),
-            schema::all().len() + keys::FILES.len() + 1
-        );
-        assert!(
-            text.contains("\nstations           v6  one row per dwell of the arm\n"),
-            "{text}"
-        );
+        assert_eq!(text.lines().count(), schema::all().len() + keys::FILES.len() + 1);
+        assert!(text.contains("\nstations           v6  one row per dwell of the arm\n"), "{text}");
     }
 
     #[test]
@@ -172,10 +137,7 @@ mod tests {
         let text = shown(Some("stations"), Format::Text).unwrap();
         let expected = "\nscatter_x_mm  float64, mm, in frame: tracker, may be null\n    Standard deviation of a single";
         assert!(text.contains(expected), "{text}");
-        assert!(
-            text.contains("    one of: paired, unmeasured, ambiguous\n"),
-            "{text}"
-        );
+        assert!(text.contains("    one of: paired, unmeasured, ambiguous\n"), "{text}");
     }
 
     #[test]
@@ -188,10 +150,7 @@ mod tests {
     #[test]
     fn the_guide_has_the_views_as_they_are_printed() {
         let views = shown(Some("views"), Format::Text).unwrap();
-        assert!(
-            include_str!("../guide/tables.md").contains(&views),
-            "{views}"
-        );
+        assert!(include_str!("../guide/tables.md").contains(&views), "{views}");
         // Those of the compact form end with the same views.
         let views_of_runs = &views[views.find("CREATE VIEW current_runs").unwrap()..];
         assert!(schema::COMPACT_VIEWS_SQL.contains(views_of_runs));

@@ -177,10 +177,7 @@ impl SimulateFileError {
 
     /// The error for this fault in the file at `path`.
     fn at(self, path: &Path) -> SimulateCommandError {
-        SimulateCommandError::File {
-            path: path.to_owned(),
-            kind: self,
-        }
+        SimulateCommandError::File { path: path.to_owned(), kind: self }
     }
 }
 
@@ -205,11 +202,7 @@ impl fmt::Display for SimulatedSession {
             truth.stations_visited,
             truth.model,
             truth.stations_lost,
-            if truth.settings.instrument.is_tracker() {
-                "missed by the beam"
-            } else {
-                "not seen"
-            },
+            if truth.settings.instrument.is_tracker() { "missed by the beam" } else { "not seen" },
             truth.readings.seen,
             truth.readings.outliers
         )?;
@@ -224,12 +217,7 @@ impl fmt::Display for SimulatedSession {
     }
 }
 
-const FILES: [&str; 4] = [
-    "controller.mcap",
-    "tracker.mcap",
-    "truth.json",
-    "truth_stations.csv",
-];
+const FILES: [&str; 4] = ["controller.mcap", "tracker.mcap", "truth.json", "truth_stations.csv"];
 
 /// The table of stations, where one is asked for.
 const TABLE: &str = "stations.csv";
@@ -240,11 +228,8 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     let listed = args.poses.poses.as_deref().map(listed).transpose()?;
     let settings = args.settings(&arm, listed.as_deref())?;
     let table = args.table.then_some(TABLE);
-    if let Some(path) = FILES
-        .into_iter()
-        .chain(table)
-        .map(|file| args.out.join(file))
-        .find(|path| path.exists())
+    if let Some(path) =
+        FILES.into_iter().chain(table).map(|file| args.out.join(file)).find(|path| path.exists())
     {
         return Err(SimulateCommandError::Exists(path));
     }
@@ -252,21 +237,15 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     fs::create_dir_all(&args.out)
         .map_err(|source| SimulateFileError::Write(source).at(&args.out))?;
     args.write(&arm, &simulated)?;
-    Ok(SimulatedSession {
-        out: args.out.clone(),
-        simulated,
-        table: args.table,
-    })
+    Ok(SimulatedSession { out: args.out.clone(), simulated, table: args.table })
 }
 
 /// Joint angles of every target of a file, or of every command of a corrected one.
 fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
-    let joints = targets::commands(path)?
-        .into_iter()
-        .map(|(target, joints)| {
-            let joints = joints.map(|joints| joints.angles);
-            joints.ok_or_else(|| SimulateFileError::NoJoints { target }.at(path))
-        });
+    let joints = targets::commands(path)?.into_iter().map(|(target, joints)| {
+        let joints = joints.map(|joints| joints.angles);
+        joints.ok_or_else(|| SimulateFileError::NoJoints { target }.at(path))
+    });
     joints.collect()
 }
 
@@ -286,18 +265,11 @@ impl SimulateArgs {
         let places = |cell: &_| self.poses.places(arm, cell, listed);
         let mut settings = self.errors.settings(self.seed, home, places)?;
         self.instrument.change(&mut settings);
-        Ok(SimulateSettings {
-            arm_seed: self.arm,
-            ..settings
-        })
+        Ok(SimulateSettings { arm_seed: self.arm, ..settings })
     }
 
     fn write(&self, arm: &Arm, simulated: &Simulated) -> Result<(), SimulateCommandError> {
-        let names: Vec<&str> = arm
-            .joints()
-            .iter()
-            .map(|joint| joint.name.as_str())
-            .collect();
+        let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         let Simulated { recording, truth } = simulated;
         let session = self.session_record(arm, truth.settings.instrument.name());
         let [controller, tracker, json, stations] = FILES.map(|file| self.out.join(file));
@@ -305,17 +277,10 @@ impl SimulateArgs {
             let logged = logged(arm, recording);
             Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
-        let readings = if self.reflectors.beside.is_empty() {
-            Vec::new()
-        } else {
-            self.readings(simulated)
-        };
+        let readings =
+            if self.reflectors.beside.is_empty() { Vec::new() } else { self.readings(simulated) };
         let unnamed = self.reflectors.unnamed.then(|| without_names(&readings));
-        let targets = if self.reflectors.unnamed {
-            Vec::new()
-        } else {
-            readings
-        };
+        let targets = if self.reflectors.unnamed { Vec::new() } else { readings };
         let log = TrackerLog {
             readings: unnamed.as_ref().unwrap_or(&recording.readings),
             targets: &named("T", targets),
@@ -325,14 +290,10 @@ impl SimulateArgs {
         };
         written(&tracker, |sink| Ok(log.write(sink, &session)?))?;
         written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
-        written(&stations, |sink| {
-            Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?)
-        })?;
+        written(&stations, |sink| Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?))?;
         if self.table {
             let text = self.stations_table(arm, simulated);
-            written(&self.out.join(TABLE), |sink| {
-                Ok(sink.write_all(text.as_bytes())?)
-            })?;
+            written(&self.out.join(TABLE), |sink| Ok(sink.write_all(text.as_bytes())?))?;
         }
         Ok(())
     }
@@ -387,20 +348,14 @@ impl SimulateArgs {
             let places = places.iter();
             places.map(|Triple(at)| (on, Point3::from(*at))).collect()
         };
-        [
-            on(StandsOn::Base, &self.reference),
-            on(StandsOn::Floor, &self.floor_reference),
-        ]
-        .concat()
+        [on(StandsOn::Base, &self.reference), on(StandsOn::Floor, &self.floor_reference)].concat()
     }
 
     /// Names of the references, and what each stands on: B1 and so on, F1 and so on.
     fn reference_names(&self) -> Vec<(String, StandsOn)> {
         let named = |letter: &str, on, count: usize| -> Vec<(String, StandsOn)> {
             let numbers = 1..=count;
-            numbers
-                .map(|number| (format!("{letter}{number}"), on))
-                .collect()
+            numbers.map(|number| (format!("{letter}{number}"), on)).collect()
         };
         [
             named("B", StandsOn::Base, self.reference.len()),
@@ -425,10 +380,7 @@ impl SimulateArgs {
     /// The instruments of one length: distances first.
     fn instruments(&self) -> Vec<LengthInstrument> {
         let distance = |Five([x, y, z, offset_mm, sd_mm]): &Five| LengthInstrument {
-            truth: LengthTruth::Distance {
-                anchor: Point3::new(*x, *y, *z),
-                offset_mm: *offset_mm,
-            },
+            truth: LengthTruth::Distance { anchor: Point3::new(*x, *y, *z), offset_mm: *offset_mm },
             sd_mm: *sd_mm,
         };
         let height = |Five([x, y, z, height_mm, sd_mm]): &Five| LengthInstrument {
@@ -440,18 +392,12 @@ impl SimulateArgs {
             sd_mm: *sd_mm,
         };
         let distances = self.distance_from.iter().map(distance);
-        distances
-            .chain(self.height_above.iter().map(height))
-            .collect()
+        distances.chain(self.height_above.iter().map(height)).collect()
     }
 
     fn source(&self) -> String {
         let arm = self.arm.map(|arm| format!(" --arm {arm}"));
-        format!(
-            "posegrid simulate --seed {}{}",
-            self.seed,
-            arm.unwrap_or_default()
-        )
+        format!("posegrid simulate --seed {}{}", self.seed, arm.unwrap_or_default())
     }
 
     /// The metadata record that names robot, model and session.
@@ -475,9 +421,7 @@ impl SimulateArgs {
 /// Readings with names: a letter and their number from 1.
 fn named<T>(letter: &str, readings: Vec<T>) -> Vec<(String, T)> {
     let numbered = (1..).zip(readings);
-    numbered
-        .map(|(number, own): (usize, _)| (format!("{letter}{number}"), own))
-        .collect()
+    numbered.map(|(number, own): (usize, _)| (format!("{letter}{number}"), own)).collect()
 }
 
 /// The recording with positions of joints that slide in m, the unit of ROS.

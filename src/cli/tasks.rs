@@ -85,10 +85,7 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     if args.plans {
         return plans(args, bars);
     }
-    let overrides = Overrides {
-        lake: args.lake.clone(),
-        ..Overrides::default()
-    };
+    let overrides = Overrides { lake: args.lake.clone(), ..Overrides::default() };
     let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
         Ok(fleet) => fleet,
         Err(error) => return unusable(&error),
@@ -167,10 +164,7 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
     if id.len() == RUN_LENGTH {
         return plan(args, &id, robot, bars);
     }
-    let overrides = Overrides {
-        lake: args.lake.clone(),
-        ..Overrides::default()
-    };
+    let overrides = Overrides { lake: args.lake.clone(), ..Overrides::default() };
     let robots: Vec<String> = robot.into_iter().collect();
     let fleet = match Fleet::load(&args.pipeline, &robots, &overrides) {
         Ok(fleet) => fleet,
@@ -217,10 +211,7 @@ fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
         return Ok((id.clone(), args.robot.clone()));
     }
     let mut line = String::new();
-    stdin()
-        .lock()
-        .read_line(&mut line)
-        .map_err(|error| format!("standard input: {error}"))?;
+    stdin().lock().read_line(&mut line).map_err(|error| format!("standard input: {error}"))?;
     let task: Result<Task, _> = serde_json::from_str(&line);
     let task = task.map_err(|error| {
         format!(
@@ -233,9 +224,7 @@ fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
 /// Finished work in the fleet's lake; `None` where it cannot be read, which is reported.
 fn known(fleet: &Fleet, read: impl Fn(Lake) -> Result<Known, LakeError>) -> Option<Known> {
     let known = Lake::at(&fleet.lake).and_then(read);
-    known
-        .map_err(|error| tracing::error!("{}", Printable(&error.to_string())))
-        .ok()
+    known.map_err(|error| tracing::error!("{}", Printable(&error.to_string()))).ok()
 }
 
 /// The exit code of a pipeline file that makes no plan.
@@ -247,9 +236,5 @@ fn no_plan(error: &PlanningError) -> u8 {
 /// The exit code of a pipeline file that makes no fleet.
 fn unusable(error: &ConfigurationError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
-    if error.is_worth_a_retry() {
-        FAULT
-    } else {
-        BAD_USAGE
-    }
+    if error.is_worth_a_retry() { FAULT } else { BAD_USAGE }
 }

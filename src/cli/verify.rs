@@ -112,12 +112,8 @@ impl From<Undelivered> for Ended {
 }
 
 fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
-    let expected = args
-        .expect
-        .as_deref()
-        .map(RowList::read)
-        .transpose()
-        .map_err(VerifyError::from)?;
+    let expected =
+        args.expect.as_deref().map(RowList::read).transpose().map_err(VerifyError::from)?;
     let selection = Selection {
         pipelines: args.pipeline.clone(),
         names: args.names.clone(),

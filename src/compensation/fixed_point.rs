@@ -33,15 +33,8 @@ pub(super) fn converge<F>(
         move_mm = (next - command).norm();
         command = next;
         if move_mm < CONVERGED_MM {
-            return Ok(Converged {
-                command,
-                found,
-                iterations,
-            });
+            return Ok(Converged { command, found, iterations });
         }
     }
-    Err(Reason::NoConvergence {
-        iterations: MOST_ITERATIONS,
-        move_mm,
-    })
+    Err(Reason::NoConvergence { iterations: MOST_ITERATIONS, move_mm })
 }

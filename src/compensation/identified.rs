@@ -99,21 +99,12 @@ impl IdentifiedArm {
         let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
         let reach = Reach::new(&self.arm, *self.flange_from_tool.isometry());
         let poses = Poses::new(self, &error_frame, &reach);
-        let correction = Correction {
-            identified: self,
-            errors,
-            reach: &reach,
-            allow,
-        };
+        let correction = Correction { identified: self, errors, reach: &reach, allow };
         let one = |target: &Target| {
             let admitted = self.validity.admit(target);
             let wanted = admitted.and_then(|()| poses.wanted(target));
             let corrected = wanted.and_then(|wanted| correction.of(&wanted));
-            corrected.map_err(|reason| Refused {
-                target: target.name.clone(),
-                reason,
-                slip: None,
-            })
+            corrected.map_err(|reason| Refused { target: target.name.clone(), reason, slip: None })
         };
         targets.par_iter().map(one).collect()
     }
@@ -185,10 +176,7 @@ struct Correction<'a> {
 
 impl Correction<'_> {
     fn of(&self, wanted: &Wanted) -> Result<Corrected, Reason> {
-        let Isometry3 {
-            translation,
-            rotation,
-        } = wanted.base_from_tool;
+        let Isometry3 { translation, rotation } = wanted.base_from_tool;
         let mut allowed = self.exceptions(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
         let mut commanded = rotation;
@@ -248,10 +236,7 @@ impl Correction<'_> {
             let pairs = joints.iter().zip(&wanted.turns_rad);
             pairs.map(|(joint, turns)| joint + turns).collect()
         };
-        let joints = JointCommand {
-            target: turned(&wanted.joints),
-            command: turned(command),
-        };
+        let joints = JointCommand { target: turned(&wanted.joints), command: turned(command) };
         within_limits(&self.identified.arm, &joints.command)?;
         Ok(joints)
     }
@@ -259,14 +244,8 @@ impl Correction<'_> {
     /// The exceptions that joint angles need, where they are allowed: for their ranges, and for the arm configuration they are in.
     fn exceptions(&self, joints: &[f64]) -> Result<Vec<Exception>, Reason> {
         let checks = [
-            (
-                Exception::JointRange,
-                self.identified.within_measured(joints),
-            ),
-            (
-                Exception::Configuration,
-                self.in_measured_configuration(joints),
-            ),
+            (Exception::JointRange, self.identified.within_measured(joints)),
+            (Exception::Configuration, self.in_measured_configuration(joints)),
         ];
         let mut needed = Vec::new();
         for (exception, measured) in checks {
@@ -287,10 +266,7 @@ impl Correction<'_> {
         if measured.contains(&found) {
             return Ok(());
         }
-        Err(Reason::NeverMeasured {
-            found,
-            measured: measured.clone(),
-        })
+        Err(Reason::NeverMeasured { found, measured: measured.clone() })
     }
 }
 

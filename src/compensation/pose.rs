@@ -100,11 +100,7 @@ impl<'a> Poses<'a> {
         }
         // Even when the angles already reach the pose, this checks limits and singularities.
         let joints = self.reach.solve(&base_from_tool, &joints)?;
-        Ok(Wanted {
-            base_from_tool,
-            joints,
-            turns_rad,
-        })
+        Ok(Wanted { base_from_tool, joints, turns_rad })
     }
 
     /// The whole turns by which each joint's angle is away from the measured ones, rad; 0 where none brings it there.
@@ -130,9 +126,8 @@ impl<'a> Poses<'a> {
             .map(|position| Translation3::from(position.coords()))
             .or(nominal.map(|pose| pose.translation))
             .ok_or(Reason::NoPosition)?;
-        let rotation = rotation
-            .or(nominal.map(|pose| pose.rotation))
-            .ok_or(Reason::NoOrientation)?;
+        let rotation =
+            rotation.or(nominal.map(|pose| pose.rotation)).ok_or(Reason::NoOrientation)?;
         Ok(Isometry3::from_parts(translation, rotation))
     }
 
@@ -153,10 +148,7 @@ impl<'a> Poses<'a> {
         let stated = given.slides.iter().flatten();
         let mut stated = self.identified.arm.joints().iter().zip(stated);
         if let Some((joint, _)) = stated.find(|(joint, is_length)| joint.slides != **is_length) {
-            return Err(Reason::JointUnit {
-                joint: joint.name.clone(),
-                slides: joint.slides,
-            });
+            return Err(Reason::JointUnit { joint: joint.name.clone(), slides: joint.slides });
         }
         if given.names.is_empty() {
             return Ok(given.angles.clone());
@@ -171,10 +163,9 @@ impl<'a> Poses<'a> {
     fn in_configuration(&self, target: &Target, joints: &[f64]) -> Result<(), Reason> {
         let own = self.reach.configuration(joints).map(|c| c.to_string());
         match &target.configuration {
-            Some(wanted) if Some(wanted) != own.as_ref() => Err(Reason::Configuration {
-                wanted: wanted.clone(),
-                table: own,
-            }),
+            Some(wanted) if Some(wanted) != own.as_ref() => {
+                Err(Reason::Configuration { wanted: wanted.clone(), table: own })
+            }
             _ => Ok(()),
         }
     }
@@ -186,11 +177,7 @@ impl<'a> Poses<'a> {
             return Err(Reason::Redundant { joints });
         }
         let joints = self.solution(&base_from_tool, target.configuration.as_deref())?;
-        Ok(Wanted {
-            turns_rad: vec![0.0; joints.len()],
-            joints,
-            base_from_tool,
-        })
+        Ok(Wanted { turns_rad: vec![0.0; joints.len()], joints, base_from_tool })
     }
 
     /// Joint angles of a pose, in the wanted arm configuration. An arm without configurations takes, of the ways that the search
@@ -282,9 +269,7 @@ impl<'a> Poses<'a> {
 pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
     let mut joints = arm.joints().iter().zip(joints);
     let beyond = joints.find(|(joint, value)| !(joint.lower..=joint.upper).contains(value));
-    beyond.map_or(Ok(()), |(joint, value)| {
-        Err(Reason::Arm(InverseError::beyond(joint, *value)))
-    })
+    beyond.map_or(Ok(()), |(joint, value)| Err(Reason::Arm(InverseError::beyond(joint, *value))))
 }
 
 /// How far apart two poses are, a turn counted by its lever, mm.

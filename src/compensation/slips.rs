@@ -28,26 +28,19 @@ const MOST_METRES: f64 = 20.0;
 
 impl Slip {
     /// All slips.
-    pub const ALL: [Self; 3] = [
-        Self::RadiansAsDegrees,
-        Self::DegreesAsRadians,
-        Self::MetresAsMillimetres,
-    ];
+    pub const ALL: [Self; 3] =
+        [Self::RadiansAsDegrees, Self::DegreesAsRadians, Self::MetresAsMillimetres];
 
     /// The target without this slip; `None` where its numbers cannot be of it.
     pub fn undone(self, target: &Target) -> Option<Target> {
         match self {
             Self::RadiansAsDegrees => {
                 let is_within_a_turn = |q: &f64| q.abs() <= TAU;
-                with_angles(target, f64::to_degrees, |angles| {
-                    angles.iter().all(is_within_a_turn)
-                })
+                with_angles(target, f64::to_degrees, |angles| angles.iter().all(is_within_a_turn))
             }
             Self::DegreesAsRadians => {
                 let is_beyond_a_turn = |q: &f64| q.abs() > TAU.to_radians();
-                with_angles(target, f64::to_radians, |angles| {
-                    angles.iter().any(is_beyond_a_turn)
-                })
+                with_angles(target, f64::to_radians, |angles| angles.iter().any(is_beyond_a_turn))
             }
             Self::MetresAsMillimetres => {
                 let at = target.position?.coords();
@@ -107,11 +100,7 @@ mod tests {
 
     fn at(angles: [f64; 2]) -> Target {
         Target {
-            joints: Some(TargetJoints {
-                slides: None,
-                names: Vec::new(),
-                angles: angles.to_vec(),
-            }),
+            joints: Some(TargetJoints { slides: None, names: Vec::new(), angles: angles.to_vec() }),
             ..Target::default()
         }
     }
@@ -126,19 +115,11 @@ mod tests {
         let read = at([1.2_f64.to_radians(), (-0.5_f64).to_radians()]);
         let meant = angles(Slip::RadiansAsDegrees, &read).unwrap();
         assert!((meant[0] - 1.2).abs() < 1e-12 && (meant[1] + 0.5).abs() < 1e-12);
-        assert_eq!(
-            angles(Slip::RadiansAsDegrees, &at([0.2, 0.0])),
-            None,
-            "11.5 rad"
-        );
+        assert_eq!(angles(Slip::RadiansAsDegrees, &at([0.2, 0.0])), None, "11.5 rad");
         // 90° and −30° in columns of radians.
         let meant = angles(Slip::DegreesAsRadians, &at([90.0, -30.0])).unwrap();
         assert!((meant[0] - TAU / 4.0).abs() < 1e-12);
-        assert_eq!(
-            angles(Slip::DegreesAsRadians, &at([3.0, -6.0])),
-            None,
-            "within a turn"
-        );
+        assert_eq!(angles(Slip::DegreesAsRadians, &at([3.0, -6.0])), None, "within a turn");
     }
 
     #[test]

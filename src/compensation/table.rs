@@ -101,10 +101,8 @@ pub struct Estimate {
 impl Terms {
     /// Refuses a target that the table is not valid for.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
-        if let Some(wanted) = target
-            .configuration
-            .as_ref()
-            .filter(|_| target.configuration != self.configuration)
+        if let Some(wanted) =
+            target.configuration.as_ref().filter(|_| target.configuration != self.configuration)
         {
             return Err(Reason::Configuration {
                 wanted: wanted.clone(),
@@ -138,10 +136,7 @@ impl CompensationTable {
         nodes: Vec<Result<Known, Refusal>>,
     ) -> Result<Self, Misfit> {
         if nodes.len() != lattice.node_count() {
-            return Err(Misfit::NodeCount {
-                found: nodes.len(),
-                counts: lattice.counts,
-            });
+            return Err(Misfit::NodeCount { found: nodes.len(), counts: lattice.counts });
         }
         let joint_counts = nodes
             .iter()
@@ -149,18 +144,9 @@ impl CompensationTable {
             .filter_map(|(node, known)| Some((node, known.as_ref().ok()?.joints.len())));
         let expected = joint_counts.clone().next().map_or(0, |(_, count)| count);
         if let Some((node, found)) = joint_counts.clone().find(|&(_, count)| count != expected) {
-            return Err(Misfit::JointCount {
-                node,
-                found,
-                expected,
-            });
+            return Err(Misfit::JointCount { node, found, expected });
         }
-        Ok(Self {
-            terms,
-            command_from_base,
-            lattice,
-            nodes,
-        })
+        Ok(Self { terms, command_from_base, lattice, nodes })
     }
 
     /// The table that the grid stage chose, transformed from the base frame into the frame of commands.
@@ -194,12 +180,7 @@ impl CompensationTable {
                 covariance: turned(covariance),
             })
         };
-        Self::new(
-            terms,
-            *command_from_base,
-            table.lattice,
-            table.nodes.iter().map(known).collect(),
-        )
+        Self::new(terms, *command_from_base, table.lattice, table.nodes.iter().map(known).collect())
     }
 
     /// The properties of the table.
@@ -225,10 +206,7 @@ impl CompensationTable {
     /// The error of the arm at a command, or the reason why the table has none.
     pub fn error_at(&self, command: &Position<Command>) -> Result<Estimate, Gap> {
         let place = *(self.command_from_base.inverse() * *command).point();
-        let cell = self
-            .lattice
-            .locate(&place)
-            .ok_or_else(|| self.outside(&place))?;
+        let cell = self.lattice.locate(&place).ok_or_else(|| self.outside(&place))?;
         let vertices = self.vertices(&cell)?;
         let joints = vertices.map(|known| known.joints.as_slice());
         if !on_one_branch(&joints, &self.terms.counted) {
@@ -251,11 +229,7 @@ impl CompensationTable {
     /// Covariance that the surveyed frame leaves of a tool at `place`, in the frame of commands, mm².
     pub(super) fn frame_covariance(&self, place: &Position<Command>) -> Matrix3<f64> {
         let in_base = self.command_from_base.inverse() * *place;
-        let matrix = self
-            .command_from_base
-            .isometry()
-            .rotation
-            .to_rotation_matrix();
+        let matrix = self.command_from_base.isometry().rotation.to_rotation_matrix();
         matrix * self.terms.frame.covariance(in_base.point()) * matrix.transpose()
     }
 
@@ -275,37 +249,23 @@ impl CompensationTable {
     }
 
     fn vertices(&self, cell: &InCell) -> Result<[&Known; 8], Gap> {
-        let refused = cell
-            .vertices
-            .iter()
-            .find_map(|&node| Some((node, *self.nodes[node].as_ref().err()?)));
+        let refused =
+            cell.vertices.iter().find_map(|&node| Some((node, *self.nodes[node].as_ref().err()?)));
         if let Some((node, why)) = refused {
-            return Err(Gap::Node {
-                node,
-                at: *self.position(node).point(),
-                why,
-            });
+            return Err(Gap::Node { node, at: *self.position(node).point(), why });
         }
-        Ok(cell.vertices.map(|node| {
-            self.nodes[node]
-                .as_ref()
-                .expect("refused nodes were looked for")
-        }))
+        Ok(cell
+            .vertices
+            .map(|node| self.nodes[node].as_ref().expect("refused nodes were looked for")))
     }
 
     fn outside(&self, place: &Point3<f64>) -> Gap {
-        Gap::Outside {
-            beyond_mm: self.command_from_base.isometry().rotation * self.beyond(place),
-        }
+        Gap::Outside { beyond_mm: self.command_from_base.isometry().rotation * self.beyond(place) }
     }
 
     /// Distance of a point in the base frame from the box along each axis, mm; 0 inside.
     fn beyond(&self, place: &Point3<f64>) -> Vector3<f64> {
-        let Lattice {
-            origin,
-            step,
-            counts,
-        } = self.lattice;
+        let Lattice { origin, step, counts } = self.lattice;
         Vector3::from_fn(|axis, _| {
             let high = (counts[axis] - 1) as f64 * step[axis];
             let inside = place[axis] - origin[axis];
@@ -321,11 +281,7 @@ impl PoseModel for CompensationTable {
     }
 
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
-        let At::Tool {
-            position,
-            orientation,
-        } = at
-        else {
+        let At::Tool { position, orientation } = at else {
             return Err(Gap::NoPosition);
         };
         self.terms.serves(orientation.as_ref())?;
@@ -334,10 +290,7 @@ impl PoseModel for CompensationTable {
             position: position + found.error,
             flange: orientation.unwrap_or(self.terms.orientation),
             error: Some(found.error),
-            open: Some(Open {
-                rows: DMatrix::zeros(3, 0),
-                alone: found.covariance,
-            }),
+            open: Some(Open { rows: DMatrix::zeros(3, 0), alone: found.covariance }),
         })
     }
 

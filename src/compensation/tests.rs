@@ -25,10 +25,7 @@ fn grid_table(
     };
     let node = |number: usize| TableNode {
         joints: Ok(vec![0.1; 6]),
-        error: Ok((
-            field(&lattice.position(number)),
-            Matrix3::identity() * 0.0004,
-        )),
+        error: Ok((field(&lattice.position(number)), Matrix3::identity() * 0.0004)),
         nearest_mm: 10.0,
     };
     grid::Table {
@@ -55,14 +52,8 @@ fn surveyed(
     table: &grid::Table,
     frame: FrameUncertainty,
 ) -> CompensationTable {
-    let conditions = Conditions {
-        tool: Some("drill".to_owned()),
-        ..Conditions::default()
-    };
-    let validity = Validity {
-        conditions,
-        ..Validity::default()
-    };
+    let conditions = Conditions { tool: Some("drill".to_owned()), ..Conditions::default() };
+    let validity = Validity { conditions, ..Validity::default() };
     let command_from_base = Transform::<Command, Base>::claim(command_from_base);
     CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity, frame)
         .expect("the nodes fill the lattice")
@@ -84,9 +75,7 @@ fn target(x: f64, y: f64, z: f64) -> Target {
 }
 
 fn refusal(table: &CompensationTable, target: &Target) -> Reason {
-    compensate(table, target)
-        .expect_err("a target that is refused")
-        .reason
+    compensate(table, target).expect_err("a target that is refused").reason
 }
 
 /// 1 mm along x, and 2 µm more per mm of x.
@@ -96,17 +85,11 @@ fn stretch(at: &Point3<f64>) -> Vector3<f64> {
 
 #[test]
 fn a_linear_error_field_is_corrected_exactly() {
-    let found = compensate(
-        &table(Interpolation::Trilinear, stretch),
-        &target(751.0, 20.0, 450.0),
-    )
-    .expect("inside");
+    let found = compensate(&table(Interpolation::Trilinear, stretch), &target(751.0, 20.0, 450.0))
+        .expect("inside");
     // c + 1 + 0.002 (c − 600) = 751 has c = 600 + 150 / 1.002.
     let expected = Vector3::new(600.0 + 150.0 / 1.002, 20.0, 450.5);
-    assert!(
-        (found.command.coords() - expected).norm() < 1e-8,
-        "{found:?}"
-    );
+    assert!((found.command.coords() - expected).norm() < 1e-8, "{found:?}");
     assert!((found.correction - (expected - Vector3::new(751.0, 20.0, 450.0))).norm() < 1e-8);
     // 1 mm shrinks by 0.002 an iteration: 1, 2e-3, 5e-6, 1e-8 mm, the last below a nanometre and a half.
     assert_eq!(found.iterations, 4);
@@ -134,9 +117,7 @@ fn a_table_predicts_only_for_its_orientation_inside_its_box() {
     let table = table(Interpolation::Trilinear, stretch);
     let at = |x: f64, turned_deg: f64| At::Tool {
         position: Point3::new(x, 20.0, 450.0),
-        orientation: Some(UnitQuaternion::from_scaled_axis(
-            Vector3::z() * turned_deg.to_radians(),
-        )),
+        orientation: Some(UnitQuaternion::from_scaled_axis(Vector3::z() * turned_deg.to_radians())),
     };
     let found = table.predict(&at(751.0, 4.0)).unwrap();
     let expected = stretch(&Point3::new(751.0, 20.0, 450.0));
@@ -149,10 +130,7 @@ fn a_table_predicts_only_for_its_orientation_inside_its_box() {
         table.predict(&at(751.0, 6.0)),
         Err(Gap::Orientation { angle_deg, limit_deg }) if (angle_deg - 6.0).abs() < 1e-9 && (limit_deg - 5.0).abs() < 1e-9
     ));
-    assert!(matches!(
-        table.predict(&at(901.0, 0.0)),
-        Err(Gap::Outside { .. })
-    ));
+    assert!(matches!(table.predict(&at(901.0, 0.0)), Err(Gap::Outside { .. })));
     let joints = At::Joints(Query {
         axes: &[0.1; 6],
         known: Angles::Commanded,
@@ -175,16 +153,12 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
     let plain = table_in(Isometry3::identity(), &grid_table);
     let here = target(751.0, 20.0, 450.0);
     let there = Target {
-        position: here
-            .position
-            .map(|at| Position::claim(command_from_base * at.point())),
+        position: here.position.map(|at| Position::claim(command_from_base * at.point())),
         orientation: Some(UnitQuaternion::from_scaled_axis(Vector3::z() * 0.7)),
         ..here.clone()
     };
-    let (plain, turned) = (
-        compensate(&plain, &here).unwrap(),
-        compensate(&turned, &there).unwrap(),
-    );
+    let (plain, turned) =
+        (compensate(&plain, &here).unwrap(), compensate(&turned, &there).unwrap());
     assert!((command_from_base * plain.correction - turned.correction).norm() < 1e-9);
     // The error along base x has all of its variance along command y after a quarter turn.
     let mut lopsided = grid_table;
@@ -195,21 +169,13 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
     }
     let quarter = Isometry3::new(Vector3::zeros(), Vector3::z() * FRAC_PI_2);
     let found = compensate(&table_in(quarter, &lopsided), &target(-20.0, 751.0, 450.0)).unwrap();
-    assert!(
-        (found.standard_deviation() - Vector3::y()).norm() < 1e-7,
-        "{:?}",
-        found.covariance
-    );
+    assert!((found.standard_deviation() - Vector3::y()).norm() < 1e-7, "{:?}", found.covariance);
 }
 
 #[test]
 fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
     let grid_table = grid_table(Interpolation::Trilinear, stretch);
-    let frame = FrameUncertainty {
-        origin_mm: 0.03,
-        rotation_rad: 1e-4,
-        lever_mm: 0.04,
-    };
+    let frame = FrameUncertainty { origin_mm: 0.03, rotation_rad: 1e-4, lever_mm: 0.04 };
     // Commands in a frame that is elsewhere and turned by a quarter: the survey turns about the base's origin, not about theirs.
     let command_from_base =
         Isometry3::new(Vector3::new(100.0, -50.0, 20.0), Vector3::z() * FRAC_PI_2);
@@ -219,10 +185,7 @@ fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
         compensate(&table, &target(at.x, at.y, at.z)).expect("inside")
     };
     let (with, without) = (found(frame), found(FrameUncertainty::default()));
-    assert_eq!(
-        (with.command, with.correction),
-        (without.command, without.correction)
-    );
+    assert_eq!((with.command, with.correction), (without.command, without.correction));
     assert_eq!(without.of_frame, Matrix3::zeros());
     // 0.03² + 0.04² = 0.0025 mm² everywhere, and 1e-8 of |p|² I − p pᵀ at p = (700, 20, 500) mm in the base; command x is base −y and
     // command y is base x: p is (−20, 700, 500) along the axes of commands.
@@ -237,17 +200,8 @@ fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
         -1e-8 * 350_000.0,
         0.0025 + 1e-8 * (490_000.0 + 400.0),
     );
-    assert!(
-        (with.of_frame - expected).abs().max() < 1e-12,
-        "{}",
-        with.of_frame
-    );
-    assert!(
-        (with.covariance - without.covariance - expected)
-            .abs()
-            .max()
-            < 1e-12
-    );
+    assert!((with.of_frame - expected).abs().max() < 1e-12, "{}", with.of_frame);
+    assert!((with.covariance - without.covariance - expected).abs().max() < 1e-12);
     assert!((with.own_variance_mm2() - 3.0 * 0.0004).abs() < 1e-12);
     assert!((with.frame_deviation_norm().powi(2) - expected.trace()).abs() < 1e-12);
 }
@@ -256,11 +210,9 @@ fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
 fn between_nodes_of_equal_standard_deviation_the_correction_has_it_too() {
     // √0.0004 = 0.02 mm per axis. With independent errors of the nodes it would be 0.02 / √8 in the middle, but the table
     // does not state that they are independent.
-    let found = compensate(
-        &table(Interpolation::Idw, |_| Vector3::zeros()),
-        &target(650.0, -50.0, 450.0),
-    )
-    .unwrap();
+    let found =
+        compensate(&table(Interpolation::Idw, |_| Vector3::zeros()), &target(650.0, -50.0, 450.0))
+            .unwrap();
     assert!((found.standard_deviation() - Vector3::repeat(0.02)).norm() < 1e-12);
     assert!((found.standard_deviation_norm() - 0.02 * 3.0_f64.sqrt()).abs() < 1e-12);
 }
@@ -274,9 +226,7 @@ fn a_target_outside_is_refused_with_its_distance() {
         panic!("{outside:?}");
     };
     assert!((beyond_mm - Vector3::new(12.5, 0.0, -1.0)).norm() < 1e-9);
-    let message = compensate(&table, &target(912.5, 0.0, 399.0))
-        .unwrap_err()
-        .to_string();
+    let message = compensate(&table, &target(912.5, 0.0, 399.0)).unwrap_err().to_string();
     let expected =
         "target \"rivet 7\" lies 12.5000 mm along +x and 1.0000 mm along −z beyond the table's box";
     assert!(message.starts_with(expected), "{message}");
@@ -317,11 +267,8 @@ fn a_cell_with_a_refused_node_is_refused_and_its_neighbours_are_not() {
     grid_table.nodes[0].error = Err(Refusal::Singularity); // at (600, −100, 400)
     let table = table_in(Isometry3::identity(), &grid_table);
     let found = refusal(&table, &target(690.0, -10.0, 490.0));
-    let expected = Gap::Node {
-        node: 0,
-        at: Point3::new(600.0, -100.0, 400.0),
-        why: Refusal::Singularity,
-    };
+    let expected =
+        Gap::Node { node: 0, at: Point3::new(600.0, -100.0, 400.0), why: Refusal::Singularity };
     assert_eq!(found, Reason::Target(expected));
     assert!(compensate(&table, &target(750.0, -10.0, 490.0)).is_ok());
 }
@@ -330,10 +277,8 @@ fn a_cell_with_a_refused_node_is_refused_and_its_neighbours_are_not() {
 fn nodes_on_different_branches_are_not_interpolated() {
     let mut grid_table = grid_table(Interpolation::Trilinear, stretch);
     grid_table.nodes[0].joints = Ok(vec![0.1, 0.1, 0.1, 0.1, 0.1, 0.1 + PI]);
-    let found = refusal(
-        &table_in(Isometry3::identity(), &grid_table),
-        &target(690.0, -10.0, 490.0),
-    );
+    let found =
+        refusal(&table_in(Isometry3::identity(), &grid_table), &target(690.0, -10.0, 490.0));
     assert_eq!(found, Reason::Target(Gap::Branches));
 }
 
@@ -342,9 +287,7 @@ fn targets_outside_the_validity_of_a_table_are_refused() {
     let table = table(Interpolation::Trilinear, stretch);
     let inside = target(751.0, 20.0, 450.0);
     let turned = |degrees: f64| Target {
-        orientation: Some(UnitQuaternion::from_scaled_axis(
-            Vector3::x() * degrees.to_radians(),
-        )),
+        orientation: Some(UnitQuaternion::from_scaled_axis(Vector3::x() * degrees.to_radians())),
         ..inside.clone()
     };
     assert!(compensate(&table, &turned(4.99)).is_ok());
@@ -355,31 +298,18 @@ fn targets_outside_the_validity_of_a_table_are_refused() {
         ),
         "{message}"
     );
-    let tool = |name: &str| Target {
-        tool: Some(name.to_owned()),
-        ..inside.clone()
-    };
+    let tool = |name: &str| Target { tool: Some(name.to_owned()), ..inside.clone() };
     assert!(compensate(&table, &tool("drill")).is_ok());
-    assert!(matches!(
-        refusal(&table, &tool("rivet")),
-        Reason::Tool { .. }
-    ));
-    let flipped = Target {
-        configuration: Some("wrist-".to_owned()),
-        ..inside.clone()
-    };
-    assert!(matches!(
-        refusal(&table, &flipped),
-        Reason::Configuration { .. }
-    ));
+    assert!(matches!(refusal(&table, &tool("rivet")), Reason::Tool { .. }));
+    let flipped = Target { configuration: Some("wrist-".to_owned()), ..inside.clone() };
+    assert!(matches!(refusal(&table, &flipped), Reason::Configuration { .. }));
 }
 
 #[test]
 fn an_error_field_that_changes_too_fast_does_not_converge() {
     // ê = −2 (x − 750): every step throws the command to the other side, twice as far.
-    let runaway = table(Interpolation::Trilinear, |at| {
-        Vector3::new(-2.0 * (at.x - 750.0), 0.0, 0.0)
-    });
+    let runaway =
+        table(Interpolation::Trilinear, |at| Vector3::new(-2.0 * (at.x - 750.0), 0.0, 0.0));
     assert!(matches!(
         refusal(&runaway, &target(750.1, 0.0, 500.0)),
         Reason::Command(Gap::Outside { .. })
@@ -409,22 +339,9 @@ fn nodes_that_do_not_fill_the_lattice_are_no_table() {
             FrameUncertainty::default(),
         )
     };
-    assert_eq!(
-        of(&grid_table),
-        Err(Misfit::JointCount {
-            node: 5,
-            found: 7,
-            expected: 6
-        })
-    );
+    assert_eq!(of(&grid_table), Err(Misfit::JointCount { node: 5, found: 7, expected: 6 }));
     grid_table.nodes.pop();
-    assert_eq!(
-        of(&grid_table),
-        Err(Misfit::NodeCount {
-            found: 35,
-            counts: [4, 3, 3]
-        })
-    );
+    assert_eq!(of(&grid_table), Err(Misfit::NodeCount { found: 35, counts: [4, 3, 3] }));
 }
 
 proptest! {

@@ -116,10 +116,9 @@ impl Validity {
     /// Refuses a target for another tool.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
         match &target.tool {
-            Some(wanted) if target.tool != self.conditions.tool => Err(Reason::Tool {
-                wanted: wanted.clone(),
-                table: self.conditions.tool.clone(),
-            }),
+            Some(wanted) if target.tool != self.conditions.tool => {
+                Err(Reason::Tool { wanted: wanted.clone(), table: self.conditions.tool.clone() })
+            }
             _ => Ok(()),
         }
     }
@@ -128,10 +127,9 @@ impl Validity {
     pub(super) fn admit_error(&self, error: &Vector3<f64>) -> Result<(), Reason> {
         let error_mm = error.norm();
         match self.largest_error_mm {
-            Some(largest_mm) if error_mm > MOST_OF_LARGEST * largest_mm => Err(Reason::TooLarge {
-                error_mm,
-                largest_mm,
-            }),
+            Some(largest_mm) if error_mm > MOST_OF_LARGEST * largest_mm => {
+                Err(Reason::TooLarge { error_mm, largest_mm })
+            }
             _ => Ok(()),
         }
     }
@@ -144,21 +142,12 @@ impl Validity {
             (Term::Tool, &own.tool, &said.tool),
             (Term::Mounting, &own.mounting, &said.mounting),
             (Term::Base, &own.base, &said.base),
-            (
-                Term::ControllerModel,
-                &own.controller_model,
-                &said.controller_model,
-            ),
+            (Term::ControllerModel, &own.controller_model, &said.controller_model),
         ];
         for (term, own, said) in names {
             held.take(term, own.as_deref(), said.as_deref(), other_name);
         }
-        held.take(
-            Term::Payload,
-            own.payload_kg,
-            said.payload_kg,
-            other_payload,
-        );
+        held.take(Term::Payload, own.payload_kg, said.payload_kg, other_payload);
         held.take(
             Term::AbsoluteAccuracy,
             own.absolute_accuracy_option,
@@ -166,12 +155,7 @@ impl Validity {
             other_option,
         );
         let range = self.temperature_c;
-        held.take(
-            Term::Temperature,
-            range,
-            used.temperature_c,
-            other_temperature,
-        );
+        held.take(Term::Temperature, range, used.temperature_c, other_temperature);
         held
     }
 }
@@ -193,10 +177,9 @@ impl Held {
         };
         match outside(own, said) {
             None => self.within.push(term),
-            Some(how) => self.outside.push(Outside {
-                term,
-                words: format!("{} {how}", term.name()),
-            }),
+            Some(how) => {
+                self.outside.push(Outside { term, words: format!("{} {how}", term.name()) })
+            }
         }
     }
 }
@@ -210,12 +193,7 @@ fn other_payload(own: f64, said: f64) -> Option<String> {
     let how = if more > 0.0 { "more" } else { "less" };
     // A NaN difference counts as different, too.
     let same = more.abs() <= ROUNDING_KG;
-    (!same).then(|| {
-        format!(
-            "{said} kg, {:.3} kg {how} than the table's {own} kg",
-            more.abs()
-        )
-    })
+    (!same).then(|| format!("{said} kg, {:.3} kg {how} than the table's {own} kg", more.abs()))
 }
 
 fn other_option(own: bool, said: bool) -> Option<String> {
@@ -224,11 +202,7 @@ fn other_option(own: bool, said: bool) -> Option<String> {
 }
 
 fn other_temperature([low, high]: [f64; 2], said: f64) -> Option<String> {
-    let (beyond, how) = if said < low {
-        (low - said, "below")
-    } else {
-        (said - high, "above")
-    };
+    let (beyond, how) = if said < low { (low - said, "below") } else { (said - high, "above") };
     let inside = (low..=high).contains(&said);
     (!inside).then(|| {
         format!(
@@ -289,12 +263,8 @@ mod tests {
             },
             temperature_c: Some(18.0),
         };
-        let words: Vec<String> = table()
-            .hold(&used)
-            .outside
-            .iter()
-            .map(ToString::to_string)
-            .collect();
+        let words: Vec<String> =
+            table().hold(&used).outside.iter().map(ToString::to_string).collect();
         let expected = [
             "tool \"rivet\", the table is for \"drill\"",
             "mounting \"wall\", the table is for \"floor\"",
@@ -305,16 +275,9 @@ mod tests {
         ];
         assert_eq!(words, expected);
         let hot = UsedWith {
-            conditions: Conditions {
-                payload_kg: Some(f64::NAN),
-                ..Conditions::default()
-            },
+            conditions: Conditions { payload_kg: Some(f64::NAN), ..Conditions::default() },
             temperature_c: Some(f64::NAN),
         };
-        assert_eq!(
-            table().hold(&hot).outside.len(),
-            2,
-            "no number is within nothing"
-        );
+        assert_eq!(table().hold(&hot).outside.len(), 2, "no number is within nothing");
     }
 }

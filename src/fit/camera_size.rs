@@ -47,15 +47,11 @@ pub fn found(
     source: SourceId,
 ) -> Option<CameraSize> {
     let left = Residuals::of(arm, observations, calibration);
-    let row = |own: &Observation| Row {
-        residual: left.residual(own),
-        camera: own.measured.instrument(),
-    };
+    let row =
+        |own: &Observation| Row { residual: left.residual(own), camera: own.measured.instrument() };
     let own = observations.iter().filter(|own| own.source == source);
     let rows: Vec<Row> = own.map(row).collect();
-    (rows.len() >= 10)
-        .then(|| scored(&rows, left.counted))
-        .flatten()
+    (rows.len() >= 10).then(|| scored(&rows, left.counted)).flatten()
 }
 
 /// Fisher's scoring on the variances (k, s²) of `k C + s² I`, with squares of residuals raised by `counted`.
@@ -66,20 +62,15 @@ fn scored(rows: &[Row], counted: f64) -> Option<CameraSize> {
         let (squares, of) = sums(rows, &at, counted)?;
         information = of;
         let next = solved(&of, &squares)?;
-        let moved = (next - at)
-            .component_div(&at.map(|own| own.max(1e-12)))
-            .amax();
+        let moved = (next - at).component_div(&at.map(|own| own.max(1e-12))).amax();
         at = next;
         if moved < CONVERGED {
             break;
         }
     }
     let [k, beside] = [at[0], at[1]];
-    let variance = if beside > 0.0 {
-        information.try_inverse()?[(0, 0)]
-    } else {
-        1.0 / information[(0, 0)]
-    };
+    let variance =
+        if beside > 0.0 { information.try_inverse()?[(0, 0)] } else { 1.0 / information[(0, 0)] };
     (k > 0.0).then(|| CameraSize {
         size: k.sqrt(),
         size_se: variance.sqrt() / (2.0 * k.sqrt()),
@@ -95,9 +86,7 @@ fn sums(rows: &[Row], at: &Vector2<f64>, counted: f64) -> Option<(Vector2<f64>, 
         let beside = DMatrix::from_fn(row.camera.nrows(), row.camera.nrows(), |i, j| {
             f64::from(u8::from(i == j && i < 3))
         });
-        let inverse = (&row.camera * at[0] + &beside * at[1])
-            .cholesky()?
-            .inverse();
+        let inverse = (&row.camera * at[0] + &beside * at[1]).cholesky()?.inverse();
         let white = &inverse * &row.residual;
         let parts = [&inverse * &row.camera, &inverse * &beside];
         let of = [&row.camera, &beside];

@@ -97,10 +97,8 @@ const SETTLING_ERROR_RAD: f64 = 250e-6;
 
 /// Reads the commands of `stations`.
 pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Commanded {
-    let poses: Vec<Option<CommandedPose>> = stations
-        .iter()
-        .map(|station| pose(station, frames))
-        .collect();
+    let poses: Vec<Option<CommandedPose>> =
+        stations.iter().map(|station| pose(station, frames)).collect();
     let Some(flange_from_tool) = frames.flange_from_tool else {
         return without_orientations(stations, poses, arm.counted());
     };
@@ -112,35 +110,24 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
     let Some(constant) = constant_turn(&turns) else {
         return without_orientations(stations, poses, arm.counted());
     };
-    let scatter = median(
-        &turns
-            .iter()
-            .flatten()
-            .map(|turn| (turn - constant).norm())
-            .collect::<Vec<_>>(),
-    );
+    let scatter =
+        median(&turns.iter().flatten().map(|turn| (turn - constant).norm()).collect::<Vec<_>>());
     let trust = match scatter {
         Some(scatter) if scatter <= TRUSTED_RAD => Trust::Agrees(scatter),
         Some(scatter) => Trust::Scatters(scatter),
         None => Trust::NoOrientations,
     };
-    let settling_errors = stations
-        .iter()
-        .zip(&poses)
-        .zip(&turns)
-        .map(|((station, pose), turn)| {
-            let (pose, turn) = (pose.as_ref()?, (*turn)?);
-            let turn = turn - constant;
-            let settling_error =
-                |turn_rad| settling_error(station, pose, turn, turn_rad, arm, &flange_from_tool);
-            match trust {
-                Trust::Agrees(_) => Some(SettlingError::Sent(settling_error(ORIENTATION_RAD))),
-                Trust::Scatters(scatter) => {
-                    Some(SettlingError::OfPosition(settling_error(scatter)))
-                }
-                Trust::NoOrientations => None,
-            }
-        });
+    let settling_errors = stations.iter().zip(&poses).zip(&turns).map(|((station, pose), turn)| {
+        let (pose, turn) = (pose.as_ref()?, (*turn)?);
+        let turn = turn - constant;
+        let settling_error =
+            |turn_rad| settling_error(station, pose, turn, turn_rad, arm, &flange_from_tool);
+        match trust {
+            Trust::Agrees(_) => Some(SettlingError::Sent(settling_error(ORIENTATION_RAD))),
+            Trust::Scatters(scatter) => Some(SettlingError::OfPosition(settling_error(scatter))),
+            Trust::NoOrientations => None,
+        }
+    });
     let counted = arm.counted();
     Commanded {
         settling_errors: settling_errors.collect(),
@@ -176,9 +163,7 @@ pub fn dwells<'s>(
     counted: &'s [f64],
 ) -> Vec<Dwell<'s>> {
     let stated = |pose: &CommandedPose| CommandedPose {
-        orientation: pose
-            .orientation
-            .filter(|_| !matches!(trust, Trust::Scatters(_))),
+        orientation: pose.orientation.filter(|_| !matches!(trust, Trust::Scatters(_))),
         ..*pose
     };
     let dwell = |(station, pose): (&'s Station, &Option<CommandedPose>)| Dwell {
@@ -213,15 +198,8 @@ fn turn(
 
 /// The median of the turns, axis by axis.
 fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
-    let along = |axis: usize| {
-        median(
-            &turns
-                .iter()
-                .flatten()
-                .map(|turn| turn[axis])
-                .collect::<Vec<_>>(),
-        )
-    };
+    let along =
+        |axis: usize| median(&turns.iter().flatten().map(|turn| turn[axis]).collect::<Vec<_>>());
     Some(Vector3::new(along(0)?, along(1)?, along(2)?))
 }
 
@@ -235,31 +213,25 @@ fn settling_error(
     flange_from_tool: &Isometry3<f64>,
 ) -> Vec<f64> {
     let axes = arm.axes(&station.joints);
-    let differential = arm
-        .chain()
-        .differential(&axes, &vec![0.0; arm.chain().parameters().len()]);
+    let differential = arm.chain().differential(&axes, &vec![0.0; arm.chain().parameters().len()]);
     let tool = differential.end * Point3::from(flange_from_tool.translation.vector);
     let lever = tool.coords - differential.end.translation.vector;
     let mut rows = DMatrix::zeros(6, axes.len());
     for (column, twist) in differential.joints.iter().enumerate() {
         let linear = (twist.linear + twist.angular.cross(&lever)) / POSITION_MM;
         rows.fixed_view_mut::<3, 1>(0, column).copy_from(&linear);
-        rows.fixed_view_mut::<3, 1>(3, column)
-            .copy_from(&(twist.angular / turn_rad));
+        rows.fixed_view_mut::<3, 1>(3, column).copy_from(&(twist.angular / turn_rad));
     }
     let mut away = DVector::zeros(6);
-    away.fixed_rows_mut::<3>(0)
-        .copy_from(&((pose.position - tool) / POSITION_MM));
-    away.fixed_rows_mut::<3>(3)
-        .copy_from(&(differential.end.rotation * turn / turn_rad));
+    away.fixed_rows_mut::<3>(0).copy_from(&((pose.position - tool) / POSITION_MM));
+    away.fixed_rows_mut::<3>(3).copy_from(&(differential.end.rotation * turn / turn_rad));
     let slides = arm.chain().slides();
     let expected = slides.iter().map(|slides| {
         let per_radian = if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
         1.0 / (SETTLING_ERROR_RAD * per_radian).powi(2)
     });
     let ridge = DMatrix::from_diagonal(&DVector::from_iterator(axes.len(), expected));
-    let factor = (rows.tr_mul(&rows) + ridge)
-        .cholesky()
-        .expect("a ridge makes it positive definite");
+    let factor =
+        (rows.tr_mul(&rows) + ridge).cholesky().expect("a ridge makes it positive definite");
     factor.solve(&rows.tr_mul(&away)).as_slice().to_vec()
 }

@@ -57,18 +57,13 @@ pub fn carried(
     to: &Arm,
     flange_from_target: &Isometry3<f64>,
 ) -> Carried {
-    let (own, other) = (
-        measured(from.chain(), flange_from_target),
-        measured(to.chain(), flange_from_target),
-    );
+    let (own, other) =
+        (measured(from.chain(), flange_from_target), measured(to.chain(), flange_from_target));
     let offsets = errors.of(&own);
     let parameters = other.parameters();
     let poses = |first: u32| {
         (first..first + POSES).map(|place| {
-            (
-                from.axes(&spread_joints(from, place)),
-                to.axes(&spread_joints(to, place)),
-            )
+            (from.axes(&spread_joints(from, place)), to.axes(&spread_joints(to, place)))
         })
     };
     let poses: [Vec<_>; 2] = [poses(0).collect(), poses(POSES).collect()];
@@ -76,10 +71,8 @@ pub fn carried(
     let mut found = DVector::zeros(parameters.len());
     for _ in 0..ROUNDS {
         let away = differences(&own, &offsets, &other, &found, &poses[0]);
-        let inverse = pseudo_inverse(
-            &jacobian(&other, &found, poses[0].iter().map(|p| &p.1)),
-            &sizes,
-        );
+        let inverse =
+            pseudo_inverse(&jacobian(&other, &found, poses[0].iter().map(|p| &p.1)), &sizes);
         let step = inverse * away;
         let is_done = step.component_div(&sizes).amax() < 1e-10;
         found += step;
@@ -87,17 +80,12 @@ pub fn carried(
             break;
         }
     }
-    let inverse = pseudo_inverse(
-        &jacobian(&other, &found, poses[0].iter().map(|p| &p.1)),
-        &sizes,
-    );
+    let inverse = pseudo_inverse(&jacobian(&other, &found, poses[0].iter().map(|p| &p.1)), &sizes);
     let through = inverse * jacobian(&own, &offsets, poses[0].iter().map(|p| &p.0));
     let through = errors.columns(&own, &through);
     let left = differences(&own, &offsets, &other, &found, &poses[1]);
     let largest = |first: usize| {
-        let norms = (first..left.len())
-            .step_by(6)
-            .map(|row| left.rows(row, 3).norm());
+        let norms = (first..left.len()).step_by(6).map(|row| left.rows(row, 3).norm());
         norms.fold(0.0, f64::max)
     };
     Carried {
@@ -115,10 +103,8 @@ impl Errors {
     /// The offsets in the order of a chain's parameters; zero for one that is not named.
     fn of(&self, chain: &Chain) -> DVector<f64> {
         let parameters = chain.parameters();
-        let offset = |parameter: &Parameter| {
-            self.place(*parameter)
-                .map_or(0.0, |place| self.offsets[place])
-        };
+        let offset =
+            |parameter: &Parameter| self.place(*parameter).map_or(0.0, |place| self.offsets[place]);
         DVector::from_iterator(parameters.len(), parameters.iter().map(offset))
     }
 
@@ -140,11 +126,7 @@ impl Errors {
 
 /// The offset that counts as 1 mm of a link.
 fn size(parameter: &Parameter) -> f64 {
-    if parameter.is_angle() {
-        RAD_PER_MM
-    } else {
-        1.0
-    }
+    if parameter.is_angle() { RAD_PER_MM } else { 1.0 }
 }
 
 /// The offset that counts as 1 mm of a link when the least offsets are looked for.
@@ -188,8 +170,7 @@ fn differences(
         let off = wanted.translation.vector - here.translation.vector;
         let turn = (wanted.rotation * here.rotation.inverse()).scaled_axis();
         rows.fixed_rows_mut::<3>(6 * place).copy_from(&off);
-        rows.fixed_rows_mut::<3>(6 * place + 3)
-            .copy_from(&(turn / RAD_PER_MM));
+        rows.fixed_rows_mut::<3>(6 * place + 3).copy_from(&(turn / RAD_PER_MM));
     }
     rows
 }
@@ -207,8 +188,7 @@ fn jacobian<'a>(
         for (column, twist) in twists.iter().enumerate() {
             let mut rows = jacobian.fixed_view_mut::<6, 1>(6 * place, column);
             rows.fixed_rows_mut::<3>(0).copy_from(&twist.linear);
-            rows.fixed_rows_mut::<3>(3)
-                .copy_from(&(twist.angular / RAD_PER_MM));
+            rows.fixed_rows_mut::<3>(3).copy_from(&(twist.angular / RAD_PER_MM));
         }
     }
     jacobian
@@ -222,9 +202,7 @@ fn pseudo_inverse(jacobian: &DMatrix<f64>, sizes: &DVector<f64>) -> DMatrix<f64>
     }
     let svd = scaled.svd(true, true);
     let floor = NO_EFFECT * svd.singular_values.amax();
-    let mut inverse = svd
-        .pseudo_inverse(floor)
-        .expect("both sides were asked for");
+    let mut inverse = svd.pseudo_inverse(floor).expect("both sides were asked for");
     for (row, size) in sizes.iter().enumerate() {
         inverse.row_mut(row).scale_mut(*size);
     }

@@ -69,10 +69,7 @@ impl FrameUncertainty {
     /// Expanded uncertainty (k = 2) in the worst direction, which is across the way to the point, at `distance_mm` from the base's
     /// origin, mm: twice the root of the largest eigenvalue of [`Self::covariance`].
     pub fn expanded_uncertainty_mm(&self, distance_mm: f64) -> f64 {
-        2.0 * self
-            .covariance(&Point3::new(distance_mm, 0.0, 0.0))
-            .m22
-            .sqrt()
+        2.0 * self.covariance(&Point3::new(distance_mm, 0.0, 0.0)).m22.sqrt()
     }
 }
 
@@ -98,12 +95,7 @@ impl<'a> ErrorFrame<'a> {
     ) -> Self {
         let target = frames.flange_from_target.isometry().translation;
         let at_target = Isometry3::from_parts(target, UnitQuaternion::identity());
-        Self {
-            arm,
-            frames,
-            flange_from_tool: flange_from_tool.unwrap_or(at_target),
-            oriented,
-        }
+        Self { arm, frames, flange_from_tool: flange_from_tool.unwrap_or(at_target), oriented }
     }
 
     /// The nominal arm.
@@ -172,8 +164,7 @@ impl<'a> ErrorFrame<'a> {
     }
 
     fn flange_rotation(&self, joints: &[f64], reading: &Reading) -> UnitQuaternion<f64> {
-        self.measured_flange(reading)
-            .unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
+        self.measured_flange(reading).unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
     }
 }
 
@@ -183,11 +174,7 @@ mod tests {
 
     #[test]
     fn a_survey_leaves_most_across_the_way_to_a_point() {
-        let frame = FrameUncertainty {
-            origin_mm: 0.03,
-            rotation_rad: 2e-5,
-            lever_mm: 0.04,
-        };
+        let frame = FrameUncertainty { origin_mm: 0.03, rotation_rad: 2e-5, lever_mm: 0.04 };
         // 2 m along x: 0.05 mm everywhere, and 0.02 mrad at 2 m, 0.04 mm, along y and z.
         let along_x = frame.covariance(&Point3::new(2000.0, 0.0, 0.0));
         let expected = Vector3::new(0.0025, 0.0041, 0.0041);
@@ -205,11 +192,7 @@ mod tests {
 
     #[test]
     fn the_covariance_is_that_of_points_seen_from_a_base_that_is_off() {
-        let frame = FrameUncertainty {
-            origin_mm: 0.02,
-            rotation_rad: 5e-6,
-            lever_mm: 0.0,
-        };
+        let frame = FrameUncertainty { origin_mm: 0.02, rotation_rad: 5e-6, lever_mm: 0.0 };
         let at = Point3::new(1500.0, -700.0, 900.0);
         // A base off by one standard deviation along or about each axis in turn: six independent parts, whose squares add up.
         let part = |axis: usize| {
@@ -222,9 +205,6 @@ mod tests {
         };
         let sum: Matrix3<f64> = (0..6).map(part).sum();
         assert!((sum - frame.covariance(&at)).abs().max() < 1e-8, "{sum}");
-        assert_eq!(
-            FrameUncertainty::default().covariance(&at),
-            Matrix3::zeros()
-        );
+        assert_eq!(FrameUncertainty::default().covariance(&at), Matrix3::zeros());
     }
 }

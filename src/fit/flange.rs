@@ -49,9 +49,7 @@ impl OneReading {
     pub fn of(station: &Station, frames: &Frames, noise: &Noise) -> Option<Self> {
         let readings = station.measured();
         let own = || {
-            let mut places = readings
-                .iter()
-                .filter(|reading| reading.value.point().is_some());
+            let mut places = readings.iter().filter(|reading| reading.value.point().is_some());
             let main = places.find(|reading| reading.target == TargetId::MAIN);
             main.cloned().map(Self::Point)
         };
@@ -112,9 +110,7 @@ struct Seen {
 }
 
 fn pose(readings: &[Reading], frames: &Frames, noise: &Noise) -> Option<OneReading> {
-    let seen = readings
-        .iter()
-        .filter_map(|reading| seen(reading, frames, noise));
+    let seen = readings.iter().filter_map(|reading| seen(reading, frames, noise));
     let seen: Vec<Seen> = seen.collect();
     let main = frames.places()[TargetId::MAIN.0];
     let (flange, covariance) = rigid(&seen, &main)?;
@@ -153,10 +149,8 @@ fn rigid(seen: &[Seen], main: &Point3<f64>) -> Option<(Isometry3<f64>, Matrix6<f
         for own in seen {
             let arm = flange.rotation * (own.place - main);
             let mut rows = nalgebra::Matrix3x6::zeros();
-            rows.fixed_view_mut::<3, 3>(0, 0)
-                .copy_from(&Matrix3::identity());
-            rows.fixed_view_mut::<3, 3>(0, 3)
-                .copy_from(&-arm.cross_matrix());
+            rows.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
+            rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
             let away = own.measured - flange * own.place;
             information += rows.transpose() * own.weight * rows;
             gradient += rows.transpose() * own.weight * away;
@@ -228,11 +222,7 @@ mod tests {
     use crate::join::Pairing;
     use crate::units::Stamp;
 
-    const PLACES: [[f64; 3]; 3] = [
-        [60.0, 20.0, 80.0],
-        [-40.0, 70.0, 60.0],
-        [-10.0, -60.0, 120.0],
-    ];
+    const PLACES: [[f64; 3]; 3] = [[60.0, 20.0, 80.0], [-40.0, 70.0, 60.0], [-10.0, -60.0, 120.0]];
     const NOISE_MM: f64 = 0.02;
 
     fn frames(places: &[[f64; 3]]) -> Frames {
@@ -251,13 +241,7 @@ mod tests {
             orientation_rad: None,
         };
         let reads = ReadingKind::Point;
-        Noise::of_one(
-            Source {
-                reads,
-                uncertainty: uncertainty.into(),
-            },
-            0.03,
-        )
+        Noise::of_one(Source { reads, uncertainty: uncertainty.into() }, 0.03)
     }
 
     /// A station with readings of these targets, each moved by `off`.
@@ -340,10 +324,7 @@ mod tests {
             other => panic!("{other:?}"),
         };
         let (exact, sd_rad) = at(&|_| Vector3::zeros());
-        let stated = exact
-            .value
-            .point()
-            .and_then(|point| point.stated_covariance);
+        let stated = exact.value.point().and_then(|point| point.stated_covariance);
         let stated = stated.expect("a covariance");
         let (mut places, mut turns) = (Matrix3::zeros(), 0.0);
         for (moved, axis) in (0..3).flat_map(|target| (0..3).map(move |axis| (target, axis))) {
@@ -361,10 +342,7 @@ mod tests {
         assert!(((turns / 3.0).sqrt() / sd_rad - 1.0).abs() < 1e-2);
         let sides = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         for (side, stated) in sides.into_iter().zip(stated) {
-            assert!(
-                (places[side] - stated).abs() < 1e-2 * places[(0, 0)],
-                "{side:?}"
-            );
+            assert!((places[side] - stated).abs() < 1e-2 * places[(0, 0)], "{side:?}");
         }
     }
 

@@ -65,10 +65,7 @@ pub fn check(
     settings: &FitSettings,
     noise: &Noise,
 ) -> Vec<Flipped> {
-    let robust = FitSettings {
-        loss: Loss::Cauchy { tuning: 2.0 },
-        ..settings.clone()
-    };
+    let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let fitted = identify(arm, observations, sessions, Freedom::BaseAndTarget, &robust);
     let Ok(fitted) = fitted else {
         return Vec::new();
@@ -101,15 +98,8 @@ fn compared(
         let residual = turn.residual(&predicted.rotation);
         (turn.whitened(&away, &residual).norm(), residual.norm())
     };
-    let mirrored = MeasuredOrientation {
-        orientation: mirrored(&measured, mounted),
-        ..*turn
-    };
-    Some(Compared {
-        place,
-        as_measured: of(turn),
-        as_mirrored: of(&mirrored),
-    })
+    let mirrored = MeasuredOrientation { orientation: mirrored(&measured, mounted), ..*turn };
+    Some(Compared { place, as_measured: of(turn), as_mirrored: of(&mirrored) })
 }
 
 impl Compared {

@@ -96,11 +96,7 @@ impl Frames {
     ) -> Option<Self> {
         let whole = !sources.is_empty() && !targets.is_empty();
         let sees = vec![Sees::Places; sources.len()];
-        whole.then_some(Self {
-            sources,
-            sees,
-            targets,
-        })
+        whole.then_some(Self { sources, sees, targets })
     }
 
     /// The frames where each source reads what `sees` says, in their order. The frame of one that reads no places becomes the base's.
@@ -186,9 +182,7 @@ impl Frames {
     /// Places of the targets on the flange, mm.
     pub fn places(&self) -> Arc<[Point3<f64>]> {
         let places = self.targets.iter();
-        places
-            .map(|target| Point3::from(target.isometry().translation.vector))
-            .collect()
+        places.map(|target| Point3::from(target.isometry().translation.vector)).collect()
     }
 
     /// Whether the session has several targets.
@@ -228,10 +222,7 @@ impl<T> PerChannel<T> {
             first += frames.sources.len() * frames.targets.len();
             own
         });
-        Self {
-            sessions: sessions.collect(),
-            each: channels.map(of).collect(),
-        }
+        Self { sessions: sessions.collect(), each: channels.map(of).collect() }
     }
 
     /// The value of a channel.

@@ -137,10 +137,7 @@ impl Ready {
         mean: &DVector<f64>,
     ) -> Self {
         let chains = problem.held(offsets);
-        Self {
-            curves: Tabulated::new(layout, mean, problem.starts().len()),
-            chains,
-        }
+        Self { curves: Tabulated::new(layout, mean, problem.starts().len()), chains }
     }
 }
 
@@ -240,11 +237,7 @@ impl FullModel {
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let approach = ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
         let rows_at = settled.state.offsets.clone();
-        let train::Settled {
-            mut state,
-            posterior,
-            ..
-        } = settled;
+        let train::Settled { mut state, posterior, .. } = settled;
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
         let weights = of_readings(problem.observations(), &state.weights);
         Self {
@@ -321,11 +314,7 @@ impl FullModel {
     /// The point at the offsets where rows are evaluated, and its motion.
     fn viewed(&self, query: &Query<'_>) -> ChainView {
         let lever = self.target_from_flange(query) * query.lever;
-        let mut view = self
-            .ready
-            .chains
-            .of(query.channel())
-            .view_of(query.axes, &lever);
+        let mut view = self.ready.chains.of(query.channel()).view_of(query.axes, &lever);
         if !query.own {
             let is_base = |place: usize| {
                 matches!(self.problem.unknowns()[place].parameter, Parameter::Base(_))
@@ -359,9 +348,7 @@ impl FullModel {
             },
             session: query.own.then_some(query.session),
             // Beyond the longest session of the training, the drift keeps its last value.
-            time: query
-                .station
-                .map(|station| (station as f64 / self.span).min(1.0)),
+            time: query.station.map(|station| (station as f64 / self.span).min(1.0)),
             middle: base * self.middles[query.session],
         }
     }
@@ -383,15 +370,12 @@ impl FullModel {
             return zero;
         };
         let sizes = against.mean.iter().zip(&against.variance);
-        joints
-            .iter()
-            .zip(sizes)
-            .fold(zero, |(shift, covariance), (twist, (mean, variance))| {
-                (
-                    shift + twist.linear * *mean,
-                    covariance + twist.linear * twist.linear.transpose() * *variance,
-                )
-            })
+        joints.iter().zip(sizes).fold(zero, |(shift, covariance), (twist, (mean, variance))| {
+            (
+                shift + twist.linear * *mean,
+                covariance + twist.linear * twist.linear.transpose() * *variance,
+            )
+        })
     }
 
     /// Covariance of predicted positions whose rows are stacked, three each, mm².
@@ -456,10 +440,7 @@ impl FullModel {
     /// Noise covariance of one position measured with the base of a session that trained, in addition to the model's own covariance, at
     /// full weight, tracker frame, mm²; zero where none was measured.
     pub fn noise(&self, observation: &Observation, session: usize) -> Matrix3<f64> {
-        let channel = Channel {
-            session,
-            ..observation.channel()
-        };
+        let channel = Channel { session, ..observation.channel() };
         let view = self.ready.chains.of(channel).view(&observation.axes);
         if observation.point().is_none() {
             return Matrix3::zeros();
@@ -478,14 +459,8 @@ impl FullModel {
         joints: &[Twist],
     ) -> DMatrix<f64> {
         let base = Matrix3::identity();
-        let reading = NoisyReading {
-            observation,
-            shown,
-            joints,
-            base,
-        };
-        self.repeatability
-            .covariance(&StationNoise::of(&[reading]), 1.0)
+        let reading = NoisyReading { observation, shown, joints, base };
+        self.repeatability.covariance(&StationNoise::of(&[reading]), 1.0)
     }
 
     /// Variance of measured minus predicted length of a reading that took no part, mm²: of the prediction with the instrument's place, and
@@ -518,12 +493,9 @@ impl FullModel {
         let joints = self.viewed(query).joints;
         let sizes = &self.repeatability;
         let arm = Matrix3::identity() * sizes.position;
-        let scale = joints
-            .iter()
-            .zip(&sizes.joints)
-            .fold(arm, |sum, (twist, variance)| {
-                sum + twist.linear * twist.linear.transpose() * *variance
-            });
+        let scale = joints.iter().zip(&sizes.joints).fold(arm, |sum, (twist, variance)| {
+            sum + twist.linear * twist.linear.transpose() * *variance
+        });
         scale * self.tails.inflation()
     }
 
@@ -532,10 +504,7 @@ impl FullModel {
         let inflation = self.tails.inflation();
         let sizes = &self.repeatability;
         let deviation = |variance: &f64| (variance * inflation).sqrt();
-        (
-            deviation(&sizes.position),
-            sizes.joints.iter().map(deviation).collect(),
-        )
+        (deviation(&sizes.position), sizes.joints.iter().map(deviation).collect())
     }
 
     /// Variance per axis of the base's drift at an unknown time, mm²: for commands used in another session.

@@ -56,10 +56,7 @@ pub enum Gap {
         why: Refusal,
     },
     /// A cell whose nodes are on different branches of the joint angles, so that interpolation is not possible.
-    #[error(
-        "lies in a cell with no values between its nodes: {}",
-        words(Refusal::Branches)
-    )]
+    #[error("lies in a cell with no values between its nodes: {}", words(Refusal::Branches))]
     Branches,
 }
 
@@ -97,11 +94,7 @@ fn beyond(beyond_mm: &Vector3<f64>) -> String {
         let sign = if *mm < 0.0 { '−' } else { '+' };
         (mm.abs() > ROUNDING_MM).then(|| format!("{:.4} mm along {sign}{axis}", mm.abs()))
     };
-    let parts: Vec<String> = "xyz"
-        .chars()
-        .zip(beyond_mm.iter())
-        .filter_map(part)
-        .collect();
+    let parts: Vec<String> = "xyz".chars().zip(beyond_mm.iter()).filter_map(part).collect();
     format!("{} beyond", parts.join(" and "))
 }
 

@@ -86,25 +86,15 @@ impl Plane {
             .unwrap_or_else(Vector3::x_axis);
         let first = Unit::new_normalize(least.into_inner() - *normal * least.dot(&normal));
         let second = normal.cross(&first);
-        Self {
-            normal,
-            height_mm,
-            across: [*first, second],
-        }
+        Self { normal, height_mm, across: [*first, second] }
     }
 
     /// The plane with its normal tilted (rad) and raised (mm); the changes per tilt are those there.
     fn moved(&self, tilts: [f64; 2], height_mm: f64) -> Self {
         let tilted = *self.normal + self.across[0] * tilts[0] + self.across[1] * tilts[1];
         let (normal, length) = Unit::new_and_get(tilted);
-        let across = self
-            .across
-            .map(|own| (own - *normal * normal.dot(&own)) / length);
-        Self {
-            normal,
-            height_mm: self.height_mm + height_mm,
-            across,
-        }
+        let across = self.across.map(|own| (own - *normal * normal.dot(&own)) / length);
+        Self { normal, height_mm: self.height_mm + height_mm, across }
     }
 }
 
@@ -180,15 +170,9 @@ mod tests {
     use super::*;
 
     fn gauges() -> [Gauge; 2] {
-        let anchor = Anchor {
-            place: Point3::new(900.0, -300.0, 150.0),
-            offset_mm: 12.0,
-        };
+        let anchor = Anchor { place: Point3::new(900.0, -300.0, 150.0), offset_mm: 12.0 };
         let normal = Unit::new_normalize(Vector3::new(0.3, -0.5, 0.8));
-        [
-            Gauge::Distance(anchor),
-            Gauge::Height(Plane::new(normal, 250.0)),
-        ]
+        [Gauge::Distance(anchor), Gauge::Height(Plane::new(normal, 250.0))]
     }
 
     #[test]

@@ -29,9 +29,7 @@ impl Blocks {
     pub fn folds(&self, positions: &[Point3<f64>]) -> Vec<usize> {
         let parity = |index: f64| usize::from(index.rem_euclid(2.0) >= 1.0);
         let cells = self.cells(positions).into_iter();
-        cells
-            .map(|[x, y, z]| parity(x) + 2 * parity(y) + 4 * parity(z))
-            .collect()
+        cells.map(|[x, y, z]| parity(x) + 2 * parity(y) + 4 * parity(z)).collect()
     }
 
     /// Size of a block along x, y, z where positions extend from one corner to the other, mm.
@@ -53,21 +51,14 @@ impl Blocks {
                 0.0
             }
         };
-        positions
-            .iter()
-            .map(|position| std::array::from_fn(|axis| index(position, axis)))
-            .collect()
+        positions.iter().map(|position| std::array::from_fn(|axis| index(position, axis))).collect()
     }
 }
 
 /// The least and the largest coordinates of `positions`, mm; zeros for an empty set.
 pub fn extent(positions: &[Point3<f64>]) -> ([f64; 3], [f64; 3]) {
     let bound = |axis: usize, pick: fn(f64, f64) -> f64| {
-        positions
-            .iter()
-            .map(|p| p[axis])
-            .reduce(pick)
-            .unwrap_or(0.0)
+        positions.iter().map(|p| p[axis]).reduce(pick).unwrap_or(0.0)
     };
     (
         std::array::from_fn(|axis| bound(axis, f64::min)),
@@ -92,9 +83,8 @@ mod tests {
 
     #[test]
     fn a_flat_session_has_folds_in_its_plane_only() {
-        let plane: Vec<_> = (0..16)
-            .map(|i| Point3::new(f64::from(i % 4), f64::from(i / 4), 7.0))
-            .collect();
+        let plane: Vec<_> =
+            (0..16).map(|i| Point3::new(f64::from(i % 4), f64::from(i / 4), 7.0)).collect();
         let folds = Blocks::default().folds(&plane);
         assert!(folds.iter().all(|&fold| fold < 4));
         assert!((0..4).all(|fold| folds.contains(&fold)));

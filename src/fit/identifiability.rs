@@ -80,11 +80,7 @@ fn others(covariance: &DMatrix<f64>, place: usize) -> impl Iterator<Item = usize
 /// The correlation of two parameters; zero where one of the two does not vary.
 fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> f64 {
     let scale = (covariance[(a, a)] * covariance[(b, b)]).sqrt();
-    if scale > 0.0 {
-        covariance[(a, b)] / scale
-    } else {
-        0.0
-    }
+    if scale > 0.0 { covariance[(a, b)] / scale } else { 0.0 }
 }
 
 impl Calibration {
@@ -118,11 +114,7 @@ impl Calibration {
     /// it correlates with.
     pub fn confounded_with(&self, place: usize) -> Vec<usize> {
         let structural = &self.nominal_structure.indistinguishable[place];
-        if structural.is_empty() {
-            confounded(&self.covariance, place)
-        } else {
-            structural.clone()
-        }
+        if structural.is_empty() { confounded(&self.covariance, place) } else { structural.clone() }
     }
 }
 
@@ -133,11 +125,7 @@ mod tests {
 
     /// Unit variances, with these correlations of 0 and 1, and of 1 and 2.
     fn covariance(first: f64, second: f64) -> DMatrix<f64> {
-        DMatrix::from_row_slice(
-            3,
-            3,
-            &[1.0, first, 0.0, first, 1.0, second, 0.0, second, 1.0],
-        )
+        DMatrix::from_row_slice(3, 3, &[1.0, first, 0.0, first, 1.0, second, 0.0, second, 1.0])
     }
 
     #[test]

@@ -25,10 +25,7 @@ fn arm() -> Arm {
 
 fn anchor(place: usize) -> Sees {
     let (xyz, offset_mm) = ANCHORS[place];
-    Sees::Length(Gauge::Distance(Anchor {
-        place: xyz.into(),
-        offset_mm,
-    }))
+    Sees::Length(Gauge::Distance(Anchor { place: xyz.into(), offset_mm }))
 }
 
 fn plane(normal: [f64; 3], height_mm: f64) -> Sees {
@@ -75,10 +72,7 @@ struct Sizes {
     true_mm: f64,
 }
 
-const EXACT: Sizes = Sizes {
-    stated_mm: 0.02,
-    true_mm: 0.0,
-};
+const EXACT: Sizes = Sizes { stated_mm: 0.02, true_mm: 0.0 };
 
 /// The readings of each source of `frames` at `stations` stations of an arm with `errors`.
 fn seen(
@@ -139,14 +133,8 @@ fn nominal(arm: &Arm) -> Vec<f64> {
 /// Errors of 0.4 mm and 0.5 mrad of parameters that no frame absorbs.
 fn errors(arm: &Arm) -> Vec<f64> {
     let error = |parameter: &Parameter| match parameter {
-        Parameter::Link {
-            joint: 2 | 3,
-            quantity: LinkQuantity::A,
-        } => 0.4,
-        Parameter::Link {
-            joint: 3..=5,
-            quantity: LinkQuantity::Theta,
-        } => -0.5e-3,
+        Parameter::Link { joint: 2 | 3, quantity: LinkQuantity::A } => 0.4,
+        Parameter::Link { joint: 3..=5, quantity: LinkQuantity::Theta } => -0.5e-3,
         _ => 0.0,
     };
     arm.chain().parameters().iter().map(error).collect()
@@ -209,11 +197,7 @@ fn the_rows_of_lengths_are_the_numerical_ones() {
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
     // Away from the starts, so that tilted normals and residuals are not those of the start.
     let size = |unknown: &Unknown| {
-        if unknown.parameter.is_angle() {
-            1e-2
-        } else {
-            1.0
-        }
+        if unknown.parameter.is_angle() { 1e-2 } else { 1.0 }
     };
     let sizes = problem.unknowns().iter().map(size).enumerate();
     let at = sizes.map(|(place, size)| size * (place as f64 * 0.7).sin());
@@ -222,16 +206,9 @@ fn the_rows_of_lengths_are_the_numerical_ones() {
     let norms = problem.norms(&at);
     let squares: f64 = analytic[at.len()].iter().map(|r| r * r).sum();
     let expected: f64 = norms.iter().map(|r| r * r).sum();
-    assert!(
-        (squares / expected - 1.0).abs() < 1e-12,
-        "norms and rows agree"
-    );
+    assert!((squares / expected - 1.0).abs() < 1e-12, "norms and rows agree");
     for (place, unknown) in problem.unknowns().iter().enumerate() {
-        let step = if unknown.parameter.is_angle() {
-            1e-6
-        } else {
-            1e-3
-        };
+        let step = if unknown.parameter.is_angle() { 1e-6 } else { 1e-3 };
         let moved = |by: f64| {
             let mut moved = at.clone();
             moved[place] += by;
@@ -281,10 +258,7 @@ fn anchors_and_planes_are_found_from_lengths_alone() {
         vec![anchor(2)],
         vec![anchor(0), anchor(1), anchor(2)],
         vec![plane([0.3, -0.5, 0.8], 250.0)],
-        vec![
-            plane([0.0, 0.0, -1.0], -250.0),
-            plane([1.0, 0.1, 0.0], 900.0),
-        ],
+        vec![plane([0.0, 0.0, -1.0], -250.0), plane([1.0, 0.1, 0.0], 900.0)],
         vec![Sees::Places, anchor(1), plane([0.0, 1.0, 0.2], -400.0)],
     ] {
         let wanted = truth(&sees);
@@ -301,28 +275,14 @@ fn errors_of_the_arm_are_found_from_three_anchors_alone() {
     let arm = arm();
     let wanted = truth(&[anchor(0), anchor(1), anchor(2)]);
     let observed = exact(&arm, &wanted, &errors(&arm));
-    let found = identify(
-        &arm,
-        &observed,
-        1,
-        Freedom::Geometry,
-        &FitSettings::default(),
-    );
+    let found = identify(&arm, &observed, 1, Freedom::Geometry, &FitSettings::default());
     let found = found.expect("a fit");
     assert!(found.misfit_mm < 1e-4, "{} mm", found.misfit_mm);
     assert_eq!(found.nominal_structure.rank, 33);
     let pairs = found.geometry.iter().zip(errors(&arm));
     for (unknown, (found, wanted)) in found.unknowns.iter().zip(pairs) {
-        let tolerance = if unknown.parameter.is_angle() {
-            2e-6
-        } else {
-            2e-3
-        };
-        assert!(
-            (found - wanted).abs() < tolerance,
-            "{}: {found} for {wanted}",
-            unknown.parameter
-        );
+        let tolerance = if unknown.parameter.is_angle() { 2e-6 } else { 2e-3 };
+        assert!((found - wanted).abs() < tolerance, "{}: {found} for {wanted}", unknown.parameter);
     }
 }
 
@@ -340,17 +300,10 @@ fn drawn_settings() -> FitSettings {
 /// An arm whose errors are drawn from the prior.
 fn drawn_errors(arm: &Arm, normals: &mut Normals) -> Vec<f64> {
     let size = |parameter: &Parameter| {
-        if parameter.is_angle() {
-            GEOMETRY.1 * 1e-3
-        } else {
-            GEOMETRY.0
-        }
+        if parameter.is_angle() { GEOMETRY.1 * 1e-3 } else { GEOMETRY.0 }
     };
     let parameters = arm.chain().parameters();
-    parameters
-        .iter()
-        .map(|own| size(own) * normals.next())
-        .collect()
+    parameters.iter().map(|own| size(own) * normals.next()).collect()
 }
 
 /// A simulated session of known truth, and its fit.
@@ -366,20 +319,13 @@ impl Drawn {
         let (errors, wanted) = (drawn_errors(arm, &mut normals), truth(sees));
         let observed = seen(arm, &wanted, &errors, stations, sizes, &mut normals);
         let found = identify(arm, &observed, 1, Freedom::Geometry, &drawn_settings());
-        Self {
-            errors,
-            wanted,
-            found: found.expect("a fit"),
-        }
+        Self { errors, wanted, found: found.expect("a fit") }
     }
 
     /// Found minus true in standard errors, of each parameter of the arm and of each instrument of lengths.
     fn off(&self) -> Vec<f64> {
-        let gauge = |source: SourceId| {
-            self.found.frames[0]
-                .gauge(source)
-                .zip(self.wanted.gauge(source))
-        };
+        let gauge =
+            |source: SourceId| self.found.frames[0].gauge(source).zip(self.wanted.gauge(source));
         let unknowns = self.found.unknowns.iter().enumerate();
         let off = unknowns.filter_map(|(place, unknown)| {
             let away = match (unknown.owner, unknown.parameter) {
@@ -423,20 +369,11 @@ fn part_off((found, wanted): (&Gauge, &Gauge), part: GaugePart) -> f64 {
 
 /// Sessions of a tracker, a distance and a height, of distances alone, and of heights alone.
 fn kinds() -> [(Vec<Sees>, Vec<Sizes>); 3] {
-    let of = |true_mm: f64| Sizes {
-        stated_mm: 0.03,
-        true_mm,
-    };
+    let of = |true_mm: f64| Sizes { stated_mm: 0.03, true_mm };
     let tilted = plane([0.3, -0.5, 0.8], 250.0);
     [
-        (
-            vec![Sees::Places, anchor(1), tilted],
-            vec![of(0.03), of(0.09), of(0.015)],
-        ),
-        (
-            vec![anchor(0), anchor(1), anchor(2)],
-            vec![of(0.03), of(0.03), of(0.06)],
-        ),
+        (vec![Sees::Places, anchor(1), tilted], vec![of(0.03), of(0.09), of(0.015)]),
+        (vec![anchor(0), anchor(1), anchor(2)], vec![of(0.03), of(0.03), of(0.06)]),
         (vec![tilted], vec![of(0.05)]),
     ]
 }
@@ -472,26 +409,15 @@ fn intervals_of_a_handful_of_sessions_contain_the_truth() {
 #[ignore = "300 sessions: minutes"]
 fn ninety_five_percent_of_intervals_contain_the_truth() {
     let (mean, error) = mean(&covered(100));
-    assert!(
-        (mean - 0.95).abs() < 2.0 * error + 0.005,
-        "{mean} ± {error}"
-    );
+    assert!((mean - 0.95).abs() < 2.0 * error + 0.005, "{mean} ± {error}");
 }
 
 #[test]
 fn the_size_of_each_sources_noise_is_found() {
     let arm = arm();
     let sees = [Sees::Places, anchor(1)];
-    let wrong = [
-        Sizes {
-            stated_mm: 0.03,
-            true_mm: 0.03,
-        },
-        Sizes {
-            stated_mm: 0.02,
-            true_mm: 0.06,
-        },
-    ];
+    let wrong =
+        [Sizes { stated_mm: 0.03, true_mm: 0.03 }, Sizes { stated_mm: 0.02, true_mm: 0.06 }];
     let drawn = Drawn::new(&arm, 7, &sees, 400, &wrong);
     let [tracker, distance] = &drawn.found.sources[..] else {
         panic!("two sources: {:?}", drawn.found.sources);
@@ -501,10 +427,7 @@ fn the_size_of_each_sources_noise_is_found() {
     for (own, wanted) in [(tracker, 1.0), (distance, 3.0)] {
         let error = own.factor_error().expect("redundant readings");
         assert!(error < 0.05 * own.factor, "{own:?}");
-        assert!(
-            (own.factor - wanted).abs() < 3.0 * error,
-            "{own:?} for {wanted}"
-        );
+        assert!((own.factor - wanted).abs() < 3.0 * error, "{own:?} for {wanted}");
     }
     // What the unknowns took from the readings, and the prior's part of them.
     let taken = 1600.0 - tracker.redundancy - distance.redundancy;
@@ -524,14 +447,8 @@ fn one_sources_share_is_what_the_prior_leaves() {
         panic!("one source");
     };
     // 27 directions of all unknowns are the readings', but for what the prior adds to them.
-    assert!(
-        (own.share * drawn.found.unknowns.len() as f64 - 27.0).abs() < 1.5,
-        "{own:?}"
-    );
-    assert!(
-        (own.factor - 1.0).abs() < 4.0 * own.factor_error().expect("redundant"),
-        "{own:?}"
-    );
+    assert!((own.share * drawn.found.unknowns.len() as f64 - 27.0).abs() < 1.5, "{own:?}");
+    assert!((own.factor - 1.0).abs() < 4.0 * own.factor_error().expect("redundant"), "{own:?}");
 }
 
 /// Root mean square error of predicted targets in the tracker's frame at poses that were not measured, mm.
@@ -571,10 +488,7 @@ fn sources_together_predict_better_than_one_and_than_by_their_stated_sizes() {
     }
     let [together, alone, stated] = [together, alone, stated].map(|sum: f64| (sum / 6.0).sqrt());
     assert!(together < 0.8 * alone, "{together} mm, alone {alone} mm");
-    assert!(
-        together < 0.95 * stated,
-        "{together} mm, by stated sizes {stated} mm"
-    );
+    assert!(together < 0.95 * stated, "{together} mm, by stated sizes {stated} mm");
 }
 
 #[test]
@@ -594,25 +508,14 @@ fn the_full_error_model_learns_from_lengths() {
         ..FullSettings::default()
     };
     let (frames, geometry) = (&start.frames, &start.geometry);
-    let model = FullModel::train(
-        &arm,
-        &observed,
-        frames,
-        geometry,
-        &settings.prior(),
-        &full,
-        None,
-    );
+    let model = FullModel::train(&arm, &observed, frames, geometry, &settings.prior(), &full, None);
     let model = model.expect("a positive covariance");
     assert_same_gauges(&model.fitted_frames()[0], &wanted, 0.5);
     // Distances three times worse than stated, heights twice better; the arm's repeatability takes a part of it.
     let [_, distances, heights] = &model.repeatability.lengths[..] else {
         panic!("three sources: {:?}", model.repeatability.lengths);
     };
-    assert!(
-        distances.sqrt() > 1.5 && distances.sqrt() < 4.0,
-        "{distances}"
-    );
+    assert!(distances.sqrt() > 1.5 && distances.sqrt() < 4.0, "{distances}");
     assert!(heights.sqrt() < 1.1, "{heights}");
     // As text and back.
     let text = serde_json::to_string(&model.saved(&arm, &["mon"])).expect("JSON");
@@ -627,18 +530,9 @@ fn too_few_lengths_are_refused() {
     let wanted = truth(&[Sees::Places, anchor(0)]);
     let mut observed = exact(&arm, &wanted, &nominal(&arm));
     observed.retain(|o| o.source == SourceId::ONLY || o.station < 7);
-    let found = identify(
-        &arm,
-        &observed,
-        1,
-        Freedom::BaseAndTarget,
-        &FitSettings::default(),
-    );
+    let found = identify(&arm, &observed, 1, Freedom::BaseAndTarget, &FitSettings::default());
     let said = found.map(|_| ()).expect_err("seven readings").to_string();
-    assert!(
-        said.contains("7 readings") && said.contains("at least 8"),
-        "{said}"
-    );
+    assert!(said.contains("7 readings") && said.contains("at least 8"), "{said}");
 }
 
 /// A session of one of the [`kinds`] of an arm with drawn errors, with wrong numbers: the source, the station and what is added, mm.
@@ -691,10 +585,8 @@ fn wrong_numbers_of_millimetres_and_of_metres_are_found() {
 #[test]
 fn readings_behind_a_slip_of_the_wire_are_found() {
     let slipped: Vec<(usize, usize, f64)> = (75..STATIONS).map(|at| (1, at, 6.0)).collect();
-    let wanted: Vec<(usize, usize)> = slipped
-        .iter()
-        .map(|(source, at, _)| (*source, *at))
-        .collect();
+    let wanted: Vec<(usize, usize)> =
+        slipped.iter().map(|(source, at, _)| (*source, *at)).collect();
     let (arm, observed) = with_wrong(0, 9, &slipped);
     assert_eq!(taken(&arm, &observed), wanted);
 }
@@ -702,9 +594,8 @@ fn readings_behind_a_slip_of_the_wire_are_found() {
 /// A session of one of the [`kinds`] whose second source slips by `by_mm` at a station, and the slips that are found.
 fn slipped(kind: usize, seed: u64, at: usize, by_mm: f64) -> (Vec<Observation>, Vec<slips::Slip>) {
     let source = usize::from(kind < 2);
-    let wrong: Vec<(usize, usize, f64)> = (at..STATIONS)
-        .map(|station| (source, station, by_mm))
-        .collect();
+    let wrong: Vec<(usize, usize, f64)> =
+        (at..STATIONS).map(|station| (source, station, by_mm)).collect();
     let (arm, observed) = with_wrong(kind, seed, &wrong);
     let found = slips::check(&arm, &observed, 1, &drawn_settings());
     (observed, found)
@@ -757,10 +648,7 @@ fn sound_instruments_hardly_ever_slip() {
 fn one_sound_instrument_in_a_hundred_slips_at_most() {
     let (found, of) = false_slips(4000..4100);
     eprintln!("{found} false slips of {of} instruments");
-    assert!(
-        found as f64 <= 0.01 * of as f64 + 2.0 * (0.01 * of as f64).sqrt(),
-        "{found} of {of}"
-    );
+    assert!(found as f64 <= 0.01 * of as f64 + 2.0 * (0.01 * of as f64).sqrt(), "{found} of {of}");
 }
 
 #[test]
@@ -774,15 +662,7 @@ fn an_instrument_of_its_own_behind_a_slip_leaves_the_arm_as_it_is() {
         let squares = |observed: &[Observation]| {
             let found = identify(&arm, observed, 1, Freedom::Geometry, &settings).expect("a fit");
             let (errors, wanted) = (errors.clone(), wanted.clone());
-            wrong_by(
-                &arm,
-                &Drawn {
-                    errors,
-                    wanted,
-                    found,
-                },
-            )
-            .powi(2)
+            wrong_by(&arm, &Drawn { errors, wanted, found }).powi(2)
         };
         whole += squares(&with_wrong(0, seed, &[]).1);
         let (mut observed, found) = slipped(0, seed, 45, 6.0);
@@ -825,10 +705,7 @@ fn the_start_is_not_moved_by_wrong_numbers() {
                 length.mm += if place % 2 == 0 { 3000.0 } else { -700.0 };
             }
         }
-        let settings = FitSettings {
-            loss: Loss::Cauchy { tuning: 2.0 },
-            ..FitSettings::default()
-        };
+        let settings = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..FitSettings::default() };
         let found = identify(&arm, &observed, 1, Freedom::BaseAndTarget, &settings).expect("a fit");
         assert_same_gauges(&found.frames[0], &wanted, 1e-3);
     }

@@ -81,10 +81,7 @@ impl Poses {
             return self;
         };
         let along = factor.solve(&(&self.half * &base).transpose());
-        Self {
-            half: &self.half - along.transpose() * base.transpose(),
-            ..self
-        }
+        Self { half: &self.half - along.transpose() * base.transpose(), ..self }
     }
 
     /// The generalised least-squares estimate from the stations at `used`, for all poses. `None` where a factorisation fails, which
@@ -101,11 +98,7 @@ impl Poses {
         let rest = DMatrix::identity(size, size) - &columns * &own;
         let with_region = columns_of(&self.half, used).tr_mul(&region.along);
         let from = own + factor.solve(&with_region).tr_mul(&rest);
-        Some(Estimator {
-            used: used.to_vec(),
-            from,
-            columns,
-        })
+        Some(Estimator { used: used.to_vec(), from, columns })
     }
 
     /// The unknowns `β̂` by the residuals of all poses, and their covariance `V`. `None` where a factorisation fails, which only rounding
@@ -155,20 +148,14 @@ impl Poses {
     /// Chooses `count` of the poses at `candidates` so that what remains over the poses at `region` is least. Fewer where there
     /// are fewer candidates; none where rounding makes a covariance indefinite.
     pub fn choose(&self, candidates: &[usize], region: &[usize], count: usize) -> Chosen {
-        let none = Chosen {
-            stations: Vec::new(),
-            left_mm2: f64::INFINITY,
-        };
+        let none = Chosen { stations: Vec::new(), left_mm2: f64::INFINITY };
         let Some(search) = Search::new(self, candidates, region) else {
             return none;
         };
         let chosen = search.exchanged(search.greedy(count.min(candidates.len())));
         let left = search.left(&chosen);
         let stations = chosen.into_iter().map(|own| candidates[own]);
-        left.map_or(none, |left_mm2| Chosen {
-            stations: stations.collect(),
-            left_mm2,
-        })
+        left.map_or(none, |left_mm2| Chosen { stations: stations.collect(), left_mm2 })
     }
 
     /// Covariance of the errors of some stations, with that of each measurement.
@@ -195,22 +182,13 @@ struct Region {
 impl Region {
     /// `None` where the poses do not span space.
     fn new(poses: &Poses, region: &[usize]) -> Option<Self> {
-        let (columns, half) = (
-            rows_of(&poses.columns, region),
-            columns_of(&poses.half, region),
-        );
+        let (columns, half) = (rows_of(&poses.columns, region), columns_of(&poses.half, region));
         let count = region.len().max(1) as f64;
         let normal = columns.tr_mul(&columns) / count;
         // Where one orientation leaves base and target alike, what is known before tells them apart.
         let ridged = &normal + DMatrix::from_diagonal(&poses.precision) * RIDGE_MM2;
-        let solved = ridged
-            .cholesky()?
-            .solve(&(half.clone() * &columns / count).transpose());
-        Some(Self {
-            along: solved.transpose(),
-            own_mm2: half.norm_squared() / count,
-            normal,
-        })
+        let solved = ridged.cholesky()?.solve(&(half.clone() * &columns / count).transpose());
+        Some(Self { along: solved.transpose(), own_mm2: half.norm_squared() / count, normal })
     }
 }
 
@@ -247,26 +225,14 @@ impl<'p> Search<'p> {
         let with_region = columns_of(&poses.half, candidates).tr_mul(&region.along);
         sides.columns_mut(0, size).copy_from(&columns);
         sides.columns_mut(size, size).copy_from(&with_region);
-        Some(Self {
-            between: poses.between(candidates),
-            sides,
-            region,
-            poses,
-        })
+        Some(Self { between: poses.between(candidates), sides, region, poses })
     }
 
     /// The sums of some candidates; `None` where a factorisation fails.
     fn sums<'s>(&self, stations: &'s [usize]) -> Option<Taken<'s>> {
         let factor = block(&self.between, stations, stations).cholesky()?;
-        let sides = factor
-            .l()
-            .solve_lower_triangular(&rows_of(&self.sides, stations))?;
-        Some(Taken {
-            sums: sides.tr_mul(&sides),
-            factor,
-            sides,
-            stations,
-        })
+        let sides = factor.l().solve_lower_triangular(&rows_of(&self.sides, stations))?;
+        Some(Taken { sums: sides.tr_mul(&sides), factor, sides, stations })
     }
 
     /// Mean over the region of the trace of what remains with these candidates, mm²; `None` where a factorisation fails.
@@ -340,11 +306,8 @@ impl<'p> Search<'p> {
             }
             self.left_with(&some, candidate)
         };
-        let all: Vec<Option<f64>> = (0..self.sides.nrows() / 3)
-            .into_par_iter()
-            .with_min_len(AT_ONCE)
-            .map(left)
-            .collect();
+        let all: Vec<Option<f64>> =
+            (0..self.sides.nrows() / 3).into_par_iter().with_min_len(AT_ONCE).map(left).collect();
         let all = all.into_iter().enumerate();
         let all = all.filter_map(|(candidate, left)| Some((candidate, left?)));
         all.reduce(|best, next| if next.1 < best.1 { next } else { best })
@@ -355,8 +318,7 @@ impl<'p> Search<'p> {
 fn rows_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
     let mut rows = DMatrix::zeros(3 * poses.len(), matrix.ncols());
     for (place, &pose) in poses.iter().enumerate() {
-        rows.rows_mut(3 * place, 3)
-            .copy_from(&matrix.rows(3 * pose, 3));
+        rows.rows_mut(3 * place, 3).copy_from(&matrix.rows(3 * pose, 3));
     }
     rows
 }
@@ -365,9 +327,7 @@ fn rows_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
 fn columns_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
     let mut columns = DMatrix::zeros(matrix.nrows(), 3 * poses.len());
     for (place, &pose) in poses.iter().enumerate() {
-        columns
-            .columns_mut(3 * place, 3)
-            .copy_from(&matrix.columns(3 * pose, 3));
+        columns.columns_mut(3 * place, 3).copy_from(&matrix.columns(3 * pose, 3));
     }
     columns
 }
@@ -375,10 +335,7 @@ fn columns_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
 /// The blocks of some poses (down) with others (across) in a matrix of all.
 fn block(matrix: &DMatrix<f64>, down: &[usize], across: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(3 * down.len(), 3 * across.len(), |row, column| {
-        matrix[(
-            3 * down[row / 3] + row % 3,
-            3 * across[column / 3] + column % 3,
-        )]
+        matrix[(3 * down[row / 3] + row % 3, 3 * across[column / 3] + column % 3)]
     })
 }
 
@@ -394,9 +351,7 @@ mod tests {
             let position = nalgebra::Vector3::from_fn(|axis, _| at(place, axis));
             for axis in 0..3 {
                 let unit = nalgebra::Vector3::ith(axis, 1.0);
-                columns
-                    .fixed_view_mut::<3, 1>(3 * place, axis)
-                    .copy_from(&unit);
+                columns.fixed_view_mut::<3, 1>(3 * place, axis).copy_from(&unit);
                 columns
                     .fixed_view_mut::<3, 1>(3 * place, 3 + axis)
                     .copy_from(&unit.cross(&position));
@@ -423,16 +378,12 @@ mod tests {
         let at_place = rows_of(&poses.columns, &[place]);
         // What remains is a matrix times (errors of the stations, error of the pose, unknowns).
         let mut of = DMatrix::zeros(3, used + 3 + size);
-        of.columns_mut(0, used)
-            .copy_from(&(-(&at_place * &by.from)));
+        of.columns_mut(0, used).copy_from(&(-(&at_place * &by.from)));
         of.columns_mut(used, 3).fill_with_identity();
         let kept = DMatrix::identity(size, size) - &by.from * &by.columns;
-        of.columns_mut(used + 3, size)
-            .copy_from(&(&at_place * kept));
+        of.columns_mut(used + 3, size).copy_from(&(&at_place * kept));
         let mut whole = DMatrix::zeros(used + 3 + size, used + 3 + size);
-        whole
-            .view_mut((0, 0), (used + 3, used + 3))
-            .copy_from(&errors);
+        whole.view_mut((0, 0), (used + 3, used + 3)).copy_from(&errors);
         for (own, &station) in by.used.iter().chain([&place]).enumerate() {
             let mut own = whole.fixed_view_mut::<3, 3>(3 * own, 3 * own);
             own += poses.alone[station];
@@ -447,9 +398,7 @@ mod tests {
     /// Mean trace over all poses of what remains without that of a measurement there.
     fn mean(poses: &Poses, by: &Estimator) -> f64 {
         let left = poses.left(by).into_iter().zip(&poses.alone);
-        left.map(|(left, alone)| (left - alone).trace())
-            .sum::<f64>()
-            / poses.len() as f64
+        left.map(|(left, alone)| (left - alone).trace()).sum::<f64>() / poses.len() as f64
     }
 
     #[test]
@@ -506,10 +455,7 @@ mod tests {
         let chosen = poses.choose(&candidates, &all, 5);
         let by = poses.estimator(&chosen.stations).expect("positive");
         let mean = mean(&poses, &by);
-        assert!(
-            (mean - chosen.left_mm2).abs() < 1e-6 * mean,
-            "{mean} {chosen:?}"
-        );
+        assert!((mean - chosen.left_mm2).abs() < 1e-6 * mean, "{mean} {chosen:?}");
     }
 
     #[test]

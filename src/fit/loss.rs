@@ -60,11 +60,7 @@ pub enum Numbers {
 impl Numbers {
     /// Those of a kind of readings.
     pub const fn of(kind: ReadingKind) -> Self {
-        if kind.is_length() {
-            Self::One
-        } else {
-            Self::Three
-        }
+        if kind.is_length() { Self::One } else { Self::Three }
     }
 
     /// Median of the norm of a unit Gaussian in so many dimensions.
@@ -85,10 +81,7 @@ mod tests {
         assert!((Loss::Huber { tuning: 2.0 }.weight(1.0) - 1.0).abs() < 1e-15);
         assert!((Loss::Huber { tuning: 2.0 }.weight(8.0) - 0.25).abs() < 1e-15);
         assert!((Loss::Cauchy { tuning: 2.0 }.weight(4.0) - 0.2).abs() < 1e-15);
-        assert_eq!(
-            Loss::Squares.weights(&[1.0, 100.0], Numbers::Three),
-            [1.0, 1.0]
-        );
+        assert_eq!(Loss::Squares.weights(&[1.0, 100.0], Numbers::Three), [1.0, 1.0]);
     }
 
     #[test]

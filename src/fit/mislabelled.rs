@@ -120,9 +120,8 @@ impl Swap {
         let read: Vec<String> = read
             .map(|(named, read)| format!("what is named {} is {}", name(*named), name(*read)))
             .collect();
-        let runner_up = self
-            .runner_up_mm
-            .map_or_else(String::new, |mm| format!(", next best {mm:.2} mm"));
+        let runner_up =
+            self.runner_up_mm.map_or_else(String::new, |mm| format!(", next best {mm:.2} mm"));
         format!(
             "{}: {:.2} mm as named, {:.2} mm so{runner_up}",
             read.join(", "),
@@ -156,15 +155,8 @@ pub fn check(
         ..settings.clone()
     };
     let several = observations.iter().any(|o| o.target != TargetId::MAIN);
-    let fitted = several.then(|| {
-        identify(
-            arm,
-            observations,
-            sessions,
-            Freedom::BaseAndTarget,
-            &unstated,
-        )
-    });
+    let fitted =
+        several.then(|| identify(arm, observations, sessions, Freedom::BaseAndTarget, &unstated));
     let Some(Ok(fitted)) = fitted else {
         return Checked::default();
     };
@@ -243,8 +235,7 @@ impl Read {
     /// Measured minus predicted positions, if the readings are of these targets, mm.
     fn off(&self, targets: &[usize]) -> Vec<Vector3<f64>> {
         let own = self.readings.iter().zip(targets);
-        own.map(|((_, measured), &target)| measured - self.predicted[target])
-            .collect()
+        own.map(|((_, measured), &target)| measured - self.predicted[target]).collect()
     }
 
     /// Distances from the predictions, mm.
@@ -268,11 +259,7 @@ impl Read {
     /// The faults of the station's readings; none where they pass.
     fn wrong(&self, gate: &Gate) -> Vec<Mislabelled> {
         let named = self.named();
-        let found = |wrong| Mislabelled {
-            session: self.session,
-            station: self.station,
-            wrong,
-        };
+        let found = |wrong| Mislabelled { session: self.session, station: self.station, wrong };
         if gate.passes(self, &named) {
             return Vec::new();
         }
@@ -311,11 +298,7 @@ impl Read {
         let nearest = nearest.min_by(|a, b| a.1.total_cmp(&b.1));
         let away_mm = away(&self.predicted[target.0]);
         let (nearest, mm) = nearest.unwrap_or((target.0, away_mm));
-        Wrong::Far {
-            target,
-            away_mm,
-            nearest: (TargetId(nearest), mm),
-        }
+        Wrong::Far { target, away_mm, nearest: (TargetId(nearest), mm) }
     }
 }
 
@@ -334,9 +317,7 @@ fn best(
     let (swapped_mm, targets) = others.remove(place);
     let read = named.iter().zip(targets);
     let read = read.filter(|(named, read)| *named != read);
-    let mut read: Vec<_> = read
-        .map(|(named, read)| (TargetId(*named), TargetId(read)))
-        .collect();
+    let mut read: Vec<_> = read.map(|(named, read)| (TargetId(*named), TargetId(read))).collect();
     read.sort_unstable();
     (swapped_mm <= EXPLAINS * given_mm).then(|| Swap {
         read,
@@ -394,13 +375,7 @@ fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroug
     let mut sessions = frames.iter().enumerate();
     sessions.find_map(|(session, own)| {
         let places = places(own);
-        let found = |against| {
-            move |swap| SwappedThroughout {
-                session,
-                swap,
-                against,
-            }
-        };
+        let found = |against| move |swap| SwappedThroughout { session, swap, against };
         let stated = stated_places(settings, places.len());
         if stated.len() > 1 {
             return by_places(&places, &stated).map(found(Against::Places));
@@ -417,22 +392,13 @@ fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroug
 
 fn places(frames: &Frames) -> Vec<Vector3<f64>> {
     let targets = frames.targets().iter();
-    targets
-        .map(|target| target.isometry().translation.vector)
-        .collect()
+    targets.map(|target| target.isometry().translation.vector).collect()
 }
 
 /// Stated places with the targets they are of, mm.
 fn stated_places(settings: &FitSettings, targets: usize) -> Vec<(usize, Vector3<f64>)> {
-    let stated = settings
-        .prior()
-        .targets
-        .into_iter()
-        .enumerate()
-        .take(targets);
-    stated
-        .filter_map(|(target, known)| Some((target, Vector3::from(known?.xyz_mm))))
-        .collect()
+    let stated = settings.prior().targets.into_iter().enumerate().take(targets);
+    stated.filter_map(|(target, known)| Some((target, Vector3::from(known?.xyz_mm)))).collect()
 }
 
 /// The permutation of targets under which fitted places are those wanted, but for one shift of all.
@@ -457,13 +423,8 @@ fn by_distances(fitted: &[Vector3<f64>], settings: &FitSettings) -> Option<Swap>
         });
         (off.sum::<f64>() / known.len().max(1) as f64).sqrt()
     };
-    let is_named = known
-        .iter()
-        .flat_map(|own| own.between)
-        .all(|target| target.0 < fitted.len());
-    is_named
-        .then(|| swapped(&named, fitted.len(), misfit_mm))
-        .flatten()
+    let is_named = known.iter().flat_map(|own| own.between).all(|target| target.0 < fitted.len());
+    is_named.then(|| swapped(&named, fitted.len(), misfit_mm)).flatten()
 }
 
 /// The best permutation, where the named one is further off than a nominal arm makes places. `read` is turned about: which target

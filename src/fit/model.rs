@@ -92,9 +92,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
     /// mm².
     fn noise(&self, observation: &Observation, _session: usize) -> Matrix3<f64> {
         let point = observation.point();
-        point.map_or_else(Matrix3::zeros, |point| {
-            point.factor * point.factor.transpose()
-        })
+        point.map_or_else(Matrix3::zeros, |point| point.factor * point.factor.transpose())
     }
 
     /// Variance per axis of the base's drift in an unseen session, mm²; 0 for a model without drift.
@@ -260,11 +258,7 @@ impl<'q> Query<'q> {
 
     /// The source and the target by whose frames the point is predicted.
     pub const fn channel(&self) -> Channel {
-        Channel {
-            session: self.session,
-            source: self.source,
-            target: self.target,
-        }
+        Channel { session: self.session, source: self.source, target: self.target }
     }
 }
 

@@ -65,10 +65,8 @@ pub fn train(
 ) -> Result<Models, FitError> {
     let starts = start::frames(arm, observations, sessions, settings.fit)?;
     let identified = |freedom| identify_from(arm, observations, &starts, freedom, settings.fit);
-    let (base_target, geometric) = (
-        identified(Freedom::BaseAndTarget),
-        identified(Freedom::Geometry),
-    );
+    let (base_target, geometric) =
+        (identified(Freedom::BaseAndTarget), identified(Freedom::Geometry));
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
@@ -82,11 +80,7 @@ pub fn train(
             settings.up,
         )
     };
-    let full = if settings.full.enabled {
-        train_full()
-    } else {
-        None
-    };
+    let full = if settings.full.enabled { train_full() } else { None };
     Ok(Models {
         base_target,
         geometric,
@@ -105,12 +99,7 @@ pub fn train_all(
     settings: &TrainingSettings<'_>,
 ) -> Result<Models, FitError> {
     let models = train(arm, observations, sessions, settings)?;
-    Ok(with_models_on_top(
-        models,
-        arm,
-        observations,
-        settings.rivals,
-    ))
+    Ok(with_models_on_top(models, arm, observations, settings.rivals))
 }
 
 /// The models with those of the registry that are built on them; with `rivals`, these too.
@@ -120,11 +109,7 @@ pub(super) fn with_models_on_top(
     observations: &[Observation],
     rivals: bool,
 ) -> Models {
-    let training = Training {
-        arm,
-        observations,
-        models: &models,
-    };
+    let training = Training { arm, observations, models: &models };
     let on_top = |model: &Model| match model.about().made {
         Made::OnTop(make) => Some((*model, make(&training)?)),
         Made::Elsewhere | Made::Always(_) | Made::Rival(_) => None,
@@ -146,10 +131,7 @@ pub(super) fn with_models_on_top(
 
 /// The prior of the full error model that starts from an identified geometry.
 pub(super) fn full_prior(geometric: &Calibration, settings: &TrainingSettings<'_>) -> Prior {
-    Prior {
-        geometry: geometric.geometry_prior(),
-        ..settings.fit.prior()
-    }
+    Prior { geometry: geometric.geometry_prior(), ..settings.fit.prior() }
 }
 
 impl Models {
@@ -160,8 +142,7 @@ impl Models {
             Made::Always(of) => of(self),
             Made::OnTop(_) | Made::Rival(_) => {
                 let mut made = self.on_top.iter().chain(&self.rivals);
-                made.find(|(own, _)| *own == model)
-                    .map(|(_, model)| &**model)
+                made.find(|(own, _)| *own == model).map(|(_, model)| &**model)
             }
         }
     }
@@ -180,8 +161,6 @@ impl Models {
     /// The best model for grids and compensation: the full error model, or without it the geometry.
     pub fn best(&self) -> (Model, &dyn PoseModel) {
         let mut serving = Model::serving().filter_map(|model| Some((model, self.get(model)?)));
-        serving
-            .next()
-            .unwrap_or((Model::Geometric, &self.geometric))
+        serving.next().unwrap_or((Model::Geometric, &self.geometric))
     }
 }

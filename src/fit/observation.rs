@@ -51,10 +51,7 @@ impl TrackerUncertainty {
             |constant: f64, per_m: f64| per_m.mul_add(range_m, constant) / (1000.0 * self.divisor);
         let ranging = standard_mm(self.range_um, self.range_um_per_m);
         let transverse = standard_mm(self.transverse_um, self.transverse_um_per_m);
-        let beam = position
-            .coords
-            .try_normalize(0.0)
-            .unwrap_or_else(Vector3::x);
+        let beam = position.coords.try_normalize(0.0).unwrap_or_else(Vector3::x);
         let along = beam * beam.transpose();
         along * ranging.powi(2) + (Matrix3::identity() - along) * transverse.powi(2)
     }
@@ -164,11 +161,7 @@ impl Observation {
 
     /// Its source and target.
     pub const fn channel(&self) -> Channel {
-        Channel {
-            session: self.session,
-            source: self.source,
-            target: self.target,
-        }
+        Channel { session: self.session, source: self.source, target: self.target }
     }
 
     /// The measured position; `None` where none was measured.
@@ -189,9 +182,7 @@ pub struct Source {
 impl Source {
     /// Whether its orientations have a stated uncertainty.
     pub fn states_orientations(&self) -> bool {
-        self.uncertainty
-            .orientation_rad(&Point3::origin())
-            .is_some()
+        self.uncertainty.orientation_rad(&Point3::origin()).is_some()
     }
 }
 
@@ -218,27 +209,17 @@ pub struct StatedSize {
 
 impl StatedSize {
     /// As stated.
-    pub const ONE: Self = Self {
-        position: 1.0,
-        orientation: 1.0,
-    };
+    pub const ONE: Self = Self { position: 1.0, orientation: 1.0 };
 
     /// A stated covariance with these factors.
     #[must_use]
     pub fn applied(&self, stated: &PoseCovariance) -> PoseCovariance {
-        let Self {
-            position,
-            orientation,
-        } = *self;
+        let Self { position, orientation } = *self;
         PoseCovariance {
-            position: stated
-                .position
-                .map(|own| own.map(|entry| position * position * entry)),
+            position: stated.position.map(|own| own.map(|entry| position * position * entry)),
             turn: stated.turn.map(|own| TurnCovariance {
                 own: own.own.map(|entry| orientation * orientation * entry),
-                with_position: own
-                    .with_position
-                    .map(|entry| position * orientation * entry),
+                with_position: own.with_position.map(|entry| position * orientation * entry),
             }),
         }
     }
@@ -247,11 +228,7 @@ impl StatedSize {
 impl Noise {
     /// The uncertainties of a session with one instrument.
     pub fn of_one(source: Source, repeatability_mm: f64) -> Self {
-        Self {
-            sources: vec![source],
-            repeatability_mm,
-            stated: Vec::new(),
-        }
+        Self { sources: vec![source], repeatability_mm, stated: Vec::new() }
     }
 
     /// The instrument `source`.
@@ -271,10 +248,7 @@ impl Noise {
     /// This noise with these sizes of what readings state.
     #[must_use]
     pub fn with_stated(&self, stated: &[StatedSize]) -> Self {
-        Self {
-            stated: stated.to_vec(),
-            ..self.clone()
-        }
+        Self { stated: stated.to_vec(), ..self.clone() }
     }
 
     /// Whether orientations are fitted where they were read.
@@ -330,10 +304,7 @@ pub fn add_commands(observations: &mut [Observation], stations: &[Station], comm
         .iter()
         .zip(of_stations)
         .map(|(station, (settling_error, &pose))| {
-            (
-                station.number,
-                (settling_error.as_ref(), stations[pose].number),
-            )
+            (station.number, (settling_error.as_ref(), stations[pose].number))
         })
         .collect();
     for observation in observations {

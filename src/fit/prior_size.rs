@@ -38,15 +38,9 @@ impl Calibration {
     pub(super) fn wider_prior(&self, stated: &Prior) -> Option<Prior> {
         let least = stated.geometry?;
         let now = self.geometry_prior()?;
-        let sizes = (
-            self.size(false, now.0, least.0),
-            self.size(true, now.1, least.1),
-        );
+        let sizes = (self.size(false, now.0, least.0), self.size(true, now.1, least.1));
         let is_wider = sizes.0 > now.0 || sizes.1 > now.1;
-        is_wider.then(|| Prior {
-            geometry: Some(sizes),
-            ..stated.clone()
-        })
+        is_wider.then(|| Prior { geometry: Some(sizes), ..stated.clone() })
     }
 
     /// The size of the arm's lengths or angles that the offsets ask for, at least `now`.
@@ -58,11 +52,7 @@ impl Calibration {
             determined += 1.0 - (self.covariance[(place, place)] / variance).clamp(0.0, 1.0);
         }
         let ratio = squares / determined.max(1.0);
-        if ratio > TOO_SMALL {
-            (now * ratio.sqrt()).min(stated * LARGEST)
-        } else {
-            now
-        }
+        if ratio > TOO_SMALL { (now * ratio.sqrt()).min(stated * LARGEST) } else { now }
     }
 }
 

@@ -178,8 +178,7 @@ impl<'a> Problem<'a> {
     /// The prior's part of the cost's gradient at `offsets`, halved: `P (expected − x)`, and `Jᵀ r` of the known distances.
     pub(super) fn prior_pull(&self, offsets: &DVector<f64>) -> DVector<f64> {
         let mut pull = self.precision.component_mul(&(&self.expected - offsets));
-        self.distances(offsets)
-            .for_each(|row| row.add_gradient(&mut pull));
+        self.distances(offsets).for_each(|row| row.add_gradient(&mut pull));
         pull
     }
 
@@ -202,25 +201,19 @@ impl<'a> Problem<'a> {
         for i in 0..self.precision.len() {
             matrix[(i, i)] += self.precision[i];
         }
-        self.distances(offsets)
-            .for_each(|row| row.add_information(&mut matrix));
+        self.distances(offsets).for_each(|row| row.add_information(&mut matrix));
         matrix
     }
 
     /// Number of all rows of residuals.
     pub(super) fn row_count(&self) -> usize {
-        self.observations
-            .iter()
-            .map(|o| o.measured.kind().rows())
-            .sum()
+        self.observations.iter().map(|o| o.measured.kind().rows()).sum()
     }
 
     /// Whether each axis variable is the position of a joint that slides; empty without a session.
     pub(in crate::fit) fn slides(&self) -> Vec<bool> {
         let mut channels = self.channels.each().iter();
-        channels
-            .next()
-            .map_or_else(Vec::new, |own| own.chain.slides())
+        channels.next().map_or_else(Vec::new, |own| own.chain.slides())
     }
 
     /// Each channel's measurement chain, from the source's frame to the target, at `offsets`.
@@ -264,8 +257,7 @@ impl<'a> Problem<'a> {
                     continue;
                 };
                 let chain = own.batch(offsets);
-                own.stations
-                    .add_squares_of_lengths(&chain, &gauge, &mut sum);
+                own.stations.add_squares_of_lengths(&chain, &gauge, &mut sum);
                 count += own.stations.places.len();
             }
         }
@@ -290,9 +282,7 @@ impl<'a> Problem<'a> {
             return Vec::new();
         };
         let parts = own.parts.iter().zip(gauge.parts());
-        parts
-            .map(|(unknown, part)| (*unknown, gauge.by_part(*part, place)))
-            .collect()
+        parts.map(|(unknown, part)| (*unknown, gauge.by_part(*part, place))).collect()
     }
 
     /// The weighted normal equations at `offsets`, one weight per observation.
@@ -302,11 +292,7 @@ impl<'a> Problem<'a> {
             self.fill(rows, *block, &chains, weights);
             (rows.unknowns().to_vec(), rows.gram())
         };
-        let grams: Vec<_> = self
-            .blocks
-            .par_iter()
-            .map_init(BlockRows::default, gram)
-            .collect();
+        let grams: Vec<_> = self.blocks.par_iter().map_init(BlockRows::default, gram).collect();
         let size = self.unknowns.len();
         let mut information = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
@@ -323,11 +309,7 @@ impl<'a> Problem<'a> {
             }
         }
         information.fill_upper_triangle_with_lower_triangle();
-        Normal {
-            information,
-            gradient,
-            cost,
-        }
+        Normal { information, gradient, cost }
     }
 
     /// Passes the whitened rows at `offsets` to `take`, block by block in a fixed order, without robust weights.
@@ -369,9 +351,7 @@ impl<'a> Problem<'a> {
 
     /// The frames of each session with `offsets` applied.
     pub fn frames(&self, offsets: &DVector<f64>) -> Vec<Frames> {
-        (0..self.starts.len())
-            .map(|session| self.session_frames(session, offsets))
-            .collect()
+        (0..self.starts.len()).map(|session| self.session_frames(session, offsets)).collect()
     }
 
     /// The geometry's offsets in the order of the arm's own chain; zeros where geometry was fixed.
@@ -440,10 +420,7 @@ impl Reads {
             let wanted = Unknown::of(channel, Parameter::Gauge(part));
             unknowns.iter().position(|unknown| *unknown == wanted)
         };
-        Some(Self {
-            parts: start.parts().iter().filter_map(place).collect(),
-            start,
-        })
+        Some(Self { parts: start.parts().iter().filter_map(place).collect(), start })
     }
 }
 
@@ -456,11 +433,7 @@ impl Measuring {
         let reads = self.gauge.as_ref()?;
         let place = |part| reads.start.parts().iter().position(|own| *own == part);
         let offset = |part| place(part).and_then(|place| reads.parts.get(place));
-        Some(
-            reads
-                .start
-                .moved(|part| offset(part).map_or(0.0, |&at| offsets[at])),
-        )
+        Some(reads.start.moved(|part| offset(part).map_or(0.0, |&at| offsets[at])))
     }
 
     fn batch(&self, offsets: &DVector<f64>) -> BatchChain {
@@ -469,10 +442,7 @@ impl Measuring {
 
     /// The offsets of the chain's own free parameters.
     fn local(&self, offsets: &DVector<f64>) -> Vec<f64> {
-        self.columns
-            .iter()
-            .map(|place| place.map_or(0.0, |place| offsets[place]))
-            .collect()
+        self.columns.iter().map(|place| place.map_or(0.0, |place| offsets[place])).collect()
     }
 }
 
@@ -489,10 +459,9 @@ pub(super) fn is_turned(observations: &[Observation]) -> bool {
 fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     if freedom == Freedom::Geometry {
-        unknowns.extend(arm.parameters().into_iter().map(|parameter| Unknown {
-            owner: Owner::Arm,
-            parameter,
-        }));
+        unknowns.extend(
+            arm.parameters().into_iter().map(|parameter| Unknown { owner: Owner::Arm, parameter }),
+        );
     }
     let shifts = Axis::ALL.map(Motion::Translation);
     let turns = Axis::ALL.map(Motion::Rotation);
@@ -518,10 +487,12 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
         }
         for target in (0..frames.targets().len()).map(TargetId) {
             let owner = Owner::Target { session, target };
-            unknowns.extend(shifts.iter().chain(of_target).map(|motion| Unknown {
-                owner,
-                parameter: Parameter::Target(*motion),
-            }));
+            unknowns.extend(
+                shifts
+                    .iter()
+                    .chain(of_target)
+                    .map(|motion| Unknown { owner, parameter: Parameter::Target(*motion) }),
+            );
         }
     }
     unknowns

@@ -72,30 +72,18 @@ impl Structure {
         order.sort_by(|&a, &b| svd.singular_values[b].total_cmp(&svd.singular_values[a]));
         let singular_values: Vec<f64> = order.iter().map(|&i| svd.singular_values[i]).collect();
         let floor = STRUCTURAL_ZERO * singular_values.first().copied().unwrap_or(0.0);
-        let rank = singular_values
-            .iter()
-            .filter(|&&value| value > floor)
-            .count();
-        let null_rows: Vec<_> = order[rank..]
-            .iter()
-            .map(|&i| v_t.row(i).transpose())
-            .collect();
+        let rank = singular_values.iter().filter(|&&value| value > floor).count();
+        let null_rows: Vec<_> = order[rank..].iter().map(|&i| v_t.row(i).transpose()).collect();
         let mut indistinguishable = vec![Vec::new(); size];
         for (place, others) in partners(&null_rows, kept.len()).into_iter().enumerate() {
             indistinguishable[kept[place]] = others.into_iter().map(|other| kept[other]).collect();
         }
-        Self {
-            singular_values,
-            rank,
-            zero_columns,
-            indistinguishable,
-        }
+        Self { singular_values, rank, zero_columns, indistinguishable }
     }
 
     /// `σ_1 / σ_L` over the structural rank; infinite without any column.
     pub fn condition(&self) -> f64 {
-        self.observable()
-            .map_or(f64::INFINITY, |(first, last)| first / last)
+        self.observable().map_or(f64::INFINITY, |(first, last)| first / last)
     }
 
     /// The observability indices for `poses` poses; `None` without any column.
@@ -108,11 +96,7 @@ impl Structure {
             o2: last / first,
             o3: last,
             o4: last * last / first,
-            o5: values
-                .iter()
-                .map(|value| value.recip())
-                .sum::<f64>()
-                .recip(),
+            o5: values.iter().map(|value| value.recip()).sum::<f64>().recip(),
         })
     }
 

@@ -10,11 +10,7 @@ use crate::kinematics::RobotFile;
 
 const STATIONS: usize = 60;
 /// Places of the reflectors on the flange, mm.
-const PLACES: [[f64; 3]; 3] = [
-    [60.0, 20.0, 80.0],
-    [-40.0, 70.0, 60.0],
-    [-10.0, -60.0, 120.0],
-];
+const PLACES: [[f64; 3]; 3] = [[60.0, 20.0, 80.0], [-40.0, 70.0, 60.0], [-10.0, -60.0, 120.0]];
 
 fn arm() -> Arm {
     let text = include_str!("../../pipelines/robots/ur10.toml");
@@ -67,13 +63,7 @@ fn noise() -> Noise {
         orientation_rad: None,
     };
     let reads = ReadingKind::Point;
-    Noise::of_one(
-        Source {
-            reads,
-            uncertainty: uncertainty.into(),
-        },
-        0.03,
-    )
+    Noise::of_one(Source { reads, uncertainty: uncertainty.into() }, 0.03)
 }
 
 /// Names of the reflectors, and the distances among them.
@@ -105,9 +95,7 @@ fn jacobian(problem: &Problem<'_>, at: &DVector<f64>) -> DMatrix<f64> {
             }
         }
     });
-    DMatrix::from_fn(columns[0].len(), at.len(), |row, column| {
-        columns[column][row]
-    })
+    DMatrix::from_fn(columns[0].len(), at.len(), |row, column| columns[column][row])
 }
 
 /// Number of singular values of the column-scaled matrix that are not zeros to rounding.
@@ -192,10 +180,7 @@ fn the_rows_of_known_distances_are_the_numerical_ones() {
         for (unknown, analytic) in analytic.iter().enumerate() {
             let ahead = residual(place, unknown, 1e-4);
             let numerical = (residual(place, unknown, -1e-4) - ahead) / 2e-4;
-            assert!(
-                (numerical - analytic).abs() < 1e-4,
-                "{unknown}: {numerical} for {analytic}"
-            );
+            assert!((numerical - analytic).abs() < 1e-4, "{unknown}: {numerical} for {analytic}");
         }
     }
 }
@@ -226,11 +211,7 @@ fn a_known_distance_holds_against_readings_of_a_wrong_one() {
         identify(&arm, &observed, 1, Freedom::Geometry, settings).expect("a fit")
     };
     let full = |settings: &FitSettings, start: &Calibration| {
-        let sizes = FullSettings {
-            harmonics: 2,
-            gear_lines: false,
-            ..FullSettings::default()
-        };
+        let sizes = FullSettings { harmonics: 2, gear_lines: false, ..FullSettings::default() };
         let (frames, geometry) = (&start.frames, &start.geometry);
         let prior = settings.prior();
         let model = FullModel::train(&arm, &observed, frames, geometry, &prior, &sizes, None);
@@ -252,10 +233,7 @@ fn a_known_distance_holds_against_readings_of_a_wrong_one() {
 fn places_are_stated_by_name_and_strange_names_are_refused() {
     let arm = arm();
     let observed = seen(&arm, 3);
-    let place = |target: usize, sd_mm| KnownTarget {
-        xyz_mm: PLACES[target],
-        sd_mm,
-    };
+    let place = |target: usize, sd_mm| KnownTarget { xyz_mm: PLACES[target], sd_mm };
     let mut settings = settings(0.01);
     settings.targets.insert("c".to_owned(), place(2, 1e-3));
     let prior = settings.prior();

@@ -163,11 +163,7 @@ impl Model {
 
     /// The display name, with the angles where they make a difference.
     pub fn name_at(self, angles: Angles) -> String {
-        let About {
-            name,
-            angles: several,
-            ..
-        } = self.about();
+        let About { name, angles: several, .. } = self.about();
         if several.len() > 1 && angles == Angles::Commanded {
             format!("{name} from commands alone")
         } else {
@@ -177,9 +173,6 @@ impl Model {
 
     /// Whether its residuals are attained minus commanded positions.
     pub const fn is_against_commands(self) -> bool {
-        matches!(
-            self.about().corrects,
-            Corrects::Nothing | Corrects::Commands
-        )
+        matches!(self.about().corrects, Corrects::Nothing | Corrects::Commands)
     }
 }

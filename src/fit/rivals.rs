@@ -73,10 +73,7 @@ pub struct Rival {
 impl Rival {
     /// The sum of `under` and a map of the errors that it leaves.
     pub fn new(under: Arc<dyn PoseModel>, map: impl ErrorMap + 'static) -> Self {
-        Self {
-            under,
-            map: Box::new(map),
-        }
+        Self { under, map: Box::new(map) }
     }
 }
 
@@ -98,9 +95,7 @@ pub fn samples<'s>(under: &dyn PoseModel, observations: &'s [Observation]) -> Ve
 /// At most `most` of `all`, evenly spread.
 fn spread_evenly<T: Clone>(all: &[T], most: usize) -> Vec<T> {
     let count = all.len().min(most);
-    (0..count)
-        .map(|place| all[place * all.len() / count].clone())
-        .collect()
+    (0..count).map(|place| all[place * all.len() / count].clone()).collect()
 }
 
 /// Mean variance of the measured positions, mm².
@@ -144,10 +139,7 @@ impl PoseModel for Rival {
         let alone = turn * Matrix3::from_diagonal(&estimate.variance) * turn.transpose();
         Ok(Prediction {
             position: under.position + base * estimate.error,
-            open: Some(Open {
-                rows: DMatrix::zeros(3, 0),
-                alone,
-            }),
+            open: Some(Open { rows: DMatrix::zeros(3, 0), alone }),
             ..under
         })
     }
@@ -167,12 +159,7 @@ mod test {
     use super::*;
 
     pub(super) fn place(axes: &[f64], position: [f64; 3]) -> Place<'_> {
-        Place {
-            axes,
-            known: Known::Reported,
-            temperature_c: None,
-            position: position.into(),
-        }
+        Place { axes, known: Known::Reported, temperature_c: None, position: position.into() }
     }
 
     /// A station with this error along each axis, mm, measured to 0.1 mm.
@@ -187,10 +174,6 @@ mod test {
         error: Vector3<f64>,
         measured_variance: f64,
     ) -> Sample<'_> {
-        Sample {
-            place: place(axes, position),
-            error,
-            measured_variance,
-        }
+        Sample { place: place(axes, position), error, measured_variance }
     }
 }

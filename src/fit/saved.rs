@@ -138,10 +138,7 @@ const fn standard_dh() -> Convention {
     Convention::StandardDh
 }
 
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_standard_dh(convention: &Convention) -> bool {
     *convention == Convention::StandardDh
 }
@@ -234,10 +231,9 @@ impl SavedSees {
         match sees {
             Sees::Places => Self::Places,
             Sees::Nothing => Self::Nothing,
-            Sees::Length(Gauge::Distance(anchor)) => Self::Distance {
-                xyz_mm: anchor.place.coords.into(),
-                offset_mm: anchor.offset_mm,
-            },
+            Sees::Length(Gauge::Distance(anchor)) => {
+                Self::Distance { xyz_mm: anchor.place.coords.into(), offset_mm: anchor.offset_mm }
+            }
             Sees::Length(Gauge::Height(plane)) => Self::Height {
                 normal: plane.normal.into_inner().into(),
                 height_mm: plane.height_mm,
@@ -249,10 +245,9 @@ impl SavedSees {
         match *self {
             Self::Places => Sees::Places,
             Self::Nothing => Sees::Nothing,
-            Self::Distance { xyz_mm, offset_mm } => Sees::Length(Gauge::Distance(Anchor {
-                place: xyz_mm.into(),
-                offset_mm,
-            })),
+            Self::Distance { xyz_mm, offset_mm } => {
+                Sees::Length(Gauge::Distance(Anchor { place: xyz_mm.into(), offset_mm }))
+            }
             Self::Height { normal, height_mm } => {
                 let normal = Unit::new_normalize(Vector3::from(normal));
                 Sees::Length(Gauge::Height(Plane::new(normal, height_mm)))
@@ -323,16 +318,8 @@ impl SavedArm {
             model: arm.model().to_owned(),
             convention: arm.convention(),
             joints: arm.joints().iter().map(joint).collect(),
-            axes_from_joints: map
-                .row_iter()
-                .map(|row| row.iter().copied().collect())
-                .collect(),
-            elements: arm
-                .chain()
-                .elements()
-                .iter()
-                .map(SavedElement::of)
-                .collect(),
+            axes_from_joints: map.row_iter().map(|row| row.iter().copied().collect()).collect(),
+            elements: arm.chain().elements().iter().map(SavedElement::of).collect(),
         }
     }
 
@@ -380,20 +367,10 @@ impl SavedElement {
     fn of(element: &Element) -> Self {
         match element {
             Element::Fixed(placement) => Self::Fixed(SavedPlacement::of(placement)),
-            Element::Joint {
-                motion,
-                joint,
-                sign,
-            } => Self::Joint {
-                motion: motion.name().to_owned(),
-                joint: *joint,
-                sign: *sign,
-            },
-            Element::Free {
-                motion,
-                nominal,
-                parameter,
-            } => Self::Free {
+            Element::Joint { motion, joint, sign } => {
+                Self::Joint { motion: motion.name().to_owned(), joint: *joint, sign: *sign }
+            }
+            Element::Free { motion, nominal, parameter } => Self::Free {
                 motion: motion.name().to_owned(),
                 nominal: *nominal,
                 parameter: parameter.to_string(),
@@ -404,15 +381,9 @@ impl SavedElement {
     fn element(&self, joints: usize) -> Result<Element, SavedError> {
         Ok(match self {
             Self::Fixed(placement) => Element::Fixed(placement.isometry("a constant transform")?),
-            Self::Joint {
-                motion,
-                joint,
-                sign,
-            } if *joint < joints => Element::Joint {
-                motion: motion_of(motion)?,
-                joint: *joint,
-                sign: *sign,
-            },
+            Self::Joint { motion, joint, sign } if *joint < joints => {
+                Element::Joint { motion: motion_of(motion)?, joint: *joint, sign: *sign }
+            }
             Self::Joint { joint, .. } => {
                 return Err(SavedError::Length {
                     what: "joints at least",
@@ -420,11 +391,7 @@ impl SavedElement {
                     found: joint.saturating_add(1),
                 });
             }
-            Self::Free {
-                motion,
-                nominal,
-                parameter,
-            } => Element::Free {
+            Self::Free { motion, nominal, parameter } => Element::Free {
                 motion: motion_of(motion)?,
                 nominal: *nominal,
                 parameter: parameter_of(parameter)?,
@@ -473,10 +440,8 @@ impl SavedSession {
     pub fn frames(&self) -> Result<Frames, SavedError> {
         let sources = self.tracker_from_base.frames("tracker_from_base")?;
         let targets = self.flange_from_target.frames("flange_from_target")?;
-        let (counts, frames) = (
-            (sources.len().min(targets.len()), sources.len()),
-            Frames::new(sources, targets),
-        );
+        let (counts, frames) =
+            ((sources.len().min(targets.len()), sources.len()), Frames::new(sources, targets));
         if !self.sees.is_empty() {
             same_length("sources and what they read", counts.1, self.sees.len())?;
         }
@@ -544,16 +509,8 @@ impl SavedCalibration {
     /// Reads the JSON text.
     pub fn read(text: &str) -> Result<Self, SavedError> {
         let saved: Self = read(text)?;
-        same_length(
-            "prior deviations",
-            saved.unknowns.len(),
-            saved.prior_sd.len(),
-        )?;
-        same_length(
-            "rows of the covariance",
-            saved.unknowns.len(),
-            saved.covariance.len(),
-        )?;
+        same_length("prior deviations", saved.unknowns.len(), saved.prior_sd.len())?;
+        same_length("rows of the covariance", saved.unknowns.len(), saved.covariance.len())?;
         for (row, columns) in saved.covariance.iter().enumerate() {
             same_length("columns in a row of the covariance", row + 1, columns.len())?;
         }
@@ -568,9 +525,7 @@ impl SavedCalibration {
         let kept = self.unknowns.iter().enumerate();
         let kept = kept.filter(|(_, own)| is_of_arm(own) || (own.session == last && own.of == 0));
         let kept: Vec<usize> = kept.map(|(place, _)| place).collect();
-        let parameters = kept
-            .iter()
-            .map(|&place| parameter_of(&self.unknowns[place].parameter));
+        let parameters = kept.iter().map(|&place| parameter_of(&self.unknowns[place].parameter));
         let parameters: Vec<Parameter> = parameters.collect::<Result<_, _>>()?;
         let own = self.arm.chain()?.parameters();
         same_length("geometry offsets", own.len(), self.geometry.len())?;
@@ -592,11 +547,7 @@ impl SavedCalibration {
     /// The identified chain from base to flange.
     pub fn chain(&self) -> Result<Chain, SavedError> {
         let chain = self.arm.chain()?;
-        same_length(
-            "geometry offsets",
-            chain.parameters().len(),
-            self.geometry.len(),
-        )?;
+        same_length("geometry offsets", chain.parameters().len(), self.geometry.len())?;
         Ok(chain.with_offsets(&self.geometry))
     }
 }
@@ -609,9 +560,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedE
         version: u32,
     }
     let json = |error: serde_json::Error| SavedError::Json(error.to_string());
-    let found = serde_json::from_str::<Versioned>(text)
-        .map_err(json)?
-        .version;
+    let found = serde_json::from_str::<Versioned>(text).map_err(json)?.version;
     if found != VERSION {
         return Err(SavedError::Version { found });
     }
@@ -624,22 +573,12 @@ pub(super) const fn same_length(
     expected: usize,
     found: usize,
 ) -> Result<(), SavedError> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(SavedError::Length {
-            what,
-            expected,
-            found,
-        })
-    }
+    if expected == found { Ok(()) } else { Err(SavedError::Length { what, expected, found }) }
 }
 
 fn motion_of(name: &str) -> Result<Motion, SavedError> {
-    Motion::of_name(name).ok_or_else(|| SavedError::Unknown {
-        what: "a motion",
-        name: name.to_owned(),
-    })
+    Motion::of_name(name)
+        .ok_or_else(|| SavedError::Unknown { what: "a motion", name: name.to_owned() })
 }
 
 /// The parameter with this name, as its `Display` writes it.
@@ -655,10 +594,7 @@ fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
         .chain(links)
         .chain(gauges.map(Parameter::Gauge))
         .find(|parameter| parameter.to_string() == name);
-    found.ok_or_else(|| SavedError::Unknown {
-        what: "a parameter",
-        name: name.to_owned(),
-    })
+    found.ok_or_else(|| SavedError::Unknown { what: "a parameter", name: name.to_owned() })
 }
 
 #[cfg(test)]
@@ -670,10 +606,7 @@ mod tests {
         let file: RobotFile =
             toml::from_str(include_str!("../../pipelines/robots/ur10.toml")).expect("a robot file");
         // A saved arm predicts; where its home is matters to who sets up the cell.
-        let file = RobotFile {
-            home_deg: None,
-            ..file
-        };
+        let file = RobotFile { home_deg: None, ..file };
         file.arm().expect("a valid arm")
     }
 
@@ -683,10 +616,8 @@ mod tests {
         let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
         let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");
         let joints = [0.3, -1.2, 1.5, -0.4, 0.9, 2.0];
-        let (there, back) = (
-            arm.chain().nominal(&joints),
-            saved.chain().expect("whole").nominal(&joints),
-        );
+        let (there, back) =
+            (arm.chain().nominal(&joints), saved.chain().expect("whole").nominal(&joints));
         assert!((there.to_homogeneous() - back.to_homogeneous()).abs().max() < 1e-12);
         assert_eq!(saved.arm().expect("whole"), arm);
     }
@@ -712,17 +643,8 @@ mod tests {
             }
         });
         assert!(unknown.contains("theta_99"), "{unknown}");
-        let turned = SavedPlacement {
-            xyz_mm: [0.0; 3],
-            quaternion_xyzw: [0.0; 4],
-        };
-        assert!(
-            turned
-                .isometry("base")
-                .expect_err("no rotation")
-                .to_string()
-                .contains("norm 0")
-        );
+        let turned = SavedPlacement { xyz_mm: [0.0; 3], quaternion_xyzw: [0.0; 4] };
+        assert!(turned.isometry("base").expect_err("no rotation").to_string().contains("norm 0"));
         let found = VERSION + 1;
         let text = format!(r#"{{"version": {found}}}"#);
         let later = read::<SavedCalibration>(&text).expect_err("later");

@@ -88,10 +88,7 @@ impl FittedScale {
         Some(Self {
             ppm: PPM * scale,
             sd_ppm: PPM * sd,
-            kept: full
-                .parts
-                .iter()
-                .any(|part| part.name == "session_scale" && part.kept),
+            kept: full.parts.iter().any(|part| part.name == "session_scale" && part.kept),
         })
     }
 }
@@ -155,19 +152,14 @@ impl SessionScale {
 
     /// A scale relative to the other sessions of its pool that is larger than usual between sessions.
     fn beside_others(&self) -> Option<FittedScale> {
-        self.fitted
-            .filter(|fitted| fitted.ppm.abs() > SIGMAS * self.prior_sd_ppm)
+        self.fitted.filter(|fitted| fitted.ppm.abs() > SIGMAS * self.prior_sd_ppm)
     }
 
     /// The statement about a named scale; `None` where none is named.
     pub fn named(&self) -> Option<String> {
         let of = |ppm: f64, sd_ppm: f64, against: &str| {
             let [least, most] = kelvins(ppm).map(f64::abs);
-            let (sense, warmth) = if ppm > 0.0 {
-                ("long", "warmer")
-            } else {
-                ("short", "colder")
-            };
+            let (sense, warmth) = if ppm > 0.0 { ("long", "warmer") } else { ("short", "colder") };
             format!(
                 "session {}: positions are measured {:.0} ± {:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
                  standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
@@ -180,19 +172,12 @@ impl SessionScale {
                 EXPANSION_PPM_PER_K[1],
             )
         };
-        let lengths = format!(
-            "nominal lengths that are right within {} mm",
-            self.length_sd_mm
-        );
+        let lengths = format!("nominal lengths that are right within {} mm", self.length_sd_mm);
         let free = self.free.filter(FreeScale::is_named);
         let free = free.map(|free| of(free.ppm, free.sd_ppm, &lengths));
         free.or_else(|| {
             let fitted = self.beside_others()?;
-            Some(of(
-                fitted.ppm,
-                self.prior_sd_ppm,
-                "the other sessions of the pool",
-            ))
+            Some(of(fitted.ppm, self.prior_sd_ppm, "the other sessions of the pool"))
         })
     }
 }
@@ -218,11 +203,7 @@ impl ScaleEvidence {
         for (place, precision) in precisions.iter().enumerate() {
             information[(place, place)] -= precision;
         }
-        Some(Self {
-            lengths,
-            information,
-            moment,
-        })
+        Some(Self { lengths, information, moment })
     }
 
     /// Each session's scale if every length is right within `length_sd_mm` (a standard deviation) and scales are free; `None`
@@ -230,11 +211,7 @@ impl ScaleEvidence {
     pub fn free_scales(&self, length_sd_mm: f64) -> Option<Vec<FreeScale>> {
         let mut information = self.information.clone();
         for place in 0..information.nrows() {
-            let sd = if place < self.lengths {
-                length_sd_mm
-            } else {
-                FREE
-            };
+            let sd = if place < self.lengths { length_sd_mm } else { FREE };
             information[(place, place)] += sd.powi(-2);
         }
         let covariance = inverse(&information)?;
@@ -243,11 +220,7 @@ impl ScaleEvidence {
         let determined = |place: usize| 1.0 - covariance[(place, place)] / length_sd_mm.powi(2);
         let determined: f64 = (0..self.lengths).map(determined).sum();
         let off: f64 = (0..self.lengths).map(|place| mean[place].powi(2)).sum();
-        let length_rms_mm = if determined > 0.0 {
-            (off / determined).sqrt()
-        } else {
-            0.0
-        };
+        let length_rms_mm = if determined > 0.0 { (off / determined).sqrt() } else { 0.0 };
         let wider = (length_rms_mm / length_sd_mm).max(1.0);
         let free = |place: usize| FreeScale {
             ppm: PPM * mean[place],
@@ -263,19 +236,10 @@ impl ScaleEvidence {
 /// Indices of the arm's lengths among a problem's unknowns.
 pub(super) fn lengths(problem: &Problem<'_>) -> Vec<usize> {
     let is_length = |parameter: Parameter| {
-        matches!(
-            parameter,
-            Parameter::Link {
-                quantity: LinkQuantity::A | LinkQuantity::D,
-                ..
-            }
-        )
+        matches!(parameter, Parameter::Link { quantity: LinkQuantity::A | LinkQuantity::D, .. })
     };
     let unknowns = problem.unknowns().iter().enumerate();
-    unknowns
-        .filter(|(_, unknown)| is_length(unknown.parameter))
-        .map(|(place, _)| place)
-        .collect()
+    unknowns.filter(|(_, unknown)| is_length(unknown.parameter)).map(|(place, _)| place).collect()
 }
 
 /// The inverse of a positive definite matrix, computed with rows and columns scaled to a diagonal of ones.
@@ -296,18 +260,10 @@ mod tests {
     fn evidence(lengths_mm: &[f64], found_mm: &[f64]) -> ScaleEvidence {
         let n = lengths_mm.len();
         let rows = DMatrix::from_fn(n, n + 1, |i, j| {
-            if j == n {
-                1e3 * lengths_mm[i]
-            } else {
-                1e3 * f64::from(i == j)
-            }
+            if j == n { 1e3 * lengths_mm[i] } else { 1e3 * f64::from(i == j) }
         });
         let values = DVector::from_fn(n, |i, _| 1e3 * found_mm[i]);
-        ScaleEvidence {
-            lengths: n,
-            information: rows.tr_mul(&rows),
-            moment: rows.tr_mul(&values),
-        }
+        ScaleEvidence { lengths: n, information: rows.tr_mul(&rows), moment: rows.tr_mul(&values) }
     }
 
     #[test]
@@ -342,9 +298,6 @@ mod tests {
         let found = ScaleEvidence::of(4, &covariance, &mean, &precisions).expect("positive");
         let (a, b) = (found.free_scales(0.3), stations.free_scales(0.3));
         let (a, b) = (a.expect("positive")[0], b.expect("positive")[0]);
-        assert!(
-            (a.ppm - b.ppm).abs() < 0.01 && (a.sd_ppm - b.sd_ppm).abs() < 0.01,
-            "{a:?} {b:?}"
-        );
+        assert!((a.ppm - b.ppm).abs() < 0.01 && (a.sd_ppm - b.sd_ppm).abs() < 0.01, "{a:?} {b:?}");
     }
 }

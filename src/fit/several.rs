@@ -42,14 +42,8 @@ fn truth() -> Frames {
 /// Errors of parameters that neither a base nor a target can absorb: 0.4 mm and 0.5 mrad.
 fn errors(arm: &Arm) -> Vec<f64> {
     let error = |parameter: &Parameter| match parameter {
-        Parameter::Link {
-            joint: 2 | 3,
-            quantity: LinkQuantity::A,
-        } => 0.4,
-        Parameter::Link {
-            joint: 3..=5,
-            quantity: LinkQuantity::Theta,
-        } => -0.5e-3,
+        Parameter::Link { joint: 2 | 3, quantity: LinkQuantity::A } => 0.4,
+        Parameter::Link { joint: 3..=5, quantity: LinkQuantity::Theta } => -0.5e-3,
         _ => 0.0,
     };
     arm.chain().parameters().iter().map(error).collect()
@@ -125,10 +119,7 @@ fn noise() -> Noise {
         .into(),
     };
     Noise {
-        sources: vec![
-            source(ReadingKind::Point, None),
-            source(ReadingKind::Pose, Some(50e-6)),
-        ],
+        sources: vec![source(ReadingKind::Point, None), source(ReadingKind::Pose, Some(50e-6))],
         repeatability_mm: 0.03,
         stated: Vec::new(),
     }
@@ -163,10 +154,7 @@ fn assert_same_frames(found: &Frames, wanted: &Frames) {
     let targets = found.targets().iter().zip(wanted.targets());
     let targets = targets.map(|(a, b)| apart(a.isometry(), b.isometry()));
     for (place, (off_mm, off_rad)) in sources.chain(targets).enumerate() {
-        assert!(
-            off_mm < 1e-3 && off_rad < 1e-6,
-            "frame {place}: {off_mm} mm, {off_rad} rad"
-        );
+        assert!(off_mm < 1e-3 && off_rad < 1e-6, "frame {place}: {off_mm} mm, {off_rad} rad");
     }
 }
 
@@ -194,16 +182,8 @@ fn two_sources_and_three_targets_are_identified_with_the_geometry() {
     assert_same_frames(&found.frames[0], &truth());
     let wanted = errors(&arm);
     for (unknown, (found, wanted)) in found.unknowns.iter().zip(found.geometry.iter().zip(wanted)) {
-        let tolerance = if unknown.parameter.is_angle() {
-            1e-6
-        } else {
-            1e-3
-        };
-        assert!(
-            (found - wanted).abs() < tolerance,
-            "{}: {found} for {wanted}",
-            unknown.parameter
-        );
+        let tolerance = if unknown.parameter.is_angle() { 1e-6 } else { 1e-3 };
+        assert!((found - wanted).abs() < tolerance, "{}: {found} for {wanted}", unknown.parameter);
     }
     // Six of each base, six of each target (turns too, as poses are read), and the geometry.
     let geometry = arm.chain().parameters().len();
@@ -217,13 +197,7 @@ fn one_target_does_not_explain_readings_of_three() {
     for observation in &mut observed {
         observation.target = TargetId::ONLY;
     }
-    let found = identify(
-        &arm,
-        &observed,
-        1,
-        Freedom::Geometry,
-        &FitSettings::default(),
-    );
+    let found = identify(&arm, &observed, 1, Freedom::Geometry, &FitSettings::default());
     let misfit_mm = found.expect("a fit").misfit_mm;
     // The targets are some 100 mm apart.
     assert!(misfit_mm > 10.0, "{misfit_mm} mm");
@@ -315,14 +289,9 @@ fn the_full_error_model_knows_each_source_and_target_and_so_does_its_next_sessio
     let next = model.next(&arm, &mounting, STATIONS, &settings, up);
     let next = next.expect("a positive covariance");
     let open = |source: usize, target: usize| {
-        let query = Query {
-            source: SourceId(source),
-            target: TargetId(target),
-            ..Query::of(&observed[0])
-        };
-        next.covariances(&next.predict(&query).rows)[0]
-            .trace()
-            .sqrt()
+        let query =
+            Query { source: SourceId(source), target: TargetId(target), ..Query::of(&observed[0]) };
+        next.covariances(&next.predict(&query).rows)[0].trace().sqrt()
     };
     let (same, again, moved) = (open(0, 1), open(0, 0), open(1, 1));
     // √3 · 0.1 mm more for the target that was mounted again; the moved base is unknown.
@@ -365,10 +334,7 @@ fn what_is_for_one_source_and_one_target_refuses_several() {
     // A place stated for one target does not apply to three, and targets are numbered without gaps.
     let arm = ur10();
     let settings = FitSettings {
-        target: Some(KnownTarget {
-            xyz_mm: [10.0, -20.0, 90.0],
-            sd_mm: 0.1,
-        }),
+        target: Some(KnownTarget { xyz_mm: [10.0, -20.0, 90.0], sd_mm: 0.1 }),
         ..FitSettings::default()
     };
     let mut observed = observed(&arm);
@@ -377,18 +343,12 @@ fn what_is_for_one_source_and_one_target_refuses_several() {
     };
     assert_eq!(
         fit(&observed, &settings),
-        Err(FitError::KnownTargetOfSeveral {
-            session: 0,
-            targets: 3
-        })
+        Err(FitError::KnownTargetOfSeveral { session: 0, targets: 3 })
     );
     observed.retain(|o| o.target != TargetId(1));
     assert_eq!(
         fit(&observed, &FitSettings::default()),
-        Err(FitError::UnseenTarget {
-            session: 0,
-            target: 1
-        })
+        Err(FitError::UnseenTarget { session: 0, target: 1 })
     );
 }
 

@@ -99,10 +99,7 @@ pub fn check(
     sessions: usize,
     settings: &FitSettings,
 ) -> Vec<Slip> {
-    let robust = FitSettings {
-        loss: Loss::Cauchy { tuning: 2.0 },
-        ..settings.clone()
-    };
+    let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let mut slips: Vec<Slip> = Vec::new();
     for _ in 0..ROUNDS {
         let without = without(observations, &slips);
@@ -182,11 +179,7 @@ fn steps(left: &[Left], share: f64) -> Vec<Step> {
     let parts = ends.windows(3);
     let sized = parts.map(|ends| {
         let (by_mm, sd_mm) = size(&left[ends[0]..ends[1]], &left[ends[1]..ends[2]], share);
-        Step {
-            at: ends[1],
-            by_mm,
-            sd_mm,
-        }
+        Step { at: ends[1], by_mm, sd_mm }
     });
     sized.collect()
 }
@@ -238,9 +231,7 @@ fn brought_in(left: &[Left]) -> DVector<f64> {
     };
     let middles: Vec<f64> = (0..left.len()).map(around).collect();
     let pairs = || left.iter().zip(&middles);
-    let away: Vec<f64> = pairs()
-        .map(|(own, middle)| (own.mm - middle).abs())
-        .collect();
+    let away: Vec<f64> = pairs().map(|(own, middle)| (own.mm - middle).abs()).collect();
     let reach = FARTHEST * SIGMA_PER_MAD * median(&away).unwrap_or(0.0);
     let near = pairs().map(|(own, middle)| own.mm.clamp(middle - reach, middle + reach));
     DVector::from_vec(near.collect())
@@ -249,9 +240,8 @@ fn brought_in(left: &[Left]) -> DVector<f64> {
 /// Orthonormal columns of a parabola over so many readings.
 fn trend(count: usize) -> DMatrix<f64> {
     let at = |row: usize| 2.0 * row as f64 / (count - 1) as f64 - 1.0;
-    let columns = DMatrix::from_fn(count, TREND, |row, power| {
-        std::iter::repeat_n(at(row), power).product()
-    });
+    let columns =
+        DMatrix::from_fn(count, TREND, |row, power| std::iter::repeat_n(at(row), power).product());
     columns.qr().q()
 }
 
@@ -283,10 +273,7 @@ fn size(before: &[Left], behind: &[Left], share: f64) -> (f64, f64) {
     let counts = [before.len(), behind.len()].map(|count| (count.max(1) as f64).recip());
     // Once for the residuals, which are smaller than the noise, and once for what the other unknowns take of a step.
     let grown = alike(&DVector::from_vec(all)) / (share * share);
-    (
-        other - level,
-        sd_mm * (counts[0] + counts[1]).sqrt() * grown,
-    )
+    (other - level, sd_mm * (counts[0] + counts[1]).sqrt() * grown)
 }
 
 /// The level of a part, mm, and its residuals.
@@ -311,10 +298,7 @@ mod tests {
     fn series(count: usize, seed: u64, level: impl Fn(usize) -> f64) -> Vec<Left> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || (0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0;
-        let left = |station: usize| Left {
-            station,
-            mm: level(station) + 0.05 * normal(),
-        };
+        let left = |station: usize| Left { station, mm: level(station) + 0.05 * normal() };
         (0..count).map(left).collect()
     }
 
@@ -326,9 +310,7 @@ mod tests {
         let step = DVector::from_fn(40, |row, _| f64::from(u8::from(row >= 25)));
         let mut columns = trend.clone().insert_column(TREND, 0.0);
         columns.set_column(TREND, &step);
-        let inverse = (columns.transpose() * &columns)
-            .try_inverse()
-            .expect("independent");
+        let inverse = (columns.transpose() * &columns).try_inverse().expect("independent");
         let found = &inverse * (columns.transpose() * &values);
         let rest = &values - &columns * &found;
         let expected = found[TREND] / (inverse[(TREND, TREND)] * rest.norm_squared() / 36.0).sqrt();

@@ -119,11 +119,7 @@ struct Gait {
 }
 
 impl Gait {
-    const FIRST: Self = Self {
-        size: 0.0,
-        pace: 1.0,
-        damping: None,
-    };
+    const FIRST: Self = Self { size: 0.0, pace: 1.0, damping: None };
 
     /// Steps fall by a steady factor or faster, so the next one is no larger than this.
     fn next_size(self) -> f64 {
@@ -134,11 +130,7 @@ impl Gait {
     fn after(self, size: f64, damping: f64) -> Self {
         Self {
             size,
-            pace: if self.size > 0.0 {
-                (size / self.size).min(1.0)
-            } else {
-                1.0
-            },
+            pace: if self.size > 0.0 { (size / self.size).min(1.0) } else { 1.0 },
             damping: Some((0.1 * damping).max(LEAST_DAMPING)),
         }
     }
@@ -163,20 +155,14 @@ fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), g
     let scales = step_scales(&normal, problem, factor);
     let gradient = &normal.gradient / factor + problem.prior_pull(&point.offsets);
     let matrix = problem.posterior_information(&normal.information, &point.offsets, factor);
-    let mut damping = gait
-        .damping
-        .unwrap_or_else(|| first_damping(&matrix, &scales));
+    let mut damping = gait.damping.unwrap_or_else(|| first_damping(&matrix, &scales));
     loop {
         let change = damped_step(&matrix, &gradient, &scales, damping);
         let tried = Point::at(problem, &point.offsets + &change);
         // The step in standard errors, along the direction in which it is largest (Newton's decrement).
         let size = gradient.dot(&change).max(0.0).sqrt();
         if cost_at(&tried) <= cost * (1.0 + ROUNDING) {
-            return Step {
-                point: tried,
-                gait: gait.after(size, damping),
-                ended: None,
-            };
+            return Step { point: tried, gait: gait.after(size, damping), ended: None };
         }
         damping = (damping * 10.0).max(1e-9);
         let ended = if size < STEP_TOLERANCE {
@@ -186,11 +172,7 @@ fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), g
         } else {
             continue;
         };
-        return Step {
-            point,
-            gait,
-            ended: Some(ended),
-        };
+        return Step { point, gait, ended: Some(ended) };
     }
 }
 
@@ -199,14 +181,8 @@ fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), g
 fn first_damping(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> f64 {
     let scaled = scaled(matrix, scales);
     let pivots = scaled.cholesky().map(|factor| factor.l_dirty().diagonal());
-    let least = pivots.map_or(0.0, |pivots| {
-        pivots.iter().fold(1.0, |a: f64, b| a.min(b * b))
-    });
-    if least > DETERMINED {
-        LEAST_DAMPING
-    } else {
-        1e-6
-    }
+    let least = pivots.map_or(0.0, |pivots| pivots.iter().fold(1.0, |a: f64, b| a.min(b * b)));
+    if least > DETERMINED { LEAST_DAMPING } else { 1e-6 }
 }
 
 /// `D A D`.
@@ -218,13 +194,7 @@ fn scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
 /// The standard error that each unknown alone would have: the inverse norm of its column; 1 for a zero column.
 fn step_scales(normal: &Normal, problem: &Problem<'_>, factor: f64) -> DVector<f64> {
     let diagonal = normal.information.diagonal() / factor + problem.prior_precision();
-    diagonal.map(|norm_squared| {
-        if norm_squared > 0.0 {
-            norm_squared.sqrt().recip()
-        } else {
-            1.0
-        }
-    })
+    diagonal.map(|norm_squared| if norm_squared > 0.0 { norm_squared.sqrt().recip() } else { 1.0 })
 }
 
 /// `(D A D + λ I)⁻¹ D g`, scaled back: columns have unit norm, so one damping serves all.
@@ -239,9 +209,7 @@ fn damped_step(
         scaled[(i, i)] += damping;
     }
     let right = gradient.component_mul(scales);
-    let solved = scaled
-        .cholesky()
-        .map_or_else(|| right.clone(), |factor| factor.solve(&right));
+    let solved = scaled.cholesky().map_or_else(|| right.clone(), |factor| factor.solve(&right));
     solved.component_mul(scales)
 }
 
@@ -264,11 +232,7 @@ fn robust_weights(problem: &Problem<'_>, loss: Loss, norms: &[f64]) -> Vec<f64> 
 }
 
 fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: usize) -> f64 {
-    let misfit: f64 = norms
-        .iter()
-        .zip(weights)
-        .map(|(norm, weight)| weight * norm * norm)
-        .sum();
+    let misfit: f64 = norms.iter().zip(weights).map(|(norm, weight)| weight * norm * norm).sum();
     let observations = problem.observations().iter().zip(weights);
     let rows = observations.map(|(own, weight)| weight * own.measured.kind().rows() as f64);
     factor_of(misfit, rows.sum(), rank)

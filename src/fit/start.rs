@@ -82,17 +82,12 @@ fn settled(
 /// The frames of a session whose targets may sit far from the flange; those of `near` where nothing is found.
 fn far(arm: &Arm, observations: &[Observation], session: usize, near: &Frames) -> Frames {
     let of = |keep: &dyn Fn(&Observation) -> bool| -> Option<Placement> {
-        let own = observations
-            .iter()
-            .filter(|o| o.session == session && keep(o));
+        let own = observations.iter().filter(|o| o.session == session && keep(o));
         let own: Vec<&Observation> = own.collect();
-        let readings = own
-            .iter()
-            .zip(flanges(arm, &own))
-            .filter_map(|(o, flange)| {
-                let attained = o.point()?.position.coords;
-                Some(ReadingAtFlange { flange, attained })
-            });
+        let readings = own.iter().zip(flanges(arm, &own)).filter_map(|(o, flange)| {
+            let attained = o.point()?.position.coords;
+            Some(ReadingAtFlange { flange, attained })
+        });
         Placement::fit_far(&readings.collect::<Vec<_>>())
     };
     let sources = near.sources().iter().enumerate().map(|(source, near)| {
@@ -119,10 +114,7 @@ fn aligned(
     session: usize,
     settings: &FitSettings,
 ) -> Result<Frames, FitError> {
-    let own: Vec<&Observation> = observations
-        .iter()
-        .filter(|o| o.session == session)
-        .collect();
+    let own: Vec<&Observation> = observations.iter().filter(|o| o.session == session).collect();
     let count = |id: fn(&Observation) -> usize| own.iter().map(|o| id(o) + 1).max().unwrap_or(1);
     let (sources, targets) = (count(|o| o.source.0), count(|o| o.target.0));
     if settings.target.is_some() && targets > 1 {
@@ -140,9 +132,7 @@ fn aligned(
         let turn = turn(arm, &seen, &bases);
         let by_length = starts.iter().filter_map(|start| start.target);
         let mut by_length = by_length.filter(|(of, _)| *of == TargetId(target));
-        let place = by_length
-            .next()
-            .filter(|_| seen.iter().all(|o| o.point().is_none()));
+        let place = by_length.next().filter(|_| seen.iter().all(|o| o.point().is_none()));
         let place = place.map_or_else(Translation3::identity, |(_, place)| place.into());
         Ok(Transform::claim(Isometry3::from_parts(place, turn)))
     });
@@ -180,11 +170,7 @@ fn start(
         });
     }
     let Some(first) = readings.next() else {
-        return Ok(Start {
-            sees: Sees::Nothing,
-            base: Transform::identity(),
-            target: None,
-        });
+        return Ok(Start { sees: Sees::Nothing, base: Transform::identity(), target: None });
     };
     length(arm, own, (session, source), first.measured.kind(), settings)
 }
@@ -202,10 +188,7 @@ fn length(
         let seen = of_targets.entry(observation.target).or_default();
         seen.push(observation);
     }
-    let most = of_targets
-        .into_iter()
-        .rev()
-        .max_by_key(|(_, own)| own.len());
+    let most = of_targets.into_iter().rev().max_by_key(|(_, own)| own.len());
     let (target, own) = most.unwrap_or((TargetId::MAIN, Vec::new()));
     let too_few = FitError::TooFewLengths {
         session,
@@ -251,10 +234,7 @@ pub fn gauge_alone(
 ) -> Option<(Gauge, f64)> {
     let seen = readings.iter();
     let seen: Vec<SeenAt> = seen.map(|&(flange, mm)| SeenAt { flange, mm }).collect();
-    let known = Known {
-        gauge: KnownGauge::default(),
-        target,
-    };
+    let known = Known { gauge: KnownGauge::default(), target };
     let found = match kind {
         _ if seen.len() < LEAST_LENGTHS => None,
         ReadingKind::Height => gauges::height(&seen, &known),
@@ -308,10 +288,8 @@ fn base(
         });
     }
     let flanges = flanges(arm, &own);
-    let origins: Vec<Point3<f64>> = flanges
-        .iter()
-        .map(|f| Point3::from(f.translation.vector))
-        .collect();
+    let origins: Vec<Point3<f64>> =
+        flanges.iter().map(|f| Point3::from(f.translation.vector)).collect();
     let spread_mm = spread(&measured).min(spread(&origins));
     if spread_mm < LEAST_SPREAD_MM {
         return Err(FitError::Degenerate { session, spread_mm });
@@ -334,10 +312,7 @@ fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {
 /// Root mean square distance from the line through the points' barycentre along their longest direction, mm.
 fn spread(points: &[Point3<f64>]) -> f64 {
     let n = points.len() as f64;
-    let centre = points
-        .iter()
-        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
-        / n;
+    let centre = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / n;
     let scatter = points.iter().fold(Matrix3::zeros(), |sum, p| {
         sum + (p.coords - centre) * (p.coords - centre).transpose()
     });

@@ -111,11 +111,7 @@ pub fn found(
     let of = |(session, source): (usize, SourceId)| {
         let own = rows.iter().filter(|(own, _)| *own == (session, source));
         let own: Vec<Row> = own.map(|(_, row)| row.clone()).collect();
-        Some(FoundSize {
-            session,
-            source,
-            ..sized(&own)?
-        })
+        Some(FoundSize { session, source, ..sized(&own)? })
     };
     channels.into_iter().filter_map(of).collect()
 }
@@ -145,12 +141,9 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
     if rows.len() < LEAST_READINGS {
         return None;
     }
-    let has_orientations = rows
-        .iter()
-        .any(|row| row.stated.nrows() == 6 && row.stated[(3, 3)] > 0.0);
-    let apart = has_orientations
-        .then(|| scored(rows, Factors::Apart))
-        .flatten();
+    let has_orientations =
+        rows.iter().any(|row| row.stated.nrows() == 6 && row.stated[(3, 3)] > 0.0);
+    let apart = has_orientations.then(|| scored(rows, Factors::Apart)).flatten();
     let (at, errors) = match apart.filter(|own| own.1.iter().all(|error| *error <= DETERMINED)) {
         Some(apart) => apart,
         None => scored(rows, Factors::Common).filter(|own| own.1[0] <= DETERMINED)?,
@@ -159,10 +152,7 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
     Some(FoundSize {
         session: 0,
         source: SourceId::ONLY,
-        size: StatedSize {
-            position,
-            orientation,
-        },
+        size: StatedSize { position, orientation },
         standard_error: StatedSize {
             position: position * errors[0],
             orientation: orientation * errors[1],
@@ -177,11 +167,7 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
 /// Fisher's scoring; with the standard errors of the logarithms. `None` where it does not converge, or where nothing tells the parameters
 /// apart.
 fn scored(rows: &[Row], factors: Factors) -> Option<(At, [f64; 2])> {
-    let mut at = At {
-        factors,
-        logarithms: [0.0; 2],
-        arm_mm2: 1e-4,
-    };
+    let mut at = At { factors, logarithms: [0.0; 2], arm_mm2: 1e-4 };
     for _ in 0..STEPS {
         let (gradient, information) = at.score(rows)?;
         let last = gradient.len() - 1;
@@ -245,10 +231,7 @@ impl At {
     /// `D C D`.
     fn sized(&self, row: &Row) -> DMatrix<f64> {
         let [position, orientation] = self.factors();
-        let size = StatedSize {
-            position,
-            orientation,
-        };
+        let size = StatedSize { position, orientation };
         with_factors(&row.stated, size)
     }
 
@@ -266,9 +249,7 @@ impl At {
             Factors::Common => vec![&sized * 2.0],
             Factors::Apart => vec![by(0), by(1)],
         };
-        derivatives.push(DMatrix::from_fn(size, size, |i, j| {
-            f64::from(u8::from(i == j && i < 3))
-        }));
+        derivatives.push(DMatrix::from_fn(size, size, |i, j| f64::from(u8::from(i == j && i < 3))));
         derivatives
     }
 
@@ -344,11 +325,7 @@ mod tests {
             let far = 1.0 + (place % 7) as f64 / 2.0;
             let root = DMatrix::from_fn(6, 6, |i, j| {
                 let size = if i < 3 { 0.02 * far } else { 1e-4 };
-                size * if i == j {
-                    1.0
-                } else {
-                    0.3 * ((i + 2 * j + place) as f64).sin()
-                }
+                size * if i == j { 1.0 } else { 0.3 * ((i + 2 * j + place) as f64).sin() }
             });
             let white = DVector::from_fn(6, |_, _| noise.normal());
             let mut residual = &root * white;
@@ -381,10 +358,7 @@ mod tests {
             count += 1.0;
         }
         // Mean squares of standardised errors of 60 sessions: 1 ± 0.18.
-        assert!(
-            off.iter().all(|own| (own / count - 1.0).abs() < 0.5),
-            "{off:?}"
-        );
+        assert!(off.iter().all(|own| (own / count - 1.0).abs() < 0.5), "{off:?}");
     }
 
     #[test]
@@ -399,11 +373,7 @@ mod tests {
             };
             rows.iter().map(of).sum()
         };
-        let at = At {
-            factors: Factors::Apart,
-            logarithms: [0.2, -0.1],
-            arm_mm2: 4e-4,
-        };
+        let at = At { factors: Factors::Apart, logarithms: [0.2, -0.1], arm_mm2: 4e-4 };
         let (gradient, _) = at.score(&rows).expect("positive");
         for place in 0..3 {
             let step = if place < 2 { 1e-6 } else { 1e-9 };

@@ -40,10 +40,7 @@ impl StoredModels {
     /// For predictions alone, where sessions were learnt one on top of the other: a factor of some megabytes less.
     #[must_use]
     pub fn for_predictions(self) -> Self {
-        Self {
-            full: self.full.map(StoredFull::for_predictions),
-            ..self
-        }
+        Self { full: self.full.map(StoredFull::for_predictions), ..self }
     }
 
     /// The models without those built on them, to predict another session than that which trained, where sessions were learnt one on top of
@@ -54,10 +51,7 @@ impl StoredModels {
         settings: &TrainingSettings<'_>,
     ) -> Result<Models, SavedError> {
         let full = self.full.map(StoredFull::for_another_session);
-        let plain = TrainingSettings {
-            rivals: false,
-            ..*settings
-        };
+        let plain = TrainingSettings { rivals: false, ..*settings };
         let own = Self { full, ..self };
         let mut models = own.restored(arm, &[], &plain, StoredFull::model)?;
         models.on_top.clear();
@@ -93,9 +87,7 @@ impl StoredModels {
         full_model: Restoring,
     ) -> Result<Models, SavedError> {
         let prior = full_prior(&self.geometric, settings);
-        let full = self
-            .full
-            .map(|full| full_model(full, arm, observations, &prior, settings.full));
+        let full = self.full.map(|full| full_model(full, arm, observations, &prior, settings.full));
         let models = Models {
             base_target: self.base_target,
             geometric: self.geometric,
@@ -104,11 +96,6 @@ impl StoredModels {
             rivals: Vec::new(),
             rival_times: Vec::new(),
         };
-        Ok(with_models_on_top(
-            models,
-            arm,
-            observations,
-            settings.rivals,
-        ))
+        Ok(with_models_on_top(models, arm, observations, settings.rivals))
     }
 }

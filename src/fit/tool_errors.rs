@@ -29,11 +29,7 @@ impl<'m> ToolErrors<'m> {
         session: usize,
         error_frame: &'m ErrorFrame<'m>,
     ) -> Self {
-        Self {
-            model,
-            session,
-            error_frame,
-        }
+        Self { model, session, error_frame }
     }
 
     /// Attained minus commanded position of the tool point in the base frame, mm.
@@ -45,10 +41,7 @@ impl<'m> ToolErrors<'m> {
 
     /// [`Self::error`] at many joint angles, on all cores.
     pub fn errors(&self, many: &[&[f64]]) -> Vec<Result<Vector3<f64>, Gap>> {
-        let axes: Vec<Vec<f64>> = many
-            .iter()
-            .map(|q| self.error_frame.arm().axes(q))
-            .collect();
+        let axes: Vec<Vec<f64>> = many.iter().map(|q| self.error_frame.arm().axes(q)).collect();
         let at: Vec<At<'_>> = axes.iter().map(|axes| self.at(axes)).collect();
         let tools = self.model.positions(&at);
         let in_error_frame =
@@ -76,10 +69,8 @@ impl<'m> ToolErrors<'m> {
             self.model.predict(&self.at(&axes))
         };
         let predicted: Vec<Result<Prediction, Gap>> = some.iter().map(predict).collect();
-        let sound: Vec<&Prediction> = predicted
-            .iter()
-            .filter_map(|own| own.as_ref().ok())
-            .collect();
+        let sound: Vec<&Prediction> =
+            predicted.iter().filter_map(|own| own.as_ref().ok()).collect();
         let source = self.error_frame.frames().source;
         let mut spreads = self.model.spreads(self.session, source, &sound).into_iter();
         let each = some.iter().zip(&predicted);

@@ -77,11 +77,7 @@ struct Firsts {
 
 impl Firsts {
     const fn new(slice: f64, coordinate: fn(&Dwell<'_>) -> Option<f64>) -> Self {
-        Self {
-            slice,
-            coordinate,
-            found: BTreeMap::new(),
-        }
+        Self { slice, coordinate, found: BTreeMap::new() }
     }
 
     /// The first of those found so far for which `is_alike` is true with the dwell at `place`; the dwell itself where none is.
@@ -94,9 +90,7 @@ impl Firsts {
         let dwell = &dwells[place];
         let own = self.slice(dwell);
         let near = (own - 1..=own + 1).filter_map(|slice| self.found.get(&slice));
-        let alike = near
-            .flatten()
-            .filter(|first| is_alike(&dwells[**first], dwell));
+        let alike = near.flatten().filter(|first| is_alike(&dwells[**first], dwell));
         let first = alike.min().copied();
         first.unwrap_or_else(|| {
             self.add(dwells, place);
@@ -158,11 +152,7 @@ mod tests {
     fn places(dwells: &[(Option<CommandedPose>, [f64; 2])]) -> Vec<usize> {
         let dwells: Vec<Dwell<'_>> = dwells
             .iter()
-            .map(|(command, joints)| Dwell {
-                command: *command,
-                joints,
-                counted: &[],
-            })
+            .map(|(command, joints)| Dwell { command: *command, joints, counted: &[] })
             .collect();
         poses(&dwells)
     }
@@ -214,19 +204,14 @@ mod tests {
         ]);
         assert_eq!(found, [0, 0, 2]);
         // Commands without end are no reason to stop.
-        let far = places(&[
-            (Some(command(1e300, 0.0)), joints),
-            (Some(command(-1e300, 0.0)), joints),
-        ]);
+        let far =
+            places(&[(Some(command(1e300, 0.0)), joints), (Some(command(-1e300, 0.0)), joints)]);
         assert_eq!(far, [0, 1]);
     }
 
     #[test]
     fn a_stated_and_an_unstated_orientation_are_not_one_command() {
-        let unstated = CommandedPose {
-            orientation: None,
-            ..command(0.0, 0.0)
-        };
+        let unstated = CommandedPose { orientation: None, ..command(0.0, 0.0) };
         let found = places(&[
             (Some(command(0.0, 0.0)), [0.0; 2]),
             (Some(unstated), [0.0; 2]),

@@ -49,12 +49,7 @@ pub struct WrongLength {
 impl WrongLength {
     /// The reason for which the reading is left out; `instrument` is its name.
     pub fn reason(&self, instrument: &str, station: usize) -> String {
-        let Self {
-            away_mm,
-            scale_mm,
-            readings,
-            ..
-        } = self;
+        let Self { away_mm, scale_mm, readings, .. } = self;
         format!(
             "wrong length: the reading of {instrument} at station {station} is {away_mm:+.2} mm from what the arm and all other readings \
              predict, {:.0} times the usual size of the {readings} residuals of this instrument ({scale_mm:.3} mm): a wrong number, or the \
@@ -71,10 +66,7 @@ pub fn check(
     sessions: usize,
     settings: &FitSettings,
 ) -> Vec<WrongLength> {
-    let robust = FitSettings {
-        loss: Loss::Cauchy { tuning: 2.0 },
-        ..settings.clone()
-    };
+    let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let mut wrong: BTreeMap<usize, WrongLength> = BTreeMap::new();
     for _ in 0..ROUNDS {
         let places = (0..observations.len()).filter(|place| !wrong.contains_key(place));
@@ -86,10 +78,7 @@ pub fn check(
         if found.is_empty() {
             break;
         }
-        let found = found.into_iter().map(|own| WrongLength {
-            place: places[own.place],
-            ..own
-        });
+        let found = found.into_iter().map(|own| WrongLength { place: places[own.place], ..own });
         wrong.extend(found.map(|own| (own.place, own)));
     }
     wrong.into_values().collect()

@@ -58,10 +58,7 @@ pub enum PlacementError {
 impl Placement {
     /// The placement as an isometry, mm.
     pub fn isometry(&self) -> Result<Isometry3<f64>, PlacementError> {
-        Ok(Isometry3::from_parts(
-            Translation3::from(self.xyz_mm),
-            self.rotation()?,
-        ))
+        Ok(Isometry3::from_parts(Translation3::from(self.xyz_mm), self.rotation()?))
     }
 
     /// The placement of an isometry in mm, its rotation as a quaternion.
@@ -88,31 +85,16 @@ impl Placement {
             let scalar_first = Some([y, z, w, x]);
             add(
                 "the quaternion as w x y z".to_owned(),
-                Self {
-                    quaternion_xyzw: scalar_first,
-                    ..*self
-                },
+                Self { quaternion_xyzw: scalar_first, ..*self },
             );
         }
         if let (Some(angles), Some(order)) = (self.euler_deg, self.euler_order) {
             for other in EulerOrder::ALL.into_iter().filter(|&other| other != order) {
                 let words = format!("euler_order = \"{}\"", other.name());
-                add(
-                    words,
-                    Self {
-                        euler_order: Some(other),
-                        ..*self
-                    },
-                );
+                add(words, Self { euler_order: Some(other), ..*self });
             }
             let degrees = Some(angles.map(f64::to_degrees));
-            add(
-                "the angles in radians".to_owned(),
-                Self {
-                    euler_deg: degrees,
-                    ..*self
-                },
-            );
+            add("the angles in radians".to_owned(), Self { euler_deg: degrees, ..*self });
         }
         all
     }
@@ -175,12 +157,10 @@ mod tests {
 
     #[test]
     fn kuka_and_urdf_angles_state_the_same_rotation_in_reverse_order() {
-        let kuka = turned([30.0, 20.0, 10.0], Some(EulerOrder::MovingZyx))
-            .isometry()
-            .expect("complete");
-        let urdf = turned([10.0, 20.0, 30.0], Some(EulerOrder::FixedXyz))
-            .isometry()
-            .expect("complete");
+        let kuka =
+            turned([30.0, 20.0, 10.0], Some(EulerOrder::MovingZyx)).isometry().expect("complete");
+        let urdf =
+            turned([10.0, 20.0, 30.0], Some(EulerOrder::FixedXyz)).isometry().expect("complete");
         assert!(kuka.rotation.angle_to(&urdf.rotation) < 1e-12);
     }
 

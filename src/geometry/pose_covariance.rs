@@ -96,9 +96,7 @@ pub fn joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
     let cross = turn.cross();
     whole.fixed_view_mut::<3, 3>(0, 0).copy_from(position);
     whole.fixed_view_mut::<3, 3>(0, 3).copy_from(&cross);
-    whole
-        .fixed_view_mut::<3, 3>(3, 0)
-        .copy_from(&cross.transpose());
+    whole.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross.transpose());
     whole.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn.matrix());
     whole
 }
@@ -130,11 +128,7 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
     let correlation = DMatrix::from_fn(size, size, |row, column| {
         let (a, b) = (row.min(column), row.max(column));
         let scale = roots[row] * roots[column];
-        if scale > 0.0 {
-            matrix[(a, b)] / scale
-        } else {
-            f64::from(u8::from(row == column))
-        }
+        if scale > 0.0 { matrix[(a, b)] / scale } else { f64::from(u8::from(row == column)) }
     });
     is_symmetric && is_apart && correlation.symmetric_eigenvalues().min() >= LEAST
 }
@@ -187,9 +181,7 @@ mod tests {
         let at = pose().inverse();
         let column = |k: usize| {
             let step = if k < 3 { 1e-3 } else { 1e-6 };
-            let ahead = moved(&Vector6::from_fn(
-                |row, _| if row == k { step } else { 0.0 },
-            ));
+            let ahead = moved(&Vector6::from_fn(|row, _| if row == k { step } else { 0.0 }));
             let shift = (ahead.translation.vector - at.translation.vector) / step;
             let turn = (ahead.rotation * at.rotation.inverse()).scaled_axis() / step;
             Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
@@ -206,10 +198,7 @@ mod tests {
         // Twice inverted it is what it was, and a position's alone is turned.
         let back = own.inverted(&at).whole().expect("both parts");
         assert!((back - whole()).amax() < 1e-9 * whole().amax());
-        let position = PoseCovariance {
-            turn: None,
-            ..PoseCovariance::of(&whole())
-        };
+        let position = PoseCovariance { turn: None, ..PoseCovariance::of(&whole()) };
         let turned = position.inverted(&pose()).position.expect("known");
         let trace = |own: [f64; 6]| own[0] + own[3] + own[5];
         assert!((trace(turned) / trace(position.position.expect("known")) - 1.0).abs() < 1e-12);

@@ -40,11 +40,7 @@ impl RotationOrder {
             UnitQuaternion::from_scaled_axis(about)
         });
         turns.fold(UnitQuaternion::identity(), |so_far, turn| {
-            if self.moving {
-                so_far * turn
-            } else {
-                turn * so_far
-            }
+            if self.moving { so_far * turn } else { turn * so_far }
         })
     }
 }

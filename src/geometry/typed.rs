@@ -49,11 +49,7 @@ fn matrix(isometry: &Isometry3<f64>) -> String {
     let matrix = isometry.to_homogeneous();
     let row = |row: usize| {
         let turn = (0..3).map(|column| number(matrix[(row, column)], 8));
-        let at = if row < 3 {
-            mm(matrix[(row, 3)])
-        } else {
-            "1".to_owned()
-        };
+        let at = if row < 3 { mm(matrix[(row, 3)]) } else { "1".to_owned() };
         format!("[{}, {at}]", turn.collect::<Vec<_>>().join(", "))
     };
     format!("[{}]", (0..4).map(row).collect::<Vec<_>>().join(", "))
@@ -101,10 +97,7 @@ mod tests {
     #[test]
     fn a_quarter_turn_about_z_reads_as_each_controller_has_it() {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
-        let forms = forms(&Isometry3::from_parts(
-            Translation3::new(1.0, 2.0, 3.0),
-            turn,
-        ));
+        let forms = forms(&Isometry3::from_parts(Translation3::new(1.0, 2.0, 3.0), turn));
         let texts = forms.map(|(_, text)| text);
         let wanted = [
             "{X 1.000, Y 2.000, Z 3.000, A 90.00000, B 0.00000, C 0.00000}",

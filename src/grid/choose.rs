@@ -29,10 +29,7 @@ pub struct Tolerance {
 impl Tolerance {
     /// The share and confidence of bounds.
     pub const fn coverage(&self) -> Coverage {
-        Coverage {
-            share: self.share,
-            confidence: self.confidence,
-        }
+        Coverage { share: self.share, confidence: self.confidence }
     }
 
     /// The verdict on a bound that counts so many poses: `bound + guard ≤ tolerance`.
@@ -105,32 +102,20 @@ pub(super) fn choose(judged: &[Judged], settings: &GridSettings) -> Choice {
         Rule::FewestNodes => fewest_nodes.clone(),
     };
     let (row, verdict, words) = if let Some(picked) = published {
-        (
-            Some(picked.row),
-            judged[picked.row].verdict.clone(),
-            picked.words,
-        )
+        (Some(picked.row), judged[picked.row].verdict.clone(), picked.words)
     } else {
         let words = format!("no step gives a table: {}", reasons(judged));
         (None, Verdict::NotShown(words.clone()), words)
     };
-    Choice {
-        row,
-        verdict,
-        words,
-        within,
-        fewest_nodes,
-    }
+    Choice { row, verdict, words, within, fewest_nodes }
 }
 
 /// Why rows are not shown, each reason once.
 fn reasons(judged: &[Judged]) -> String {
     let reason = |row: &Judged| match &row.verdict {
-        Verdict::NotShown(reason) => Some(format!(
-            "{} mm, nodes {}: {reason}",
-            row.step_mm,
-            row.source.name()
-        )),
+        Verdict::NotShown(reason) => {
+            Some(format!("{} mm, nodes {}: {reason}", row.step_mm, row.source.name()))
+        }
         Verdict::Meets | Verdict::DoesNotMeet => None,
     };
     let mut reasons: Vec<String> = Vec::new();

@@ -36,12 +36,8 @@ impl Covered {
             let cell = lattice.locate(&station.position);
             cell.is_some_and(|cell| serves(&cell.vertices))
         };
-        let serving = lattice
-            .cells()
-            .filter(|index| serves(&lattice.vertices(*index)));
-        let volume: f64 = serving
-            .map(|index| lattice.volume_in(&plan.bounds, index))
-            .sum();
+        let serving = lattice.cells().filter(|index| serves(&lattice.vertices(*index)));
+        let volume: f64 = serving.map(|index| lattice.volume_in(&plan.bounds, index)).sum();
         let whole: f64 = (0..3).map(|axis| plan.bounds.size(axis)).product();
         Self {
             stations: like().filter(answers).count(),

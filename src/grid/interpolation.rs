@@ -31,17 +31,19 @@ impl Interpolation {
     pub fn weights(self, fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
         match self {
             Self::Idw => idw(fraction, step, power),
-            Self::Trilinear => std::array::from_fn(|vertex| {
-                (0..3)
-                    .map(|axis| {
-                        if is_high(vertex, axis) {
-                            fraction[axis]
-                        } else {
-                            1.0 - fraction[axis]
-                        }
-                    })
-                    .product()
-            }),
+            Self::Trilinear => {
+                std::array::from_fn(|vertex| {
+                    (0..3)
+                        .map(|axis| {
+                            if is_high(vertex, axis) {
+                                fraction[axis]
+                            } else {
+                                1.0 - fraction[axis]
+                            }
+                        })
+                        .product()
+                })
+            }
         }
     }
 }
@@ -53,9 +55,7 @@ const fn is_high(vertex: usize, axis: usize) -> bool {
 fn idw(fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
     let mut distances: [f64; 8] = std::array::from_fn(|vertex| {
         let corner = Vector3::from_fn(|axis, _| if is_high(vertex, axis) { 1.0 } else { 0.0 });
-        (fraction - corner)
-            .component_mul(&Vector3::from(*step))
-            .norm()
+        (fraction - corner).component_mul(&Vector3::from(*step)).norm()
     });
     inverse_distances(&mut distances, power, EXACT_HIT_MM);
     distances
@@ -69,25 +69,16 @@ mod tests {
 
     fn value(weights: [f64; 8], field: impl Fn(f64, f64, f64) -> f64) -> f64 {
         let corner = |vertex, axis| {
-            if is_high(vertex, axis) {
-                STEP[axis]
-            } else {
-                0.0
-            }
+            if is_high(vertex, axis) { STEP[axis] } else { 0.0 }
         };
-        (0..8)
-            .map(|v| weights[v] * field(corner(v, 0), corner(v, 1), corner(v, 2)))
-            .sum()
+        (0..8).map(|v| weights[v] * field(corner(v, 0), corner(v, 1), corner(v, 2))).sum()
     }
 
     #[test]
     fn trilinear_reproduces_a_linear_field() {
         let field = |x: f64, y: f64, z: f64| 0.3 + 0.01 * x - 0.02 * y + 0.005 * z;
         let fraction = Vector3::new(0.2, 0.7, 0.9);
-        let found = value(
-            Interpolation::Trilinear.weights(&fraction, &STEP, 0.0),
-            field,
-        );
+        let found = value(Interpolation::Trilinear.weights(&fraction, &STEP, 0.0), field);
         assert!((found - field(20.0, 35.0, 180.0)).abs() < 1e-12);
     }
 

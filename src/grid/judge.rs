@@ -100,8 +100,7 @@ impl HeldOut {
         let days = station.between_sessions.len();
         for (day, norm) in station.left_between_sessions(interpolated).enumerate() {
             let sample = sample * days + day;
-            self.between_sessions
-                .add(left.pose, left.station, sample, norm);
+            self.between_sessions.add(left.pose, left.station, sample, norm);
         }
         self.left.push(left);
         self.blocks.insert(station.fold);
@@ -114,11 +113,9 @@ impl HeldOut {
     fn add_direct(&mut self, station: &GridStation, predicted: &Vector3<f64>) {
         let norm = (station.error - predicted).norm();
         self.direct.push(norm);
-        self.direct_by_pose
-            .add(station.pose, station.number, 0, norm);
+        self.direct_by_pose.add(station.pose, station.number, 0, norm);
         for (day, norm) in station.left_between_sessions(predicted).enumerate() {
-            self.direct_another_day
-                .add(station.pose, station.number, day, norm);
+            self.direct_another_day.add(station.pose, station.number, day, norm);
         }
     }
 
@@ -130,12 +127,8 @@ impl HeldOut {
     /// Mean of the error that the grid leaves beyond that of the model itself, and its standard error, mm; `None` for
     /// measured nodes and with fewer than two stations.
     pub fn excess(&self) -> Option<(f64, f64)> {
-        let excess: Vec<f64> = self
-            .norms
-            .iter()
-            .zip(&self.direct)
-            .map(|(grid, model)| grid - model)
-            .collect();
+        let excess: Vec<f64> =
+            self.norms.iter().zip(&self.direct).map(|(grid, model)| grid - model).collect();
         let mean = excess.iter().sum::<f64>() / excess.len() as f64;
         let squares: f64 = excess.iter().map(|e| (e - mean).powi(2)).sum();
         let n = excess.len() as f64;
@@ -208,11 +201,7 @@ pub(super) fn local_cells(
             || (fraction, vertices(&fraction)),
             |(fraction, vertices)| (fraction, Ok(vertices)),
         );
-        LocalCell {
-            station,
-            fraction,
-            vertices,
-        }
+        LocalCell { station, fraction, vertices }
     };
     stations.par_iter().enumerate().map(place).collect()
 }
@@ -250,11 +239,7 @@ pub(super) fn by_local_cell(
         let node = |(vertex, (joints, weight)): (usize, (&Vec<f64>, f64))| {
             let added = measured.map_or_else(Vector3::zeros, |left| {
                 let other = (8 * cell.station + vertex) % left.len();
-                left[if other == cell.station {
-                    (other + 1) % left.len()
-                } else {
-                    other
-                }]
+                left[if other == cell.station { (other + 1) % left.len() } else { other }]
             });
             Ok((error(joints)? + added) * weight)
         };
@@ -317,9 +302,7 @@ pub fn by_nodes(
     let interpolated = |cell: InCell| {
         let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
         let weighted = cell.vertices.iter().zip(weights);
-        weighted
-            .map(|(&vertex, weight)| Ok(errors(vertex)? * weight))
-            .sum()
+        weighted.map(|(&vertex, weight)| Ok(errors(vertex)? * weight)).sum()
     };
     Some(grid.cell(point)?.and_then(interpolated))
 }
@@ -341,9 +324,7 @@ fn errors_at(
     let mut found = model.errors(&sound).into_iter();
     let error = |node: usize| {
         joints(&node).map_err(|refusal| *refusal)?;
-        let found = found
-            .next()
-            .expect("an error for each node with joint angles");
+        let found = found.next().expect("an error for each node with joint angles");
         found.map_err(|gap| gap.refusal())
     };
     let nodes: Vec<usize> = nodes.into_iter().collect();
@@ -369,14 +350,8 @@ mod tests {
         let mean = places().sum::<Vector3<f64>>() / 1e4;
         // A uniform number has a variance of 1/12: three standard errors of the mean of 10,000 are 0.009.
         assert!((mean - Vector3::repeat(0.5)).amax() < 0.009, "{mean}");
-        let square = places()
-            .map(|own| own.map(|f| f * (1.0 - f)))
-            .sum::<Vector3<f64>>()
-            / 1e4;
+        let square = places().map(|own| own.map(|f| f * (1.0 - f))).sum::<Vector3<f64>>() / 1e4;
         // f(1 − f) has a mean of 1/6 and a standard deviation of 0.075.
-        assert!(
-            (square - Vector3::repeat(1.0 / 6.0)).amax() < 0.003,
-            "{square}"
-        );
+        assert!((square - Vector3::repeat(1.0 / 6.0)).amax() < 0.003, "{square}");
     }
 }

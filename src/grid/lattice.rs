@@ -18,10 +18,7 @@ impl WorkBox {
     /// The smallest box around `points`; `None` without any.
     pub fn around(points: &[Point3<f64>]) -> Option<Self> {
         let (low, high) = crate::fit::holdout::extent(points);
-        (!points.is_empty()).then_some(Self {
-            low_mm: low,
-            high_mm: high,
-        })
+        (!points.is_empty()).then_some(Self { low_mm: low, high_mm: high })
     }
 
     /// Whether a point lies in the box, but for rounding at its rim.
@@ -125,10 +122,9 @@ impl Lattice {
     pub fn of_cells(bounds: &WorkBox, cells: [usize; 3]) -> Result<Self, NoLattice> {
         let flat = (0..3).find(|&axis| bounds.size(axis) < PLANE_MM);
         match flat {
-            Some(axis) => Err(NoLattice::Flat {
-                axis: ['x', 'y', 'z'][axis],
-                size_mm: bounds.size(axis),
-            }),
+            Some(axis) => {
+                Err(NoLattice::Flat { axis: ['x', 'y', 'z'][axis], size_mm: bounds.size(axis) })
+            }
             None => Ok(Self {
                 origin: Point3::from(bounds.low_mm),
                 step: std::array::from_fn(|axis| bounds.size(axis) / cells[axis] as f64),
@@ -180,11 +176,7 @@ impl Lattice {
     /// The vertices of the cell whose least vertex has `index`.
     pub fn vertices(&self, index: [usize; 3]) -> [usize; 8] {
         std::array::from_fn(|v| {
-            self.number([
-                index[0] + (v & 1),
-                index[1] + (v >> 1 & 1),
-                index[2] + (v >> 2 & 1),
-            ])
+            self.number([index[0] + (v & 1), index[1] + (v >> 1 & 1), index[2] + (v >> 2 & 1)])
         })
     }
 
@@ -195,15 +187,9 @@ impl Lattice {
         points: impl Iterator<Item = &'p Point3<f64>>,
     ) -> Option<f64> {
         let pitch = Vector3::from(self.step);
-        let shown = |cell: InCell| {
-            cell.fraction
-                .map(|f| f * (1.0 - f))
-                .dot(&pitch.component_mul(&pitch))
-        };
-        let shown: Vec<f64> = points
-            .filter_map(|point| self.locate(point))
-            .map(shown)
-            .collect();
+        let shown =
+            |cell: InCell| cell.fraction.map(|f| f * (1.0 - f)).dot(&pitch.component_mul(&pitch));
+        let shown: Vec<f64> = points.filter_map(|point| self.locate(point)).map(shown).collect();
         let uniform = pitch.norm_squared() / 6.0;
         (!shown.is_empty()).then(|| shown.iter().sum::<f64>() / (shown.len() as f64 * uniform))
     }
@@ -227,10 +213,7 @@ impl Lattice {
             index[axis] = cell as usize;
             fraction[axis] = (place - cell).clamp(0.0, 1.0);
         }
-        Some(InCell {
-            vertices: self.vertices(index),
-            fraction,
-        })
+        Some(InCell { vertices: self.vertices(index), fraction })
     }
 }
 
@@ -239,10 +222,7 @@ mod tests {
     use super::*;
 
     fn unit_box() -> WorkBox {
-        WorkBox {
-            low_mm: [0.0, 0.0, 0.0],
-            high_mm: [1000.0, 500.0, 250.0],
-        }
+        WorkBox { low_mm: [0.0, 0.0, 0.0], high_mm: [1000.0, 500.0, 250.0] }
     }
 
     #[test]
@@ -259,10 +239,8 @@ mod tests {
         assert_eq!(rounded.counts, [5, 3, 2]);
         let large = Lattice::new(&unit_box(), 600.0).expect("a lattice");
         assert_eq!(large.counts, [3, 2, 2]);
-        let cells: Vec<f64> = large
-            .cells()
-            .map(|cell| large.volume_in(&unit_box(), cell))
-            .collect();
+        let cells: Vec<f64> =
+            large.cells().map(|cell| large.volume_in(&unit_box(), cell)).collect();
         assert_eq!(cells, [62.5e6; 2]);
     }
 
@@ -280,10 +258,7 @@ mod tests {
     fn points_on_nodes_show_nothing_of_interpolation_and_uniform_ones_all() {
         let lattice = Lattice::new(&unit_box(), 250.0).expect("a lattice");
         let shown = |points: &[Point3<f64>]| lattice.interpolation_shown(points.iter());
-        assert_eq!(
-            shown(&[Point3::origin(), Point3::new(250.0, 500.0, 0.0)]),
-            Some(0.0)
-        );
+        assert_eq!(shown(&[Point3::origin(), Point3::new(250.0, 500.0, 0.0)]), Some(0.0));
         // Midway along x, of three equal pitches: ¼ of one where 3 · 1/6 are uniform.
         let midway = shown(&[Point3::new(125.0, 250.0, 0.0)]).expect("inside");
         assert!((midway - 0.5).abs() < 1e-12, "{midway}");
@@ -298,14 +273,10 @@ mod tests {
     #[test]
     fn points_find_their_cell() {
         let lattice = Lattice::new(&unit_box(), 250.0).expect("a lattice");
-        let found = lattice
-            .locate(&Point3::new(1000.0, 125.0, 250.0))
-            .expect("on the rim is inside");
+        let found =
+            lattice.locate(&Point3::new(1000.0, 125.0, 250.0)).expect("on the rim is inside");
         assert!((found.fraction - Vector3::new(1.0, 0.5, 1.0)).norm() < 1e-12);
-        assert_eq!(
-            lattice.position(found.vertices[7]),
-            Point3::new(1000.0, 250.0, 250.0)
-        );
+        assert_eq!(lattice.position(found.vertices[7]), Point3::new(1000.0, 250.0, 250.0));
         assert!(lattice.locate(&Point3::new(1000.1, 0.0, 0.0)).is_none());
     }
 }

@@ -53,18 +53,13 @@ impl MeasuredGrid {
     /// The grid that `stations` were measured on. `counted` has the radians that one unit of each joint's variable counts as; empty
     /// where all are angles.
     pub fn of(stations: &[GridStation], counted: &[f64]) -> Result<Self, NotOnGrid> {
-        let axes: Vec<_> = (0..3)
-            .map(|axis| planes(stations, axis))
-            .collect::<Result<_, _>>()?;
+        let axes: Vec<_> = (0..3).map(|axis| planes(stations, axis)).collect::<Result<_, _>>()?;
         let lattice = Lattice {
             origin: Point3::new(axes[0].first, axes[1].first, axes[2].first),
             step: std::array::from_fn(|axis| axes[axis].pitch),
             counts: std::array::from_fn(|axis| axes[axis].count),
         };
-        let first = stations.first().ok_or(NotOnGrid::Sparse {
-            measured: 0,
-            nodes: 0,
-        })?;
+        let first = stations.first().ok_or(NotOnGrid::Sparse { measured: 0, nodes: 0 })?;
         if !stations
             .iter()
             .all(|s| s.orientation.angle_to(&first.orientation) < ONE_ORIENTATION_RAD)
@@ -75,22 +70,13 @@ impl MeasuredGrid {
         let mut places = BTreeMap::new();
         for (place, station) in stations.iter().enumerate() {
             places
-                .entry(std::array::from_fn(|axis| {
-                    axes[axis].index(station.position[axis])
-                }))
+                .entry(std::array::from_fn(|axis| axes[axis].index(station.position[axis])))
                 .or_insert(place);
         }
         if 2 * places.len() < lattice.node_count() {
-            return Err(NotOnGrid::Sparse {
-                measured: places.len(),
-                nodes: lattice.node_count(),
-            });
+            return Err(NotOnGrid::Sparse { measured: places.len(), nodes: lattice.node_count() });
         }
-        Ok(Self {
-            lattice,
-            stations: places,
-            counted: counted.to_vec(),
-        })
+        Ok(Self { lattice, stations: places, counted: counted.to_vec() })
     }
 
     /// The step in pitches along each axis; `None` where it is no whole multiple or leaves no cell.
@@ -124,14 +110,10 @@ impl MeasuredGrid {
             for place in 0..stations.len() {
                 decimated.add(&mut answers, stations, place, sample, interpolation, power);
             }
-            let given: BTreeSet<usize> = answers.given[before..]
-                .iter()
-                .map(|own| own.station)
-                .collect();
+            let given: BTreeSet<usize> =
+                answers.given[before..].iter().map(|own| own.station).collect();
             let judging = stations.iter().filter(|own| given.contains(&own.number));
-            let of_phase = decimated
-                .lattice
-                .interpolation_shown(judging.map(|own| &own.position));
+            let of_phase = decimated.lattice.interpolation_shown(judging.map(|own| &own.position));
             shown.extend(of_phase.map(|share| share * given.len() as f64));
         }
         let share = shown.iter().sum::<f64>() / answers.given.len() as f64;
@@ -150,11 +132,7 @@ impl MeasuredGrid {
         let at =
             |axis: usize| self.lattice.origin[axis] + phase[axis] as f64 * self.lattice.step[axis];
         let step = std::array::from_fn(|axis| multiples[axis] as f64 * self.lattice.step[axis]);
-        let lattice = Lattice {
-            origin: Point3::new(at(0), at(1), at(2)),
-            step,
-            counts,
-        };
+        let lattice = Lattice { origin: Point3::new(at(0), at(1), at(2)), step, counts };
         let fine = |number: usize| {
             let [nx, ny, _] = counts;
             let index = [number % nx, number / nx % ny, number / (nx * ny)];
@@ -164,11 +142,7 @@ impl MeasuredGrid {
             .map(|number| self.stations.get(&fine(number)).copied())
             .collect();
         let counted = self.counted.clone();
-        Some(Decimated {
-            lattice,
-            nodes,
-            counted,
-        })
+        Some(Decimated { lattice, nodes, counted })
     }
 }
 
@@ -206,10 +180,7 @@ impl Decimated {
         let is_own = |node: &GridStation| {
             node.pose == station.pose || (node.position - station.position).norm() < PLANE_MM
         };
-        let nodes = cell
-            .vertices
-            .iter()
-            .filter_map(|&vertex| self.nodes[vertex]);
+        let nodes = cell.vertices.iter().filter_map(|&vertex| self.nodes[vertex]);
         if nodes.map(|node| &stations[node]).any(is_own) {
             return;
         }
@@ -221,11 +192,8 @@ impl Decimated {
             }
         };
         let weights = interpolation.weights(&cell.fraction, &self.lattice.step, power);
-        let interpolated: Vector3<f64> = vertices
-            .iter()
-            .zip(weights)
-            .map(|(vertex, w)| vertex.error * w)
-            .sum();
+        let interpolated: Vector3<f64> =
+            vertices.iter().zip(weights).map(|(vertex, w)| vertex.error * w).sum();
         answers.given.push(Answer {
             station: station.number,
             sample,
@@ -250,11 +218,7 @@ impl Decimated {
             return Err(Refusal::OtherConfiguration);
         }
         let joints: Vec<&[f64]> = stations.iter().map(|s| s.joints.as_slice()).collect();
-        if on_one_branch(&joints, &self.counted) {
-            Ok(stations)
-        } else {
-            Err(Refusal::Branches)
-        }
+        if on_one_branch(&joints, &self.counted) { Ok(stations) } else { Err(Refusal::Branches) }
     }
 }
 
@@ -272,9 +236,7 @@ impl Planes {
         reason = "clamped to the planes there are"
     )]
     fn index(&self, value: f64) -> usize {
-        ((value - self.first) / self.pitch)
-            .round()
-            .clamp(0.0, (self.count - 1) as f64) as usize
+        ((value - self.first) / self.pitch).round().clamp(0.0, (self.count - 1) as f64) as usize
     }
 }
 
@@ -284,13 +246,8 @@ impl Planes {
     reason = "a count of planes that was just checked"
 )]
 fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
-    let none = NotOnGrid::NoPitch {
-        axis: ['x', 'y', 'z'][axis],
-    };
-    let mut values: Vec<f64> = stations
-        .iter()
-        .map(|station| station.position[axis])
-        .collect();
+    let none = NotOnGrid::NoPitch { axis: ['x', 'y', 'z'][axis] };
+    let mut values: Vec<f64> = stations.iter().map(|station| station.position[axis]).collect();
     values.sort_by(f64::total_cmp);
     let mut starts: Vec<f64> = Vec::new();
     let mut last = f64::NEG_INFINITY;
@@ -309,11 +266,7 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
     let (first, last) = (starts[0], starts[starts.len() - 1]);
     let count = ((last - first) / pitch).round() as usize + 1;
     // The smallest gap includes the rounding of two commands; the whole extent distributes it over all gaps.
-    Ok(Planes {
-        first,
-        pitch: (last - first) / (count - 1) as f64,
-        count,
-    })
+    Ok(Planes { first, pitch: (last - first) / (count - 1) as f64, count })
 }
 
 #[cfg(test)]
@@ -362,10 +315,7 @@ mod tests {
         assert_eq!(judged(&twice(0.05, false), 1).counted(), Counted::default());
         // With every second node the eight corners are left; the 19 poses between them judge, each visited twice.
         let held_out = judged(&stations, 2);
-        let expected = Counted {
-            poses: 19,
-            visits: 38,
-        };
+        let expected = Counted { poses: 19, visits: 38 };
         assert_eq!(held_out.counted(), expected);
         assert_eq!(held_out.norms.len(), 38);
     }

@@ -72,9 +72,7 @@ impl GridStation {
         interpolated: &Vector3<f64>,
     ) -> impl Iterator<Item = f64> {
         let left = self.error - interpolated;
-        self.between_sessions
-            .iter()
-            .map(move |moved| (left + moved).norm())
+        self.between_sessions.iter().map(move |moved| (left + moved).norm())
     }
 }
 
@@ -213,10 +211,7 @@ impl PlacedGrid {
                 .filter(|_| is_asked)
                 .min_by(|a, b| distance(a).total_cmp(&distance(b)));
             nearest.map_or(
-                Placed {
-                    joints: Err(Refusal::OutOfReach),
-                    nearest_mm: f64::INFINITY,
-                },
+                Placed { joints: Err(Refusal::OutOfReach), nearest_mm: f64::INFINITY },
                 |station| Placed {
                     joints: reach.joints(&position, &orientation, &station.joints),
                     nearest_mm: distance(station),
@@ -225,12 +220,7 @@ impl PlacedGrid {
         };
         let nodes = (0..count).into_par_iter().map(place).collect();
         progress.end();
-        Self {
-            lattice,
-            orientation,
-            nodes,
-            counted: reach.counted().to_vec(),
-        }
+        Self { lattice, orientation, nodes, counted: reach.counted().to_vec() }
     }
 
     /// The cell of a point, or why it cannot serve; `None` outside the grid.
@@ -241,11 +231,7 @@ impl PlacedGrid {
 
     /// Number of refused nodes, by reason.
     pub fn refused_nodes(&self) -> BTreeMap<Refusal, usize> {
-        count(
-            self.nodes
-                .iter()
-                .filter_map(|node| node.joints.as_ref().err().copied()),
-        )
+        count(self.nodes.iter().filter_map(|node| node.joints.as_ref().err().copied()))
     }
 
     /// Number of refused cells, by reason.
@@ -258,18 +244,9 @@ impl PlacedGrid {
     pub(super) fn usable(&self, vertices: &[usize; 8]) -> Result<(), Refusal> {
         let mut joints = Vec::with_capacity(8);
         for &vertex in vertices {
-            joints.push(
-                self.nodes[vertex]
-                    .joints
-                    .as_deref()
-                    .map_err(|refusal| *refusal)?,
-            );
+            joints.push(self.nodes[vertex].joints.as_deref().map_err(|refusal| *refusal)?);
         }
-        if on_one_branch(&joints, &self.counted) {
-            Ok(())
-        } else {
-            Err(Refusal::Branches)
-        }
+        if on_one_branch(&joints, &self.counted) { Ok(()) } else { Err(Refusal::Branches) }
     }
 }
 
@@ -282,9 +259,8 @@ pub fn on_one_branch(vectors: &[&[f64]], counted: &[f64]) -> bool {
     };
     (0..first.len()).all(|joint| {
         let angles = vectors.iter().map(|vector| vector[joint]);
-        let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| {
-            (l.min(q), h.max(q))
-        });
+        let (low, high) =
+            angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(q), h.max(q)));
         (high - low) * counted.get(joint).unwrap_or(&1.0) <= BRANCH_RAD
     })
 }

@@ -136,12 +136,7 @@ impl Judging<'_> {
         });
         let grid = self.placed(lattice, some.as_ref(), progress);
         let both = |&interpolation: &Interpolation| {
-            let row = |judgement| Row {
-                step_mm,
-                source: Source::Model,
-                interpolation,
-                judgement,
-            };
+            let row = |judgement| Row { step_mm, source: Source::Model, interpolation, judgement };
             let local = self.by_cells(&lattice.step, &cells, interpolation, None);
             [
                 row(Judgement::LocalCell).around(local, lattice.step, cells.len()),
@@ -159,13 +154,7 @@ impl Judging<'_> {
         progress: &dyn Progress,
     ) -> PlacedGrid {
         let orientation = self.plan.orientation;
-        PlacedGrid::new(
-            self.reach,
-            lattice,
-            orientation,
-            (self.like, some),
-            progress,
-        )
+        PlacedGrid::new(self.reach, lattice, orientation, (self.like, some), progress)
     }
 
     /// The row of a chosen table whose nodes were not placed to judge it.
@@ -185,23 +174,13 @@ impl Judging<'_> {
 
     /// The stations around which local cells are placed.
     fn around(&self) -> Vec<&GridStation> {
-        if self.is_judged() {
-            self.judges.clone()
-        } else {
-            self.input.stations.iter().collect()
-        }
+        if self.is_judged() { self.judges.clone() } else { self.input.stations.iter().collect() }
     }
 
     /// A cell of these pitches around each station.
     fn local_cells(&self, pitch: [f64; 3]) -> Vec<LocalCell> {
         let orientation = self.is_judged().then_some(self.plan.orientation);
-        judge::local_cells(
-            self.reach,
-            &self.around(),
-            pitch,
-            &self.plan.bounds,
-            orientation,
-        )
+        judge::local_cells(self.reach, &self.around(), pitch, &self.plan.bounds, orientation)
     }
 
     /// What local cells answer, with node values of the model, or of measured stations (`measured`: what each adds to the model).
@@ -237,16 +216,8 @@ impl Judging<'_> {
     /// The rows of a step that is not judged on model nodes, with the reason.
     fn not_judged(&self, step_mm: f64, reason: &NotJudged) -> Vec<StepAnswers> {
         let row = |interpolation, judgement| {
-            let row = Row {
-                step_mm,
-                source: Source::Model,
-                interpolation,
-                judgement,
-            };
-            StepAnswers {
-                pitch_mm: reason.pitch_mm(),
-                ..row.without(reason.to_string())
-            }
+            let row = Row { step_mm, source: Source::Model, interpolation, judgement };
+            StepAnswers { pitch_mm: reason.pitch_mm(), ..row.without(reason.to_string()) }
         };
         let both = |&interpolation: &Interpolation| {
             [Judgement::LocalCell, Judgement::Table].map(|judgement| row(interpolation, judgement))
@@ -293,12 +264,7 @@ impl Judging<'_> {
     /// The rows of a step of measured nodes. Where the step is the pitch itself along an axis, no station lies between its nodes there,
     /// so local cells judge beside the decimated grids.
     fn measured(&self, step_mm: f64, interpolation: Interpolation) -> Vec<StepAnswers> {
-        let row = |judgement| Row {
-            step_mm,
-            source: Source::Measured,
-            interpolation,
-            judgement,
-        };
+        let row = |judgement| Row { step_mm, source: Source::Measured, interpolation, judgement };
         let table = row(Judgement::Table);
         let own = match self.own {
             Ok(own) => own,
@@ -430,10 +396,7 @@ impl Row {
 
     /// A row that says why there is nothing to judge.
     fn without(self, reason: String) -> StepAnswers {
-        StepAnswers {
-            why_not: Some(reason),
-            ..self.with(Answers::default())
-        }
+        StepAnswers { why_not: Some(reason), ..self.with(Answers::default()) }
     }
 }
 
@@ -471,11 +434,7 @@ impl Judged {
         if step.why_not.is_some() {
             return row;
         }
-        row.with(
-            HeldOut::left_by(&step.answers, stations),
-            tolerance,
-            guard_mm,
-        )
+        row.with(HeldOut::left_by(&step.answers, stations), tolerance, guard_mm)
     }
 
     /// The row judged by what is left of errors on held-out stations.

@@ -104,10 +104,8 @@ impl GridSettings {
             return Err(GridError::NoStations);
         }
         let configuration = most_frequent(stations);
-        let own: Vec<&GridStation> = stations
-            .iter()
-            .filter(|s| s.configuration == configuration)
-            .collect();
+        let own: Vec<&GridStation> =
+            stations.iter().filter(|s| s.configuration == configuration).collect();
         let mean = || mean_rotation(own.iter().map(|station| station.orientation));
         let given = self
             .orientation_xyzw
@@ -117,31 +115,14 @@ impl GridSettings {
         let near =
             |station: &&&GridStation| station.orientation.angle_to(&orientation) <= tolerance_rad;
         let around = |stations: Vec<&GridStation>| {
-            WorkBox::around(
-                &stations
-                    .iter()
-                    .map(|station| station.position)
-                    .collect::<Vec<_>>(),
-            )
+            WorkBox::around(&stations.iter().map(|station| station.position).collect::<Vec<_>>())
         };
         // A session of many orientations has few stations near any one: then its box is around all stations of the
         // configuration.
         let alike: Vec<&GridStation> = own.iter().filter(near).copied().collect();
-        let alike = if 2 * alike.len() >= own.len() {
-            alike
-        } else {
-            own.clone()
-        };
-        let bounds = self
-            .bounds
-            .or_else(|| around(alike))
-            .ok_or(GridError::NoStations)?;
-        Ok(GridPlan {
-            bounds,
-            orientation,
-            configuration,
-            tolerance_rad,
-        })
+        let alike = if 2 * alike.len() >= own.len() { alike } else { own.clone() };
+        let bounds = self.bounds.or_else(|| around(alike)).ok_or(GridError::NoStations)?;
+        Ok(GridPlan { bounds, orientation, configuration, tolerance_rad })
     }
 }
 
@@ -159,10 +140,7 @@ impl GridPlan {
         let least_mm = steps_mm.iter().copied().filter(is_same);
         let least_mm = least_mm.fold(step_mm, f64::min);
         if least_mm < step_mm {
-            return Err(NotJudged::SamePitches {
-                judged_mm: least_mm,
-                pitch_mm: lattice.step,
-            });
+            return Err(NotJudged::SamePitches { judged_mm: least_mm, pitch_mm: lattice.step });
         }
         Ok(lattice)
     }

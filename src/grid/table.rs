@@ -55,8 +55,7 @@ impl Table {
     /// How much of the interpolation error the stations that it covers can show.
     pub(super) fn interpolation_shown(&self, stations: &[GridStation]) -> Option<f64> {
         let like = stations.iter().filter(|own| self.is_like(own));
-        self.lattice
-            .interpolation_shown(like.map(|own| &own.position))
+        self.lattice.interpolation_shown(like.map(|own| &own.position))
     }
 
     /// Whether the table covers a station: its configuration, and its orientation within the tolerance.
@@ -100,10 +99,7 @@ fn model_nodes(
     progress: &dyn Progress,
 ) -> (Lattice, Vec<TableNode>) {
     let grid = judging.placed(lattice, None, progress);
-    let reached = grid
-        .nodes
-        .iter()
-        .filter_map(|node| node.joints.as_deref().ok());
+    let reached = grid.nodes.iter().filter_map(|node| node.joints.as_deref().ok());
     let reached: Vec<&[f64]> = reached.collect();
     let model = &judging.input.model;
     progress.begin("nodes of the table", reached.len() as u64);

@@ -65,10 +65,7 @@ pub mod matrix {
         if size * size == values.len() {
             return Ok(DMatrix::from_vec(size, size, values));
         }
-        Err(D::Error::custom(format!(
-            "{} numbers make no square matrix",
-            values.len()
-        )))
+        Err(D::Error::custom(format!("{} numbers make no square matrix", values.len())))
     }
 }
 
@@ -104,10 +101,7 @@ pub mod frame {
         }
         // Normalising it a second time would change the last bit.
         let rotation = UnitQuaternion::new_unchecked(quaternion);
-        Ok(Some(Isometry3::from_parts(
-            Translation3::new(x, y, z),
-            rotation,
-        )))
+        Ok(Some(Isometry3::from_parts(Translation3::new(x, y, z), rotation)))
     }
 }
 

@@ -102,11 +102,7 @@ impl Comparison {
         };
         let score = &second_moment - &second * factor.solve(&(first_moment + &second_moment));
         let information = &second - &second * factor.solve(&second);
-        Self {
-            columns,
-            score,
-            information: (&information + information.transpose()) * 0.5,
-        }
+        Self { columns, score, information: (&information + information.transpose()) * 0.5 }
     }
 
     /// The columns of which either estimate has information.
@@ -116,9 +112,7 @@ impl Comparison {
 
     /// Places of the columns for which `is_asked` is true.
     pub fn places(&self, is_asked: impl Fn(&Column) -> bool) -> Vec<usize> {
-        (0..self.columns.len())
-            .filter(|&place| is_asked(&self.columns[place]))
-            .collect()
+        (0..self.columns.len()).filter(|&place| is_asked(&self.columns[place])).collect()
     }
 
     /// The test and the size of a change of the columns at `places` alone.
@@ -128,14 +122,7 @@ impl Comparison {
         let score = DVector::from_fn(size, |i, _| self.score[places[i]]);
         let (covariance, freedom) = inverse_above(&block, DETERMINED);
         let shift = &covariance * &score;
-        Explained {
-            test: ChiSquare {
-                statistic: score.dot(&shift),
-                freedom,
-            },
-            shift,
-            covariance,
-        }
+        Explained { test: ChiSquare { statistic: score.dot(&shift), freedom }, shift, covariance }
     }
 }
 

@@ -68,8 +68,7 @@ pub struct Charted {
 impl Charted {
     /// Whether the average is beyond its limit, and the value as far off as counts; `None` where there is no average yet.
     pub fn is_out(&self) -> Option<bool> {
-        self.average
-            .map(|average| average.abs() > self.limit && !self.is_small)
+        self.average.map(|average| average.abs() > self.limit && !self.is_small)
     }
 }
 
@@ -170,9 +169,8 @@ mod tests {
     fn a_step_is_out_and_the_chart_restarts_with_it() {
         let mut chart = Chart::default();
         let values = (0..20).map(|i| f64::from(i % 3)).chain([9.0; 6]);
-        let out: Vec<bool> = values
-            .map(|value| chart.next("x", value, None, 0.0).is_out() == Some(true))
-            .collect();
+        let out: Vec<bool> =
+            values.map(|value| chart.next("x", value, None, 0.0).is_out() == Some(true)).collect();
         // Before the step no value is out; the second value after it raises one alarm, and the chart restarts from it.
         assert_eq!(out.iter().position(|out| *out), Some(21));
         assert_eq!(out.iter().filter(|out| **out).count(), 1, "{out:?}");

@@ -74,20 +74,13 @@ impl Estimate {
         };
         let motion = motion(&from, &to);
         let turned = part == Hypothesis::Base || self.turns_target();
-        let angle = if turned {
-            1e3 * motion.fixed_rows::<3>(3).norm()
-        } else {
-            0.0
-        };
+        let angle = if turned { 1e3 * motion.fixed_rows::<3>(3).norm() } else { 0.0 };
         motion.fixed_rows::<3>(0).norm() > limit || angle > limit
     }
 
     fn turns_target(&self) -> bool {
         let turns = |column: &Column| {
-            matches!(
-                column,
-                Column::Chain(Parameter::Target(Motion::Rotation(_)))
-            )
+            matches!(column, Column::Chain(Parameter::Target(Motion::Rotation(_))))
         };
         self.columns.iter().any(turns)
     }
@@ -111,19 +104,13 @@ impl Estimate {
         let across = block(&kept, &gone) * inverse;
         let columns: Vec<Column> = kept.iter().map(|&place| self.columns[place]).collect();
         let has = |is: fn(&Parameter) -> bool| {
-            columns
-                .iter()
-                .any(|c| matches!(c, Column::Chain(p) if is(p)))
+            columns.iter().any(|c| matches!(c, Column::Chain(p) if is(p)))
         };
         Self {
             information: block(&kept, &kept) - &across * block(&gone, &kept),
             moment: moment(&kept) - &across * moment(&gone),
-            base: self
-                .base
-                .filter(|_| has(|p| matches!(p, Parameter::Base(_)))),
-            target: self
-                .target
-                .filter(|_| has(|p| matches!(p, Parameter::Target(_)))),
+            base: self.base.filter(|_| has(|p| matches!(p, Parameter::Base(_)))),
+            target: self.target.filter(|_| has(|p| matches!(p, Parameter::Target(_)))),
             columns,
         }
     }
@@ -136,13 +123,7 @@ impl Estimate {
         let (base, target) = (self.base.or(other.base), self.target.or(other.target));
         let own = self.spread(&columns, base.as_ref(), target.as_ref());
         let others = other.spread(&columns, base.as_ref(), target.as_ref());
-        Self {
-            columns,
-            information: own.0 + others.0,
-            moment: own.1 + others.1,
-            base,
-            target,
-        }
+        Self { columns, information: own.0 + others.0, moment: own.1 + others.1, base, target }
     }
 
     /// Λ and η over `columns`, with offsets from the given frames; zero for columns that the estimate does not have.
@@ -158,11 +139,8 @@ impl Estimate {
             .iter()
             .map(|column| self.columns.iter().position(|own| own == column))
             .collect();
-        let at = |i: usize, j: usize| {
-            places[i]
-                .zip(places[j])
-                .map_or(0.0, |own| self.information[own])
-        };
+        let at =
+            |i: usize, j: usize| places[i].zip(places[j]).map_or(0.0, |own| self.information[own]);
         let size = columns.len();
         let moment = DVector::from_fn(size, |i, _| places[i].map_or(0.0, |own| moment[own]));
         (DMatrix::from_fn(size, size, at), moment)
@@ -177,9 +155,7 @@ impl Estimate {
     ) -> f64 {
         let column = &self.columns[place];
         let by = |pair: Option<(&Isometry3<f64>, &Isometry3<f64>)>, along: Motion| {
-            pair.map_or(0.0, |(from, to)| {
-                component(&motion(from, to), along) / column.unit()
-            })
+            pair.map_or(0.0, |(from, to)| component(&motion(from, to), along) / column.unit())
         };
         match *column {
             Column::Chain(Parameter::Base(along)) => by(base.zip(self.base.as_ref()), along),
@@ -199,13 +175,9 @@ impl Estimate {
         let size = self.columns.len();
         let offsets = DVector::from_fn(size, |i, _| offset(&self.columns[i]));
         let eigen = self.information.clone().symmetric_eigen();
-        let noise = DVector::from_fn(size, |i, _| {
-            eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]
-        });
-        Self {
-            moment: &self.information * offsets + &eigen.eigenvectors * noise,
-            ..self.clone()
-        }
+        let noise =
+            DVector::from_fn(size, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]);
+        Self { moment: &self.information * offsets + &eigen.eigenvectors * noise, ..self.clone() }
     }
 
     pub(super) const fn frames(&self) -> (Option<&Isometry3<f64>>, Option<&Isometry3<f64>>) {

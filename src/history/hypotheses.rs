@@ -174,11 +174,7 @@ impl Finding {
         let (mut small, surely): (Vec<_>, Vec<_>) =
             surely.into_iter().partition(|part| is_small(*part));
         let are_small = one_of.first().is_some_and(|first| is_small(*first));
-        let (gone, one_of) = if are_small {
-            (one_of, Vec::new())
-        } else {
-            (Vec::new(), one_of)
-        };
+        let (gone, one_of) = if are_small { (one_of, Vec::new()) } else { (Vec::new(), one_of) };
         small.extend(gone);
         if surely.is_empty() && one_of.is_empty() {
             return (Self::Nothing, small);
@@ -209,9 +205,9 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
         .filter(|hypothesis| columns.iter().any(|column| hypothesis.has(column)))
         .filter(|hypothesis| match hypothesis {
             // Without curve columns it would repeat the offset.
-            Hypothesis::JointCurve(_) => columns
-                .iter()
-                .any(|column| column.is_of_a_curve() && hypothesis.has(column)),
+            Hypothesis::JointCurve(_) => {
+                columns.iter().any(|column| column.is_of_a_curve() && hypothesis.has(column))
+            }
             _ => true,
         })
         .chain([Hypothesis::Anything])
@@ -224,11 +220,7 @@ pub fn find(comparison: &Comparison, hypotheses: &[Hypothesis]) -> (Vec<Asked>, 
     let all = test_of_all.explains(&[Hypothesis::Anything]);
     let asked = |&hypothesis: &Hypothesis| {
         let alone = test_of_all.explains(&[hypothesis]);
-        Asked {
-            hypothesis,
-            alone,
-            remainder: alone.remainder(all),
-        }
+        Asked { hypothesis, alone, remainder: alone.remainder(all) }
     };
     let asked: Vec<Asked> = hypotheses.iter().map(asked).collect();
     let least = asked.iter().map(|asked| asked.alone.p_value());

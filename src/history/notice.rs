@@ -52,26 +52,15 @@ impl Noticed {
             });
             (*column, by.collect())
         };
-        Self {
-            least_mm,
-            effects: columns.iter().map(effect).collect(),
-        }
+        Self { least_mm, effects: columns.iter().map(effect).collect() }
     }
 
     /// The size from which a shift of one column counts, mm or rad; 0 where it moves the point nowhere.
     pub fn least(&self, column: Column) -> f64 {
         let value = column.unit();
-        let one = Shift {
-            column,
-            value,
-            sd: 0.0,
-        };
+        let one = Shift { column, value, sd: 0.0 };
         let size_mm = self.size_mm([&one].into_iter());
-        if size_mm > 0.0 {
-            value * self.least_mm / size_mm
-        } else {
-            0.0
-        }
+        if size_mm > 0.0 { value * self.least_mm / size_mm } else { 0.0 }
     }
 
     /// The displacement of the measured point by shifts together, root mean square over the poses, mm.

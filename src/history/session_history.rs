@@ -57,11 +57,7 @@ impl SessionHistory {
             Some(own) => own.differences(basis),
             None => Vec::new(),
         };
-        *self = Self {
-            segment: self.segment + 1,
-            basis: Some(basis.clone()),
-            ..Self::default()
-        };
+        *self = Self { segment: self.segment + 1, basis: Some(basis.clone()), ..Self::default() };
         began
     }
 
@@ -82,12 +78,7 @@ impl SessionHistory {
         self.pooled = if is_all { 1 } else { against + 1 };
         self.pool = Some(kept.plus(own));
         self.refer(&anew, own);
-        Judged {
-            against,
-            set_up_anew: anew,
-            settles,
-            ..judged
-        }
+        Judged { against, set_up_anew: anew, settles, ..judged }
     }
 
     /// The pool to compare with, its number of sessions, and whether the change before this session lasts.
@@ -135,11 +126,7 @@ impl SessionHistory {
         let is_anew = |shift: &Shift| self.set_up.keys().any(|part| part.has(&shift.column));
         let mut since = since(first, own);
         since.retain(|shift| !is_anew(shift));
-        for (part, reference) in self
-            .set_up
-            .iter()
-            .filter(|(_, reference)| !is_own(reference))
-        {
+        for (part, reference) in self.set_up.iter().filter(|(_, reference)| !is_own(reference)) {
             let shifts = self::since(reference, own).into_iter();
             since.extend(shifts.filter(|shift| part.has(&shift.column)));
         }
@@ -190,13 +177,7 @@ fn tested(comparison: &Comparison, noticed: Option<&Noticed>) -> Judged {
     shifts.retain(|own| {
         named.iter().any(|part| part.has(&own.column)) && !named.contains(&Hypothesis::Anything)
     });
-    Judged {
-        asked,
-        finding,
-        small,
-        moved: shifts,
-        ..Judged::default()
-    }
+    Judged { asked, finding, small, moved: shifts, ..Judged::default() }
 }
 
 /// The shifts of the parts named, all estimated together.
@@ -215,9 +196,7 @@ fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
     let charted = |column: &Column| match column {
         Column::Chain(Parameter::Base(_)) => known.has_base(),
         Column::Chain(Parameter::Target(_)) => known.has_target(),
-        _ => column
-            .zero_of()
-            .is_some_and(|joint| joint > 1 && Some(joint) != last),
+        _ => column.zero_of().is_some_and(|joint| joint > 1 && Some(joint) != last),
     };
     let places = comparison.places(charted);
     comparison.explained(&places).shifts(&comparison, &places)

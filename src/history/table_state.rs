@@ -173,16 +173,9 @@ fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> 
 }
 
 /// The least number of poses that can show the promise's share with its confidence.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a count of stations"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of stations")]
 fn needed(promise: &Promise) -> usize {
-    let coverage = Coverage {
-        share: promise.share,
-        confidence: promise.confidence,
-    };
+    let coverage = Coverage { share: promise.share, confidence: promise.confidence };
     least_count(coverage) as usize
 }
 
@@ -262,10 +255,7 @@ impl fmt::Display for NotShown {
             }
             Self::Misapplied => f.write_str("its corrections were not applied as meant"),
             Self::TooFew { judged, needed } => {
-                write!(
-                    f,
-                    "{judged} poses judge, {needed} are needed for its promise"
-                )
+                write!(f, "{judged} poses judge, {needed} are needed for its promise")
             }
         }
     }
@@ -279,12 +269,8 @@ mod tests {
     use crate::compensation::{UsedWith, Validity};
     use crate::report::driven::{DrivenStation, measured};
 
-    const PROMISE: Promise = Promise {
-        mean_mm: Some(0.1),
-        bound_mm: Some(0.2),
-        share: 0.95,
-        confidence: 0.95,
-    };
+    const PROMISE: Promise =
+        Promise { mean_mm: Some(0.1), bound_mm: Some(0.2), share: 0.95, confidence: 0.95 };
     const MEANT: Application = Application::AsMeant(0.9);
 
     /// Errors after compensation at `count` stations, the first 50 of which find the base; `left` gives each station's error.
@@ -304,9 +290,7 @@ mod tests {
             }
         };
         let stations: Vec<DrivenStation> = (0..count).map(station).collect();
-        measured(&stations, "tuesday", 50)
-            .expect("stations span space")
-            .after
+        measured(&stations, "tuesday", 50).expect("stations span space").after
     }
 
     /// An error of 0.1 mm with alternating sign.
@@ -315,12 +299,7 @@ mod tests {
     }
 
     fn shown<'s>(after: &'s ResidualSet, application: &'s Application) -> Shown<'s> {
-        Shown {
-            application,
-            promise: Ok(&PROMISE),
-            after: Some(after),
-            outside: vec![],
-        }
+        Shown { application, promise: Ok(&PROMISE), after: Some(after), outside: vec![] }
     }
 
     fn never() -> Result<Judged, String> {
@@ -329,9 +308,7 @@ mod tests {
 
     #[test]
     fn a_promise_that_is_kept_holds_at_any_place_of_the_base() {
-        let moved = after(150, |station, _| {
-            small(station) + Vector3::new(3.0, -2.0, 1.0)
-        });
+        let moved = after(150, |station, _| small(station) + Vector3::new(3.0, -2.0, 1.0));
         let state = shown(&moved, &MEANT).state(|| Ok(Judged::default()));
         assert_eq!(state, TableState::Holds(Drifted::Nothing));
         let pooled = shown(&moved, &MEANT).state(|| Err("pooled".to_owned()));
@@ -346,14 +323,8 @@ mod tests {
     fn fewer_stations_than_a_promise_needs_show_nothing() {
         let few = after(108, |station, _| small(station));
         // 58 judge; 59 are the least that show 95 % with 95 % confidence.
-        let expected = NotShown::TooFew {
-            judged: 58,
-            needed: 59,
-        };
-        assert_eq!(
-            shown(&few, &MEANT).state(never),
-            TableState::NotShown(expected)
-        );
+        let expected = NotShown::TooFew { judged: 58, needed: 59 };
+        assert_eq!(shown(&few, &MEANT).state(never), TableState::NotShown(expected));
     }
 
     #[test]
@@ -361,23 +332,13 @@ mod tests {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 1e-3);
         let moved = after(150, |station, target| {
             let moved = turn * target - target + Vector3::new(0.4, 0.0, 0.0);
-            small(station)
-                + if station < 90 {
-                    Vector3::zeros()
-                } else {
-                    moved
-                }
+            small(station) + if station < 90 { Vector3::zeros() } else { moved }
         });
         let state = shown(&moved, &MEANT).state(never);
-        let TableState::Expired(Drifted::Base(motion)) = &state else {
-            panic!("{state}")
-        };
+        let TableState::Expired(Drifted::Base(motion)) = &state else { panic!("{state}") };
         // The stations are 1.6 m from the base's axis on average, so a milliradian moves them by more than a millimetre.
         assert_eq!(motion.from_station, 90, "{state}");
-        assert!(
-            (motion.rad - 1e-3).abs() < 1e-4 && motion.mm > 1.0,
-            "{state}"
-        );
+        assert!((motion.rad - 1e-3).abs() < 1e-4 && motion.mm > 1.0, "{state}");
     }
 
     #[test]
@@ -388,10 +349,7 @@ mod tests {
         let nothing = found(Ok(Judged::default()));
         assert_eq!(nothing, TableState::Expired(Drifted::Nothing));
         let of = |surely: Vec<Hypothesis>| Judged {
-            finding: Finding::Moved {
-                surely,
-                one_of: vec![],
-            },
+            finding: Finding::Moved { surely, one_of: vec![] },
             ..Judged::default()
         };
         // Another place of the base does not matter.
@@ -418,27 +376,12 @@ mod tests {
 
     #[test]
     fn a_temperature_outside_is_reported_whether_or_not_the_promise_is_kept() {
-        let table = Validity {
-            temperature_c: Some([19.0, 21.0]),
-            ..Validity::default()
-        };
-        let hot = UsedWith {
-            temperature_c: Some(30.0),
-            ..UsedWith::default()
-        };
+        let table = Validity { temperature_c: Some([19.0, 21.0]), ..Validity::default() };
+        let hot = UsedWith { temperature_c: Some(30.0), ..UsedWith::default() };
         let fine = after(150, |station, _| small(station));
-        let shown = Shown {
-            outside: table.hold(&hot).outside,
-            ..shown(&fine, &MEANT)
-        };
+        let shown = Shown { outside: table.hold(&hot).outside, ..shown(&fine, &MEANT) };
         let state = shown.state(never);
-        assert!(matches!(
-            &state,
-            TableState::Outside {
-                broken: Some(false),
-                ..
-            }
-        ));
+        assert!(matches!(&state, TableState::Outside { broken: Some(false), .. }));
         let words = state.to_string();
         assert!(
             words.contains("DOES NOT HOLD") && words.contains("temperature 30 °C, 9.00 °C above"),
@@ -450,14 +393,8 @@ mod tests {
     fn corrections_that_were_not_made_as_meant_show_nothing() {
         let worse = after(150, |station, _| small(station) * 3.0);
         let twice = Application::Twice(0.9);
-        assert_eq!(
-            shown(&worse, &twice).state(never),
-            TableState::NotShown(NotShown::Misapplied)
-        );
-        let no_run = Shown {
-            promise: Err(NotShown::NoRun),
-            ..shown(&worse, &MEANT)
-        };
+        assert_eq!(shown(&worse, &twice).state(never), TableState::NotShown(NotShown::Misapplied));
+        let no_run = Shown { promise: Err(NotShown::NoRun), ..shown(&worse, &MEANT) };
         assert_eq!(no_run.state(never), TableState::NotShown(NotShown::NoRun));
     }
 }

@@ -10,18 +10,11 @@ use crate::kinematics::{Motion, Parameter};
 impl Judged {
     /// The parts that moved, by how much, and the parts they cannot be distinguished from; `None` when none moved.
     pub fn in_words(&self) -> Option<String> {
-        let mut said: Vec<String> = self
-            .set_up_anew
-            .iter()
-            .map(|part| format!("{part} set up anew"))
-            .collect();
+        let mut said: Vec<String> =
+            self.set_up_anew.iter().map(|part| format!("{part} set up anew")).collect();
         if let Finding::Moved { surely, one_of } = &self.finding {
             said.extend(surely.iter().map(|part| self.with_size(*part)));
-            said.extend(
-                one_of
-                    .first()
-                    .map(|first| self.alternatives(*first, one_of)),
-            );
+            said.extend(one_of.first().map(|first| self.alternatives(*first, one_of)));
         }
         (!said.is_empty()).then(|| said.join(" and "))
     }
@@ -39,11 +32,7 @@ impl Judged {
     }
 
     fn with_size(&self, part: Hypothesis) -> String {
-        let own: Vec<&Shift> = self
-            .moved
-            .iter()
-            .filter(|shift| part.has(&shift.column))
-            .collect();
+        let own: Vec<&Shift> = self.moved.iter().filter(|shift| part.has(&shift.column)).collect();
         let size = match part {
             Hypothesis::Base | Hypothesis::Target => Some(motion(&own)),
             Hypothesis::JointOffset(_) => own.first().map(|shift| offset(shift)),
@@ -92,11 +81,7 @@ fn motion(shifts: &[&Shift]) -> String {
         }
     }
     if turned > 0.0 {
-        format!(
-            "moved by {:.3} mm and {:.3} mrad",
-            moved.sqrt(),
-            1e3 * turned.sqrt()
-        )
+        format!("moved by {:.3} mm and {:.3} mrad", moved.sqrt(), 1e3 * turned.sqrt())
     } else {
         format!("moved by {:.3} mm", moved.sqrt())
     }

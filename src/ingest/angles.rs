@@ -14,10 +14,7 @@ pub struct JointAngles {
 impl JointAngles {
     /// An empty table for rows of `joints` angles.
     pub const fn of(joints: usize) -> Self {
-        Self {
-            joints,
-            values: Vec::new(),
-        }
+        Self { joints, values: Vec::new() }
     }
 
     /// Angles per row.
@@ -169,10 +166,7 @@ mod tests {
     #[test]
     fn a_row_with_a_fault_is_not_appended() {
         let mut angles = three_rows();
-        assert_eq!(
-            angles.try_push([Ok(4.0), Err("no number")]),
-            Err("no number")
-        );
+        assert_eq!(angles.try_push([Ok(4.0), Err("no number")]), Err("no number"));
         assert_eq!(angles, three_rows());
         assert_eq!(angles.try_push([Ok::<_, ()>(4.0), Ok(-4.0)]), Ok(()));
         assert_eq!(angles.row(3), [4.0, -4.0]);

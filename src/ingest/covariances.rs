@@ -10,10 +10,7 @@ use crate::geometry::{PoseCovariance, TurnCovariance, upper};
 
 /// The covariance of one reading as it is stated, row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "those of a block at most, and of one kind"
-)]
+#[expect(clippy::large_enum_variant, reason = "those of a block at most, and of one kind")]
 pub enum LoggedCovariance {
     /// Of x, y, z.
     Position([f64; 9]),
@@ -80,9 +77,7 @@ impl LoggedCovariance {
     fn position(&self) -> Matrix3<f64> {
         match self {
             Self::Position(rows) => Matrix3::from_row_slice(rows),
-            Self::Pose(rows) => Matrix6::from_row_slice(rows)
-                .fixed_view::<3, 3>(0, 0)
-                .into_owned(),
+            Self::Pose(rows) => Matrix6::from_row_slice(rows).fixed_view::<3, 3>(0, 0).into_owned(),
         }
     }
 
@@ -116,9 +111,7 @@ pub fn judged_turn(own: &Matrix3<f64>, counts: &mut CovarianceCounts) -> Option<
 fn position_of(logged: &LoggedCovariance) -> Result<[f64; 6], Unusable> {
     let position = logged.position();
     unknown(&position)?;
-    is_covariance(&dynamic(&position))
-        .then(|| upper(&position))
-        .ok_or(Unusable::NotPositive)
+    is_covariance(&dynamic(&position)).then(|| upper(&position)).ok_or(Unusable::NotPositive)
 }
 
 /// The orientation's part; `has_position` says whether the position's can be used, otherwise the orientation's stands alone.
@@ -140,9 +133,7 @@ fn turn_of(whole: &Matrix6<f64>, has_position: bool) -> Result<TurnCovariance, U
     let has_turn = is_covariance(&dynamic(&own)) && own.cholesky().is_some();
     let is_whole =
         !has_position || is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()));
-    (has_turn && is_whole)
-        .then_some(turn)
-        .ok_or(Unusable::NotPositive)
+    (has_turn && is_whole).then_some(turn).ok_or(Unusable::NotPositive)
 }
 
 /// What publishers write that do not know a covariance.
@@ -165,10 +156,7 @@ fn dynamic(block: &Matrix3<f64>) -> DMatrix<f64> {
 }
 
 impl Outcomes {
-    const NONE: Self = Self {
-        read: 0,
-        unusable: [0; 3],
-    };
+    const NONE: Self = Self { read: 0, unusable: [0; 3] };
 
     fn counted<T>(&mut self, judged: Result<T, Unusable>) -> Option<T> {
         self.read += 1;
@@ -178,21 +166,15 @@ impl Outcomes {
 
 impl CovarianceCounts {
     /// Nothing was read.
-    pub const NONE: Self = Self {
-        position: Outcomes::NONE,
-        orientation: Outcomes::NONE,
-    };
+    pub const NONE: Self = Self { position: Outcomes::NONE, orientation: Outcomes::NONE };
 
     /// The counts by their names ([`COUNTED`]); none of a kind that was not read.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let all = [self.position, self.orientation].into_iter().zip(COUNTED);
-        all.filter(|(own, _)| own.read > 0)
-            .flat_map(|(own, names)| {
-                let [zero, minus_one, not_positive] = own.unusable;
-                names
-                    .into_iter()
-                    .zip([own.read, zero, minus_one, not_positive])
-            })
+        all.filter(|(own, _)| own.read > 0).flat_map(|(own, names)| {
+            let [zero, minus_one, not_positive] = own.unusable;
+            names.into_iter().zip([own.read, zero, minus_one, not_positive])
+        })
     }
 }
 
@@ -200,9 +182,7 @@ impl CovarianceCounts {
 #[must_use]
 pub fn in_units(own: &PoseCovariance, to_mm: f64, to_rad: f64) -> PoseCovariance {
     PoseCovariance {
-        position: own
-            .position
-            .map(|own| own.map(|entry| to_mm * to_mm * entry)),
+        position: own.position.map(|own| own.map(|entry| to_mm * to_mm * entry)),
         turn: own.turn.map(|turn| TurnCovariance {
             own: turn.own.map(|entry| to_rad * to_rad * entry),
             with_position: turn.with_position.map(|entry| to_mm * to_rad * entry),
@@ -223,10 +203,8 @@ pub fn mean(all: &[PoseCovariance]) -> PoseCovariance {
     let cross: Vec<[f64; 9]> = turns.iter().map(|turn| turn.with_position).collect();
     PoseCovariance {
         position: (!positions.is_empty()).then(|| of(&positions)),
-        turn: (!turns.is_empty()).then(|| TurnCovariance {
-            own: of(&own),
-            with_position: of(&cross),
-        }),
+        turn: (!turns.is_empty())
+            .then(|| TurnCovariance { own: of(&own), with_position: of(&cross) }),
     }
 }
 
@@ -262,18 +240,11 @@ mod tests {
             with_position: [0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         };
         assert_eq!(found.turn, Some(turn));
-        assert_eq!(
-            counts,
-            [("position_covariances", 1), ("orientation_covariances", 1)]
-        );
+        assert_eq!(counts, [("position_covariances", 1), ("orientation_covariances", 1)]);
         // m² → mm², m·rad → mm·rad, rad² stays.
         let mm = in_units(&found, 1000.0, 1.0);
         let turn = mm.turn.expect("stated");
-        let found = (
-            mm.position.expect("stated")[0],
-            turn.own[0],
-            turn.with_position[1],
-        );
+        let found = (mm.position.expect("stated")[0], turn.own[0], turn.with_position[1]);
         assert_eq!(found, (1.0, 4e-6, 1e-3));
         // Without orientations nobody asks for their part.
         let mut counts = CovarianceCounts::default();
@@ -292,10 +263,7 @@ mod tests {
             rows
         };
         let both = |why: &str| {
-            [
-                format!("position_covariances_{why}"),
-                format!("orientation_covariances_{why}"),
-            ]
+            [format!("position_covariances_{why}"), format!("orientation_covariances_{why}")]
         };
         let mut minus_one = rows(0.0);
         minus_one[0] = -1.0;
@@ -303,28 +271,15 @@ mod tests {
             let (found, counts) = judged(&rows);
             assert_eq!(found, PoseCovariance::default());
             let reasons: Vec<&str> = counts.iter().map(|(name, _)| *name).collect();
-            assert!(
-                both(why).iter().all(|name| reasons.contains(&&**name)),
-                "{reasons:?}"
-            );
+            assert!(both(why).iter().all(|name| reasons.contains(&&**name)), "{reasons:?}");
         }
-        for (entry, why) in [
-            (0.0, "all_zero"),
-            (-1.0, "minus_one"),
-            (-2e-6, "not_positive"),
-        ] {
+        for (entry, why) in [(0.0, "all_zero"), (-1.0, "minus_one"), (-2e-6, "not_positive")] {
             let (found, counts) = judged(&part(3, entry));
             assert!(found.position.is_some() && found.turn.is_none());
-            assert!(
-                counts.iter().any(|(name, _)| *name == both(why)[1]),
-                "{counts:?}"
-            );
+            assert!(counts.iter().any(|(name, _)| *name == both(why)[1]), "{counts:?}");
             let (found, counts) = judged(&part(0, entry));
             assert_eq!(found.position, None);
-            assert!(
-                counts.iter().any(|(name, _)| *name == both(why)[0]),
-                "{counts:?}"
-            );
+            assert!(counts.iter().any(|(name, _)| *name == both(why)[0]), "{counts:?}");
         }
         // A correlation above 1, one side that is not the other's, a turn that is exact about one axis, NaN among the turns.
         let mut one_sided = rows(0.5);
@@ -335,14 +290,8 @@ mod tests {
         nan[28] = f64::NAN;
         for rows in [rows(1.1), one_sided, exact, nan] {
             let (found, counts) = judged(&rows);
-            assert!(
-                found.position.is_some() && found.turn.is_none(),
-                "{found:?}"
-            );
-            assert!(
-                counts.contains(&("orientation_covariances_not_positive", 1)),
-                "{counts:?}"
-            );
+            assert!(found.position.is_some() && found.turn.is_none(), "{found:?}");
+            assert!(counts.contains(&("orientation_covariances_not_positive", 1)), "{counts:?}");
         }
         // On the edge, in single precision.
         #[expect(clippy::cast_possible_truncation, reason = "what a publisher does")]
@@ -359,11 +308,7 @@ mod tests {
         let all = [at(1.0), at(3.0), at(0.0)];
         let found = mean(&all);
         let turn = found.turn.expect("two");
-        let own = [
-            found.position.expect("two")[0],
-            turn.own[0],
-            turn.with_position[1],
-        ];
+        let own = [found.position.expect("two")[0], turn.own[0], turn.with_position[1]];
         for (own, expected) in own.into_iter().zip([2e-6, 8e-6, 2e-6]) {
             assert!((own / expected - 1.0).abs() < 1e-12, "{own} {expected}");
         }

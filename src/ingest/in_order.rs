@@ -112,11 +112,7 @@ impl<B: Buffer> InOrder<B> {
     pub fn begin_file(&mut self, name: &str) {
         if self.files.last().is_none_or(|file| file.name != name) {
             let kept = self.emitted.0 + self.buffer.stamps().len();
-            self.files.push(FileRows {
-                name: name.to_owned(),
-                kept: kept..kept,
-                span: None,
-            });
+            self.files.push(FileRows { name: name.to_owned(), kept: kept..kept, span: None });
         }
     }
 
@@ -136,11 +132,7 @@ impl<B: Buffer> InOrder<B> {
             return;
         };
         let file = self.files.last_mut().expect("begun before its blocks");
-        let place = Place {
-            file: &file.name,
-            topic: &self.topic,
-            bytes,
-        };
+        let place = Place { file: &file.name, topic: &self.topic, bytes };
         let rows = self.buffer.judge(block, &place);
         let before = self.buffer.stamps().len();
         self.alike &= self.buffer.take(&rows, block);
@@ -178,9 +170,7 @@ impl<B: Buffer> InOrder<B> {
             in_order: all_buffered || (files_in_order && !self.late),
             topic: self.topic,
             rejects: self.rejects,
-            stamped: spans
-                .iter()
-                .any(|span| (span.earliest, span.latest) != (0, 0)),
+            stamped: spans.iter().any(|span| (span.earliest, span.latest) != (0, 0)),
             alike: self.alike,
         }
     }
@@ -353,9 +343,7 @@ mod tests {
             let block = rng.random_range(1..20);
             for buffered in [0, 20, 60, usize::MAX] {
                 let (found, summary) = emitted(&files, buffered, block);
-                *outcomes
-                    .entry((buffered, summary.is_in_order()))
-                    .or_insert(0) += 1;
+                *outcomes.entry((buffered, summary.is_in_order())).or_insert(0) += 1;
                 if !summary.is_in_order() {
                     continue;
                 }

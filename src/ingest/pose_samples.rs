@@ -31,12 +31,7 @@ pub type TargetReadings = PoseSamples<Tracker>;
 /// No samples.
 impl<C> Default for PoseSamples<C> {
     fn default() -> Self {
-        Self {
-            stamps: Vec::new(),
-            positions: Vec::new(),
-            orientations: None,
-            covariances: None,
-        }
+        Self { stamps: Vec::new(), positions: Vec::new(), orientations: None, covariances: None }
     }
 }
 
@@ -56,9 +51,7 @@ impl PosesError {
 
 impl From<io::Error> for PosesError {
     fn from(error: io::Error) -> Self {
-        Self {
-            why: error.to_string(),
-        }
+        Self { why: error.to_string() }
     }
 }
 

@@ -25,9 +25,7 @@ pub(super) fn fault(
     }
     // A missing reflector is logged as all zeros; the join has to see and count it.
     let reads_something = position.iter().any(|&x| x != 0.0);
-    let zero = quaternion
-        .iter()
-        .all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
+    let zero = quaternion.iter().all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
     (reads_something && zero).then_some(RowFault::ZeroQuaternion)
 }
 
@@ -46,20 +44,13 @@ pub(super) fn normalise_all(column: &mut [[f64; 4]]) -> u64 {
 
 /// Normalises a quaternion and returns its norm before; a zero quaternion becomes the identity and gives `None`.
 fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
-    let largest = quaternion
-        .iter()
-        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let largest = quaternion.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     if largest < f64::MIN_POSITIVE.sqrt() {
         *quaternion = [0.0, 0.0, 0.0, 1.0];
         return None;
     }
     // Components are scaled first: squares of very large ones overflow.
-    let norm = largest
-        * quaternion
-            .iter()
-            .map(|x| (x / largest).powi(2))
-            .sum::<f64>()
-            .sqrt();
+    let norm = largest * quaternion.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt();
     for x in quaternion.iter_mut() {
         *x /= norm;
     }
@@ -93,10 +84,8 @@ mod tests {
     #[test]
     fn a_pose_inverted_twice_is_itself_and_zeros_stay() {
         let (mut position, mut quaternion) = ([100.0, -20.0, 900.0], [0.5, -0.5, 0.5, 0.5]);
-        let mut covariance = PoseCovariance {
-            position: Some([1.0, 0.1, 0.2, 2.0, 0.3, 3.0]),
-            turn: None,
-        };
+        let mut covariance =
+            PoseCovariance { position: Some([1.0, 0.1, 0.2, 2.0, 0.3, 3.0]), turn: None };
         let before = (position, quaternion, covariance);
         invert(&mut position, &mut quaternion, Some(&mut covariance));
         // The quaternion turns axes into each other: here x to y, y to −z, z to −x, or a cycle like it; lengths stay.

@@ -85,9 +85,8 @@ impl Rows {
         clock: SpanClock,
         fault: impl Fn(usize) -> Option<RowFault>,
     ) -> Self {
-        let faults: Vec<_> = (0..stamps.len())
-            .filter_map(|row| fault(row).map(|fault| (row, fault)))
-            .collect();
+        let faults: Vec<_> =
+            (0..stamps.len()).filter_map(|row| fault(row).map(|fault| (row, fault))).collect();
         let backward_stamps = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
         let all_in_order = faults.is_empty() && backward_stamps == 0;
         Self {
@@ -118,9 +117,8 @@ impl Rows {
 
 fn kept_in_order(stamps: &[i64], faults: &[(usize, RowFault)]) -> Vec<usize> {
     let mut faulty = faults.iter().map(|&(row, _)| row).peekable();
-    let mut order: Vec<_> = (0..stamps.len())
-        .filter(|row| faulty.next_if_eq(row).is_none())
-        .collect();
+    let mut order: Vec<_> =
+        (0..stamps.len()).filter(|row| faulty.next_if_eq(row).is_none()).collect();
     order.sort_by_key(|&row| stamps[row]);
     order
 }
@@ -154,11 +152,7 @@ fn rejects(
 mod tests {
     use super::*;
 
-    const PLACE: Place<'_> = Place {
-        file: "f",
-        topic: "/t",
-        bytes: (200, 210),
-    };
+    const PLACE: Place<'_> = Place { file: "f", topic: "/t", bytes: (200, 210) };
 
     fn judge(stamps: &[i64], fault: impl Fn(usize) -> Option<RowFault>) -> Rows {
         Rows::judge(stamps, &PLACE, SpanClock::Tracker, fault)
@@ -185,11 +179,7 @@ mod tests {
     #[test]
     fn faults_of_one_kind_are_one_reject() {
         let rows = judge(&[1, 2, 3, 4, 5], |row| {
-            Some(if row < 2 {
-                RowFault::Orientation
-            } else {
-                RowFault::Position
-            })
+            Some(if row < 2 { RowFault::Orientation } else { RowFault::Position })
         });
         let summary: Vec<_> = rows
             .rejects
@@ -197,10 +187,7 @@ mod tests {
             .map(|reject| (reject.byte_start, reject.messages, reject.time_span_ns))
             .collect();
         // In the order of the kinds: positions first.
-        assert_eq!(
-            summary,
-            [(200, Some(3), Some((3, 5))), (200, Some(2), Some((1, 2)))]
-        );
+        assert_eq!(summary, [(200, Some(3), Some((3, 5))), (200, Some(2), Some((1, 2)))]);
         let mut kept: Vec<i32> = Vec::new();
         rows.append(&[0; 5], &mut kept);
         assert!(kept.is_empty());

@@ -255,11 +255,7 @@ impl MissingConvention {
         key: &'static str,
         choices: &'static str,
     ) -> Self {
-        Self {
-            section,
-            key,
-            choices,
-        }
+        Self { section, key, choices }
     }
 }
 
@@ -276,12 +272,8 @@ impl TryFrom<ControllerFile> for ControllerSettings {
     fn try_from(file: ControllerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file
-                .time
-                .ok_or(MissingConvention::new("controller", "time", TIMES))?,
-            unit: file
-                .unit
-                .ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
+            time: file.time.ok_or(MissingConvention::new("controller", "time", TIMES))?,
+            unit: file.unit.ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
             length_unit: file.length_unit,
             fields: file.fields,
         })
@@ -293,12 +285,8 @@ impl TryFrom<CommandedFile> for CommandedSettings {
     fn try_from(file: CommandedFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file
-                .time
-                .ok_or(MissingConvention::new("commanded", "time", TIMES))?,
-            unit: file
-                .unit
-                .ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
+            time: file.time.ok_or(MissingConvention::new("commanded", "time", TIMES))?,
+            unit: file.unit.ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
             fields: file.fields,
             frame: file.frame,
         })
@@ -310,12 +298,8 @@ impl TryFrom<TrackerFile> for TrackerSettings {
     fn try_from(file: TrackerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file
-                .time
-                .ok_or(MissingConvention::new("tracker", "time", TIMES))?,
-            unit: file
-                .unit
-                .ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
+            time: file.time.ok_or(MissingConvention::new("tracker", "time", TIMES))?,
+            unit: file.unit.ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
             temperature: file.temperature,
             ignore_orientation: file.ignore_orientation,
             fields: file.fields,

@@ -91,11 +91,7 @@ impl StreamSummary {
         }
         let decoded = self.counts.kept + self.counts.rejected;
         if decoded > 1 && !self.stamped {
-            return Err(IngestError::StampsUnset {
-                file,
-                topic,
-                messages: decoded,
-            });
+            return Err(IngestError::StampsUnset { file, topic, messages: decoded });
         }
         if self.counts.kept > 0 {
             return Ok(());

@@ -110,29 +110,20 @@ struct CalibrationsFile<'t> {
 impl<'t> CalibrationsFile<'t> {
     fn read(path: &'t Path) -> Result<Self, CalibrationsTableError> {
         let table = read_given(path, schema::find("calibrations")?)?;
-        Ok(Self {
-            path,
-            rows: CalibrationRow::read(&table),
-            table,
-        })
+        Ok(Self { path, rows: CalibrationRow::read(&table), table })
     }
 
     /// The arm with the first of the `wanted` models that there is.
     fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
         let base_target = Model::BaseTarget;
-        let base = self
-            .head(base_target)?
-            .ok_or_else(|| self.absent(base_target))?;
+        let base = self.head(base_target)?.ok_or_else(|| self.absent(base_target))?;
         let wrong = |source| self.wrong(base_target, source);
         let arm = base.arm.arm().map_err(wrong)?;
         let said = self.said();
         let key = common::key(self.path, &self.table)?;
         let model = self.first(wanted, &base)?;
         let verdict = self.row(model.model).map(|row| row.verdict);
-        let first = self
-            .rows
-            .first()
-            .expect("a table that was read has the row base_target");
+        let first = self.rows.first().expect("a table that was read has the row base_target");
         let error_frame = first.stated_frame();
         let arm = IdentifiedArm {
             // A run's table for joint angles goes by the run's name, as its table of nodes does.
@@ -161,10 +152,7 @@ impl<'t> CalibrationsFile<'t> {
     }
 
     fn said(&self) -> Common<'_, CalibrationRow> {
-        Common {
-            path: self.path,
-            rows: &self.rows,
-        }
+        Common { path: self.path, rows: &self.rows }
     }
 
     fn row(&self, model: Model) -> Option<&CalibrationRow> {
@@ -184,18 +172,11 @@ impl<'t> CalibrationsFile<'t> {
     }
 
     fn absent(&self, model: Model) -> CalibrationsTableError {
-        CalibrationsTableError::Absent {
-            path: self.path.to_owned(),
-            kind: model.word(),
-        }
+        CalibrationsTableError::Absent { path: self.path.to_owned(), kind: model.word() }
     }
 
     fn wrong(&self, model: Model, source: SavedError) -> CalibrationsTableError {
-        CalibrationsTableError::Model {
-            path: self.path.to_owned(),
-            kind: model.word(),
-            source,
-        }
+        CalibrationsTableError::Model { path: self.path.to_owned(), kind: model.word(), source }
     }
 
     /// The arm and the sessions of a saved model, where there is a row of it.
@@ -249,10 +230,7 @@ impl<'t> CalibrationsFile<'t> {
         own: &SavedHead,
     ) -> Result<(), CalibrationsTableError> {
         let names = |sessions: &[SavedSession]| -> Vec<String> {
-            sessions
-                .iter()
-                .map(|session| session.session.clone())
-                .collect()
+            sessions.iter().map(|session| session.session.clone()).collect()
         };
         let what = if base.arm != own.arm {
             "arm"
@@ -261,10 +239,6 @@ impl<'t> CalibrationsFile<'t> {
         } else {
             return Ok(());
         };
-        Err(CalibrationsTableError::Others {
-            path: self.path.to_owned(),
-            kind: model.word(),
-            what,
-        })
+        Err(CalibrationsTableError::Others { path: self.path.to_owned(), kind: model.word(), what })
     }
 }

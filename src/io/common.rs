@@ -125,11 +125,7 @@ macro_rules! corrects {
                 $crate::io::tables::error_frame::stated(
                     self.error_frame,
                     (self.error_frame_base, self.error_frame_base_turn),
-                    [
-                        self.error_frame_sd_mm,
-                        self.error_frame_sd_deg,
-                        self.error_frame_lever_sd_mm,
-                    ],
+                    [self.error_frame_sd_mm, self.error_frame_sd_deg, self.error_frame_lever_sd_mm],
                 )
             }
 
@@ -158,9 +154,8 @@ impl<R: Corrects> Common<'_, R> {
             mounting: text("mounting", |own| own.mounting)?,
             base: text("base", |own| own.base)?,
             controller_model: text("controller_model", |own| own.controller_model)?,
-            absolute_accuracy_option: self.one("absolute_accuracy_option", |row| {
-                row.stated().absolute_accuracy_option
-            })?,
+            absolute_accuracy_option: self
+                .one("absolute_accuracy_option", |row| row.stated().absolute_accuracy_option)?,
         };
         Ok(Validity {
             conditions,
@@ -264,18 +259,12 @@ impl<'t, R> Common<'t, R> {
         column: &str,
         value: impl Fn(&'t R) -> Option<T>,
     ) -> Result<Option<T>, CommonError> {
-        one(self.path, column, self.rows.len(), |row| {
-            value(&self.rows[row])
-        })
+        one(self.path, column, self.rows.len(), |row| value(&self.rows[row]))
     }
 
     /// That a column's value is none such a table has.
     pub(super) fn value_error(self, column: &str, problem: String) -> CommonError {
-        CommonError::Value {
-            path: self.path.to_owned(),
-            column: column.to_owned(),
-            problem,
-        }
+        CommonError::Value { path: self.path.to_owned(), column: column.to_owned(), problem }
     }
 }
 

@@ -88,14 +88,9 @@ pub enum CompensationTableError {
 /// Reads the compensation table that a run published.
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     let published = read_given(path, schema::find("compensation")?)?;
-    let file = TableFile {
-        path,
-        rows: NodeRow::read(&published),
-    };
+    let file = TableFile { path, rows: NodeRow::read(&published) };
     let Some(first) = file.rows.first() else {
-        return Err(CompensationTableError::Empty {
-            path: path.to_owned(),
-        });
+        return Err(CompensationTableError::Empty { path: path.to_owned() });
     };
     let said = file.said();
     let command_from_base = said.command_from_base()?;
@@ -111,10 +106,8 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
         flange_from_target: Position::claim(
             said.position("flange_from_target", |row| row.flange_from_target)?,
         ),
-        table: table.map_err(|source| CompensationTableError::Misfit {
-            path: path.to_owned(),
-            source,
-        })?,
+        table: table
+            .map_err(|source| CompensationTableError::Misfit { path: path.to_owned(), source })?,
     })
 }
 
@@ -132,17 +125,10 @@ struct TableFile<'a> {
 
 impl TableFile<'_> {
     fn said(&self) -> Common<'_, NodeRow> {
-        Common {
-            path: self.path,
-            rows: &self.rows,
-        }
+        Common { path: self.path, rows: &self.rows }
     }
 
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {
-        CompensationTableError::Node {
-            path: self.path.to_owned(),
-            node,
-            problem,
-        }
+        CompensationTableError::Node { path: self.path.to_owned(), node, problem }
     }
 }

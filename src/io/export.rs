@@ -180,21 +180,16 @@ pub enum ExportErrorKind {
 impl ExportErrorKind {
     /// This problem of the file at `path`.
     pub(crate) fn at(self, path: &Path) -> ExportError {
-        ExportError::At {
-            path: path.to_owned(),
-            kind: self,
-        }
+        ExportError::At { path: path.to_owned(), kind: self }
     }
 
     /// The message for a person, with the file's path.
     fn message(&self, path: &Path) -> String {
         let path = path.display();
         match self {
-            Self::OtherTable {
-                found,
-                format,
-                needs,
-            } => format!("{path} holds {found}; {format} is made of table {needs} of a run"),
+            Self::OtherTable { found, format, needs } => {
+                format!("{path} holds {found}; {format} is made of table {needs} of a run")
+            }
             Self::Empty => format!("{path} holds no row; take the file of a run that has one"),
             Self::NotOne { column, row } => format!(
                 "{path}, column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a \

@@ -23,10 +23,7 @@ pub struct Bound {
 
 impl Bound {
     /// For a file that is read in pieces, however large it is.
-    pub const ANY: Self = Self {
-        bytes: u64::MAX,
-        advice: "no file is larger",
-    };
+    pub const ANY: Self = Self { bytes: u64::MAX, advice: "no file is larger" };
     /// For a pipeline or robot file, which has some thousand bytes.
     pub const SETTINGS: Self = Self {
         bytes: 1 << 20,
@@ -43,31 +40,19 @@ impl Bound {
         advice: "a URDF has some hundred thousand bytes; is it the right file?",
     };
     /// For targets where there is no pipeline file: as text about a million of them, which take less than a gigabyte.
-    pub const TARGETS: Self = Self {
-        bytes: 64 << 20,
-        advice: "split it, or give it as Parquet",
-    };
+    pub const TARGETS: Self = Self { bytes: 64 << 20, advice: "split it, or give it as Parquet" };
     /// For a table of a run where there is no pipeline file.
-    pub const TABLE: Self = Self {
-        bytes: 1 << 30,
-        advice: "is it a table of a run?",
-    };
+    pub const TABLE: Self = Self { bytes: 1 << 30, advice: "is it a table of a run?" };
 
     /// For the files of a session other than its logs.
     pub const fn of(limits: Limits) -> Self {
-        Self {
-            bytes: limits.file_bytes,
-            advice: "if that is right, raise file_bytes in [limits]",
-        }
+        Self { bytes: limits.file_bytes, advice: "if that is right, raise file_bytes in [limits]" }
     }
 
     /// For the values of a Parquet file in memory; the file takes a tenth of them or less on the disk.
     #[must_use]
     pub(super) const fn of_values(self) -> Self {
-        Self {
-            bytes: self.bytes.saturating_mul(16),
-            ..self
-        }
+        Self { bytes: self.bytes.saturating_mul(16), ..self }
     }
 }
 
@@ -79,11 +64,7 @@ enum Refused {
     NoFile(&'static str),
     /// Larger than the limit.
     #[error("it has {found} bytes, more than the limit of {limit}; {advice}")]
-    TooLarge {
-        found: u64,
-        limit: u64,
-        advice: &'static str,
-    },
+    TooLarge { found: u64, limit: u64, advice: &'static str },
     /// Larger than the limit, although the file system stated less.
     #[error("it continues after the limit of {limit} bytes; {advice}")]
     GoesOn { limit: u64, advice: &'static str },
@@ -115,14 +96,9 @@ pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
 pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open(path, bound)?;
-    let read = file
-        .take(bound.bytes.saturating_add(1))
-        .read_to_end(&mut bytes)?;
+    let read = file.take(bound.bytes.saturating_add(1)).read_to_end(&mut bytes)?;
     if read as u64 > bound.bytes {
-        return Err(refused(Refused::GoesOn {
-            limit: bound.bytes,
-            advice: bound.advice,
-        }));
+        return Err(refused(Refused::GoesOn { limit: bound.bytes, advice: bound.advice }));
     }
     Ok(bytes)
 }
@@ -170,10 +146,7 @@ fn other_than_file(kind: FileType) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    const SMALL: Bound = Bound {
-        bytes: 10,
-        advice: "split it",
-    };
+    const SMALL: Bound = Bound { bytes: 10, advice: "split it" };
 
     #[test]
     fn a_file_is_read_up_to_its_bound() {
@@ -185,22 +158,13 @@ mod tests {
         let told = bytes(&path, SMALL).unwrap_err().to_string();
         assert_eq!(told, "it has 11 bytes, more than the limit of 10; split it");
         std::fs::write(&path, b"ab\xff").unwrap();
-        assert!(
-            text(&path, SMALL)
-                .unwrap_err()
-                .to_string()
-                .contains("byte 2 is not UTF-8")
-        );
+        assert!(text(&path, SMALL).unwrap_err().to_string().contains("byte 2 is not UTF-8"));
     }
 
     #[test]
     fn a_fault_in_toml_is_told_in_a_line() {
         let told = |text: &str| toml_problem(&toml::from_str::<toml::Table>(text).unwrap_err());
-        assert!(
-            told("a = 1\nb = \n").starts_with("line 2, column "),
-            "{}",
-            told("a = 1\nb = \n")
-        );
+        assert!(told("a = 1\nb = \n").starts_with("line 2, column "), "{}", told("a = 1\nb = \n"));
         assert!(!told("a = 1\na = 2\n").contains('\n'));
     }
 
@@ -210,10 +174,7 @@ mod tests {
         let path = folder.path().join("corrected.csv");
         File::create(&path).unwrap().set_len(6 << 30).unwrap();
         let told = bytes(&path, Bound::TARGETS).unwrap_err().to_string();
-        assert!(
-            told.contains("6442450944 bytes, more than the limit of 67108864"),
-            "{told}"
-        );
+        assert!(told.contains("6442450944 bytes, more than the limit of 67108864"), "{told}");
     }
 
     #[cfg(target_os = "linux")]
@@ -228,12 +189,7 @@ mod tests {
         assert!(made.unwrap().success());
         assert!(told(&pipe).contains("a pipe (FIFO)"));
         // A file that states that it is empty but is not.
-        let told = bytes(Path::new("/proc/self/mountinfo"), SMALL)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            told.contains("continues after the limit of 10 bytes"),
-            "{told}"
-        );
+        let told = bytes(Path::new("/proc/self/mountinfo"), SMALL).unwrap_err().to_string();
+        assert!(told.contains("continues after the limit of 10 bytes"), "{told}");
     }
 }

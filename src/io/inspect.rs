@@ -109,19 +109,13 @@ impl ChannelSummary {
 
     /// The time source that suits the channel best.
     pub fn best_time(&self) -> TimeSource {
-        let Traffic {
-            header, messages, ..
-        } = &*self.traffic;
+        let Traffic { header, messages, .. } = &*self.traffic;
         let suggestion = self.suggestion.as_ref();
         // For a common type the place of the stamp is known, and that the stamp is not there.
         let suggested = suggestion.is_some_and(|found| found.stamped && found.fields.is_some());
         let stamped = header.count == *messages || (header.count == 0 && suggested);
         let unset = header.count > 0 && (header.first, header.last) == (0, 0);
-        if stamped && !unset {
-            TimeSource::Header
-        } else {
-            TimeSource::Log
-        }
+        if stamped && !unset { TimeSource::Header } else { TimeSource::Log }
     }
 }
 
@@ -202,10 +196,7 @@ pub fn inspect(
     let channels = survey.channels.into_iter();
     let mut channels: Vec<_> = channels.map(ChannelSummary::from).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
-    Ok(Inspection {
-        read_summary,
-        channels,
-    })
+    Ok(Inspection { read_summary, channels })
 }
 
 /// The values to take from a channel's messages.
@@ -366,17 +357,12 @@ impl Visitor for Survey {
                 if suggestion.is_none() && kind.schema.is_none() {
                     let fields = json_fields(&sample);
                     let bytes = fields.iter().map(String::len).sum();
-                    self.channels[place].fields = if self.has_room(bytes) {
-                        fields
-                    } else {
-                        Vec::new()
-                    };
+                    self.channels[place].fields =
+                        if self.has_room(bytes) { fields } else { Vec::new() };
                 }
                 self.channels[place].suggestion = suggestion;
             }
-            let known = before
-                .as_ref()
-                .is_some_and(|before| !before.joints.is_empty());
+            let known = before.as_ref().is_some_and(|before| !before.joints.is_empty());
             let bytes = |name: &String| name.len() + size_of::<String>();
             if known || !self.has_room(later.joints.iter().map(bytes).sum()) {
                 later.joints = Vec::new();
@@ -407,9 +393,9 @@ fn header(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Header {
         (Ok(()), Some(sec), Some(nanosec)) => {
             Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
         }
-        (Ok(()), ..) if let Value::Text(text) = value(2) => text
-            .date_time_ns()
-            .map_or(Header::Unreadable, Header::Stamp),
+        (Ok(()), ..) if let Value::Text(text) = value(2) => {
+            text.date_time_ns().map_or(Header::Unreadable, Header::Stamp)
+        }
         // JSON may leave the stamp out.
         (Ok(()), ..) if value(0) == Value::Absent => Header::None,
         _ => Header::Unreadable,
@@ -419,12 +405,9 @@ fn header(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Header {
 fn joint_names(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Vec<String> {
     let short = |name: String| name.chars().take(MOST_JOINTS).collect();
     match (reader.read(payload, row), row.value(payload, 0).texts()) {
-        (Ok(()), Some(names)) => names
-            .iter()
-            .flatten()
-            .take(MOST_JOINTS)
-            .map(|name| short(name.to_text()))
-            .collect(),
+        (Ok(()), Some(names)) => {
+            names.iter().flatten().take(MOST_JOINTS).map(|name| short(name.to_text())).collect()
+        }
         _ => Vec::new(),
     }
 }

@@ -97,9 +97,7 @@ pub struct Lake {
 impl Lake {
     /// The lake in the folder `root`, which is created when first written to.
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self {
-            store: Arc::new(Folder::new(root)),
-        }
+        Self { store: Arc::new(Folder::new(root)) }
     }
 
     /// The lake at a place: a folder, or a prefix on object storage, which has to answer.
@@ -188,8 +186,7 @@ impl Lake {
         let place = self.page(key)?.named();
         let mut html = String::new();
         let mut file = self.open(PAGES, key)?;
-        file.read_to_string(&mut html)
-            .map_err(folder_error("read", &place))?;
+        file.read_to_string(&mut html).map_err(folder_error("read", &place))?;
         Ok(html)
     }
 
@@ -266,21 +263,12 @@ impl Lake {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
         let beside = [index::ALONE, index::JOINED, index::REFUSED].map(|own| root.join(own));
-        folders.extend(
-            [index, history]
-                .into_iter()
-                .chain(beside)
-                .filter(|own| own.is_dir()),
-        );
+        folders.extend([index, history].into_iter().chain(beside).filter(|own| own.is_dir()));
         for table in subfolders(&compact)? {
             folders.extend(subfolders(&table)?);
             folders.push(table);
         }
-        Ok(folders
-            .iter()
-            .map(stale)
-            .collect::<Result<Vec<_>, _>>()?
-            .concat())
+        Ok(folders.iter().map(stale).collect::<Result<Vec<_>, _>>()?.concat())
     }
 }
 
@@ -304,19 +292,12 @@ fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
 
 /// The key of the folder of a session's runs.
 fn session_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
-    let (robot, session) = (
-        encoded("robot", &key.robot)?,
-        encoded("session", &key.session)?,
-    );
+    let (robot, session) = (encoded("robot", &key.robot)?, encoded("session", &key.session)?);
     Ok(format!("{table}/{robot}/{session}"))
 }
 
 fn encoded(part: &'static str, name: &str) -> Result<String, LakeError> {
-    name::encode(name).map_err(|length| LakeError::Name {
-        part,
-        name: name.to_owned(),
-        length,
-    })
+    name::encode(name).map_err(|length| LakeError::Name { part, name: name.to_owned(), length })
 }
 
 fn subfolders(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
@@ -325,11 +306,8 @@ fn subfolders(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
         entries => entries.and_then(Iterator::collect::<io::Result<Vec<_>>>),
     };
     let entries = entries.map_err(folder_error("list", folder))?;
-    let mut folders: Vec<_> = entries
-        .iter()
-        .map(fs::DirEntry::path)
-        .filter(|path| path.is_dir())
-        .collect();
+    let mut folders: Vec<_> =
+        entries.iter().map(fs::DirEntry::path).filter(|path| path.is_dir()).collect();
     folders.sort();
     Ok(folders)
 }

@@ -248,29 +248,16 @@ fn by_fields(fields: &[String]) -> String {
 
 /// The streams to read from the controller's log and from the tracker's.
 fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
-    let wanted = |stream, topic: &str, time| Wanted {
-        stream,
-        topic: topic.to_owned(),
-        time,
-    };
+    let wanted = |stream, topic: &str, time| Wanted { stream, topic: topic.to_owned(), time };
     let (controller, tracker) = (&mapping.controller, &mapping.tracker);
     let mut of_controller = vec![wanted(Stream::Joints, &controller.topic, controller.time)];
-    of_controller.extend(
-        mapping
-            .commanded
-            .iter()
-            .map(|c| wanted(Stream::Commands, &c.topic, c.time)),
-    );
+    of_controller
+        .extend(mapping.commanded.iter().map(|c| wanted(Stream::Commands, &c.topic, c.time)));
     let topics = tracker.topics().into_iter();
-    let mut of_tracker: Vec<Wanted> = topics
-        .map(|topic| wanted(Stream::Readings, topic, tracker.time))
-        .collect();
-    of_tracker.extend(
-        tracker
-            .temperature
-            .iter()
-            .map(|t| wanted(Stream::Temperatures, t, tracker.time)),
-    );
+    let mut of_tracker: Vec<Wanted> =
+        topics.map(|topic| wanted(Stream::Readings, topic, tracker.time)).collect();
+    of_tracker
+        .extend(tracker.temperature.iter().map(|t| wanted(Stream::Temperatures, t, tracker.time)));
     let lengths = tracker.length_topics().into_iter();
     of_tracker.extend(lengths.map(|topic| wanted(Stream::Lengths, topic, tracker.time)));
     (of_controller, of_tracker)

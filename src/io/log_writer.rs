@@ -127,10 +127,7 @@ impl TrackerLog<'_> {
         let mut log = Log::create(sink, session)?;
         let mut topics = vec![self.of_targets()?];
         if !self.references.is_empty() {
-            let topic = Topic {
-                name: "/tracker/references".to_owned(),
-                ..targets_topic()
-            };
+            let topic = Topic { name: "/tracker/references".to_owned(), ..targets_topic() };
             topics.push(named_messages(topic, self.references)?);
         }
         let temperatures = temperature_messages(self.temperatures)?;
@@ -185,10 +182,7 @@ fn encoded(
     frame: &str,
     fill: impl FnOnce(&mut Cdr) -> Result<(), LogWriteError>,
 ) -> Result<Encoded, LogWriteError> {
-    let unfit = LogWriteError::Stamp {
-        topic: topic.to_owned(),
-        ns,
-    };
+    let unfit = LogWriteError::Stamp { topic: topic.to_owned(), ns };
     let Ok(unsigned) = u64::try_from(ns) else {
         return Err(unfit);
     };
@@ -201,10 +195,7 @@ fn encoded(
     cdr.u32(rest);
     cdr.string(topic, frame)?;
     fill(&mut cdr)?;
-    Ok(Encoded {
-        ns: unsigned,
-        body: cdr.into_bytes(),
-    })
+    Ok(Encoded { ns: unsigned, body: cdr.into_bytes() })
 }
 
 fn joint_messages(
@@ -235,13 +226,7 @@ fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>, LogWriteE
         encoded("/commanded_pose", stamp.ns(), "base", |cdr| {
             push_point(cdr, &commands.positions[row]);
             let upright = [0.0, 0.0, 0.0, 1.0];
-            push_quaternion(
-                cdr,
-                commands
-                    .orientations
-                    .as_ref()
-                    .map_or(&upright, |all| &all[row]),
-            );
+            push_quaternion(cdr, commands.orientations.as_ref().map_or(&upright, |all| &all[row]));
             Ok(())
         })
     };
@@ -303,10 +288,7 @@ fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>,
             cdr.f32(0.0);
             cdr.f32(0.0);
             cdr.f32(f32::MAX);
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "the message's own resolution"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
             cdr.f32((mm / MM_PER_M) as f32);
             Ok(())
         })
@@ -351,10 +333,8 @@ impl<W: Write + Seek> Log<W> {
             .compression_threads(0)
             .compression_level(9)
             .create(sink)?;
-        writer.write_metadata(&Metadata {
-            name: "session".to_owned(),
-            metadata: session.clone(),
-        })?;
+        writer
+            .write_metadata(&Metadata { name: "session".to_owned(), metadata: session.clone() })?;
         Ok(Self { writer })
     }
 
@@ -367,12 +347,8 @@ impl<W: Write + Seek> Log<W> {
         let mut messages = Vec::new();
         for (topic, encoded) in topics {
             let definition = topic.definition.as_bytes();
-            let schema = self
-                .writer
-                .add_schema(topic.schema, "ros2msg", definition)?;
-            let channel = self
-                .writer
-                .add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
+            let schema = self.writer.add_schema(topic.schema, "ros2msg", definition)?;
+            let channel = self.writer.add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
             messages.extend(encoded.into_iter().map(|message| (message, channel)));
         }
         // A stable sort keeps the order of the topics.

@@ -297,24 +297,14 @@ impl Form {
         let is_text = kind == FileKind::Text;
         let is_sheet = kind.is_sheet();
         let given = [
-            (
-                "separator",
-                "lines of cells",
-                self.separator.is_some() && !is_text,
-            ),
+            ("separator", "lines of cells", self.separator.is_some() && !is_text),
             ("sheet", "a spreadsheet", self.sheet.is_some() && !is_sheet),
-            (
-                "header",
-                "lines of cells and sheets",
-                self.header.is_some() && !is_text,
-            ),
+            ("header", "lines of cells and sheets", self.header.is_some() && !is_text),
         ];
         match given.into_iter().find(|(_, _, wrong)| *wrong) {
-            Some((key, wanted, _)) => Err(MeasuredTableErrorKind::NotOfThisForm {
-                key,
-                wanted,
-                form: kind.name(),
-            }),
+            Some((key, wanted, _)) => {
+                Err(MeasuredTableErrorKind::NotOfThisForm { key, wanted, form: kind.name() })
+            }
             None => Ok(()),
         }
     }

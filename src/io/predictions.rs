@@ -46,10 +46,7 @@ pub struct PredictionsError {
 
 /// Reads a file of predictions.
 pub fn read(path: &Path) -> Result<Vec<PredictedStation>, PredictionsError> {
-    let wrong = |fault: String| PredictionsError {
-        path: path.to_owned(),
-        fault,
-    };
+    let wrong = |fault: String| PredictionsError { path: path.to_owned(), fault };
     let bytes = input::bytes(path, Bound::TARGETS).map_err(|error| wrong(error.to_string()))?;
     rows(&bytes).map_err(wrong)
 }
@@ -101,10 +98,7 @@ impl Header {
             0 => None,
             6 => given.try_into().ok(),
             _ => {
-                return Err(format!(
-                    "a covariance has six columns: {}",
-                    COVARIANCE.join(",")
-                ));
+                return Err(format!("a covariance has six columns: {}", COVARIANCE.join(",")));
             }
         };
         let [x, y, z] = POSITION.map(needed);
@@ -119,24 +113,17 @@ impl Header {
     fn row(&self, record: &StringRecord, line: u64) -> Result<PredictedStation, String> {
         let text = |place: usize| record.get(place).unwrap_or_default().trim();
         let number = |place: usize, name: &str| {
-            let number = text(place)
-                .parse::<f64>()
-                .ok()
-                .filter(|own| own.is_finite());
+            let number = text(place).parse::<f64>().ok().filter(|own| own.is_finite());
             number.ok_or_else(|| format!("{name} is {:?}, which is no finite number", text(place)))
         };
         let station = text(self.station);
         let station = station.parse();
         let station = station.map_err(|_| {
-            format!(
-                "station is {:?}; a number from 0 is needed",
-                text(self.station)
-            )
+            format!("station is {:?}; a number from 0 is needed", text(self.station))
         })?;
         let mut position = [0.0; 3];
-        for (value, (place, name)) in position
-            .iter_mut()
-            .zip(self.position.into_iter().zip(POSITION))
+        for (value, (place, name)) in
+            position.iter_mut().zip(self.position.into_iter().zip(POSITION))
         {
             *value = number(place, name)?;
         }
@@ -190,10 +177,8 @@ pub fn csv_of(stations: &[GivenStation]) -> io::Result<Vec<u8>> {
     for own in stations {
         let named = [own.session.clone(), own.station.to_string()].into_iter();
         let joints = own.joints.iter().map(f64::to_string);
-        let measured = (0..3).map(|axis| {
-            own.measured
-                .map_or(String::new(), |at| at[axis].to_string())
-        });
+        let measured =
+            (0..3).map(|axis| own.measured.map_or(String::new(), |at| at[axis].to_string()));
         writer.write_record(named.chain(joints).chain(measured))?;
     }
     writer.into_inner().map_err(csv::IntoInnerError::into_error)
@@ -212,10 +197,7 @@ mod tests {
         )
         .unwrap();
         assert_eq!((good[0].station, good[0].position.z), (3, -300.0));
-        assert_eq!(
-            good[0].covariance,
-            Some(Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 4.0)))
-        );
+        assert_eq!(good[0].covariance, Some(Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 4.0))));
         let fault = |text: &str| rows(text.as_bytes()).unwrap_err();
         assert_eq!(
             fault("station,x,y,z\n1,1,NaN,2\n"),

@@ -83,33 +83,20 @@ fn counted(count: usize) -> String {
 /// Those of [`input::text`].
 pub fn text(path: &Path) -> io::Result<String> {
     let is_toml = path.extension().is_some_and(|ending| ending == "toml");
-    input::text(
-        path,
-        if is_toml {
-            Bound::SETTINGS
-        } else {
-            Bound::URDF
-        },
-    )
+    input::text(path, if is_toml { Bound::SETTINGS } else { Bound::URDF })
 }
 
 /// Makes a robot file of the text of the file at `path`.
 pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, RobotFault> {
     let mut read = if is_urdf(path, text) {
         let (file, left_out) = urdf::read(path, text, selection)?;
-        Read {
-            file,
-            left_out: Some(left_out),
-        }
+        Read { file, left_out: Some(left_out) }
     } else {
         let file = toml::from_str(text).map_err(|source| RobotFault::Toml(Box::new(source)))?;
         if selection.base.is_some() || selection.tip.is_some() {
             return Err(RobotFault::NoLinks);
         }
-        Read {
-            file,
-            left_out: None,
-        }
+        Read { file, left_out: None }
     };
     if let Some(names) = &selection.joints {
         rename(&mut read.file, names)?;

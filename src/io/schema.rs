@@ -207,9 +207,8 @@ pub fn find(table: &str) -> Result<&'static TableSchema, SchemaError> {
 impl TableSchema {
     /// Reads and checks a schema file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
-        let schema: Self = toml::from_str(text).map_err(|error| SchemaError::Parse {
-            message: error.to_string(),
-        })?;
+        let schema: Self = toml::from_str(text)
+            .map_err(|error| SchemaError::Parse { message: error.to_string() })?;
         schema.check()?;
         Ok(schema)
     }
@@ -272,10 +271,7 @@ impl ColumnType {
 
     /// Whether it holds numbers, or lists of them: these have a unit.
     pub(super) const fn is_number(self) -> bool {
-        !matches!(
-            self,
-            Self::Bool | Self::String | Self::Timestamp | Self::ListString
-        )
+        !matches!(self, Self::Bool | Self::String | Self::Timestamp | Self::ListString)
     }
 
     /// Whether it holds one value, not a list.
@@ -296,10 +292,8 @@ mod tests {
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         files.sort();
-        let mut tables: Vec<_> = all()
-            .iter()
-            .map(|schema| format!("{}.toml", schema.table))
-            .collect();
+        let mut tables: Vec<_> =
+            all().iter().map(|schema| format!("{}.toml", schema.table)).collect();
         tables.sort();
         assert_eq!(files, tables);
     }

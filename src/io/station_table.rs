@@ -62,22 +62,12 @@ pub fn read(
     let at = |kind: StationTableErrorKind| kind.at(path);
     let columns = Columns::find(&table, settings).map_err(at)?;
     let own = own_rows(&table, settings, whose).map_err(at)?;
-    let file = path
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let read = rows::rows(&table, &columns, settings, &own, slides, file);
     if read.rows.rows.is_empty() {
-        return Err(at(StationTableErrorKind::nothing(
-            own.len(),
-            read.rows.rejects.first(),
-        )));
+        return Err(at(StationTableErrorKind::nothing(own.len(), read.rows.rejects.first())));
     }
-    Ok(StationTable {
-        remarks: table.remarks().to_vec(),
-        ..read
-    })
+    Ok(StationTable { remarks: table.remarks().to_vec(), ..read })
 }
 
 /// The robots and sessions that rows name, in order, and the rows that lack one of both names, by line.
@@ -157,9 +147,7 @@ impl NameColumns {
     ) -> Result<Self, StationTableErrorKind> {
         let column = |key, named: &Option<String>| {
             let named = named.as_ref();
-            named
-                .map(|column| columns::one(table, key, column))
-                .transpose()
+            named.map(|column| columns::one(table, key, column)).transpose()
         };
         Ok(Self {
             robot: column("robot", &settings.robot)?,

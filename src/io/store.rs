@@ -61,10 +61,7 @@ pub trait Store: Debug + Send + Sync {
 
     /// Opens several files as they were listed; from a slow store some are fetched at a time.
     fn open_all(&self, listed: &[Listed]) -> Vec<Result<File, StoreError>> {
-        listed
-            .iter()
-            .map(|listed| self.open_listed(listed))
-            .collect()
+        listed.iter().map(|listed| self.open_listed(listed)).collect()
     }
 
     /// The files that are `levels` folders below a folder, in the order of their names, part by part; empty where there is
@@ -119,9 +116,7 @@ pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
         #[cfg(feature = "s3")]
         Place::Url(_) => Ok(Arc::new(bucket::Bucket::from_environment(place)?)),
         #[cfg(not(feature = "s3"))]
-        Place::Url(_) => Err(StoreError::NotBuilt {
-            place: place.clone(),
-        }),
+        Place::Url(_) => Err(StoreError::NotBuilt { place: place.clone() }),
     }
 }
 

@@ -177,11 +177,7 @@ impl SessionRows {
     /// The tables that are written, in the order of the stages.
     pub fn tables(&self) -> impl Iterator<Item = &Table> {
         let motion = where_there(&self.reference_motion.table);
-        let always = [
-            &self.stations.table,
-            &self.rejects.table,
-            &self.clocks.table,
-        ];
+        let always = [&self.stations.table, &self.rejects.table, &self.clocks.table];
         always.into_iter().chain(motion)
     }
 }
@@ -269,14 +265,8 @@ impl RunRows {
             &self.compensation.table,
             &self.accuracy.table,
         ];
-        let rare = [
-            &self.sources.table,
-            &self.references.table,
-            &self.length_residuals.table,
-        ];
-        always
-            .into_iter()
-            .chain(rare.into_iter().filter_map(where_there))
+        let rare = [&self.sources.table, &self.references.table, &self.length_residuals.table];
+        always.into_iter().chain(rare.into_iter().filter_map(where_there))
     }
 }
 
@@ -293,10 +283,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     let means = stated.and_then(Compared::figures);
     let starts = || outcome.training.iter().filter_map(JoinedSession::started);
     Ending {
-        started: [
-            outcome.training.last().and_then(JoinedSession::started),
-            starts().min(),
-        ],
+        started: [outcome.training.last().and_then(JoinedSession::started), starts().min()],
         means_mm: means.map(|both| both.map(|own| own.mean)),
         means_of: stated.map(Compared::of),
         verdict: (&verdict.verdict()).into(),

@@ -46,9 +46,8 @@ pub use super::tables::words::Form;
 impl Form {
     /// The form that a file's name says.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
-        let extension = path
-            .extension()
-            .map(|extension| extension.to_string_lossy().to_lowercase());
+        let extension =
+            path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             Some("csv") => Ok(Self::Csv),
             Some("parquet") => Ok(Self::Parquet),
@@ -84,12 +83,7 @@ fn rows(path: &Path) -> Result<Rows, TargetsError> {
 
 /// Reads a file of targets; its extension determines its form.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
-    let Rows {
-        placed,
-        unused,
-        units,
-        list,
-    } = rows(path)?;
+    let Rows { placed, unused, units, list } = rows(path)?;
     if placed.is_empty() {
         return Err(TargetsErrorKind::Empty.at(path));
     }
@@ -97,20 +91,12 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let mut targets = Vec::with_capacity(placed.len());
     for (place, row) in placed {
         if let Some(first) = places.insert(row.target.clone(), place) {
-            let problem = RowProblem::SameName {
-                first,
-                target: row.target,
-            };
+            let problem = RowProblem::SameName { first, target: row.target };
             return Err(problem.at(path, place));
         }
         targets.push(row.target().map_err(|problem| problem.at(path, place))?);
     }
-    Ok(Targets {
-        targets,
-        unused,
-        units,
-        list,
-    })
+    Ok(Targets { targets, unused, units, list })
 }
 
 /// The commands in a file: each target's name with its joint angles; from a corrected file, the corrected ones without the
@@ -118,10 +104,8 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
 pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, TargetsError> {
     let rows = rows(path)?.placed.into_iter().map(|(_, row)| row);
     let refused = |row: &Row| row.table_id.is_some() && row.joints.is_none();
-    let commands: Vec<_> = rows
-        .filter(|row| !refused(row))
-        .map(|row| (row.target, row.joints))
-        .collect();
+    let commands: Vec<_> =
+        rows.filter(|row| !refused(row)).map(|row| (row.target, row.joints)).collect();
     if commands.is_empty() {
         return Err(TargetsErrorKind::Empty.at(path));
     }
@@ -165,10 +149,7 @@ const UNIT_NORM: f64 = 1e-3;
 impl Row {
     fn target(self) -> Result<Target, RowProblem> {
         if let Some(table_id) = self.table_id {
-            return Err(RowProblem::Corrected {
-                target: self.target,
-                table_id,
-            });
+            return Err(RowProblem::Corrected { target: self.target, table_id });
         }
         let position = match self.position {
             [Some(x), Some(y), Some(z)] => Some(Position::claim(Point3::new(x, y, z))),
@@ -176,9 +157,7 @@ impl Row {
             _ => return Err(RowProblem::PartOfPosition),
         };
         if position.is_none() && self.joints.is_none() {
-            return Err(RowProblem::NoPlace {
-                target: self.target,
-            });
+            return Err(RowProblem::NoPlace { target: self.target });
         }
         Ok(Target {
             orientation: orientation(self.quaternion)?,

@@ -123,10 +123,7 @@ mod tests {
         assert_eq!(failed.unwrap_err().to_string(), "no more");
         assert_eq!(count(), 0);
         write_whole(&path, |sink| sink.write_all(b"whole")).unwrap();
-        assert_eq!(
-            (fs::read(&path).unwrap().as_slice(), count()),
-            (b"whole".as_slice(), 1)
-        );
+        assert_eq!((fs::read(&path).unwrap().as_slice(), count()), (b"whole".as_slice(), 1));
         let again = write_whole(&path, |sink| sink.write_all(b"other")).unwrap_err();
         assert_eq!(again.kind(), io::ErrorKind::AlreadyExists);
         assert_eq!(fs::read(&path).unwrap(), b"whole");

@@ -41,16 +41,10 @@ pub(super) fn robust_sigma(values: &mut [f64]) -> f64 {
 /// Mean and standard deviation (n − 1) per axis, mm. Needs two positions or more.
 pub(super) fn mean_and_scatter(positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     let count = positions.len() as f64;
-    let mean = positions[0]
-        + positions
-            .iter()
-            .map(|p| p - positions[0])
-            .sum::<Vector3<f64>>()
-            / count;
-    let squares = positions
-        .iter()
-        .map(|p| (p - mean).component_mul(&(p - mean)))
-        .sum::<Vector3<f64>>();
+    let mean =
+        positions[0] + positions.iter().map(|p| p - positions[0]).sum::<Vector3<f64>>() / count;
+    let squares =
+        positions.iter().map(|p| (p - mean).component_mul(&(p - mean))).sum::<Vector3<f64>>();
     (mean, (squares / (count - 1.0)).map(f64::sqrt))
 }
 
@@ -68,9 +62,7 @@ pub fn mean_orientation(quaternions: &[[f64; 4]]) -> Option<(UnitQuaternion<f64>
             break;
         }
     }
-    let squares: f64 = rotation_vectors(&orientations, &mean)
-        .map(|v| v.norm_squared())
-        .sum();
+    let squares: f64 = rotation_vectors(&orientations, &mean).map(|v| v.norm_squared()).sum();
     Some((mean, (squares / (3.0 * (count - 1.0))).sqrt()))
 }
 
@@ -83,9 +75,7 @@ fn rotation_vectors(
     orientations: &[UnitQuaternion<f64>],
     mean: &UnitQuaternion<f64>,
 ) -> impl Iterator<Item = Vector3<f64>> {
-    orientations
-        .iter()
-        .map(|orientation| (mean.inverse() * orientation).scaled_axis())
+    orientations.iter().map(|orientation| (mean.inverse() * orientation).scaled_axis())
 }
 
 #[cfg(test)]
@@ -115,12 +105,7 @@ mod tests {
     #[test]
     fn orientations_of_either_sign_average_on_the_sphere() {
         let about_z = |angle: f64, sign: f64| {
-            [
-                0.0,
-                0.0,
-                sign * (angle / 2.0).sin(),
-                sign * (angle / 2.0).cos(),
-            ]
+            [0.0, 0.0, sign * (angle / 2.0).sin(), sign * (angle / 2.0).cos()]
         };
         // q and −q are one orientation: 0.1, 0.2 and 0.3 about z average to 0.2, a tenth away each.
         let quaternions = [about_z(0.1, 1.0), about_z(0.2, -1.0), about_z(0.3, 1.0)];

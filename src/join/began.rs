@@ -29,30 +29,18 @@ pub fn began(clock: &ClockModel) -> Option<Began> {
 impl Began {
     /// The day: `2026-11-22`.
     pub fn day(&self) -> String {
-        self.at
-            .to_string()
-            .chars()
-            .take("2026-11-22".len())
-            .collect()
+        self.at.to_string().chars().take("2026-11-22".len()).collect()
     }
 
     /// Day and time to the minute: `2026-11-22 08:30`.
     fn minute(&self) -> String {
-        self.at
-            .to_string()
-            .chars()
-            .take("2026-11-22 08:30".len())
-            .collect()
+        self.at.to_string().chars().take("2026-11-22 08:30".len()).collect()
     }
 }
 
 impl fmt::Display for Began {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let clock = if self.by_tracker {
-            ", by the tracker's clock"
-        } else {
-            ""
-        };
+        let clock = if self.by_tracker { ", by the tracker's clock" } else { "" };
         write!(f, "{} UTC{clock}", self.minute())
     }
 }
@@ -66,11 +54,7 @@ mod tests {
     const MORNING_NS: i64 = 1_795_336_200_250_000_000;
 
     fn clock(origin_ns: i64, offset_ns: f64) -> ClockModel {
-        ClockModel {
-            origin: Stamp::from_ns(origin_ns),
-            offset_ns,
-            drift: 0.0,
-        }
+        ClockModel { origin: Stamp::from_ns(origin_ns), offset_ns, drift: 0.0 }
     }
 
     #[test]
@@ -84,10 +68,7 @@ mod tests {
     fn the_trackers_clock_tells_it_where_the_controllers_counts_from_its_start() {
         // 42 s after the controller was switched on.
         let found = began(&clock(42_000_000_000, MORNING_NS as f64)).expect("a date");
-        assert_eq!(
-            found.to_string(),
-            "2026-11-22 08:30 UTC, by the tracker's clock"
-        );
+        assert_eq!(found.to_string(), "2026-11-22 08:30 UTC, by the tracker's clock");
         assert_eq!(found.day(), "2026-11-22");
     }
 

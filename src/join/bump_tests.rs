@@ -15,11 +15,8 @@ use crate::ingest::{Recording, TargetReadings};
 
 const STATIONS: usize = 60;
 /// References on the floor in the instrument's frame, mm.
-const FLOOR: [[f64; 3]; 3] = [
-    [3000.0, 200.0, -700.0],
-    [2200.0, -2100.0, -720.0],
-    [4100.0, -1300.0, -650.0],
-];
+const FLOOR: [[f64; 3]; 3] =
+    [[3000.0, 200.0, -700.0], [2200.0, -2100.0, -720.0], [4100.0, -1300.0, -650.0]];
 
 /// A bump at a moment of controller time: everything is read elsewhere from there on.
 #[derive(Clone, Copy)]
@@ -33,10 +30,7 @@ impl Bump {
     fn before(scene: &Scene, station: usize, mm: f64, deg: f64) -> Self {
         let along = Vector3::new(0.6, -0.64, 0.48) * mm;
         let about = Vector3::new(0.48, 0.6, 0.64) * deg.to_radians();
-        Self {
-            at_s: scene.starts_s()[station] - 0.4,
-            by: Isometry3::new(along, about),
-        }
+        Self { at_s: scene.starts_s()[station] - 0.4, by: Isometry3::new(along, about) }
     }
 
     fn put_on(&self, scene: &Scene, readings: &mut TargetReadings) {
@@ -54,9 +48,7 @@ fn references(scene: &Scene, recording: &Recording, count: usize) -> Vec<Referen
     let read = named.map(|(place, at)| {
         let mut rng = ChaCha8Rng::seed_from_u64(scene.seed ^ (0xf100 + place as u64));
         let stamps = recording.readings.stamps.clone();
-        let positions = stamps
-            .iter()
-            .map(|_| at.map(|x| x + 0.02 * gaussian(&mut rng)));
+        let positions = stamps.iter().map(|_| at.map(|x| x + 0.02 * gaussian(&mut rng)));
         ReferenceReadings {
             name: format!("F{}", place + 1),
             on: StandsOn::Floor,
@@ -78,10 +70,7 @@ fn joined(scene: &Scene, bumps: &[Bump], count: usize) -> Joined {
     for bump in bumps {
         bump.put_on(scene, &mut recording.readings);
         for own in &mut beside {
-            let mut moved = own
-                .readings
-                .read(0..own.readings.count())
-                .expect("in memory");
+            let mut moved = own.readings.read(0..own.readings.count()).expect("in memory");
             bump.put_on(scene, &mut moved);
             own.readings = Box::new(moved);
         }
@@ -89,10 +78,7 @@ fn joined(scene: &Scene, bumps: &[Bump], count: usize) -> Joined {
     let joined = join_beside(&recording, beside, &arm, &JoinSettings::default());
     let mut joined = joined.unwrap_or_else(|error| panic!("{error}"));
     let of_references = |own: &JoinReject| own.is_of_reference;
-    let beside: Vec<JoinReject> = joined
-        .rejects
-        .extract_if(.., |own| of_references(own))
-        .collect();
+    let beside: Vec<JoinReject> = joined.rejects.extract_if(.., |own| of_references(own)).collect();
     check_conservation(&recording, &joined);
     joined.rejects.extend(beside);
     joined
@@ -111,14 +97,9 @@ fn off_mm(scene: &Scene, joined: &Joined) -> Vec<f64> {
 }
 
 fn bumps(joined: &Joined) -> Vec<(f64, f64)> {
-    let events = joined
-        .references
-        .iter()
-        .flat_map(|own| &own.followed.events);
+    let events = joined.references.iter().flat_map(|own| &own.followed.events);
     let bumps = events.filter_map(|event| match event {
-        Event::Bump {
-            shift_mm, turn_rad, ..
-        } => Some((*shift_mm, turn_rad.to_degrees())),
+        Event::Bump { shift_mm, turn_rad, .. } => Some((*shift_mm, turn_rad.to_degrees())),
         _ => None,
     });
     bumps.collect()
@@ -143,15 +124,8 @@ fn three_references_carry_the_readings_across_a_bump_of_any_size() {
         let joined = joined(&scene, &[Bump::before(&scene, at, mm, deg)], 3);
         let found = bumps(&joined);
         assert_eq!(found.len(), 1, "{mm} mm, {deg} deg: {found:?}");
-        assert!(
-            (found[0].1 - deg).abs() < 0.01,
-            "{mm} mm, {deg} deg: {found:?}"
-        );
-        assert!(
-            paired(&joined) >= STATIONS - 1,
-            "{mm} mm, {deg} deg: {}",
-            paired(&joined)
-        );
+        assert!((found[0].1 - deg).abs() < 0.01, "{mm} mm, {deg} deg: {found:?}");
+        assert!(paired(&joined) >= STATIONS - 1, "{mm} mm, {deg} deg: {}", paired(&joined));
         let worst = off_mm(&scene, &joined).into_iter().fold(0.0, f64::max);
         assert!(worst < 0.1, "{mm} mm, {deg} deg: {worst} mm");
         assert!(joined.elsewhere.is_empty());
@@ -177,11 +151,7 @@ fn one_reference_leaves_the_larger_part() {
         let joined = joined(&scene, &[Bump::before(&scene, at, 200.0, 1.0)], 1);
         assert_eq!(bumps(&joined).len(), 1);
         let larger = at.max(STATIONS - at);
-        assert!(
-            (larger - 1..=larger).contains(&paired(&joined)),
-            "{}",
-            paired(&joined)
-        );
+        assert!((larger - 1..=larger).contains(&paired(&joined)), "{}", paired(&joined));
         assert!(moved(&joined) + paired(&joined) >= STATIONS - 1);
         let reasons = joined.rejects.iter();
         let said = reasons.filter(|own| own.reason.starts_with("instrument_moved"));
@@ -191,20 +161,12 @@ fn one_reference_leaves_the_larger_part() {
 
 #[test]
 fn a_bump_that_no_reference_tells_is_named_and_the_larger_part_is_joined() {
-    for (seed, at, mm, deg) in [
-        (50, 40, 200.0, 1.0),
-        (51, 15, 80.0, 2.0),
-        (52, 30, 500.0, 3.0),
-        (53, 30, 120.0, 0.0),
-    ] {
+    for (seed, at, mm, deg) in
+        [(50, 40, 200.0, 1.0), (51, 15, 80.0, 2.0), (52, 30, 500.0, 3.0), (53, 30, 120.0, 0.0)]
+    {
         let scene = Scene::random(STATIONS, seed);
         let joined = joined(&scene, &[Bump::before(&scene, at, mm, deg)], 0);
-        let [
-            Elsewhere {
-                stations, turn_rad, ..
-            },
-        ] = joined.elsewhere[..]
-        else {
+        let [Elsewhere { stations, turn_rad, .. }] = joined.elsewhere[..] else {
             panic!("{at}, {mm} mm, {deg} deg: {:?}", joined.elsewhere);
         };
         let smaller = match at.cmp(&(STATIONS - at)) {
@@ -215,15 +177,9 @@ fn a_bump_that_no_reference_tells_is_named_and_the_larger_part_is_joined() {
         assert_eq!(stations, smaller, "{mm} mm");
         assert!((turn_rad.to_degrees() - deg).abs() < 0.2, "{turn_rad}");
         let larger = at.max(STATIONS - at);
-        assert_eq!(
-            (paired(&joined), moved(&joined)),
-            (larger, STATIONS - larger)
-        );
+        assert_eq!((paired(&joined), moved(&joined)), (larger, STATIONS - larger));
         let said = joined.elsewhere[0].words();
-        assert!(
-            said.contains("three references that are not in line"),
-            "{said}"
-        );
+        assert!(said.contains("three references that are not in line"), "{said}");
     }
 }
 

@@ -57,11 +57,7 @@ struct Mark {
 pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
     let edges = edges(dwells, pairs);
     let by_edges = edges.len() >= MIN_EDGES;
-    let marks = if by_edges {
-        edges
-    } else {
-        middles(dwells, pairs)
-    };
+    let marks = if by_edges { edges } else { middles(dwells, pairs) };
     let centre_s = marks.iter().map(|mark| mark.at_s).sum::<f64>() / marks.len() as f64;
     let mut weights = vec![1.0; marks.len()];
     let mut line = Line::fit(&marks, &weights, centre_s);
@@ -80,18 +76,11 @@ pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Re
 fn edges(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
     let mark = |arm: Option<f64>, target: Option<f64>, side: f64| {
         let at_s = arm?;
-        Some(Mark {
-            at_s,
-            ahead_s: target? - at_s,
-            side,
-        })
+        Some(Mark { at_s, ahead_s: target? - at_s, side })
     };
     let both = |pair: &Pair| {
         let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
-        [
-            mark(arm.arrived_s, target.arrived_s, 1.0),
-            mark(arm.left_s, target.left_s, -1.0),
-        ]
+        [mark(arm.arrived_s, target.arrived_s, 1.0), mark(arm.left_s, target.left_s, -1.0)]
     };
     pairs.iter().flat_map(both).flatten().collect()
 }
@@ -100,11 +89,7 @@ fn middles(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
     let middle = |pair: &Pair| {
         let at_s = dwells.arm[pair.arm].span.middle_s();
         let ahead_s = dwells.target[pair.target].span.middle_s() - at_s;
-        Mark {
-            at_s,
-            ahead_s,
-            side: 0.0,
-        }
+        Mark { at_s, ahead_s, side: 0.0 }
     };
     pairs.iter().map(middle).collect()
 }
@@ -125,14 +110,9 @@ impl Line {
             normal += row * row.transpose() * weight;
             right += row * (mark.ahead_s * weight);
         }
-        let inverse = normal
-            .try_inverse()
-            .expect("priors and at least one weight make it positive definite");
-        Self {
-            unknowns: inverse * right,
-            inverse,
-            centre_s,
-        }
+        let inverse =
+            normal.try_inverse().expect("priors and at least one weight make it positive definite");
+        Self { unknowns: inverse * right, inverse, centre_s }
     }
 
     fn row(mark: &Mark, centre_s: f64) -> Vector3<f64> {
@@ -164,10 +144,7 @@ impl Line {
         let drift = self.unknowns[1];
         let span_s = span_s(marks).max(1.0);
         Refined {
-            relation: Relation {
-                offset_s: self.unknowns[0] - drift * self.centre_s,
-                drift,
-            },
+            relation: Relation { offset_s: self.unknowns[0] - drift * self.centre_s, drift },
             offset_se_s: (variance * leverage + unseen).sqrt(),
             drift_se: (variance * self.inverse[(1, 1)] + 2.0 * unseen / (span_s * span_s)).sqrt(),
             matched,
@@ -189,11 +166,7 @@ fn tukey_weights(marks: &[Mark], line: &Line) -> Vec<f64> {
     let cut_s = TUKEY * (SIGMA_PER_MAD * median(&mut sizes)).max(LEAST_SCALE_S);
     let weight = |residual: &f64| {
         let share = (residual / cut_s).powi(2);
-        if share < 1.0 {
-            (1.0 - share).powi(2)
-        } else {
-            0.0
-        }
+        if share < 1.0 { (1.0 - share).powi(2) } else { 0.0 }
     };
     residuals.iter().map(weight).collect()
 }
@@ -208,11 +181,7 @@ mod tests {
             let at_s = 20.0 * k as f64;
             let side = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             let wrong_s = if k % 9 == 4 { 1.0 } else { 0.0 };
-            Mark {
-                at_s,
-                ahead_s: 5.0 + 40e-6 * at_s + 0.010 * side + wrong_s,
-                side,
-            }
+            Mark { at_s, ahead_s: 5.0 + 40e-6 * at_s + 0.010 * side + wrong_s, side }
         };
         (0..100).map(mark).collect()
     }
@@ -227,10 +196,7 @@ mod tests {
             line = Line::fit(&marks, &weights, 990.0);
         }
         let refined = line.summary(&marks, &weights, [0.02, 0.05], true);
-        assert!(
-            (refined.relation.offset_s - 5.0).abs() < 1e-6,
-            "{refined:?}"
-        );
+        assert!((refined.relation.offset_s - 5.0).abs() < 1e-6, "{refined:?}");
         assert!((refined.relation.drift - 40e-6).abs() < 1e-9, "{refined:?}");
         assert_eq!(refined.matched, 89); // 100 without 4, 13, … 94
         // The residuals show nothing of the sampling, so all of it is in the error: √((0.02² + 0.05²)/12) = 15.5 ms.

@@ -53,9 +53,7 @@ pub(super) fn in_force(
     for rule in [&by_end, &by_middle, &by_start] {
         let placed = placed(dwells, rule);
         if let Some((median_mm, placement)) = placed
-            && best
-                .as_ref()
-                .is_none_or(|(least, ..)| 2.0 * median_mm < *least)
+            && best.as_ref().is_none_or(|(least, ..)| 2.0 * median_mm < *least)
         {
             best = Some((median_mm, placement, rule));
         }
@@ -69,10 +67,7 @@ pub(super) fn in_force(
             let near = dwells.iter().zip(rule).map(near);
             near.map(|stated| stated.map(Command::from)).collect()
         }
-        _ => by_end
-            .into_iter()
-            .map(|stated| stated.map(Command::from))
-            .collect(),
+        _ => by_end.into_iter().map(|stated| stated.map(Command::from)).collect(),
     })
 }
 
@@ -84,9 +79,7 @@ fn last_before(
 ) -> Result<Vec<Option<Stated>>, PosesError> {
     let last = |dwell: &Occasion| {
         let moment = moment(dwell);
-        let row = commands
-            .count_while(&|stamp| stamp <= moment)?
-            .checked_sub(1);
+        let row = commands.count_while(&|stamp| stamp <= moment)?.checked_sub(1);
         let stated = row.map(|row| Stated::read(commands, row)).transpose()?;
         // A command with NaN or huge coordinates is ignored.
         Ok(stated.filter(|stated| stated.position.iter().all(|x| x.abs() < FARTHEST_MM)))
@@ -128,8 +121,5 @@ fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placemen
 }
 
 const fn reading(dwell: &Occasion, stated: &Stated) -> ReadingAtFlange {
-    ReadingAtFlange {
-        flange: dwell.flange,
-        attained: stated.position,
-    }
+    ReadingAtFlange { flange: dwell.flange, attained: stated.position }
 }

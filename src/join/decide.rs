@@ -63,10 +63,7 @@ fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
     let middle = dwells.target.len() / 2;
     let halves = [0..middle, middle..dwells.target.len()];
     let of_half = |rows: Range<usize>| {
-        let half = Dwells {
-            arm: dwells.arm,
-            target: &dwells.target[rows.clone()],
-        };
+        let half = Dwells { arm: dwells.arm, target: &dwells.target[rows.clone()] };
         let mut decision = decided(half, gate_mm).ok()?;
         let support = decision.support.iter_mut();
         support.for_each(|pair| pair.target += rows.start);
@@ -77,13 +74,7 @@ fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
     };
     let found = halves.into_iter().filter_map(of_half);
     // Of equal halves the first.
-    found.reduce(|a, b| {
-        if b.support.len() > a.support.len() {
-            b
-        } else {
-            a
-        }
-    })
+    found.reduce(|a, b| if b.support.len() > a.support.len() { b } else { a })
 }
 
 fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
@@ -93,17 +84,11 @@ fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     };
     // Even under a shift by one row of a grid the target's position on the flange is found right, and with it moves are
     // distinguished to millimetres: the right shift may be missing among the coarse candidates.
-    let at_target = Ruler::at_target(
-        dwells,
-        first.candidate.placement.target_mm,
-        first.candidate.median_mm,
-    );
+    let at_target =
+        Ruler::at_target(dwells, first.candidate.placement.target_mm, first.candidate.median_mm);
     let fine = candidates(dwells, &at_target);
-    let all = merged(
-        fine,
-        coarse.into_iter().map(|ranked| ranked.candidate),
-        dwells.session_middle_s(),
-    );
+    let all =
+        merged(fine, coarse.into_iter().map(|ranked| ranked.candidate), dwells.session_middle_s());
     let tried = all.len();
     let mut ranked = ranked(all, gate_mm).into_iter();
     let (winner, rival) = (ranked.next(), ranked.next());
@@ -120,10 +105,7 @@ fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
 
 fn candidates(dwells: Dwells, ruler: &Ruler) -> Vec<Candidate> {
     let fitted = |relation| Candidate::of(dwells, relation);
-    relations(dwells, ruler)
-        .into_iter()
-        .filter_map(fitted)
-        .collect()
+    relations(dwells, ruler).into_iter().filter_map(fitted).collect()
 }
 
 /// The candidates of both rulers, each relation once.
@@ -134,10 +116,7 @@ fn merged(
 ) -> Vec<Candidate> {
     for other in others {
         let ahead_s = other.relation.ahead_s(middle_s);
-        if candidates
-            .iter()
-            .all(|c| (c.relation.ahead_s(middle_s) - ahead_s).abs() > SAME_S)
-        {
+        if candidates.iter().all(|c| (c.relation.ahead_s(middle_s) - ahead_s).abs() > SAME_S) {
             candidates.push(other);
         }
     }
@@ -155,11 +134,7 @@ fn ranked(candidates: Vec<Candidate>, gate_mm: f64) -> Vec<Ranked> {
     let reach_mm = (REACH * least_median).max(LEAST_REACH_MM).min(gate_mm);
     let mut ranked: Vec<Ranked> = candidates
         .into_iter()
-        .map(|candidate| Ranked {
-            support: candidate.support(reach_mm),
-            reach_mm,
-            candidate,
-        })
+        .map(|candidate| Ranked { support: candidate.support(reach_mm), reach_mm, candidate })
         .collect();
     ranked.sort_by(|a, b| {
         let nearer = a.candidate.median_mm.total_cmp(&b.candidate.median_mm);
@@ -216,20 +191,11 @@ impl Candidate {
         let placement = Placement::fit(&spread)?;
         let distances_mm: Vec<f64> = readings.iter().map(|s| placement.distance_mm(s)).collect();
         let median_mm = median(&mut distances_mm.clone());
-        Some(Self {
-            relation,
-            pairs,
-            placement,
-            distances_mm,
-            median_mm,
-        })
+        Some(Self { relation, pairs, placement, distances_mm, median_mm })
     }
 
     fn support(&self, reach_mm: f64) -> usize {
-        self.distances_mm
-            .iter()
-            .filter(|&&distance| distance <= reach_mm)
-            .count()
+        self.distances_mm.iter().filter(|&&distance| distance <= reach_mm).count()
     }
 }
 

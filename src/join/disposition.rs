@@ -77,10 +77,7 @@ pub struct Dispositions {
 impl Dispositions {
     /// All of `readings` readings as moving.
     pub fn new(readings: usize) -> Self {
-        Self {
-            runs: BTreeMap::from([(0, Disposition::Moving)]),
-            end: readings,
-        }
+        Self { runs: BTreeMap::from([(0, Disposition::Moving)]), end: readings }
     }
 
     /// Sets the disposition of some rows.
@@ -170,24 +167,16 @@ mod tests {
     /// Runs set at random places equal an array with a disposition for each reading.
     #[test]
     fn runs_equal_an_array_with_a_disposition_for_each_reading() {
-        const DISPOSITIONS: [Disposition; 4] = [
-            Disposition::Kept,
-            Disposition::Outlier,
-            Disposition::Missing,
-            Disposition::Settling,
-        ];
+        const DISPOSITIONS: [Disposition; 4] =
+            [Disposition::Kept, Disposition::Outlier, Disposition::Missing, Disposition::Settling];
         let mut state = 1_u64;
         let mut next = |below: usize| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             usize::try_from(state >> 33).expect("31 bits") % below
         };
         for readings in [0, 1, 2, 50] {
-            let (mut dispositions, mut each) = (
-                Dispositions::new(readings),
-                vec![Disposition::Moving; readings],
-            );
+            let (mut dispositions, mut each) =
+                (Dispositions::new(readings), vec![Disposition::Moving; readings]);
             for _ in 0..300 {
                 let (a, b) = (next(readings + 1), next(readings + 1));
                 let (rows, disposition) =

@@ -7,18 +7,10 @@ use crate::ingest::{JointSamples, Recording, TargetReadings};
 #[test]
 fn equal_dwells_pair_at_any_offset_and_drift() {
     // Hours, years, either sign, and the largest drift an oscillator has.
-    for (offset_s, drift) in [
-        (0.0, 0.0),
-        (-4.131, -100e-6),
-        (3.6e4, 100e-6),
-        (-1.6e9, 25e-6),
-        (4.0e8, -60e-6),
-    ] {
-        let scene = Scene {
-            offset_s,
-            drift,
-            ..Scene::random(60, 1)
-        };
+    for (offset_s, drift) in
+        [(0.0, 0.0), (-4.131, -100e-6), (3.6e4, 100e-6), (-1.6e9, 25e-6), (4.0e8, -60e-6)]
+    {
+        let scene = Scene { offset_s, drift, ..Scene::random(60, 1) };
         let joined = scene.joined(&scene.record(&ur10()));
         assert_eq!((joined.stations.len(), paired(&joined)), (60, 60));
         // Edges are sampled in step: 20 ms and 50 ms intervals leave up to half of the larger one.
@@ -54,10 +46,7 @@ fn a_lost_beam_leaves_stations_without_readings() {
     scene.keep_readings(&mut recording, |at_s| !lost(at_s));
     let joined = scene.joined(&recording);
     assert_eq!(paired(&joined), 60);
-    assert_eq!(
-        joined.stations[7].pairing,
-        Pairing::Unmeasured(Unmeasured::NoReadings)
-    );
+    assert_eq!(joined.stations[7].pairing, Pairing::Unmeasured(Unmeasured::NoReadings));
 }
 
 #[test]
@@ -79,23 +68,12 @@ fn zeros_are_missing_and_a_wrong_reflector_is_refused() {
     }
     let joined = scene.joined(&recording);
     assert_eq!(joined.counts.missing, 28); // 1.4 s at 20 Hz
-    assert_eq!(
-        joined.stations[20].pairing,
-        Pairing::Unmeasured(Unmeasured::NoReadings)
-    );
+    assert_eq!(joined.stations[20].pairing, Pairing::Unmeasured(Unmeasured::NoReadings));
     for wrong in [3, 30, 31, 32, 40] {
-        assert_eq!(
-            joined.stations[wrong].pairing,
-            Pairing::Unmeasured(Unmeasured::WrongTarget)
-        );
+        assert_eq!(joined.stations[wrong].pairing, Pairing::Unmeasured(Unmeasured::WrongTarget));
     }
     assert_eq!(paired(&joined), 44);
-    assert!(
-        joined
-            .rejects
-            .iter()
-            .any(|reject| reject.reason.contains("another reflector"))
-    );
+    assert!(joined.rejects.iter().any(|reject| reject.reason.contains("another reflector")));
 }
 
 #[test]
@@ -105,9 +83,7 @@ fn readings_taken_only_while_stationary_pair_without_any_edge() {
     let starts_s = scene.starts_s();
     // Six readings in the middle of each dwell.
     scene.keep_readings(&mut recording, |at_s| {
-        starts_s
-            .iter()
-            .any(|start| (start + 0.4..start + 0.7).contains(&at_s))
+        starts_s.iter().any(|start| (start + 0.4..start + 0.7).contains(&at_s))
     });
     let joined = scene.joined(&recording);
     assert!(paired(&joined) >= 59, "{}", paired(&joined)); // the first dwell is longer than the others
@@ -133,11 +109,7 @@ fn other_rates_and_noise_change_nothing() {
         };
         let joined = scene.joined(&scene.record(&ur10()));
         assert_eq!(joined.stations.len(), 30, "{arm_hz} Hz");
-        assert_eq!(
-            paired(&joined),
-            30,
-            "{arm_hz} and {tracker_hz} Hz, {noise_mm} mm"
-        );
+        assert_eq!(paired(&joined), 30, "{arm_hz} and {tracker_hz} Hz, {noise_mm} mm");
     }
 }
 
@@ -166,18 +138,13 @@ fn extra_target_dwells_belong_to_no_station() {
 
 #[test]
 fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
-    let scene = Scene {
-        noise_rad: 2e-7,
-        ..Scene::random(50, 9)
-    };
+    let scene = Scene { noise_rad: 2e-7, ..Scene::random(50, 9) };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
     for start_s in &starts_s {
         let spike_s = start_s + 0.6;
-        let near = recording
-            .readings
-            .stamps
-            .partition_point(|s| scene.controller_s(s.ns()) < spike_s);
+        let near =
+            recording.readings.stamps.partition_point(|s| scene.controller_s(s.ns()) < spike_s);
         recording.readings.positions[near][2] += 0.7;
     }
     let JointSamples { stamps, angles } = &mut recording.joints;
@@ -211,10 +178,7 @@ fn logs_of_two_sessions_are_refused() {
     recording.readings = Scene::random(40, 12).record(&ur10()).readings;
     let error =
         join_recorded(&recording, &ur10(), &JoinSettings::default()).expect_err("strangers");
-    assert!(
-        matches!(error, JoinError::NoCommonPattern { .. }),
-        "{error}"
-    );
+    assert!(matches!(error, JoinError::NoCommonPattern { .. }), "{error}");
 }
 
 #[test]
@@ -254,9 +218,7 @@ fn bad_input_is_an_error_that_names_it() {
     let scene = Scene::random(20, 14);
     let good = scene.record(&arm);
     let fails = |recording: &Recording, settings: &JoinSettings, says: &str| {
-        let error = join_recorded(recording, &arm, settings)
-            .expect_err(says)
-            .to_string();
+        let error = join_recorded(recording, &arm, settings).expect_err(says).to_string();
         assert!(error.contains(says), "{error:?} does not say {says:?}");
     };
     let defaults = JoinSettings::default();
@@ -265,37 +227,16 @@ fn bad_input_is_an_error_that_names_it() {
     bad.joints.angles.row_mut(7)[3] = f64::NAN;
     fails(&bad, &defaults, "wrist_1_joint");
     let mut bad = good.clone();
-    bad.readings
-        .positions
-        .iter_mut()
-        .for_each(|position| *position = [0.0; 3]);
+    bad.readings.positions.iter_mut().for_each(|position| *position = [0.0; 3]);
     fails(&bad, &defaults, "tracker log: 0 dwells in 0 samples");
     let mut bad = good.clone();
     bad.readings.stamps.swap(3, 4);
     fails(&bad, &defaults, "decrease at row 4");
     let mut bad = good.clone();
-    bad.readings
-        .positions
-        .iter_mut()
-        .flatten()
-        .for_each(|x| *x /= 1000.0);
+    bad.readings.positions.iter_mut().flatten().for_each(|x| *x /= 1000.0);
     fails(&bad, &defaults, "positions in mm");
-    fails(
-        &good,
-        &JoinSettings {
-            settle_s: Some(f64::NAN),
-            ..defaults.clone()
-        },
-        "settle_s = NaN",
-    );
-    fails(
-        &good,
-        &JoinSettings {
-            min_readings: 1,
-            ..defaults.clone()
-        },
-        "min_readings = 1",
-    );
+    fails(&good, &JoinSettings { settle_s: Some(f64::NAN), ..defaults.clone() }, "settle_s = NaN");
+    fails(&good, &JoinSettings { min_readings: 1, ..defaults.clone() }, "min_readings = 1");
     let mut bad = good.clone();
     bad.readings.positions[30] = [f64::NAN, 0.0, 0.0];
     bad.readings.positions[31] = [f64::INFINITY, 1e300, 0.0];
@@ -375,18 +316,11 @@ fn a_station_commanded_twice_in_place_is_one_dwell() {
 
 #[test]
 fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
-    let scene = Scene {
-        noise_rad: 1e-5,
-        ..Scene::random(50, 24)
-    };
+    let scene = Scene { noise_rad: 1e-5, ..Scene::random(50, 24) };
     let mut recording = scene.record(&ur10());
     let frozen = recording.joints.angles.row(0).to_vec();
     for row in 0..60 {
-        recording
-            .joints
-            .angles
-            .row_mut(row)
-            .copy_from_slice(&frozen);
+        recording.joints.angles.row_mut(row).copy_from_slice(&frozen);
     }
     // Every seventh joint sample and every ninth reading never arrived.
     let joints = &mut recording.joints;
@@ -416,26 +350,18 @@ fn readings<'r>(
     scene: &'r Scene,
     recording: &'r mut Recording,
 ) -> impl Iterator<Item = (f64, &'r mut [f64; 3])> {
-    let TargetReadings {
-        stamps, positions, ..
-    } = &mut recording.readings;
+    let TargetReadings { stamps, positions, .. } = &mut recording.readings;
     let at_s = stamps.iter().map(|stamp| scene.controller_s(stamp.ns()));
     at_s.zip(positions)
 }
 
 #[test]
 fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
-    let scene = Scene {
-        tracker_hz: 100.0,
-        noise_mm: 0.005,
-        ..Scene::random(40, 25)
-    };
+    let scene = Scene { tracker_hz: 100.0, noise_mm: 0.005, ..Scene::random(40, 25) };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
     for (at_s, position) in readings(&scene, &mut recording) {
-        let here = starts_s
-            .partition_point(|&start| start <= at_s)
-            .saturating_sub(1);
+        let here = starts_s.partition_point(|&start| start <= at_s).saturating_sub(1);
         let age_s = at_s - starts_s[here];
         if here > 0 && age_s < 1.0 {
             // 0.2 mm at 12 Hz, with a decay time of 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
@@ -444,19 +370,12 @@ fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
     }
     let joined = scene.joined(&recording);
     assert_eq!(paired(&joined), 40);
-    assert!(
-        (0.12..0.35).contains(&joined.found.settle_s),
-        "{}",
-        joined.found.settle_s
-    );
+    assert!((0.12..0.35).contains(&joined.found.settle_s), "{}", joined.found.settle_s);
 }
 
 #[test]
 fn a_target_that_moves_while_the_arm_is_stationary_is_reported() {
-    let scene = Scene {
-        dwell_s: vec![2.0; 40],
-        ..Scene::random(40, 26)
-    };
+    let scene = Scene { dwell_s: vec![2.0; 40], ..Scene::random(40, 26) };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
     for (at_s, position) in readings(&scene, &mut recording) {
@@ -470,10 +389,7 @@ fn a_target_that_moves_while_the_arm_is_stationary_is_reported() {
         }
     }
     let joined = scene.joined(&recording);
-    assert_eq!(
-        joined.stations[15].pairing,
-        Pairing::Unmeasured(Unmeasured::TargetMoved)
-    );
+    assert_eq!(joined.stations[15].pairing, Pairing::Unmeasured(Unmeasured::TargetMoved));
     assert_eq!(joined.stations[25].pairing, Pairing::Ambiguous);
     assert_eq!(paired(&joined), 38);
 }
@@ -486,17 +402,7 @@ fn few_stations_are_enough_and_fewer_are_refused() {
     let scene = Scene::random(5, 28);
     let error =
         join_recorded(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
-    assert!(
-        matches!(
-            error,
-            JoinError::TooFewDwells {
-                found: 5,
-                needed: 6,
-                ..
-            }
-        ),
-        "{error}"
-    );
+    assert!(matches!(error, JoinError::TooFewDwells { found: 5, needed: 6, .. }), "{error}");
 }
 
 #[test]
@@ -506,11 +412,7 @@ fn many_sessions_of_any_seed_pair_wholly() {
         scene.noise_mm = [0.005, 0.02, 0.1][seed % 3];
         scene.move_s = [0.5, 0.8, 1.7, 4.0][seed % 4];
         let joined = scene.joined(&scene.record(&ur10()));
-        assert_eq!(
-            (joined.stations.len(), paired(&joined)),
-            (40, 40),
-            "seed {seed}"
-        );
+        assert_eq!((joined.stations.len(), paired(&joined)), (40, 40), "seed {seed}");
     }
 }
 
@@ -523,11 +425,8 @@ fn a_bad_arm_a_far_target_lost_beams_and_wrong_reflectors_at_once() {
         scene.noise_mm = 0.05;
         let mut recording = scene.record(&ur10());
         let starts_s = scene.starts_s();
-        let station = |at_s: f64| {
-            starts_s
-                .partition_point(|&start| start - 0.4 <= at_s)
-                .saturating_sub(1)
-        };
+        let station =
+            |at_s: f64| starts_s.partition_point(|&start| start - 0.4 <= at_s).saturating_sub(1);
         for (at_s, position) in readings(&scene, &mut recording) {
             if (station(at_s) + seed) % 7 == 3 {
                 position[0] -= 340.0;
@@ -535,13 +434,7 @@ fn a_bad_arm_a_far_target_lost_beams_and_wrong_reflectors_at_once() {
         }
         scene.keep_readings(&mut recording, |at_s| (station(at_s) + seed) % 5 != 1);
         let joined = scene.joined(&recording);
-        let expected = (0..80)
-            .filter(|k| (k + seed) % 5 != 1 && (k + seed) % 7 != 3)
-            .count();
-        assert_eq!(
-            (joined.stations.len(), paired(&joined)),
-            (80, expected),
-            "seed {seed}"
-        );
+        let expected = (0..80).filter(|k| (k + seed) % 5 != 1 && (k + seed) % 7 != 3).count();
+        assert_eq!((joined.stations.len(), paired(&joined)), (80, expected), "seed {seed}");
     }
 }

@@ -82,9 +82,7 @@ pub(super) fn added(
             let Some(station) = joined.stations.get_mut(number) else {
                 continue;
             };
-            let middle = reading
-                .first
-                .plus_ns(reading.last.since_ns(reading.first) / 2);
+            let middle = reading.first.plus_ns(reading.last.since_ns(reading.first) / 2);
             reading.source = SourceId(place + 1);
             reading.temperature_c = nearest(&input.temperatures, middle);
             station.pairing = Pairing::Paired;
@@ -114,10 +112,7 @@ impl<'a> Dwelling<'a> {
             let departure = clock.to_tracker(station.end);
             [arrival, arrival.plus_ns(settle_ns), departure]
         };
-        Self {
-            windows: joined.stations.iter().map(window).collect(),
-            settings,
-        }
+        Self { windows: joined.stations.iter().map(window).collect(), settings }
     }
 
     /// The means of an instrument, how many of its readings are what, and those left out.
@@ -158,13 +153,8 @@ impl<'a> Dwelling<'a> {
         let to = own.readings.count_while(&|stamp| stamp <= departure)?;
         let rows = from..to.max(from);
         let readings = own.readings.read(rows.clone())?;
-        let seen = Seen {
-            rows: rows.clone(),
-            readings,
-        };
-        let measured = rows
-            .clone()
-            .filter(|&row| own.is_reading(seen.position(row)[0]));
+        let seen = Seen { rows: rows.clone(), readings };
+        let measured = rows.clone().filter(|&row| own.is_reading(seen.position(row)[0]));
         Ok((
             first..from.min(to).max(first),
             Settled {
@@ -209,9 +199,7 @@ impl<'a> Dwelling<'a> {
         dispositions.set_each(each.map(|(row, keep)| (*row, disposition(*keep))));
         let (&first, &last) = (used.first()?, used.last()?);
         enough.then(|| {
-            let lengths = used
-                .iter()
-                .map(|&place| Vector3::from(settled.lengths[place]));
+            let lengths = used.iter().map(|&place| Vector3::from(settled.lengths[place]));
             let (mean, scatter) = mean_and_scatter(&lengths.collect::<Vec<_>>());
             let length = MeanLength {
                 mm: mean.x,
@@ -322,11 +310,7 @@ mod tests {
                 1050.0
             }
             Some(dwell) => {
-                let off = if number.is_multiple_of(2) {
-                    0.02
-                } else {
-                    -0.02
-                };
+                let off = if number.is_multiple_of(2) { 0.02 } else { -0.02 };
                 2.0_f64.mul_add(dwell as f64, 1000.0 + off)
             }
         };
@@ -340,10 +324,7 @@ mod tests {
                 panic!("a distance");
             };
             let wanted_mm = 2.0_f64.mul_add(*number as f64, 1000.0);
-            assert!(
-                (length.mm - wanted_mm).abs() < 0.021,
-                "{number}: {length:?}"
-            );
+            assert!((length.mm - wanted_mm).abs() < 0.021, "{number}: {length:?}");
             assert!(length.sd_mm > 0.03 && length.sd_mm < 0.04, "{length:?}");
         }
         let total = counts.kept
@@ -359,11 +340,7 @@ mod tests {
         assert_eq!(counts.kept, kept as u64);
         let rejected: u64 = rejects.iter().map(|own| own.readings).sum();
         assert_eq!(rejected + counts.kept, total);
-        assert!(
-            rejects
-                .iter()
-                .all(|own| own.reason.starts_with("length \"wire\": "))
-        );
+        assert!(rejects.iter().all(|own| own.reason.starts_with("length \"wire\": ")));
     }
 
     /// Whether the reading of this number is two seconds behind the arrival at station 5.

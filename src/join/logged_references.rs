@@ -74,20 +74,10 @@ pub(super) fn followed(
         runs.extend(found);
         joined.rejects.extend(rejects);
     }
-    let names: Vec<_> = references
-        .iter()
-        .map(|own| (own.name.clone(), own.on))
-        .collect();
+    let names: Vec<_> = references.iter().map(|own| (own.name.clone(), own.on)).collect();
     let looks = looks(&joined.stations, &joined.clock.model, &runs);
-    let stops: Vec<Stop<'_>> = (1..)
-        .zip(&looks)
-        .map(|(line, own)| own.stop(line))
-        .collect();
-    let origin = Origin {
-        file: "",
-        is_timed: true,
-        is_logged: true,
-    };
+    let stops: Vec<Stop<'_>> = (1..).zip(&looks).map(|(line, own)| own.stop(line)).collect();
+    let origin = Origin { file: "", is_timed: true, is_logged: true };
     joined.read_references = read(&stops, &names);
     let (mut courses, rejects) = courses(&stops, &names, &origin);
     let left_out = rejects.into_iter().filter_map(|reject| {
@@ -146,11 +136,7 @@ impl<'a> Looking<'a> {
     fn new(stations: &[Station], clock: &ClockModel, settings: &'a JoinSettings) -> Self {
         let dwells = stations.iter();
         let dwells = dwells.map(|own| (clock.to_tracker(own.start), clock.to_tracker(own.end)));
-        Self {
-            dwells: dwells.collect(),
-            look_ns: LOOK_NS,
-            settings,
-        }
+        Self { dwells: dwells.collect(), look_ns: LOOK_NS, settings }
     }
 
     fn when(&self, at: Stamp<Tracker>) -> When {
@@ -218,13 +204,7 @@ impl LeftOut {
 
     fn reject(&self, reason: String) -> Option<JoinReject> {
         let (start, end) = self.span.filter(|_| self.readings > 0)?;
-        Some(JoinReject {
-            start,
-            end,
-            readings: self.readings,
-            is_of_reference: true,
-            reason,
-        })
+        Some(JoinReject { start, end, readings: self.readings, is_of_reference: true, reason })
     }
 }
 
@@ -300,10 +280,8 @@ impl Gathering {
         let scatters: Vec<f64> = self.runs.iter().map(|run| run.scatter_mm).collect();
         let usual_mm = median(&scatters).unwrap_or(0.0);
         let reach_mm = self.mad_factor * usual_mm.max(RESOLUTION_MM);
-        let (still, moved): (Vec<Run>, Vec<Run>) = self
-            .runs
-            .into_iter()
-            .partition(|run| run.scatter_mm <= reach_mm);
+        let (still, moved): (Vec<Run>, Vec<Run>) =
+            self.runs.into_iter().partition(|run| run.scatter_mm <= reach_mm);
         let left_out = [
             (self.missing, "without a measurement"),
             (self.outliers, "far from the others of their look"),
@@ -337,11 +315,7 @@ impl Run {
 
     /// Its mean as the reading of a look.
     fn row(&self, line: u64) -> RowReference {
-        RowReference {
-            reference: self.reference,
-            line,
-            position: self.position,
-        }
+        RowReference { reference: self.reference, line, position: self.position }
     }
 }
 
@@ -403,11 +377,6 @@ fn between_ns(clock: &ClockModel, runs: &[(u64, &Run)]) -> i64 {
 impl Look {
     /// The look as one that is followed, with its number from 1 in the place of a line.
     fn stop(&self, line: u64) -> Stop<'_> {
-        Stop {
-            row: self.station,
-            line,
-            at_ns: self.at_ns,
-            references: &self.references,
-        }
+        Stop { row: self.station, line, at_ns: self.at_ns, references: &self.references }
     }
 }

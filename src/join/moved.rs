@@ -41,13 +41,7 @@ pub struct Elsewhere {
 impl Elsewhere {
     /// What was found, and what follows, as text.
     pub fn words(&self) -> String {
-        let Self {
-            stations: [first, last],
-            readings,
-            shift_mm,
-            turn_rad,
-            left_mm,
-        } = self;
+        let Self { stations: [first, last], readings, shift_mm, turn_rad, left_mm } = self;
         format!(
             "the instrument or the base was moved: {readings} readings of stations {first} to {last} are {shift_mm:.1} mm away from the \
              arm's place at the others, and agree with it to {left_mm:.1} mm after a turn of {:.2} mrad and a shift; no reference tells the \
@@ -79,10 +73,7 @@ impl Stretch {
         placement: &Placement,
         stations: [usize; 2],
     ) -> Elsewhere {
-        let away = self
-            .readings
-            .iter()
-            .map(|&own| placement.distance_mm(&readings[own]));
+        let away = self.readings.iter().map(|&own| placement.distance_mm(&readings[own]));
         let by = self.base * placement.tracker_from_base.inverse();
         Elsewhere {
             stations,
@@ -148,10 +139,7 @@ fn grown(
             break;
         }
     }
-    let left: Vec<f64> = own
-        .iter()
-        .map(|own| away_mm(&readings[*own], placement, &base))
-        .collect();
+    let left: Vec<f64> = own.iter().map(|own| away_mm(&readings[*own], placement, &base)).collect();
     let spread_mm = spread_mm(own.iter().map(|own| at_base(&readings[*own], placement)));
     (spread_mm > SPREAD * gate_mm)
         .then(|| Stretch {

@@ -33,12 +33,7 @@ pub(super) fn observe(
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    let (seen, _) = observe_lanes(
-        std::slice::from_ref(readings),
-        arm_stationary,
-        arm,
-        settings,
-    )?;
+    let (seen, _) = observe_lanes(std::slice::from_ref(readings), arm_stationary, arm, settings)?;
     Ok(seen)
 }
 
@@ -50,17 +45,9 @@ pub(super) fn observe_lanes(
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<(Observation, Vec<usize>), JoinError> {
-    enough(
-        "controller",
-        arm_stationary,
-        ("rad", "stationary_rad"),
-        settings,
-    )?;
+    enough("controller", arm_stationary, ("rad", "stationary_rad"), settings)?;
     let arm_dwells = arm_dwells(arm_stationary, arm);
-    let most = lanes
-        .iter()
-        .map(Readings::stationary)
-        .max_by_key(|own| own.stretches.len());
+    let most = lanes.iter().map(Readings::stationary).max_by_key(|own| own.stretches.len());
     let none = Stationary::default();
     let most = most.unwrap_or(&none);
     enough("tracker", most, ("mm", "stationary_mm"), settings)?;
@@ -90,10 +77,7 @@ pub(super) fn observe_lanes(
 impl Observation {
     /// The dwells of both logs.
     pub fn dwells(&self) -> Dwells<'_> {
-        Dwells {
-            arm: &self.arm,
-            target: &self.target,
-        }
+        Dwells { arm: &self.arm, target: &self.target }
     }
 
     /// The usual standard deviation of a stationary reading per axis, mm.
@@ -136,10 +120,7 @@ pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<()
     let mut pairs = temperatures.stamps.windows(2);
     match pairs.position(|pair| pair[1] < pair[0]) {
         None => Ok(()),
-        Some(before) => Err(JoinError::OutOfOrder {
-            samples,
-            row: before + 1,
-        }),
+        Some(before) => Err(JoinError::OutOfOrder { samples, row: before + 1 }),
     }
 }
 

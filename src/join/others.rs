@@ -46,8 +46,7 @@ impl<'a> Other<'a> {
         settings: &JoinSettings,
     ) -> Result<Vec<Self>, JoinError> {
         let read = others.iter().enumerate().filter(|(_, own)| own.count() > 0);
-        read.map(|(place, own)| Self::of(TargetId(place + 1), &**own, settings))
-            .collect()
+        read.map(|(place, own)| Self::of(TargetId(place + 1), &**own, settings)).collect()
     }
 
     /// A target and its readings.
@@ -57,11 +56,7 @@ impl<'a> Other<'a> {
         settings: &JoinSettings,
     ) -> Result<Self, JoinError> {
         let readings = Readings::find(own, settings)?;
-        Ok(Self {
-            target,
-            dwells: target_dwells(&readings)?,
-            readings,
-        })
+        Ok(Self { target, dwells: target_dwells(&readings)?, readings })
     }
 
     /// Adds this target's readings to the stations; returns how many of them are what, and those left out.
@@ -104,10 +99,7 @@ impl<'a> Other<'a> {
     fn evidence<'e>(&'e self, found: &'e Found<'e>) -> Option<Evidence<'e>> {
         let pairs = self.dwells.iter().filter_map(|own| {
             let arm = nearest(found.arm, &found.clock, own)?;
-            Some(ReadingAtFlange {
-                flange: found.arm[arm].flange,
-                attained: own.position,
-            })
+            Some(ReadingAtFlange { flange: found.arm[arm].flange, attained: own.position })
         });
         let pairs: Vec<ReadingAtFlange> = pairs.collect();
         let (placement, gate_mm) = placed(&pairs, found.settings)?;
@@ -166,8 +158,5 @@ pub(super) fn centred(
         Some((i64::midpoint(first, last) - middle) as f64)
     });
     let off_ns = median(&off.collect::<Vec<f64>>()).unwrap_or(0.0);
-    ClockModel {
-        offset_ns: clock.offset_ns + round_ns(off_ns) as f64,
-        ..clock
-    }
+    ClockModel { offset_ns: clock.offset_ns + round_ns(off_ns) as f64, ..clock }
 }

@@ -123,10 +123,7 @@ impl Evidence<'_> {
         };
         if near.iter().any(apart) {
             for index in near {
-                dispositions.set(
-                    self.part(index, &seen),
-                    Disposition::Unpaired(Why::Ambiguous),
-                );
+                dispositions.set(self.part(index, &seen), Disposition::Unpaired(Why::Ambiguous));
             }
             return Ok((Pairing::Ambiguous, None));
         }
@@ -149,16 +146,11 @@ impl Evidence<'_> {
             let controller = self.clock.origin.plus_ns(round_ns(seconds * NS_PER_S));
             self.clock.to_tracker(controller)
         };
-        Window {
-            start: moment(dwell.span.arrival_s()),
-            end: moment(dwell.span.departure_s()),
-        }
+        Window { start: moment(dwell.span.arrival_s()), end: moment(dwell.span.departure_s()) }
     }
 
     fn candidates(&self, window: Window) -> Vec<usize> {
-        let from = self
-            .target
-            .partition_point(|dwell| dwell.end < window.start);
+        let from = self.target.partition_point(|dwell| dwell.end < window.start);
         let begun = |&index: &usize| self.target[index].start <= window.end;
         let overlaps = |&index: &usize| {
             let TargetDwell { start, end, .. } = self.target[index];
@@ -166,10 +158,7 @@ impl Evidence<'_> {
             let shorter = end.since_ns(start).min(window.end.since_ns(window.start));
             common > shorter / 2
         };
-        (from..self.target.len())
-            .take_while(begun)
-            .filter(overlaps)
-            .collect()
+        (from..self.target.len()).take_while(begun).filter(overlaps).collect()
     }
 
     fn why_nothing(&self, window: Window, seen: &Seen) -> Result<Unmeasured, JoinError> {
@@ -196,9 +185,7 @@ impl Evidence<'_> {
     /// not the dwell.
     fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
         let parts = near.iter().map(|&target| self.part(target, seen));
-        parts
-            .reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
-            .unwrap_or(0..0)
+        parts.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(0..0)
     }
 
     fn reading(
@@ -223,15 +210,8 @@ impl Evidence<'_> {
             (true, true) => Disposition::Kept,
         };
         let of_settled = settled.iter().copied().zip(keep.iter().copied());
-        dispositions.set_each(
-            of_settled
-                .clone()
-                .map(|(row, keep)| (row, disposition(keep))),
-        );
-        let used: Vec<usize> = of_settled
-            .filter(|(_, keep)| *keep)
-            .map(|(row, _)| row)
-            .collect();
+        dispositions.set_each(of_settled.clone().map(|(row, keep)| (row, disposition(keep))));
+        let used: Vec<usize> = of_settled.filter(|(_, keep)| *keep).map(|(row, _)| row).collect();
         enough.then(|| self.mean(&used, seen))
     }
 
@@ -245,13 +225,10 @@ impl Evidence<'_> {
             let used: Vec<_> = used.iter().map(|row| orientations[place(row)]).collect();
             mean_orientation(&used)
         });
-        let stated = all
-            .covariances
-            .as_ref()
-            .map_or_else(PoseCovariance::default, |stated| {
-                let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
-                covariances::mean(&used)
-            });
+        let stated = all.covariances.as_ref().map_or_else(PoseCovariance::default, |stated| {
+            let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
+            covariances::mean(&used)
+        });
         let (first, last) = (seen.stamp(used[0]), seen.stamp(used[used.len() - 1]));
         let point = MeanPoint {
             position: Point3::from(mean),

@@ -41,8 +41,7 @@ pub struct Relation {
 impl Relation {
     /// Tracker seconds at controller seconds.
     pub fn to_tracker(self, controller_s: f64) -> f64 {
-        self.drift
-            .mul_add(controller_s, controller_s + self.offset_s)
+        self.drift.mul_add(controller_s, controller_s + self.offset_s)
     }
 
     /// Time by which the tracker is ahead at controller seconds, s.
@@ -89,11 +88,7 @@ impl Ruler {
     /// The comparison at the flange: the target may be some hundred mm from it, so the tolerance is half of a usual move.
     pub fn at_flange(dwells: Dwells) -> Self {
         Self {
-            points: dwells
-                .arm
-                .iter()
-                .map(|dwell| dwell.flange.translation.vector)
-                .collect(),
+            points: dwells.arm.iter().map(|dwell| dwell.flange.translation.vector).collect(),
             tolerance_mm: 0.5 * usual_move_mm(dwells.target),
         }
     }
@@ -140,31 +135,19 @@ fn blocks(targets: usize) -> Vec<std::ops::Range<usize>> {
     let count = if free == 0 { 1 } else { BLOCKS };
     let mut firsts: Vec<usize> = (0..count).map(|k| free * k / (count - 1).max(1)).collect();
     firsts.dedup();
-    firsts
-        .into_iter()
-        .map(|first| first..first + length)
-        .collect()
+    firsts.into_iter().map(|first| first..first + length).collect()
 }
 
 /// The offsets (s) under which the block agrees best with the arm's dwells, best first.
 fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f64> {
-    let part = Dwells {
-        target: &dwells.target[block],
-        ..dwells
-    };
+    let part = Dwells { target: &dwells.target[block], ..dwells };
     let ends = [0, part.target.len() / 2, part.target.len() - 1];
     let least = (part.target.len().min(part.arm.len()) / 2).max(MIN_PAIRS);
     let mut scored = Vec::new();
     for anchor in ends.map(|index| &part.target[index].span) {
         for dwell in dwells.arm {
             for offset_s in alignments(&dwell.span, anchor) {
-                let pairs = overlaps(
-                    part,
-                    Relation {
-                        offset_s,
-                        drift: 0.0,
-                    },
-                );
+                let pairs = overlaps(part, Relation { offset_s, drift: 0.0 });
                 if pairs.len() >= least {
                     scored.push((agreement(part, &pairs, ruler), offset_s));
                 }
@@ -180,9 +163,7 @@ fn alignments(arm: &Span, target: &Span) -> impl Iterator<Item = f64> {
     let end = target.departure_s() - arm.departure_s();
     let spread = (start - end).abs() > SAME_S / 2.0;
     let middle = f64::midpoint(start, end);
-    [Some(middle), spread.then_some(start), spread.then_some(end)]
-        .into_iter()
-        .flatten()
+    [Some(middle), spread.then_some(start), spread.then_some(end)].into_iter().flatten()
 }
 
 /// The best scored items that are [`SAME_S`] or more apart, best first; none that scored below half of the best.
@@ -194,10 +175,7 @@ fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) ->
         if chosen.len() == most || score < least {
             break;
         }
-        if chosen
-            .iter()
-            .all(|other| (at_s(other) - at_s(&candidate)).abs() > SAME_S)
-        {
+        if chosen.iter().all(|other| (at_s(other) - at_s(&candidate)).abs() > SAME_S) {
             chosen.push(candidate);
         }
     }
@@ -219,9 +197,7 @@ pub(super) fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
         let end_s = relation.to_tracker(a.span.end_s);
         let common = end_s.min(t.span.end_s) - start_s.max(t.span.start_s);
         let shorter = (end_s - start_s).min(t.span.end_s - t.span.start_s);
-        let taken = pairs
-            .last()
-            .is_some_and(|p| p.arm == arm || p.target == target);
+        let taken = pairs.last().is_some_and(|p| p.arm == arm || p.target == target);
         if common > shorter / 2.0 && !taken {
             pairs.push(Pair { arm, target });
         }
@@ -244,17 +220,13 @@ fn agreement(dwells: Dwells, pairs: &[Pair], ruler: &Ruler) -> f64 {
         let difference = length(arm(from), arm(to)) - length(target(from), target(to));
         (1.0 - difference.abs() / ruler.tolerance_mm).max(0.0)
     };
-    LAGS.iter()
-        .map(|&lag| moves(lag).map(agree).sum::<f64>())
-        .sum()
+    LAGS.iter().map(|&lag| moves(lag).map(agree).sum::<f64>()).sum()
 }
 
 /// The median length of the target's moves, mm; at least one.
 fn usual_move_mm(targets: &[TargetDwell]) -> f64 {
-    let mut lengths: Vec<f64> = targets
-        .windows(2)
-        .map(|pair| (pair[1].position - pair[0].position).norm())
-        .collect();
+    let mut lengths: Vec<f64> =
+        targets.windows(2).map(|pair| (pair[1].position - pair[0].position).norm()).collect();
     median(&mut lengths).max(1.0)
 }
 
@@ -264,10 +236,7 @@ fn grow(dwells: Dwells, block: std::ops::Range<usize>, offset_s: f64) -> Relatio
     let centre_s = f64::midpoint(target_s(block.start), target_s(block.end - 1)) - offset_s;
     let mut reach_s = (target_s(block.end - 1) - target_s(block.start)).max(1.0);
     let whole_s = dwells.arm.last().map_or(0.0, |dwell| dwell.span.end_s);
-    let mut relation = Relation {
-        offset_s,
-        drift: 0.0,
-    };
+    let mut relation = Relation { offset_s, drift: 0.0 };
     loop {
         let lags: Vec<(f64, f64)> = overlaps(dwells, relation)
             .iter()
@@ -300,10 +269,7 @@ fn refit(lags: &[(f64, f64)], centre_s: f64, before: Relation) -> Relation {
     let residual = |lag: &(f64, f64), relation: Relation| lag.1 - relation.ahead_s(lag.0);
     let mut relation = before;
     for _ in 0..3 {
-        let mut sizes: Vec<f64> = lags
-            .iter()
-            .map(|lag| residual(lag, relation).abs())
-            .collect();
+        let mut sizes: Vec<f64> = lags.iter().map(|lag| residual(lag, relation).abs()).collect();
         let scale_s = (1.5 * median(&mut sizes)).max(1e-3);
         let weight =
             |lag: &(f64, f64)| (scale_s / residual(lag, relation).abs().max(1e-9)).min(1.0);
@@ -324,10 +290,7 @@ fn refit(lags: &[(f64, f64)], centre_s: f64, before: Relation) -> Relation {
         }
         let drift = (s0 * r1 - s1 * r0) / determinant;
         let centre_ahead_s = (s2 * r0 - s1 * r1) / determinant;
-        relation = Relation {
-            offset_s: centre_ahead_s - drift * centre_s,
-            drift,
-        };
+        relation = Relation { offset_s: centre_ahead_s - drift * centre_s, drift };
     }
     relation
 }

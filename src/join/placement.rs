@@ -71,20 +71,14 @@ impl Placement {
         }
         let stride = readings.len().div_ceil(FAR_READINGS).max(1);
         let spread: Vec<ReadingAtFlange> = readings.iter().step_by(stride).copied().collect();
-        let mut starts: Vec<Self> = far_targets()
-            .filter_map(|target| Self::start(&spread, target))
-            .collect();
+        let mut starts: Vec<Self> =
+            far_targets().filter_map(|target| Self::start(&spread, target)).collect();
         starts.sort_by(|a, b| a.median_mm(&spread).total_cmp(&b.median_mm(&spread)));
         let far = starts.into_iter().take(FAR_STARTS);
-        let far = far.filter_map(|start| {
-            start
-                .refined(&spread, FAR_ROUNDS)?
-                .refined(readings, ROUNDS)
-        });
+        let far =
+            far.filter_map(|start| start.refined(&spread, FAR_ROUNDS)?.refined(readings, ROUNDS));
         let median_mm = |placement: &Self| placement.median_mm(readings);
-        near.into_iter()
-            .chain(far)
-            .min_by(|a, b| median_mm(a).total_cmp(&median_mm(b)))
+        near.into_iter().chain(far).min_by(|a, b| median_mm(a).total_cmp(&median_mm(b)))
     }
 
     /// The placement after at most so many rounds.
@@ -109,15 +103,9 @@ impl Placement {
     /// The starting placement: Kabsch's closed form with the target at this place.
     fn start(readings: &[ReadingAtFlange], target_mm: Vector3<f64>) -> Option<Self> {
         let to: Vec<_> = readings.iter().map(|s| Point3::from(s.attained)).collect();
-        let from: Vec<_> = readings
-            .iter()
-            .map(|s| s.flange * Point3::from(target_mm))
-            .collect();
+        let from: Vec<_> = readings.iter().map(|s| s.flange * Point3::from(target_mm)).collect();
         let tracker_from_base = align(&to, &from, &vec![1.0; to.len()])?;
-        Some(Self {
-            tracker_from_base,
-            target_mm,
-        })
+        Some(Self { tracker_from_base, target_mm })
     }
 
     /// The Gauss–Newton step: translation and rotation of the base, then the target.
@@ -146,12 +134,8 @@ impl Placement {
         let rotation = self.tracker_from_base.rotation.to_rotation_matrix();
         let turned = rotation.matrix() * reading.flange.rotation.to_rotation_matrix().matrix();
         let mut jacobian = SMatrix::<f64, 3, 9>::zeros();
-        jacobian
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&Matrix3::identity());
-        jacobian
-            .fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&-arm.cross_matrix());
+        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
         jacobian.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
         (jacobian, reading.attained - predicted)
     }
@@ -181,9 +165,7 @@ fn far_targets() -> impl Iterator<Item = Vector3<f64>> {
 /// The largest component of a step, mm; angles count as the motion at a distance of one metre.
 fn scaled(step: &SVector<f64, 9>) -> f64 {
     let reach_mm = |index: usize| if (3..6).contains(&index) { 1000.0 } else { 1.0 };
-    (0..9)
-        .map(|i| step[i].abs() * reach_mm(i))
-        .fold(0.0, f64::max)
+    (0..9).map(|i| step[i].abs() * reach_mm(i)).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -194,17 +176,12 @@ mod tests {
     fn readings(truth: &Placement) -> Vec<ReadingAtFlange> {
         let flange = |k: i32| {
             let t = f64::from(k);
-            let place = [
-                700.0 * (t * 0.9).sin(),
-                500.0 * (t * 1.7).cos(),
-                40.0 * (t * 2.3).sin() * t,
-            ];
+            let place =
+                [700.0 * (t * 0.9).sin(), 500.0 * (t * 1.7).cos(), 40.0 * (t * 2.3).sin() * t];
             isometry_from_rpy(place, [t * 0.7, (t * 1.3).sin(), t * 0.4])
         };
-        let reading = |k| ReadingAtFlange {
-            flange: flange(k),
-            attained: truth.predict(&flange(k)),
-        };
+        let reading =
+            |k| ReadingAtFlange { flange: flange(k), attained: truth.predict(&flange(k)) };
         (0..20).map(reading).collect()
     }
 
@@ -219,11 +196,7 @@ mod tests {
             seen[wrong].attained.z += 300.0;
         }
         let found = Placement::fit(&seen).expect("twenty poses");
-        assert!(
-            (found.target_mm - truth.target_mm).norm() < 0.1,
-            "{}",
-            found.target_mm
-        );
+        assert!((found.target_mm - truth.target_mm).norm() < 0.1, "{}", found.target_mm);
         assert!(found.median_mm(&seen) < 0.1);
     }
 
@@ -238,10 +211,7 @@ mod tests {
             let (tilt, turn) = (0.5 * (f64::from(k) * 0.7).sin(), 0.31 * f64::from(k));
             let flange = isometry_from_rpy([0.0; 3], [-1.6, 0.0, tilt])
                 * isometry_from_rpy([0.0, 0.0, -475.0], [0.0, 0.0, turn]);
-            ReadingAtFlange {
-                attained: truth.predict(&flange),
-                flange,
-            }
+            ReadingAtFlange { attained: truth.predict(&flange), flange }
         };
         let seen: Vec<ReadingAtFlange> = (0..60).map(reading).collect();
         let found = Placement::fit_far(&seen).expect("sixty poses");

@@ -124,10 +124,7 @@ pub struct Assigned {
 impl MeanPoint {
     /// The covariance that the instrument states of the pose with this position and that orientation.
     pub const fn stated_with(&self, turn: &MeanOrientation) -> PoseCovariance {
-        PoseCovariance {
-            position: self.stated_covariance,
-            turn: turn.stated_covariance,
-        }
+        PoseCovariance { position: self.stated_covariance, turn: turn.stated_covariance }
     }
 }
 
@@ -160,9 +157,7 @@ impl Value {
             position: Point3::from(inverse.translation.vector),
             scatter_mm: [0, 1, 2].map(|axis| scatter[(axis, axis)].max(0.0).sqrt()),
             stated_covariance: stated.position,
-            motion_covariance: point
-                .motion_covariance
-                .map(|own| upper(&turned(symmetric(own)))),
+            motion_covariance: point.motion_covariance.map(|own| upper(&turned(symmetric(own)))),
         };
         let turn = MeanOrientation {
             orientation: inverse.rotation,

@@ -187,11 +187,7 @@ impl Missing {
                 }
                 last => {
                     let before = last.map_or(0, |run| run.missing);
-                    self.runs.push(Run {
-                        start: row,
-                        end: row + 1,
-                        missing: before + 1,
-                    });
+                    self.runs.push(Run { start: row, end: row + 1, missing: before + 1 });
                 }
             }
         }
@@ -200,9 +196,7 @@ impl Missing {
     /// The row of a reading from its number among the measurements.
     fn row(&self, measured: usize) -> usize {
         // The number of measurements before a run is its end less the missing rows up to there.
-        let runs = self
-            .runs
-            .partition_point(|run| run.end - run.missing <= measured);
+        let runs = self.runs.partition_point(|run| run.end - run.missing <= measured);
         measured + self.runs[..runs].last().map_or(0, |run| run.missing)
     }
 }
@@ -225,10 +219,7 @@ mod tests {
         };
         let mut found = Missing::default();
         for rows in [0..6, 6..12] {
-            found.extend(&Seen {
-                readings: readings.read(rows.clone()).expect("in memory"),
-                rows,
-            });
+            found.extend(&Seen { readings: readings.read(rows.clone()).expect("in memory"), rows });
         }
         let runs: Vec<_> = found.runs.iter().map(|run| (run.start, run.end)).collect();
         assert_eq!(runs, [(0, 2), (5, 8), (9, 10)]);

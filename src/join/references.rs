@@ -351,12 +351,8 @@ impl<'a> Work<'a> {
         let motions: Vec<Motion> = motions.collect();
         let size = |ratio: f64| (ratio * noise_mm2).sqrt();
         let radius = self.shape.radius_mm;
-        let mut events: Vec<Event> = self
-            .events
-            .all
-            .iter()
-            .map(|event| self.event(event, &motions))
-            .collect();
+        let mut events: Vec<Event> =
+            self.events.all.iter().map(|event| self.event(event, &motions)).collect();
         events.sort_by_key(Event::look);
         Followed {
             places: self.places(&first, noise_mm2),
@@ -376,11 +372,7 @@ impl<'a> Work<'a> {
     /// A covariance of shift and rotation, from the rotation in mm at the radius to rad.
     fn in_radians(&self, covariance: &Matrix6<f64>) -> Matrix6<f64> {
         let unit = |i: usize| {
-            if i < 3 {
-                1.0
-            } else {
-                self.shape.radius_mm.recip()
-            }
+            if i < 3 { 1.0 } else { self.shape.radius_mm.recip() }
         };
         Matrix6::from_fn(|row, column| covariance[(row, column)] * unit(row) * unit(column))
     }
@@ -418,36 +410,21 @@ impl<'a> Work<'a> {
     fn event(&self, event: &Found, motions: &[Motion]) -> Event {
         match *event {
             Found::Jump(before) => {
-                let earlier = (0..before)
-                    .rev()
-                    .find(|&look| !self.looks[look].seen.is_empty());
+                let earlier = (0..before).rev().find(|&look| !self.looks[look].seen.is_empty());
                 let after = earlier.unwrap_or(0);
                 let (shift_mm, turn_rad) = apart(&motions[after], &motions[before]);
-                Event::Bump {
-                    after,
-                    before,
-                    shift_mm,
-                    turn_rad,
-                }
+                Event::Bump { after, before, shift_mm, turn_rad }
             }
             Found::Shock(look) => {
                 let (shift_mm, turn_rad) = apart(&motions[look.saturating_sub(1)], &motions[look]);
-                Event::Shock {
-                    look,
-                    shift_mm,
-                    turn_rad,
-                }
+                Event::Shock { look, shift_mm, turn_rad }
             }
-            Found::Stray(look, reference) => Event::Stray {
-                look,
-                reference,
-                away_mm: self.away_mm(look, reference),
-            },
-            Found::Moved(look, reference) => Event::Moved {
-                look,
-                reference,
-                by_mm: self.moved_mm(look, reference),
-            },
+            Found::Stray(look, reference) => {
+                Event::Stray { look, reference, away_mm: self.away_mm(look, reference) }
+            }
+            Found::Moved(look, reference) => {
+                Event::Moved { look, reference, by_mm: self.moved_mm(look, reference) }
+            }
         }
     }
 
@@ -466,14 +443,10 @@ impl<'a> Work<'a> {
     /// Distance between the place of a reference from a look on and its place before, mm.
     fn moved_mm(&self, look: usize, reference: ReferenceId) -> f64 {
         let places = &self.shape.places;
-        let before = look
-            .checked_sub(1)
-            .map(|before| self.events.place_of(reference, before));
+        let before = look.checked_sub(1).map(|before| self.events.place_of(reference, before));
         let before = before.and_then(|key| places.get(&key));
         let after = places.get(&(reference, look));
-        before
-            .zip(after)
-            .map_or(0.0, |(before, after)| (after - before).norm())
+        before.zip(after).map_or(0.0, |(before, after)| (after - before).norm())
     }
 }
 

@@ -94,9 +94,7 @@ impl Scene {
 
     /// True joint angles at a moment of controller time: minimum jerk between dwells.
     pub(super) fn angles(&self, starts_s: &[f64], at_s: f64) -> [f64; 6] {
-        let here = starts_s
-            .partition_point(|&start| start <= at_s)
-            .saturating_sub(1);
+        let here = starts_s.partition_point(|&start| start <= at_s).saturating_sub(1);
         let Some(&next_s) = starts_s.get(here + 1) else {
             return self.poses[here];
         };
@@ -110,11 +108,8 @@ impl Scene {
     /// True position of the target in the tracker frame, mm: the nominal arm with joint errors.
     pub fn target(&self, arm: &Arm, angles: &[f64; 6]) -> Vector3<f64> {
         let errors = [1e-3, -0.7e-3, 1.2e-3, -1e-3, 0.8e-3, 0.0];
-        let real: Vec<f64> = angles
-            .iter()
-            .zip(errors)
-            .map(|(q, error)| q + self.arm_error * error)
-            .collect();
+        let real: Vec<f64> =
+            angles.iter().zip(errors).map(|(q, error)| q + self.arm_error * error).collect();
         let tracker_from_base: Isometry3<f64> =
             isometry_from_rpy([2500.0, -900.0, 400.0], [0.02, -0.01, 2.0]);
         (tracker_from_base * arm.flange(&real).isometry() * Point3::from(self.target_mm)).coords
@@ -135,11 +130,7 @@ impl Scene {
             let reported = self.angles(&starts_s, at_s).map(|angle| {
                 let noisy = angle + self.noise_rad * gaussian(&mut rng);
                 let quantum = self.quantum_rad;
-                if quantum > 0.0 {
-                    (noisy / quantum).round() * quantum
-                } else {
-                    noisy
-                }
+                if quantum > 0.0 { (noisy / quantum).round() * quantum } else { noisy }
             });
             recording.joints.angles.push(reported);
             at_s += 1.0 / self.arm_hz;
@@ -160,17 +151,12 @@ impl Scene {
     /// Keeps the readings for which `keep(controller seconds)` holds.
     pub(super) fn keep_readings(&self, recording: &mut Recording, keep: impl Fn(f64) -> bool) {
         let readings = &mut recording.readings;
-        let kept: Vec<bool> = readings
-            .stamps
-            .iter()
-            .map(|stamp| keep(self.controller_s(stamp.ns())))
-            .collect();
+        let kept: Vec<bool> =
+            readings.stamps.iter().map(|stamp| keep(self.controller_s(stamp.ns()))).collect();
         let mut next = kept.iter();
         readings.stamps.retain(|_| *next.next().expect("one each"));
         let mut next = kept.iter();
-        readings
-            .positions
-            .retain(|_| *next.next().expect("one each"));
+        readings.positions.retain(|_| *next.next().expect("one each"));
     }
 
     /// Controller time of a tracker stamp, s.
@@ -206,11 +192,7 @@ impl Scene {
             let off_mm = (position.coords - truth).norm();
             // Six standard errors of the mean of a three-vector, plus the motion below the stationary threshold.
             let allowed_mm = 6.0 * self.noise_mm * (3.0 / reading.kept as f64).sqrt() + 0.005;
-            assert!(
-                off_mm < allowed_mm,
-                "station {}: {off_mm} mm off",
-                station.number
-            );
+            assert!(off_mm < allowed_mm, "station {}: {off_mm} mm off", station.number);
         }
     }
 
@@ -219,16 +201,8 @@ impl Scene {
         let model = joined.clock.model;
         let off_ms = (model.offset_ns - self.offset_s * NS_PER_S) / 1e6;
         let off_ppm = (model.drift - self.drift) * 1e6;
-        assert!(
-            off_ms.abs() < offset_ms,
-            "offset off by {off_ms} ms, {:?}",
-            joined.clock
-        );
-        assert!(
-            off_ppm.abs() < drift_ppm,
-            "drift off by {off_ppm} ppm, {:?}",
-            joined.clock
-        );
+        assert!(off_ms.abs() < offset_ms, "offset off by {off_ms} ms, {:?}", joined.clock);
+        assert!(off_ppm.abs() < drift_ppm, "drift off by {off_ppm} ppm, {:?}", joined.clock);
     }
 }
 
@@ -264,11 +238,7 @@ pub(super) fn join_beside(
 }
 
 pub(super) fn paired(joined: &Joined) -> usize {
-    joined
-        .stations
-        .iter()
-        .filter(|station| station.pairing == Pairing::Paired)
-        .count()
+    joined.stations.iter().filter(|station| station.pairing == Pairing::Paired).count()
 }
 
 pub(super) fn check_conservation(recording: &Recording, joined: &Joined) {
@@ -277,12 +247,8 @@ pub(super) fn check_conservation(recording: &Recording, joined: &Joined) {
     assert_eq!(counted, recording.readings.stamps.len() as u64);
     let rejected: u64 = joined.rejects.iter().map(|reject| reject.readings).sum();
     assert_eq!(rejected + c.kept, counted);
-    let kept: usize = joined
-        .stations
-        .iter()
-        .flat_map(|s| &s.readings)
-        .map(|reading| reading.kept)
-        .sum();
+    let kept: usize =
+        joined.stations.iter().flat_map(|s| &s.readings).map(|reading| reading.kept).sum();
     assert_eq!(kept as u64, c.kept);
 }
 

@@ -110,17 +110,9 @@ fn positive(key: &'static str, found: f64) -> Result<(), JoinError> {
     if found.is_finite() && found > 0.0 {
         return Ok(());
     }
-    Err(JoinError::Setting {
-        key,
-        found: found.to_string(),
-        wanted: "a finite number above 0",
-    })
+    Err(JoinError::Setting { key, found: found.to_string(), wanted: "a finite number above 0" })
 }
 
 fn positive_or_zero(key: &'static str, found: f64) -> Result<(), JoinError> {
-    if found == 0.0 {
-        Ok(())
-    } else {
-        positive(key, found)
-    }
+    if found == 0.0 { Ok(()) } else { positive(key, found) }
 }

@@ -57,10 +57,7 @@ pub(super) fn settling_s(
     // An age at which few dwells have a reading is skipped; the next one decides.
     let most = by_age.iter().map(Vec::len).max().unwrap_or(0);
     let rings = |ratios: &mut Vec<f64>| 2 * ratios.len() < most || median(ratios) > SETTLED;
-    let settled = by_age
-        .iter_mut()
-        .position(|ratios| !rings(ratios))
-        .unwrap_or(0);
+    let settled = by_age.iter_mut().position(|ratios| !rings(ratios)).unwrap_or(0);
     let sparse = (0..settled).all(|bin| 2 * by_age[bin].len() < most);
     Ok(if sparse { 0.0 } else { settled as f64 * step_s })
 }

@@ -119,10 +119,7 @@ pub fn stationary_of<T, E>(
         (Err(Forgotten { threshold }), _) => Some(threshold),
     };
     let (stationary, replayed) = find(&StationaryRule { threshold, ..*rule })?;
-    Ok((
-        stationary.expect("with one threshold no stretch is dropped"),
-        replayed,
-    ))
+    Ok((stationary.expect("with one threshold no stretch is dropped"), replayed))
 }
 
 #[cfg(test)]
@@ -144,10 +141,7 @@ mod tests {
             let moved = (within - 20).max(0) as f64 / 10.0;
             stationary as f64 + moved + 0.01 * ((k * 7919) % 11 - 5) as f64 / 5.0
         };
-        (
-            (0..300).map(|k| k * 50_000_000).collect(),
-            (0..300).map(value).collect(),
-        )
+        ((0..300).map(|k| k * 50_000_000).collect(), (0..300).map(value).collect())
     }
 
     #[test]
@@ -156,51 +150,21 @@ mod tests {
         let stationary = find_stationary(&stamps_ns, &column, 1, &RULE);
         assert_eq!(stationary.stretches.len(), 10);
         // Samples 30 to 50 are stationary: 20 in the stretch, and the first sample of the motion is still at its start.
-        assert_eq!(
-            stationary.stretches[1].stretch,
-            Stretch {
-                first: 30,
-                last: 50
-            }
-        );
+        assert_eq!(stationary.stretches[1].stretch, Stretch { first: 30, last: 50 });
         assert_eq!(stationary.interval_ns, 50_000_000);
         // Above the noise's range of 0.02, below three samples of motion, 0.2.
-        assert!(
-            (0.02..0.2).contains(&stationary.threshold),
-            "{}",
-            stationary.threshold
-        );
+        assert!((0.02..0.2).contains(&stationary.threshold), "{}", stationary.threshold);
     }
 
     #[test]
     fn a_single_spike_does_not_end_a_stretch_and_a_break_in_time_does() {
         let (mut stamps_ns, mut column) = steps();
         column[40] += 0.5;
-        stamps_ns[70..]
-            .iter_mut()
-            .for_each(|stamp| *stamp += 2_000_000_000);
+        stamps_ns[70..].iter_mut().for_each(|stamp| *stamp += 2_000_000_000);
         let stationary = find_stationary(&stamps_ns, &column, 1, &RULE);
-        assert_eq!(
-            stationary.stretches[1].stretch,
-            Stretch {
-                first: 30,
-                last: 50
-            }
-        );
-        assert_eq!(
-            stationary.stretches[2].stretch,
-            Stretch {
-                first: 60,
-                last: 69
-            }
-        );
-        assert_eq!(
-            stationary.stretches[3].stretch,
-            Stretch {
-                first: 70,
-                last: 80
-            }
-        );
+        assert_eq!(stationary.stretches[1].stretch, Stretch { first: 30, last: 50 });
+        assert_eq!(stationary.stretches[2].stretch, Stretch { first: 60, last: 69 });
+        assert_eq!(stationary.stretches[3].stretch, Stretch { first: 70, last: 80 });
     }
 
     #[test]
@@ -225,15 +189,8 @@ mod tests {
         assert_eq!(last, 2);
         // With a threshold above 1 the first 4000 merge into one, and with the next.
         assert_eq!(stationary.stretches.len(), 9000);
-        assert!(
-            (1.0..1e5).contains(&stationary.threshold),
-            "{}",
-            stationary.threshold
-        );
-        let given = StationaryRule {
-            threshold: Some(stationary.threshold),
-            ..RULE
-        };
+        assert!((1.0..1e5).contains(&stationary.threshold), "{}", stationary.threshold);
+        let given = StationaryRule { threshold: Some(stationary.threshold), ..RULE };
         assert_eq!(find_stationary(&stamps_ns, &column, 1, &given), stationary);
     }
 

@@ -72,34 +72,18 @@ impl Supposed {
             .seen
             .arm
             .iter()
-            .map(|dwell| ArmDwell {
-                flange: flange(&dwell.joints),
-                ..dwell.clone()
-            })
+            .map(|dwell| ArmDwell { flange: flange(&dwell.joints), ..dwell.clone() })
             .collect();
         let target: Vec<TargetDwell> = self
             .seen
             .target
             .iter()
-            .map(|dwell| TargetDwell {
-                position: dwell.position * scale,
-                ..dwell.clone()
-            })
+            .map(|dwell| TargetDwell { position: dwell.position * scale, ..dwell.clone() })
             .collect();
-        let decision = decide(
-            Dwells {
-                arm: &arm,
-                target: &target,
-            },
-            gate_mm,
-        )
-        .ok()?;
+        let decision = decide(Dwells { arm: &arm, target: &target }, gate_mm).ok()?;
         // Points that hardly move agree with anything.
-        let positions: Vec<Vector3<f64>> = decision
-            .support
-            .iter()
-            .map(|pair| target[pair.target].position)
-            .collect();
+        let positions: Vec<Vector3<f64>> =
+            decision.support.iter().map(|pair| target[pair.target].position).collect();
         if decision.median_mm > AGREEING * usual_distance_mm(&positions) {
             return None;
         }

@@ -159,23 +159,11 @@ impl Rows {
 
 /// The stations of a table. `counts` has each reading of a target once; those that the reader left out are missing.
 pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
-    let Rows {
-        file,
-        rows,
-        apart,
-        references,
-        mut rejects,
-    } = rows;
+    let Rows { file, rows, apart, references, mut rejects } = rows;
     let (rows, timed) = in_order(rows);
     let (mut rows, copies) = without_copies(rows, &file);
-    let mut missing = rejects
-        .iter()
-        .filter(|own| own.kind == RowItem::Reading)
-        .count() as u64;
-    missing += copies
-        .iter()
-        .map(|(_, readings)| *readings as u64)
-        .sum::<u64>();
+    let mut missing = rejects.iter().filter(|own| own.kind == RowItem::Reading).count() as u64;
+    missing += copies.iter().map(|(_, readings)| *readings as u64).sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
     let carried = carried::carry(&mut rows, &apart, &references, timed, &file);
     rejects.extend(carried.rejects);
@@ -190,23 +178,12 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     });
     let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
     let far = far.concat();
-    let by_line: BTreeMap<u64, usize> = rows
-        .iter()
-        .zip(&stations)
-        .map(|(row, station)| (row.line, station.number))
-        .collect();
-    for reject in rejects
-        .iter_mut()
-        .filter(|own| own.kind == RowItem::Reading)
-    {
-        reject.station = reject
-            .station
-            .or_else(|| by_line.get(&reject.line).copied());
+    let by_line: BTreeMap<u64, usize> =
+        rows.iter().zip(&stations).map(|(row, station)| (row.line, station.number)).collect();
+    for reject in rejects.iter_mut().filter(|own| own.kind == RowItem::Reading) {
+        reject.station = reject.station.or_else(|| by_line.get(&reject.line).copied());
     }
-    let kept = stations
-        .iter()
-        .map(|station| station.measured().len() as u64)
-        .sum();
+    let kept = stations.iter().map(|station| station.measured().len() as u64).sum();
     let unpaired = unpaired + far.len() as u64;
     rejects.extend(far);
     rejects.sort_by_key(|own| own.line);
@@ -223,17 +200,8 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         references: carried.courses,
         read_references: carried.read,
         elsewhere: gates.elsewhere,
-        counts: ReadingCounts {
-            kept,
-            unpaired,
-            missing,
-            ..ReadingCounts::default()
-        },
-        found: Found {
-            stationary_rad: 0.0,
-            stationary_mm: 0.0,
-            settle_s: 0.0,
-        },
+        counts: ReadingCounts { kept, unpaired, missing, ..ReadingCounts::default() },
+        found: Found { stationary_rad: 0.0, stationary_mm: 0.0, settle_s: 0.0 },
     }
 }
 
@@ -301,14 +269,9 @@ fn without_copies(rows: Vec<Row>, file: &str) -> (Vec<Row>, Vec<(RowReject, usiz
 fn digits(row: &Row) -> Vec<u64> {
     let time = row.time_ns.map_or(0, i64::cast_unsigned);
     let readings = row.readings.iter().flat_map(|reading| {
-        let point = reading
-            .value
-            .point()
-            .map_or([0.0; 3], |point| point.position.coords.into());
+        let point = reading.value.point().map_or([0.0; 3], |point| point.position.coords.into());
         let length = reading.value.length().map_or(0.0, |length| length.mm);
-        [reading.target.0 as u64, length.to_bits()]
-            .into_iter()
-            .chain(point.map(f64::to_bits))
+        [reading.target.0 as u64, length.to_bits()].into_iter().chain(point.map(f64::to_bits))
     });
     [time]
         .into_iter()
@@ -374,11 +337,7 @@ impl<'a> Gates<'a> {
             });
             Some(found.collect::<Vec<_>>())
         });
-        Self {
-            arm,
-            elsewhere: elsewhere.find(|own| !own.is_empty()).unwrap_or_default(),
-            targets,
-        }
+        Self { arm, elsewhere: elsewhere.find(|own| !own.is_empty()).unwrap_or_default(), targets }
     }
 
     /// A row's station, and its readings that are too far from the nominal arm.
@@ -435,10 +394,8 @@ impl<'a> Gates<'a> {
     /// Distance of a reading from the nominal arm where that is too far, mm; `None` where it may be of its target.
     fn too_far(&self, flange: &Isometry3<f64>, reading: &RowReading) -> Option<f64> {
         let (placement, gate_mm) = self.targets.get(&reading.target)?.as_ref()?;
-        let away_mm = placement.distance_mm(&ReadingAtFlange {
-            flange: *flange,
-            attained: place(reading)?,
-        });
+        let away_mm =
+            placement.distance_mm(&ReadingAtFlange { flange: *flange, attained: place(reading)? });
         (away_mm > *gate_mm).then_some(away_mm)
     }
 }

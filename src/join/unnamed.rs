@@ -37,19 +37,10 @@ pub fn join_unnamed(
     let readings = lanes.iter().map(|lane| Readings::find(lane, settings));
     let readings: Vec<Readings<'_>> = readings.collect::<Result<_, _>>()?;
     let (seen, lane_of) = observe::observe_lanes(&readings, &input.joints, arm, settings)?;
-    let seen = Unnamed {
-        readings: &readings,
-        seen,
-        lane_of,
-    };
+    let seen = Unnamed { readings: &readings, seen, lane_of };
     let (clock, visits, settle_s) = seen.clock(input, stated, settings)?;
-    let mut by_target = stream::by_target(
-        &lanes,
-        (&visits, &seen.dwells()),
-        &clock.model,
-        stated,
-        settings,
-    )?;
+    let mut by_target =
+        stream::by_target(&lanes, (&visits, &seen.dwells()), &clock.model, stated, settings)?;
     let mut stations = unmeasured(&*input.commands, &seen.seen.arm)?;
     for &number in &by_target.ambiguous {
         stations[number].pairing = Pairing::Ambiguous;
@@ -124,9 +115,7 @@ impl Unnamed<'_> {
     /// The lane with the most dwells; of equal ones the first.
     fn fullest(&self) -> usize {
         let lanes = (0..self.readings.len()).rev();
-        lanes
-            .max_by_key(|lane| self.of_lane(*lane).count())
-            .unwrap_or(0)
+        lanes.max_by_key(|lane| self.of_lane(*lane).count()).unwrap_or(0)
     }
 
     /// The clocks by the visits of the arm, the logs' dwells with visits as those of the target, and the settling time.

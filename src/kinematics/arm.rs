@@ -67,10 +67,7 @@ pub(super) fn joint_map(
 /// Joints (counted from 1) whose link has Hayati's β, in the order of the chain.
 fn with_beta(chain: &Chain) -> Vec<usize> {
     let joint = |parameter| match parameter {
-        Parameter::Link {
-            joint,
-            quantity: LinkQuantity::Beta,
-        } => Some(joint),
+        Parameter::Link { joint, quantity: LinkQuantity::Beta } => Some(joint),
         _ => None,
     };
     chain.parameters().into_iter().filter_map(joint).collect()
@@ -115,11 +112,7 @@ impl Arm {
     /// The chain must read as many joint variables as there are joints.
     #[must_use]
     pub fn with_chain(&self, chain: Chain) -> Self {
-        Self {
-            parallel: with_beta(&chain),
-            chain,
-            ..self.clone()
-        }
+        Self { parallel: with_beta(&chain), chain, ..self.clone() }
     }
 
     /// The model's name.
@@ -181,13 +174,10 @@ impl Arm {
             return axis_twists.to_vec();
         };
         let column = |joint: usize| {
-            axis_twists
-                .iter()
-                .enumerate()
-                .fold(Twist::zero(), |sum, (axis, twist)| Twist {
-                    linear: sum.linear + twist.linear * map[(axis, joint)],
-                    angular: sum.angular + twist.angular * map[(axis, joint)],
-                })
+            axis_twists.iter().enumerate().fold(Twist::zero(), |sum, (axis, twist)| Twist {
+                linear: sum.linear + twist.linear * map[(axis, joint)],
+                angular: sum.angular + twist.angular * map[(axis, joint)],
+            })
         };
         (0..self.joints.len()).map(column).collect()
     }
@@ -202,10 +192,7 @@ impl Arm {
 
     /// Whether every angle lies within its joint's limits.
     pub fn within_limits(&self, joints: &[f64]) -> bool {
-        self.joints
-            .iter()
-            .zip(joints)
-            .all(|(joint, &q)| (joint.lower..=joint.upper).contains(&q))
+        self.joints.iter().zip(joints).all(|(joint, &q)| (joint.lower..=joint.upper).contains(&q))
     }
 
     fn nominal_isometry(&self, joints: &[f64]) -> Isometry3<f64> {

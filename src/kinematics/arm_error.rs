@@ -186,11 +186,7 @@ impl ArmError {
 }
 
 fn needs(missing: &[&str]) -> String {
-    if missing.is_empty() {
-        String::new()
-    } else {
-        format!("needs {}", missing.join(", "))
-    }
+    if missing.is_empty() { String::new() } else { format!("needs {}", missing.join(", ")) }
 }
 
 fn reads(missing: &[&str], unread: &[&str]) -> String {

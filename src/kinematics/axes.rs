@@ -40,10 +40,7 @@ impl Axes {
         let firsts: Vec<_> = (0..variables).map(first).collect();
         let place = |first: Option<&AxisJoint>| first.map_or(nowhere, |own| (own.origin, own.axis));
         let places = firsts.iter().copied().map(place).collect();
-        let signs: Vec<f64> = firsts
-            .iter()
-            .map(|own| own.map_or(1.0, |own| own.factor))
-            .collect();
+        let signs: Vec<f64> = firsts.iter().map(|own| own.map_or(1.0, |own| own.factor)).collect();
         let is_plain =
             |(place, joint): (usize, &AxisJoint)| !joint.slides && joint.variable == place;
         if joints.iter().enumerate().all(is_plain) {
@@ -52,10 +49,7 @@ impl Axes {
         for joint in &mut joints {
             joint.factor /= signs[joint.variable];
         }
-        Self {
-            first: places,
-            joints,
-        }
+        Self { first: places, joints }
     }
 
     /// Generalised force of a unit weight at the origin of each later variable's first joint and, last, at `end` (mm), in the
@@ -90,22 +84,14 @@ impl Axes {
         let sunk: f64 = own.map(|joint| joint.sinks(weight, down)).sum();
         let mut joints = self.joints.iter();
         let slides = joints.find(|joint| joint.variable == variable);
-        if slides.is_some_and(|joint| joint.slides) {
-            sunk
-        } else {
-            sunk / MM_PER_M
-        }
+        if slides.is_some_and(|joint| joint.slides) { sunk } else { sunk / MM_PER_M }
     }
 }
 
 impl AxisJoint {
     /// Distance that a weight sinks per unit of the variable's first joint, mm per rad or mm per mm.
     fn sinks(&self, weight: &Point3<f64>, down: &Vector3<f64>) -> f64 {
-        let moved = if self.slides {
-            self.axis
-        } else {
-            self.axis.cross(&(weight - self.origin))
-        };
+        let moved = if self.slides { self.axis } else { self.axis.cross(&(weight - self.origin)) };
         self.factor * moved.dot(down)
     }
 }
@@ -118,11 +104,7 @@ mod tests {
 
     /// A lift, a shoulder, an elbow, and a joint that turns back with the shoulder by half.
     fn chain() -> Chain {
-        let joint = |motion, joint, sign| Element::Joint {
-            motion,
-            joint,
-            sign,
-        };
+        let joint = |motion, joint, sign| Element::Joint { motion, joint, sign };
         let shift = |x, y, z| Element::Fixed(Isometry3::translation(x, y, z));
         Chain::new(vec![
             joint(Motion::Translation(Axis::Z), 0, 1.0),

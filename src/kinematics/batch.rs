@@ -52,11 +52,7 @@ impl BatchChain {
     /// When there are fewer offsets than parameters.
     pub fn new(chain: &Chain, offsets: &[f64]) -> Self {
         let (joints, end) = dh::links(chain, offsets);
-        Self {
-            joints,
-            end,
-            axes: chain.joint_count(),
-        }
+        Self { joints, end, axes: chain.joint_count() }
     }
 
     /// Positions of the end in the root frame, `[row][i]` in mm.
@@ -111,10 +107,7 @@ impl BatchChain {
     fn pose_count<C: AsRef<[f64]>>(&self, axes: &[C]) -> usize {
         assert!(axes.len() >= self.axes, "one column for each axis variable");
         let count = axes.first().map_or(0, |column| column.as_ref().len());
-        assert!(
-            axes.iter().all(|column| column.as_ref().len() == count),
-            "columns of one length"
-        );
+        assert!(axes.iter().all(|column| column.as_ref().len() == count), "columns of one length");
         count
     }
 

@@ -58,11 +58,7 @@ pub struct Chain {
 impl Chain {
     /// A chain of `elements`, from the root to the end.
     pub fn new(elements: Vec<Element>) -> Self {
-        let joints = elements
-            .iter()
-            .filter_map(Element::joint)
-            .max()
-            .map_or(0, |last| last + 1);
+        let joints = elements.iter().filter_map(Element::joint).max().map_or(0, |last| last + 1);
         Self { elements, joints }
     }
 
@@ -78,10 +74,7 @@ impl Chain {
 
     /// The free parameters in the order of the parameter vector. This function alone owns that order.
     pub fn parameters(&self) -> Vec<Parameter> {
-        self.elements
-            .iter()
-            .filter_map(Element::parameter)
-            .collect()
+        self.elements.iter().filter_map(Element::parameter).collect()
     }
 
     /// This chain with `before` in front of it and `after` behind it.
@@ -101,24 +94,13 @@ impl Chain {
     pub fn with_offsets(&self, offsets: &[f64]) -> Self {
         let mut next = offsets.iter();
         let elements = self.elements.iter().map(|element| match element {
-            Element::Free {
-                motion,
-                nominal,
-                parameter,
-            } => {
+            Element::Free { motion, nominal, parameter } => {
                 let offset = next.next().expect("one offset for each free parameter");
-                Element::Free {
-                    motion: *motion,
-                    nominal: nominal + offset,
-                    parameter: *parameter,
-                }
+                Element::Free { motion: *motion, nominal: nominal + offset, parameter: *parameter }
             }
             other => other.clone(),
         });
-        Self {
-            elements: elements.collect(),
-            joints: self.joints,
-        }
+        Self { elements: elements.collect(), joints: self.joints }
     }
 
     /// The end in the root frame at the axis variables `q` (rad or mm) with `offsets` added to the free parameters.
@@ -148,21 +130,14 @@ impl Chain {
             }
         });
         let nowhere = (Point3::origin(), Vector3::z());
-        axes.into_iter()
-            .map(|axis| axis.unwrap_or(nowhere))
-            .collect()
+        axes.into_iter().map(|axis| axis.unwrap_or(nowhere)).collect()
     }
 
     /// Origins and directions of the joints at `q` with `offsets`, in the root frame.
     pub fn axes(&self, q: &[f64], offsets: &[f64]) -> Axes {
         let mut joints = Vec::with_capacity(self.joints);
         self.walk(q, offsets, |element, frame| {
-            if let Element::Joint {
-                motion,
-                joint,
-                sign,
-            } = element
-            {
+            if let Element::Joint { motion, joint, sign } = element {
                 joints.push(AxisJoint {
                     variable: *joint,
                     slides: matches!(motion, Motion::Translation(_)),
@@ -197,11 +172,9 @@ impl Chain {
         let mut parameters = Vec::with_capacity(offsets.len());
         let end = self.walk(q, offsets, |element, frame| match element {
             Element::Fixed(_) => {}
-            Element::Joint {
-                motion,
-                joint,
-                sign,
-            } => joints.push((*joint, *sign, UnitMotion::of(*motion, frame))),
+            Element::Joint { motion, joint, sign } => {
+                joints.push((*joint, *sign, UnitMotion::of(*motion, frame)))
+            }
             Element::Free { motion, .. } => parameters.push(UnitMotion::of(*motion, frame)),
         });
         let tip = end.translation.vector;
@@ -210,11 +183,7 @@ impl Chain {
             joint_twists[joint].add(&unit.carried_to(&tip), sign);
         }
         let parameters = parameters.into_iter().map(|unit| unit.carried_to(&tip));
-        Differential {
-            end,
-            joints: joint_twists,
-            parameters: parameters.collect(),
-        }
+        Differential { end, joints: joint_twists, parameters: parameters.collect() }
     }
 
     /// Walks from the root to the end, calls `at` with each element and the frame it acts in, and returns the end.
@@ -259,28 +228,16 @@ impl Element {
     fn carry(&self, frame: &mut Isometry3<f64>, q: &[f64], offset: f64) {
         match self {
             Self::Fixed(isometry) => *frame *= isometry,
-            Self::Joint {
-                motion,
-                joint,
-                sign,
-            } => motion.carry(frame, sign * q[*joint]),
-            Self::Free {
-                motion, nominal, ..
-            } => motion.carry(frame, nominal + offset),
+            Self::Joint { motion, joint, sign } => motion.carry(frame, sign * q[*joint]),
+            Self::Free { motion, nominal, .. } => motion.carry(frame, nominal + offset),
         }
     }
 
     pub(super) fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
         match self {
             Self::Fixed(isometry) => *isometry,
-            Self::Joint {
-                motion,
-                joint,
-                sign,
-            } => motion.by(sign * q[*joint]),
-            Self::Free {
-                motion, nominal, ..
-            } => motion.by(*nominal),
+            Self::Joint { motion, joint, sign } => motion.by(sign * q[*joint]),
+            Self::Free { motion, nominal, .. } => motion.by(*nominal),
         }
     }
 }

@@ -65,11 +65,7 @@ pub struct SingularityFactors {
 
 impl Side {
     fn of(factor: f64) -> Self {
-        if factor < 0.0 {
-            Self::Minus
-        } else {
-            Self::Plus
-        }
+        if factor < 0.0 { Self::Minus } else { Self::Plus }
     }
 }
 
@@ -84,11 +80,7 @@ impl fmt::Display for Side {
 
 impl fmt::Display for Configuration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "shoulder{} elbow{} wrist{}",
-            self.shoulder, self.elbow, self.wrist
-        )
+        write!(f, "shoulder{} elbow{} wrist{}", self.shoulder, self.elbow, self.wrist)
     }
 }
 
@@ -125,19 +117,12 @@ impl SingularityFactors {
         } else {
             determinant / (elbow_mm2 * wrist) / (upper + fore)
         };
-        Some(Self {
-            shoulder,
-            elbow,
-            wrist,
-        })
+        Some(Self { shoulder, elbow, wrist })
     }
 
     /// The smallest factor: how near the nearest singularity is.
     pub fn smallest(&self) -> f64 {
-        self.shoulder
-            .abs()
-            .min(self.elbow.abs())
-            .min(self.wrist.abs())
+        self.shoulder.abs().min(self.elbow.abs()).min(self.wrist.abs())
     }
 
     /// The signs of the factors.
@@ -235,11 +220,7 @@ pub(super) fn conditioning(
 
 fn determinant(twists: &[Twist]) -> f64 {
     Matrix6::from_fn(|row, column| {
-        if row < 3 {
-            twists[column].linear[row]
-        } else {
-            twists[column].angular[row - 3]
-        }
+        if row < 3 { twists[column].linear[row] } else { twists[column].angular[row - 3] }
     })
     .determinant()
 }
@@ -255,9 +236,7 @@ mod tests {
     }
 
     fn kr210() -> Arm {
-        arm(include_str!(
-            "../../pipelines/robots/kr210-r2700-extra.toml"
-        ))
+        arm(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"))
     }
 
     fn ur10() -> Arm {
@@ -313,17 +292,11 @@ mod tests {
                 seen[0] += 1;
             }
             if least < 0.1 {
-                assert!(
-                    factors.smallest() < 0.01,
-                    "{joints:?}: {factors:?}, {least}"
-                );
+                assert!(factors.smallest() < 0.01, "{joints:?}: {factors:?}, {least}");
                 seen[1] += 1;
             }
         }
-        assert!(
-            seen.iter().all(|&n| n > 0),
-            "the walk met singularities: {seen:?}"
-        );
+        assert!(seen.iter().all(|&n| n > 0), "the walk met singularities: {seen:?}");
     }
 
     #[test]
@@ -335,19 +308,13 @@ mod tests {
     #[test]
     fn each_sign_flips_at_its_own_singularity_only() {
         let both = |arm: &Arm, before: [f64; 6], after: [f64; 6]| {
-            (
-                factors(arm, before).configuration(),
-                factors(arm, after).configuration(),
-            )
+            (factors(arm, before).configuration(), factors(arm, after).configuration())
         };
         let base = [20.0, -60.0, 80.0, 35.0, 25.0, -40.0];
         // The same pose with the wrist flipped: q4 + 180°, −q5, q6 + 180°.
         let flipped = [20.0, -60.0, 80.0, 215.0, -25.0, 140.0];
         let (before, after) = both(&kr210(), base, flipped);
-        assert_eq!(
-            (before.shoulder, before.elbow),
-            (after.shoulder, after.elbow)
-        );
+        assert_eq!((before.shoulder, before.elbow), (after.shoulder, after.elbow));
         assert_ne!(before.wrist, after.wrist);
         // The elbow is stretched where the wrist centre lies on the line through axes 2 and 3; at q3 = 0 it
         // is 41 mm below that line.
@@ -357,28 +324,19 @@ mod tests {
             [0.0, -45.0, stretched + 1.0, 0.0, 40.0, 0.0],
             [0.0, -45.0, stretched - 1.0, 0.0, 40.0, 0.0],
         );
-        assert_eq!(
-            (before.shoulder, before.wrist),
-            (after.shoulder, after.wrist)
-        );
+        assert_eq!((before.shoulder, before.wrist), (after.shoulder, after.wrist));
         assert_ne!(before.elbow, after.elbow);
         // Upright the wrist is 350 + 1200 cos 85° mm before axis 1; leaning back, 350 − 855 − 739 mm behind it.
-        let (before, after) = both(
-            &kr210(),
-            [0.0, -90.0, 5.0, 0.0, 40.0, 0.0],
-            [0.0, -138.0, 10.0, 0.0, 40.0, 0.0],
-        );
+        let (before, after) =
+            both(&kr210(), [0.0, -90.0, 5.0, 0.0, 40.0, 0.0], [0.0, -138.0, 10.0, 0.0, 40.0, 0.0]);
         assert_eq!((before.elbow, before.wrist), (after.elbow, after.wrist));
         assert_ne!(before.shoulder, after.shoulder);
     }
 
     #[test]
     fn displays_by_name() {
-        let configuration = Configuration {
-            shoulder: Side::Plus,
-            elbow: Side::Minus,
-            wrist: Side::Plus,
-        };
+        let configuration =
+            Configuration { shoulder: Side::Plus, elbow: Side::Minus, wrist: Side::Plus };
         assert_eq!(configuration.to_string(), "shoulder+ elbow- wrist+");
     }
 }

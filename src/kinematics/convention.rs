@@ -84,9 +84,7 @@ impl Convention {
 
     /// The convention with this word; `None` when no convention has it.
     pub fn of_word(word: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|convention| convention.word() == word)
+        Self::ALL.into_iter().find(|convention| convention.word() == word)
     }
 }
 
@@ -108,11 +106,7 @@ pub(super) struct Moving {
 impl Moving {
     /// The element of its variable.
     const fn variable(&self, motion: Motion) -> Element {
-        Element::Joint {
-            motion,
-            joint: self.variable,
-            sign: self.factor,
-        }
+        Element::Joint { motion, joint: self.variable, sign: self.factor }
     }
 
     /// A free element of its link.
@@ -120,10 +114,7 @@ impl Moving {
         Element::Free {
             motion,
             nominal,
-            parameter: Parameter::Link {
-                joint: self.number,
-                quantity,
-            },
+            parameter: Parameter::Link { joint: self.number, quantity },
         }
     }
 }

@@ -53,20 +53,14 @@ impl HeldChain {
         for element in chain.elements() {
             match element {
                 Element::Fixed(transform) => end *= transform,
-                Element::Free {
-                    motion, nominal, ..
-                } => {
+                Element::Free { motion, nominal, .. } => {
                     if let Some(unknown) = unknowns[parameter] {
                         free.push((unknown, UnitMotion::of(*motion, &end)));
                     }
                     end *= motion.by(nominal + offsets[parameter]);
                     parameter += 1;
                 }
-                Element::Joint {
-                    motion,
-                    joint,
-                    sign,
-                } => {
+                Element::Joint { motion, joint, sign } => {
                     let joint = Some((*motion, *joint, *sign));
                     segments.push(Segment::new(std::mem::take(&mut free), &end, joint));
                     end = Isometry3::identity();
@@ -74,10 +68,7 @@ impl HeldChain {
             }
         }
         segments.push(Segment::new(free, &end, None));
-        Self {
-            segments,
-            joints: chain.joint_count(),
-        }
+        Self { segments, joints: chain.joint_count() }
     }
 
     /// The end in the root frame at the axis variables `q` (rad or mm).
@@ -171,10 +162,7 @@ struct Frame {
 
 impl Frame {
     fn root() -> Self {
-        Self {
-            rotation: Matrix3::identity(),
-            origin: Vector3::zeros(),
-        }
+        Self { rotation: Matrix3::identity(), origin: Vector3::zeros() }
     }
 
     fn pass(&mut self, segment: &Segment) {
@@ -232,16 +220,9 @@ mod tests {
         let free = |motion, nominal, link| Element::Free {
             motion,
             nominal,
-            parameter: Parameter::Link {
-                joint: link,
-                quantity: LinkQuantity::A,
-            },
+            parameter: Parameter::Link { joint: link, quantity: LinkQuantity::A },
         };
-        let joint = |motion, joint, sign| Element::Joint {
-            motion,
-            joint,
-            sign,
-        };
+        let joint = |motion, joint, sign| Element::Joint { motion, joint, sign };
         let chain = Chain::new(vec![
             Element::Fixed(Motion::Rotation(Axis::X).by(0.3)),
             free(Motion::Translation(Axis::Z), 120.0, 0),
@@ -261,17 +242,10 @@ mod tests {
         let lever = Vector3::new(30.0, -20.0, 10.0);
         let view = HeldChain::new(&chain, &offsets, &unknowns).view_of(&q, &lever);
         let beside = vec![Element::Fixed(Isometry3::translation(30.0, -20.0, 10.0))];
-        let whole = chain
-            .extended(Vec::new(), beside)
-            .differential(&q, &offsets);
+        let whole = chain.extended(Vec::new(), beside).differential(&q, &offsets);
         assert!((view.end.to_homogeneous() - whole.end.to_homogeneous()).norm() < 1e-11);
         let of_chain = |place: usize| whole.parameters[place];
-        let expected = [
-            (7, of_chain(0)),
-            (3, of_chain(1)),
-            (0, of_chain(3)),
-            (5, of_chain(4)),
-        ];
+        let expected = [(7, of_chain(0)), (3, of_chain(1)), (0, of_chain(3)), (5, of_chain(4))];
         let apart =
             |a: &Twist, b: &Twist| (a.linear - b.linear).norm() + (a.angular - b.angular).norm();
         for ((unknown, twist), (of, whole)) in view.unknowns.iter().zip(&expected) {

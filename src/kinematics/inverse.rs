@@ -229,9 +229,7 @@ mod tests {
     }
 
     fn kr210() -> Arm {
-        arm(include_str!(
-            "../../pipelines/robots/kr210-r2700-extra.toml"
-        ))
+        arm(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"))
     }
 
     fn nominal_offsets(arm: &Arm) -> Vec<f64> {
@@ -294,17 +292,12 @@ mod tests {
 
     #[test]
     fn coupled_axes_get_reported_angles() {
-        let mut file: RobotFile = toml::from_str(include_str!(
-            "../../pipelines/robots/kr210-r2700-extra.toml"
-        ))
-        .expect("a robot file");
+        let mut file: RobotFile =
+            toml::from_str(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"))
+                .expect("a robot file");
         // Axis 3 turns by what joints 2 and 3 report together.
         let mut map: Vec<Vec<f64>> = (0..6)
-            .map(|row| {
-                (0..6)
-                    .map(|column| f64::from(u8::from(row == column)))
-                    .collect()
-            })
+            .map(|row| (0..6).map(|column| f64::from(u8::from(row == column))).collect())
             .collect();
         map[2][1] = 1.0;
         file.joint_map = Some(map);
@@ -330,10 +323,8 @@ mod tests {
     fn out_of_reach_states_the_remaining_error() {
         let arm = kr210();
         // The stretched arm reaches 350 + 1150 + 1200.7 + 215 mm from axis 1: 2916 mm. 3500 mm is beyond.
-        let target = isometry_from_rpy(
-            [3500.0, 0.0, 675.0],
-            [0.0, std::f64::consts::FRAC_PI_2, 0.0],
-        );
+        let target =
+            isometry_from_rpy([3500.0, 0.0, 675.0], [0.0, std::f64::consts::FRAC_PI_2, 0.0]);
         let refused = inverse(
             &arm,
             &nominal_offsets(&arm),
@@ -362,10 +353,7 @@ mod tests {
             &InverseSettings::default(),
         );
         let message = refused.expect_err("beyond a limit").to_string();
-        assert!(
-            message.contains("joint_a5") && message.contains("130.000°"),
-            "{message}"
-        );
+        assert!(message.contains("joint_a5") && message.contains("130.000°"), "{message}");
     }
 
     #[test]
@@ -373,9 +361,7 @@ mod tests {
         let arm = kr210();
         let seed = radians([0.0, -90.0, 90.0, 0.0, 1.0, 0.0]);
         // Across the wrist singularity: the solution reached from a seed with q5 > 0 has q5 < 0.
-        let target = *arm
-            .flange(&radians([0.0, -90.0, 90.0, 0.0, -1.0, 0.0]))
-            .isometry();
+        let target = *arm.flange(&radians([0.0, -90.0, 90.0, 0.0, -1.0, 0.0])).isometry();
         let refused = inverse(
             &arm,
             &nominal_offsets(&arm),
@@ -384,18 +370,13 @@ mod tests {
             &seed,
             &InverseSettings::default(),
         );
-        assert!(
-            matches!(refused, Err(InverseError::ConfigurationChanged { .. })),
-            "{refused:?}"
-        );
+        assert!(matches!(refused, Err(InverseError::ConfigurationChanged { .. })), "{refused:?}");
     }
 
     #[test]
     fn a_singular_target_is_refused_where_asked() {
         let arm = kr210();
-        let target = *arm
-            .flange(&radians([0.0, -90.0, 90.0, 0.0, 2.0, 0.0]))
-            .isometry();
+        let target = *arm.flange(&radians([0.0, -90.0, 90.0, 0.0, 2.0, 0.0])).isometry();
         let settings = InverseSettings {
             // sin 2° = 0.035 is below sin 5° = 0.087.
             least_singularity_factor: 0.087,

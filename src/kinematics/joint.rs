@@ -9,20 +9,12 @@ use crate::units::SLIDE_MM_PER_RAD;
 impl Joint {
     /// The variable `value` (rad; mm for a joint that slides) in the unit of [`Self::unit`].
     pub fn shown(&self, value: f64) -> f64 {
-        if self.slides {
-            value
-        } else {
-            value.to_degrees()
-        }
+        if self.slides { value } else { value.to_degrees() }
     }
 
     /// The variable (rad; mm for a joint that slides) that is `shown` in the unit of [`Self::unit`].
     pub fn read(&self, shown: f64) -> f64 {
-        if self.slides {
-            shown
-        } else {
-            shown.to_radians()
-        }
+        if self.slides { shown } else { shown.to_radians() }
     }
 
     /// The unit in files and messages: "deg", or "mm" for a joint that slides.
@@ -42,11 +34,7 @@ impl Joint {
 
     /// Radians that one unit of the variable counts as: 1 where it turns; 1/1000 a mm where it slides.
     pub const fn counted(&self) -> f64 {
-        if self.slides {
-            1.0 / SLIDE_MM_PER_RAD
-        } else {
-            1.0
-        }
+        if self.slides { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 }
     }
 }
 
@@ -67,12 +55,7 @@ mod tests {
     use super::*;
 
     fn joint(slides: bool) -> Joint {
-        Joint {
-            name: "j".to_owned(),
-            lower: -1.0,
-            upper: 1.0,
-            slides,
-        }
+        Joint { name: "j".to_owned(), lower: -1.0, upper: 1.0, slides }
     }
 
     #[test]

@@ -42,12 +42,8 @@ pub enum GaugePart {
 
 impl GaugePart {
     /// The parts of an anchor.
-    pub const ANCHOR: [Self; 4] = [
-        Self::Place(Axis::X),
-        Self::Place(Axis::Y),
-        Self::Place(Axis::Z),
-        Self::Offset,
-    ];
+    pub const ANCHOR: [Self; 4] =
+        [Self::Place(Axis::X), Self::Place(Axis::Y), Self::Place(Axis::Z), Self::Offset];
     /// The parts of a plane.
     pub const PLANE: [Self; 3] = [Self::Tilt, Self::OtherTilt, Self::Height];
 
@@ -132,9 +128,7 @@ impl LinkQuantity {
 
     /// The quantity with this name; `None` when no quantity has it.
     pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|quantity| quantity.name() == name)
+        Self::ALL.into_iter().find(|quantity| quantity.name() == name)
     }
 
     /// Whether the quantity is an angle (rad); otherwise it is a length (mm).

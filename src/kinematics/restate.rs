@@ -74,11 +74,8 @@ impl RobotFile {
         let arm = self.arm()?;
         let offsets = vec![0.0; arm.chain().parameters().len()];
         let screws = Screws::of(arm.chain(), &offsets);
-        let moving: Vec<&JointFile> = self
-            .joint
-            .iter()
-            .filter(|joint| joint.kind != JointKind::Fixed)
-            .collect();
+        let moving: Vec<&JointFile> =
+            self.joint.iter().filter(|joint| joint.kind != JointKind::Fixed).collect();
         let file = Self {
             convention,
             base: None,
@@ -107,21 +104,11 @@ impl RobotFile {
 /// The joint of a screw, without its link. The first of a variable that turns one for one is the reported joint itself.
 fn joint_of(reported: &Joint, screw: &Screw, is_new: bool, place: usize) -> JointFile {
     let is_reported = is_new && (screw.factor.abs() - 1.0).abs() < f64::EPSILON;
-    let kind = if screw.slides {
-        JointKind::Prismatic
-    } else {
-        JointKind::Revolute
-    };
+    let kind = if screw.slides { JointKind::Prismatic } else { JointKind::Revolute };
     let limits = |slides: bool| {
         let own =
             (is_reported && screw.slides == slides).then_some([reported.lower, reported.upper]);
-        own.map(|limits| {
-            if slides {
-                limits
-            } else {
-                limits.map(f64::to_degrees)
-            }
-        })
+        own.map(|limits| if slides { limits } else { limits.map(f64::to_degrees) })
     };
     let mimic = Mimic {
         joint: reported.name.clone(),
@@ -136,11 +123,7 @@ fn joint_of(reported: &Joint, screw: &Screw, is_new: bool, place: usize) -> Join
             format!("{} {}", reported.name, place + 1)
         },
         kind,
-        sign: Some(if is_reported && screw.factor < 0.0 {
-            -1
-        } else {
-            1
-        }),
+        sign: Some(if is_reported && screw.factor < 0.0 { -1 } else { 1 }),
         limits_deg: limits(false),
         limits_mm: limits(true),
         mimic: (!is_reported).then_some(mimic),
@@ -230,11 +213,7 @@ fn origins(file: &mut RobotFile, screws: &Screws) {
 fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
     let stated = stated(isometry);
     let angles = stated.euler_deg.unwrap_or_default();
-    let changes = stated
-        .xyz_mm
-        .iter()
-        .chain(&angles)
-        .any(|&number| number != 0.0);
+    let changes = stated.xyz_mm.iter().chain(&angles).any(|&number| number != 0.0);
     changes.then_some(stated)
 }
 

@@ -136,10 +136,7 @@ pub struct Mimic {
     pub offset_mm: Option<f64>,
 }
 
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_revolute(kind: &JointKind) -> bool {
     *kind == JointKind::Revolute
 }
@@ -178,10 +175,8 @@ impl RobotFile {
                 continue;
             };
             let before_it = place.checked_sub(1).map(|before| parallel[before]);
-            let beside = Beside {
-                before: before_it.unwrap_or(Parallel::No),
-                next: parallel[place],
-            };
+            let beside =
+                Beside { before: before_it.unwrap_or(Parallel::No), next: parallel[place] };
             elements.extend(self.link((file, &joint), beside, &mut before)?);
         }
         let flange = placement("flange", self.flange.as_ref())?;
@@ -247,9 +242,7 @@ impl RobotFile {
                 zero,
             ),
             Convention::Poe | Convention::MinimalPoe => {
-                let point = file
-                    .point_mm
-                    .map_or(before.translation.vector, Vector3::from);
+                let point = file.point_mm.map_or(before.translation.vector, Vector3::from);
                 let frame = lines::frame_along(point, &unit(file.axis));
                 let nominal = before.inverse() * frame;
                 *before = frame;
@@ -273,13 +266,7 @@ impl RobotFile {
 
     /// The transform of a joint that does not move.
     fn constant(&self, file: &JointFile) -> Result<Element, ArmError> {
-        let joint = Moving {
-            number: 0,
-            variable: 0,
-            factor: 0.0,
-            slides: false,
-            shift: 0.0,
-        };
+        let joint = Moving { number: 0, variable: 0, factor: 0.0, slides: false, shift: 0.0 };
         let elements = match self.convention {
             Convention::Urdf => return Ok(Element::Fixed(file.origin()?)),
             Convention::ModifiedDh => file.table(&joint).modified(&joint, Parallel::No),
@@ -313,10 +300,7 @@ impl RobotFile {
             return Ok(None);
         };
         if home.len() != reported.len() || home.iter().any(|angle| !angle.is_finite()) {
-            return Err(ArmError::Home {
-                found: home.clone(),
-                joints: reported.len(),
-            });
+            return Err(ArmError::Home { found: home.clone(), joints: reported.len() });
         }
         let own = |(value, joint): (&f64, &&JointFile)| match joint.kind {
             JointKind::Prismatic => *value,
@@ -347,10 +331,7 @@ fn unit(direction: Option<[f64; 3]>) -> UnitVector3<f64> {
 /// A stated placement, mm; `None` where none is stated.
 fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Isometry3<f64>>, ArmError> {
     let isometry = stated.map(Placement::isometry).transpose();
-    isometry.map_err(|source| ArmError::Placement {
-        place: place.to_owned(),
-        source,
-    })
+    isometry.map_err(|source| ArmError::Placement { place: place.to_owned(), source })
 }
 
 impl JointFile {
@@ -381,22 +362,13 @@ impl JointFile {
             let turn = [-360.0, 360.0];
             self.limits_deg.unwrap_or(turn).map(f64::to_radians)
         };
-        Joint {
-            name: self.name.clone(),
-            lower,
-            upper,
-            slides,
-        }
+        Joint { name: self.name.clone(), lower, upper, slides }
     }
 
     /// The numbers of its link in a table, with the shift of the joint that it follows in the joint's own.
     fn table(&self, joint: &Moving) -> TableLink {
         let angle = |degrees: Option<f64>| degrees.unwrap_or(0.0).to_radians();
-        let (turned, slid) = if joint.slides {
-            (0.0, joint.shift)
-        } else {
-            (joint.shift, 0.0)
-        };
+        let (turned, slid) = if joint.slides { (0.0, joint.shift) } else { (joint.shift, 0.0) };
         TableLink {
             theta: angle(self.offset_deg) + turned,
             d: self.d_mm.unwrap_or(0.0) + slid,

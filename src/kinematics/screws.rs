@@ -51,10 +51,7 @@ impl Line {
 
     /// The point of the line that is nearest to `other`.
     pub fn nearest_to(&self, other: &Point3<f64>) -> Point3<f64> {
-        self.point
-            + self
-                .direction
-                .scale(self.direction.dot(&(other - self.point)))
+        self.point + self.direction.scale(self.direction.dot(&(other - self.point)))
     }
 }
 
@@ -69,12 +66,7 @@ impl Screws {
         let mut axes = Vec::with_capacity(zeros.len());
         let mut frame = Isometry3::identity();
         for element in chain.elements() {
-            if let Element::Joint {
-                motion,
-                joint,
-                sign,
-            } = element
-            {
+            if let Element::Joint { motion, joint, sign } = element {
                 let direction = frame.rotation * motion.axis();
                 axes.push(Screw {
                     variable: *joint,
@@ -88,9 +80,6 @@ impl Screws {
             }
             frame *= element.nominal(&zeros);
         }
-        Self {
-            axes,
-            flange: frame,
-        }
+        Self { axes, flange: frame }
     }
 }

@@ -21,11 +21,8 @@ const LARGEST: f64 = 1e5;
 const TO_WHOLE: f64 = 6_755_399_441_055_744.0;
 
 /// π/2 in three parts: its first 33 bits, the next 33, and the remainder.
-const HALF_PI: [f64; 3] = [
-    1.570_796_326_734_125_6,
-    6.077_100_506_303_966e-11,
-    2.022_266_248_795_950_6e-21,
-];
+const HALF_PI: [f64; 3] =
+    [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
 
 /// `(sin r / r − 1) / r²` in powers of r².
 const SIN: [f64; 6] = [

@@ -16,10 +16,7 @@ pub struct Twist {
 impl Twist {
     /// No motion at all.
     pub fn zero() -> Self {
-        Self {
-            linear: Vector3::zeros(),
-            angular: Vector3::zeros(),
-        }
+        Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
     }
 
     /// Adds another twist, `factor` times.
@@ -33,10 +30,7 @@ impl Twist {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum UnitMotion {
     Translation(Vector3<f64>),
-    Rotation {
-        axis: Vector3<f64>,
-        through: Vector3<f64>,
-    },
+    Rotation { axis: Vector3<f64>, through: Vector3<f64> },
 }
 
 impl UnitMotion {
@@ -57,14 +51,10 @@ impl UnitMotion {
     /// The twist of the point `end` under this motion.
     pub(super) fn carried_to(self, end: &Vector3<f64>) -> Twist {
         match self {
-            Self::Translation(direction) => Twist {
-                linear: direction,
-                angular: Vector3::zeros(),
-            },
-            Self::Rotation { axis, through } => Twist {
-                linear: axis.cross(&(end - through)),
-                angular: axis,
-            },
+            Self::Translation(direction) => Twist { linear: direction, angular: Vector3::zeros() },
+            Self::Rotation { axis, through } => {
+                Twist { linear: axis.cross(&(end - through)), angular: axis }
+            }
         }
     }
 }

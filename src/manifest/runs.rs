@@ -84,8 +84,5 @@ pub fn cpu_features() -> Vec<&'static str> {
     ];
     #[cfg(not(target_arch = "x86_64"))]
     let known: [(&str, bool); 0] = [];
-    known
-        .into_iter()
-        .filter_map(|(name, there)| there.then_some(name))
-        .collect()
+    known.into_iter().filter_map(|(name, there)| there.then_some(name)).collect()
 }

@@ -65,9 +65,7 @@ impl Entry {
         let mut known = models.map(|model| model.about().word);
         Self {
             entrant: row.entrant,
-            place: known
-                .position(|word| word == row.model)
-                .unwrap_or(Model::ALL.len()),
+            place: known.position(|word| word == row.model).unwrap_or(Model::ALL.len()),
             model: row.model.clone(),
             angles: row.angles,
         }
@@ -88,8 +86,7 @@ impl Content {
     pub fn splits(&self) -> Vec<(&str, &str)> {
         let arms = self.suite.arms.iter();
         let all = arms.flat_map(|arm| arm.splits.iter().map(|split| (&*arm.name, &*split.name)));
-        all.filter(|(arm, split)| self.of_split(arm, split).next().is_some())
-            .collect()
+        all.filter(|(arm, split)| self.of_split(arm, split).next().is_some()).collect()
     }
 
     /// The rows of a split.
@@ -162,17 +159,13 @@ pub fn leak(row: &BenchmarkRow) -> Option<String> {
 
 /// Who leaves least on a split and by how much, in a sentence: less than the full error model, or where that leads than the next.
 pub fn leader(content: &Content, own: (&str, &str)) -> Option<String> {
-    let computed = content
-        .of_split(own.0, own.1)
-        .filter(|row| row.entrant != Entrant::Published);
+    let computed = content.of_split(own.0, own.1).filter(|row| row.entrant != Entrant::Published);
     let mean = |entry: Entry| {
         let row = content.figure(own, &entry, FigureName::Mean)?;
         Some((entry, row.value))
     };
-    let mut means: Vec<(Entry, f64)> = Content::entries(computed)
-        .into_iter()
-        .filter_map(mean)
-        .collect();
+    let mut means: Vec<(Entry, f64)> =
+        Content::entries(computed).into_iter().filter_map(mean).collect();
     means.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (first, least_mm) = means.first()?;
     let told = format!("{} leaves least, a mean of {least_mm:.3} mm", first.name());
@@ -180,11 +173,8 @@ pub fn leader(content: &Content, own: (&str, &str)) -> Option<String> {
         entry.entrant == Entrant::Posegrid && entry.model == Model::Full.about().word
     };
     let other = means.iter().map(|(entry, _)| entry);
-    let compared = if is_full(first) {
-        other.clone().find(|entry| !is_full(entry))?
-    } else {
-        first
-    };
+    let compared =
+        if is_full(first) { other.clone().find(|entry| !is_full(entry))? } else { first };
     let row = content.figure(own, compared, FigureName::Difference)?;
     let than = if is_full(first) {
         format!("{} leaves {:.3} mm more", compared.name(), row.value)
@@ -201,11 +191,7 @@ pub fn leader(content: &Content, own: (&str, &str)) -> Option<String> {
 
 /// A value as shown: mm with three digits, shares as percentages.
 pub fn shown(name: FigureName, value: f64) -> String {
-    if name.is_length() {
-        format!("{value:.3}")
-    } else {
-        format!("{:.1} %", 100.0 * value)
-    }
+    if name.is_length() { format!("{value:.3}") } else { format!("{:.1} %", 100.0 * value) }
 }
 
 /// An interval as shown.
@@ -238,12 +224,7 @@ fn header(content: &Content) -> Markup {
 
 /// One row a split, one column a model.
 fn all(content: &Content) -> Markup {
-    let computed = || {
-        content
-            .rows
-            .iter()
-            .filter(|row| row.entrant != Entrant::Published)
-    };
+    let computed = || content.rows.iter().filter(|row| row.entrant != Entrant::Published);
     let entries = Content::entries(computed());
     let head = html! {
         th.word { "Arm and split" }
@@ -340,12 +321,8 @@ fn source<'c>(content: &'c Content, own: (&'c str, &'c str), entry: &Entry) -> O
 fn data(content: &Content) -> Markup {
     let head = html! { th.word { "Arm" } th.word { "Source and licence" } th.word { "Read, kept and left out" } };
     let arms = content.suite.arms.iter();
-    let arms = arms.filter_map(|arm| {
-        Some((
-            arm,
-            &content.told.iter().find(|(name, _)| *name == arm.name)?.1,
-        ))
-    });
+    let arms = arms
+        .filter_map(|arm| Some((arm, &content.told.iter().find(|(name, _)| *name == arm.name)?.1)));
     let body = html! {
         @for (arm, told) in arms {
             tr {

@@ -22,9 +22,7 @@ const SECTIONS: [Maker<Content>; 6] = [
     ("worst", "The worst", lists::worst),
     ("bounds", "Bounds over tolerances", bounds::section),
     ("moved", "What moved", |c| Some(lists::moved(c))),
-    ("not-measured", "Not measured", |c| {
-        Some(lists::not_measured(c))
-    }),
+    ("not-measured", "Not measured", |c| Some(lists::not_measured(c))),
     ("robots", "All robots by verdict", |c| Some(lists::all(c))),
     ("reading", "How to read this", |c| Some(reading(c))),
 ];

@@ -84,16 +84,9 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         about.said.doubts_set_up,
     );
     let command = next.command(&in_lake(next.table(), &key));
-    let RunKey {
-        robot,
-        session,
-        run,
-    } = key;
-    let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) = rows
-        .accuracy
-        .rows
-        .into_iter()
-        .partition(|figure| figure.point == Point::Tip);
+    let RunKey { robot, session, run } = key;
+    let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) =
+        rows.accuracy.rows.into_iter().partition(|figure| figure.point == Point::Tip);
     Content {
         robot,
         session,
@@ -127,10 +120,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
 /// The file of a run's table as it is named beside the folder `lake`; folders have no character that a shell acts on.
 fn in_lake(table: &str, key: &RunKey) -> String {
     let place = Lake::new("lake").place(table, key);
-    place.map_or_else(
-        |_| format!("lake/{table}/…/{}.parquet", key.run),
-        |place| place.to_string(),
-    )
+    place.map_or_else(|_| format!("lake/{table}/…/{}.parquet", key.run), |place| place.to_string())
 }
 
 /// The sessions in the order of the work, those that trained first.
@@ -179,11 +169,7 @@ pub(super) fn made_from(work: &Work, written: &[Written]) -> Provenance {
     let input =
         |input: &crate::manifest::Input| (input.name.clone(), input.bytes, input.digest.clone());
     let table = |file: &Written| {
-        (
-            format!("{}/{}", file.table, file.session),
-            file.rows,
-            file.digest.clone(),
-        )
+        (format!("{}/{}", file.table, file.session), file.rows, file.digest.clone())
     };
     Provenance {
         pipeline: work.pipeline.clone(),

@@ -25,26 +25,12 @@ use super::shell::{self, Maker, Shell};
 const SECTIONS: [Maker<Content>; 8] = [
     ("changes", "Changes", changes::section),
     ("accuracy", "Accuracy over the sessions", charts::accuracy),
-    (
-        "since",
-        "Base, target and joints since the first session",
-        charts::since_first,
-    ),
+    ("since", "Base, target and joints since the first session", charts::since_first),
     ("control", "Control charts", |c| Some(charts::control(c))),
-    (
-        "curves",
-        "Joint curves, first and newest",
-        first_and_newest::curves,
-    ),
-    (
-        "parameters",
-        "Parameters, first and newest",
-        first_and_newest::parameters,
-    ),
+    ("curves", "Joint curves, first and newest", first_and_newest::curves),
+    ("parameters", "Parameters, first and newest", first_and_newest::parameters),
     ("left-out", "What was left out", changes::left_out),
-    ("reading", "How to read this", |content| {
-        Some(reading::section(content))
-    }),
+    ("reading", "How to read this", |content| Some(reading::section(content))),
 ];
 
 /// The page as HTML text.

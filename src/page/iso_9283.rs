@@ -38,11 +38,8 @@ const ANGLES: [Characteristic; 6] = [
 type Of = (Moment, Subject);
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let figures: Vec<&AccuracyRow> = content
-        .figures
-        .iter()
-        .filter(|figure| figure.quantity == FigureKind::Iso9283)
-        .collect();
+    let figures: Vec<&AccuracyRow> =
+        content.figures.iter().filter(|figure| figure.quantity == FigureKind::Iso9283).collect();
     if figures.is_empty() {
         return None;
     }
@@ -52,11 +49,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             subjects.push(of(figure));
         }
     }
-    let has_value = |own: &Of| {
-        figures
-            .iter()
-            .any(|figure| of(figure) == *own && figure.value.is_some())
-    };
+    let has_value =
+        |own: &Of| figures.iter().any(|figure| of(figure) == *own && figure.value.is_some());
     let (shown, none): (Vec<Of>, Vec<Of>) = subjects.into_iter().partition(has_value);
     Some(html! {
         p {
@@ -78,9 +72,7 @@ fn empty<'f>(figures: &[&'f AccuracyRow], subjects: &[Of]) -> BTreeMap<&'f str, 
         let mut reasons = figures.iter().filter(|figure| of(figure) == *own);
         let reason = reasons.find_map(|figure| figure.reason.as_deref());
         let (model, stations) = (words::subject(&own.1), words::stations(&own.1));
-        let of = by_reason
-            .entry(reason.unwrap_or("no pose was visited again"))
-            .or_default();
+        let of = by_reason.entry(reason.unwrap_or("no pose was visited again")).or_default();
         of.push(format!("{model}, {stations}"));
     }
     by_reason
@@ -144,21 +136,16 @@ fn one_by_one(figures: &[&AccuracyRow]) -> Markup {
 
 /// The poses with their visits, those visited most first.
 fn poses(figures: &[&AccuracyRow]) -> Vec<(usize, usize)> {
-    let accuracy = figures
-        .iter()
-        .filter(|figure| is(figure, Characteristic::ApP));
-    let mut poses: Vec<(usize, usize)> = accuracy
-        .filter_map(|figure| Some((figure.pose?, figure.n)))
-        .collect();
+    let accuracy = figures.iter().filter(|figure| is(figure, Characteristic::ApP));
+    let mut poses: Vec<(usize, usize)> =
+        accuracy.filter_map(|figure| Some((figure.pose?, figure.n))).collect();
     poses.sort_by_key(|(pose, n)| (std::cmp::Reverse(*n), *pose));
     poses
 }
 
 fn pose_row(pose: usize, n: usize, names: &[Characteristic], figures: &[&AccuracyRow]) -> Markup {
     let value = |name: Characteristic| {
-        let mut own = figures
-            .iter()
-            .filter(|figure| figure.pose == Some(pose) && is(figure, name));
+        let mut own = figures.iter().filter(|figure| figure.pose == Some(pose) && is(figure, name));
         own.next().and_then(|figure| figure.value)
     };
     html! {

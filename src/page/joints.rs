@@ -33,19 +33,15 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 
 /// A joint's curve; `reach` is that of all joints that turn (mrad), and of all that slide (mm).
 fn figure(rows: &[JointErrorRow], reach: [f64; 2]) -> Markup {
-    let name = rows.first().map_or_else(String::new, |row| {
-        format!("Joint {}, {}", row.joint, row.joint_name)
-    });
+    let name = rows
+        .first()
+        .map_or_else(String::new, |row| format!("Joint {}, {}", row.joint, row.joint_name));
     let slides = rows.first().is_some_and(slides);
     let reach = reach[usize::from(slides)];
     let every = rows.len().div_ceil(MOST).max(1);
     let drawn: Vec<&JointErrorRow> = rows.iter().step_by(every).collect();
     let is_first = |row: &&JointErrorRow| row.measured;
-    let visited = drawn
-        .iter()
-        .copied()
-        .find(is_first)
-        .map_or(0.0, |row| row.angle_rad);
+    let visited = drawn.iter().copied().find(is_first).map_or(0.0, |row| row.angle_rad);
     let line = |belongs: &dyn Fn(&JointErrorRow) -> bool| {
         let own = drawn.iter().filter(|row| belongs(row));
         Marks::Line(own.map(|row| point(row)).collect())
@@ -60,11 +56,7 @@ fn figure(rows: &[JointErrorRow], reach: [f64; 2]) -> Markup {
         description:
             "Deviation of the joint over its angle, with a band of two standard deviations."
                 .to_owned(),
-        x: if slides {
-            Axis::new("joint position", "mm")
-        } else {
-            Axis::new("joint angle", "°")
-        },
+        x: if slides { Axis::new("joint position", "mm") } else { Axis::new("joint angle", "°") },
         y: Axis::new("deviation", if slides { "mm" } else { "mrad" }).including(&[-reach, reach]),
         series: vec![
             Series::new("", vec![band, line(&|row| row.measured)]).looking(0),
@@ -87,11 +79,7 @@ fn deviation(row: &JointErrorRow, value: f64) -> f64 {
 
 /// Angle in degrees and deviation in mrad; both in mm of a joint that slides.
 fn point(row: &JointErrorRow) -> [f64; 2] {
-    let place = if slides(row) {
-        row.angle_rad
-    } else {
-        row.angle_rad.to_degrees()
-    };
+    let place = if slides(row) { row.angle_rad } else { row.angle_rad.to_degrees() };
     [place, deviation(row, row.curve_rad)]
 }
 

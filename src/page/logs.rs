@@ -54,11 +54,7 @@ fn unmeasured(session: &Session) -> String {
         Some(format!("{count} {}", words::plain(reason.word())))
     });
     let reasons: Vec<String> = reasons.collect();
-    if reasons.is_empty() {
-        "none".to_owned()
-    } else {
-        reasons.join(", ")
-    }
+    if reasons.is_empty() { "none".to_owned() } else { reasons.join(", ") }
 }
 
 /// Most reasons that are listed; logs can give any number.

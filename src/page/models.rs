@@ -17,10 +17,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         .iter()
         .filter(|c| c.condition.is_some_and(|found| found > CONDITION_LIMIT))
         .collect();
-    let parts = content
-        .calibrations
-        .iter()
-        .find(|calibration| !calibration.parts_tried.is_empty());
+    let parts = content.calibrations.iter().find(|calibration| !calibration.parts_tried.is_empty());
     Some(html! {
         p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
         (super::table(&head, &body))
@@ -91,11 +88,7 @@ fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
     };
     let ends = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
     let joints = ends.enumerate().map(range);
-    let joints = row
-        .joint_names
-        .iter()
-        .zip(joints)
-        .map(|(name, range)| format!("{name} {range}"));
+    let joints = row.joint_names.iter().zip(joints).map(|(name, range)| format!("{name} {range}"));
     let temperature = row
         .temperature_min_c
         .zip(row.temperature_max_c)
@@ -108,10 +101,7 @@ fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
         ("Mounting", row.mounting.clone()),
         ("Base", row.base.clone()),
         ("Controller", row.controller_model.clone()),
-        (
-            "Absolute accuracy option",
-            option.map(|on| if on { "on" } else { "off" }.to_owned()),
-        ),
+        ("Absolute accuracy option", option.map(|on| if on { "on" } else { "off" }.to_owned())),
         ("Temperature", temperature),
         ("Joint angles", Some(joints.collect::<Vec<_>>().join(", "))),
     ];

@@ -14,11 +14,7 @@ use crate::report::symbols::symbol;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let of = |model: Model| -> Vec<&ParameterRow> {
-        content
-            .parameters
-            .iter()
-            .filter(|p| p.model == model)
-            .collect()
+        content.parameters.iter().filter(|p| p.model == model).collect()
     };
     let model = [Model::Full, Model::Geometric, Model::BaseTarget]
         .into_iter()
@@ -81,10 +77,7 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
                 .to_owned(),
         x: Axis::of_names(
             "parameter",
-            parameters
-                .iter()
-                .map(|own| symbol(&own.parameter))
-                .collect(),
+            parameters.iter().map(|own| symbol(&own.parameter)).collect(),
         ),
         y: Axis::new("identified minus nominal", unit).including(&[0.0]),
         series: vec![

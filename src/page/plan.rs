@@ -26,16 +26,10 @@ use super::shell::{self, Maker, Shell, table};
 const SECTIONS: [Maker<Content>; 6] = [
     ("grid", "Uniform grid", steps::section),
     ("designs", "Better designs", designs::section),
-    (
-        "influences",
-        "Other influences on the grid",
-        influences::section,
-    ),
+    ("influences", "Other influences on the grid", influences::section),
     ("session", "The session", session::section),
     ("provenance", "Provenance", |c| Some(provenance::section(c))),
-    ("reading", "How to read the tables", |c| {
-        Some(provenance::reading_section(c))
-    }),
+    ("reading", "How to read the tables", |c| Some(provenance::reading_section(c))),
 ];
 
 /// The page as HTML text.

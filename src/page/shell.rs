@@ -79,11 +79,7 @@ fn visible(page: String) -> String {
         return page;
     }
     let shown = |c: char| {
-        if is_hidden(c) {
-            c.escape_unicode().to_string()
-        } else {
-            c.to_string()
-        }
+        if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }
     };
     page.chars().map(shown).collect()
 }

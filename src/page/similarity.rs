@@ -14,11 +14,8 @@ use crate::similarity::{Alikeness, Quantity, Shape, Space};
 const POINTS: u32 = 48;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let norms: Vec<&SemivariogramRow> = content
-        .semivariograms
-        .iter()
-        .filter(|row| row.axis == Quantity::Norm)
-        .collect();
+    let norms: Vec<&SemivariogramRow> =
+        content.semivariograms.iter().filter(|row| row.axis == Quantity::Norm).collect();
     if norms.is_empty() {
         return None;
     }
@@ -37,28 +34,16 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 fn chart(rows: &[&SemivariogramRow], space: Space) -> Markup {
-    let of_space: Vec<&SemivariogramRow> = rows
-        .iter()
-        .copied()
-        .filter(|row| row.space == space)
-        .collect();
+    let of_space: Vec<&SemivariogramRow> =
+        rows.iter().copied().filter(|row| row.space == space).collect();
     let mut models: Vec<Model> = of_space.iter().map(|row| row.errors).collect();
     models.dedup();
-    let reach = of_space
-        .iter()
-        .filter_map(|row| bin(row))
-        .fold(0.0, |reach: f64, [h, _]| reach.max(h));
+    let reach =
+        of_space.iter().filter_map(|row| bin(row)).fold(0.0, |reach: f64, [h, _]| reach.max(h));
     let series = models.iter().map(|model| curve(&of_space, *model, reach));
-    let noise = of_space
-        .iter()
-        .find_map(|row| row.noise_mm2)
-        .filter(|noise| *noise > 0.0);
+    let noise = of_space.iter().find_map(|row| row.noise_mm2).filter(|noise| *noise > 0.0);
     let noise = noise.map(|noise| {
-        Series::line(
-            "noise of the measurement",
-            vec![[0.0, noise], [reach, noise]],
-        )
-        .looking(4)
+        Series::line("noise of the measurement", vec![[0.0, noise], [reach, noise]]).looking(4)
     });
     let (quantity, unit) = if space == Space::Joint {
         ("separation of joint angles", "rad")
@@ -83,9 +68,7 @@ fn curve(rows: &[&SemivariogramRow], model: Model, reach: f64) -> Series {
     let mut series = Series::points(words::model(model), bins).looking(words::look(model));
     let from = own().find_map(|row| bin(row)).map_or(0.0, |[h, _]| h);
     let line = own().find_map(|row| best(row, from, reach));
-    series
-        .marks
-        .splice(0..0, line.map(crate::report::chart::Marks::Line));
+    series.marks.splice(0..0, line.map(crate::report::chart::Marks::Line));
     series
 }
 
@@ -120,10 +103,7 @@ fn best(row: &SemivariogramRow, from: f64, reach: f64) -> Option<Vec<[f64; 2]>> 
     let at = |place: u32| {
         let h = from + (reach - from) * f64::from(place) / f64::from(POINTS);
         let partial = model.sill_mm2 - model.nugget_mm2;
-        [
-            h,
-            model.nugget_mm2 + partial * model.shape.at(h / model.range),
-        ]
+        [h, model.nugget_mm2 + partial * model.shape.at(h / model.range)]
     };
     Some((0..=POINTS).map(at).collect())
 }

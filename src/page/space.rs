@@ -33,29 +33,19 @@ fn at_tip(content: &Content) -> Option<[f64; 2]> {
 
 /// Errors before and after, measured or predicted.
 fn shown(content: &Content, compared: &Compared) -> Option<Markup> {
-    let evidence = if compared.is_measured {
-        "measured"
-    } else {
-        "predicted"
-    };
+    let evidence = if compared.is_measured { "measured" } else { "predicted" };
     let sets = [
         drawn(compared, "Before", &compared.before, |pair| pair.before),
         drawn(compared, "After", &compared.after, |pair| pair.after),
     ];
-    let scene = Scene {
-        bounds: content.bounds,
-        tolerance_mm: content.tolerance.mm,
-    };
+    let scene = Scene { bounds: content.bounds, tolerance_mm: content.tolerance.mm };
     let [before, after] = compared.figures()?;
     let series = |name: &'static str, error: fn(&ErrorPair) -> nalgebra::Vector3<f64>| {
         let pairs = compared.errors.iter();
         let points = pairs.map(|pair| [pair.station as f64, error(pair).norm()]);
         (name, points.collect::<Vec<_>>())
     };
-    let both = [
-        series("before", |pair| pair.before),
-        series("after", |pair| pair.after),
-    ];
+    let both = [series("before", |pair| pair.before), series("after", |pair| pair.after)];
     Some(html! {
         p {
             strong { "Before" } " (" (compared.before) "): mean " (words::fixed(before.mean, 3)) " mm, largest " (words::fixed(before.max, 3))
@@ -82,10 +72,7 @@ fn drawn(
     of: &str,
     error: impl Fn(&ErrorPair) -> nalgebra::Vector3<f64>,
 ) -> Vectors {
-    let arrow = |pair: &ErrorPair| Arrow {
-        at: pair.at.into(),
-        error: error(pair).into(),
-    };
+    let arrow = |pair: &ErrorPair| Arrow { at: pair.at.into(), error: error(pair).into() };
     Vectors {
         name: name.to_owned(),
         description: format!("Errors: {of}, {}, {}.", compared.frame, compared.stations),

@@ -25,11 +25,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let (blocks, sessions): (Vec<&StepRow>, Vec<&StepRow>) =
         content.steps.iter().partition(by_blocks);
     let (tables, cells): (Vec<&StepRow>, Vec<&StepRow>) = blocks.into_iter().partition(is_table);
-    let own: Vec<&StepRow> = tables
-        .iter()
-        .copied()
-        .filter(|step| is_alike(step, chosen))
-        .collect();
+    let own: Vec<&StepRow> = tables.iter().copied().filter(|step| is_alike(step, chosen)).collect();
     Some(html! {
         p {
             "Each step's table is judged on stations that took no part in it, at their own places and at a random place of a cell each: the "
@@ -188,9 +184,7 @@ fn all_rows(steps: &[&StepRow]) -> Markup {
 
 /// The reasons why steps are not shown, each once.
 fn reasons(steps: &[&StepRow]) -> Vec<String> {
-    let not_shown = steps
-        .iter()
-        .filter(|step| step.verdict == TableVerdict::NotShown);
+    let not_shown = steps.iter().filter(|step| step.verdict == TableVerdict::NotShown);
     let reason = |step: &&StepRow| {
         let reason = step.reason.as_deref()?;
         // The number of poses of each step is in the table already.
@@ -212,11 +206,7 @@ fn judgement(content: &Content) -> Judgement {
     let shown = |step: &StepRow| {
         (step.judgement, step.split) == (Judgement::Table, Split::Blocks) && step.mean_mm.is_some()
     };
-    if content.steps.iter().any(shown) {
-        Judgement::Table
-    } else {
-        Judgement::LocalCell
-    }
+    if content.steps.iter().any(shown) { Judgement::Table } else { Judgement::LocalCell }
 }
 
 fn chart(content: &Content, chosen: &StepRow) -> Markup {
@@ -228,9 +218,7 @@ fn chart(content: &Content, chosen: &StepRow) -> Markup {
     let (own, others): (Vec<&StepRow>, Vec<&StepRow>) =
         drawn.into_iter().partition(|step| is_alike(step, chosen));
     let is_chosen = |step: &StepRow| (step.step_mm - chosen.step_mm).abs() < 1e-9;
-    let at = points(&own, |step| {
-        step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step))
-    });
+    let at = points(&own, |step| step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step)));
     let mut series = own_series(&own, chosen.expanded_uncertainty_mm.unwrap_or(0.0));
     series.extend(other_bounds(&others));
     series.push(Series::new("chosen", vec![Marks::Rings(at)]));
@@ -259,15 +247,8 @@ fn points(steps: &[&StepRow], value: impl Fn(&StepRow) -> Option<f64>) -> Vec<[f
 /// Bound with the uncertainty above it, 95th percentile and mean.
 fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
     let bounds = points(steps, |step| step.bound_mm);
-    let guarded = bounds
-        .iter()
-        .map(|[x, bound]| [*x, *bound, bound + uncertainty_mm])
-        .collect();
-    let marks = vec![
-        Marks::Whiskers(guarded),
-        Marks::Line(bounds.clone()),
-        Marks::Points(bounds),
-    ];
+    let guarded = bounds.iter().map(|[x, bound]| [*x, *bound, bound + uncertainty_mm]).collect();
+    let marks = vec![Marks::Whiskers(guarded), Marks::Line(bounds.clone()), Marks::Points(bounds)];
     vec![
         Series::new("bound, with U above it", marks),
         Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
@@ -283,11 +264,7 @@ fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
 fn other_bounds(steps: &[&StepRow]) -> Vec<Series> {
     let mut families: BTreeMap<String, Vec<&StepRow>> = BTreeMap::new();
     for step in steps {
-        let name = format!(
-            "bound, {}, {}",
-            step.source.word(),
-            step.interpolation.word()
-        );
+        let name = format!("bound, {}, {}", step.source.word(), step.interpolation.word());
         families.entry(name).or_default().push(step);
     }
     let bounds = |(place, (name, steps)): (usize, (String, Vec<&StepRow>))| {
@@ -302,11 +279,7 @@ fn caption(content: &Content, chosen: &StepRow) -> String {
     } else {
         "Judged by local cells, as no table has a station to be judged on"
     };
-    let source = if chosen.source == Source::Model {
-        "the model"
-    } else {
-        "measured stations"
-    };
+    let source = if chosen.source == Source::Model { "the model" } else { "measured stations" };
     let step = chosen.step_mm;
     format!(
         "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",

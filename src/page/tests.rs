@@ -123,11 +123,7 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         held_out_needed: 59,
         expanded_uncertainty_mm: Some(0.03),
         tolerance_mm: Some(0.5),
-        verdict: if chosen {
-            TableVerdict::Met
-        } else {
-            TableVerdict::NotShown
-        },
+        verdict: if chosen { TableVerdict::Met } else { TableVerdict::NotShown },
         reason: Some(name.to_owned()),
         chosen,
         choice_within: chosen.then(|| format!("near the model {name}")),
@@ -195,11 +191,7 @@ fn session(name: &str) -> Session {
         },
         dwells: vec![
             (PairingVerdict::Paired, None, 80),
-            (
-                PairingVerdict::Unmeasured,
-                Some(Unpaired::Unmeasured(Unmeasured::NoReadings)),
-                2,
-            ),
+            (PairingVerdict::Unmeasured, Some(Unpaired::Unmeasured(Unmeasured::NoReadings)), 2),
         ],
         rejects: vec![RejectRow {
             reject: 0,
@@ -377,11 +369,7 @@ fn content(name: &str) -> Content {
         robot: text(),
         session: text(),
         run: "00ff".to_owned(),
-        tolerance: Tolerance {
-            mm: 0.5,
-            share: 0.95,
-            confidence: 0.95,
-        },
+        tolerance: Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 },
         verdict: verdict(name, Verdict::Meets),
         frame: StatedFrame {
             is_surveyed: false,
@@ -399,10 +387,7 @@ fn content(name: &str) -> Content {
             instead: None,
         },
         command: Some(format!("posegrid compensate lake/{name}")),
-        pairs: Pairs {
-            predicted: Some(compared(name)),
-            ..Pairs::default()
-        },
+        pairs: Pairs { predicted: Some(compared(name)), ..Pairs::default() },
         bounds: Some([[-100.0, -80.0, 0.0], [100.0, 80.0, 400.0]]),
         measured: Some(text()),
         instruments: vec![("Arm", text())],
@@ -413,20 +398,8 @@ fn content(name: &str) -> Content {
         tip: Vec::new(),
         table_state: Some(name.to_owned()),
         figures: vec![
-            figure(
-                Model::BaseTarget,
-                FigureName::Mean,
-                name,
-                0.512_375,
-                FigureKind::PositionError,
-            ),
-            figure(
-                Model::Full,
-                FigureName::Bound,
-                name,
-                0.204_75,
-                FigureKind::PositionError,
-            ),
+            figure(Model::BaseTarget, FigureName::Mean, name, 0.512_375, FigureKind::PositionError),
+            figure(Model::Full, FigureName::Bound, name, 0.204_75, FigureKind::PositionError),
             figure(
                 Model::Full,
                 FigureName::Iso(Characteristic::ApP),
@@ -459,10 +432,7 @@ fn content(name: &str) -> Content {
 
 /// Parses the page as XML; it is well-formed because every element is closed and every value escaped.
 pub(super) fn parsed(page: &str) -> Document<'_> {
-    let options = ParsingOptions {
-        allow_dtd: true,
-        ..ParsingOptions::default()
-    };
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     Document::parse_with_options(page, options).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -470,12 +440,8 @@ pub(super) fn parsed(page: &str) -> Document<'_> {
 fn every_section_is_there_once_in_order() {
     let page = html(&content("mon"));
     let document = parsed(&page);
-    let sections = document
-        .descendants()
-        .filter(|node| node.has_tag_name("section"));
-    let ids: Vec<_> = sections
-        .filter_map(|section| section.attribute("id"))
-        .collect();
+    let sections = document.descendants().filter(|node| node.has_tag_name("section"));
+    let ids: Vec<_> = sections.filter_map(|section| section.attribute("id")).collect();
     let expected = [
         "space",
         "steps",
@@ -492,34 +458,20 @@ fn every_section_is_there_once_in_order() {
     ];
     assert_eq!(ids, expected);
     assert!(page.contains("Tolerance met") && page.contains("of positions come within"));
-    assert_eq!(
-        page,
-        html(&content("mon")),
-        "the same content gives the same bytes"
-    );
+    assert_eq!(page, html(&content("mon")), "the same content gives the same bytes");
 }
 
 /// A hostile name is text and nothing else: the page has the elements of one with a plain name.
 pub(super) fn assert_text_alone(page: &str, plain: &str) {
     let elements = |page: &str| -> BTreeMap<String, usize> {
         let mut count = BTreeMap::new();
-        for node in parsed(page)
-            .descendants()
-            .filter(roxmltree::Node::is_element)
-        {
+        for node in parsed(page).descendants().filter(roxmltree::Node::is_element) {
             *count.entry(node.tag_name().name().to_owned()).or_default() += 1;
         }
         count
     };
-    assert_eq!(
-        elements(page),
-        elements(plain),
-        "a name made an element of its own"
-    );
-    assert!(
-        !page.contains(['\u{202e}', '\u{1b}']),
-        "what a reader does not see is written out"
-    );
+    assert_eq!(elements(page), elements(plain), "a name made an element of its own");
+    assert!(!page.contains(['\u{202e}', '\u{1b}']), "what a reader does not see is written out");
     assert!(page.contains("\\u{202e}gpj.exe"));
 }
 
@@ -533,10 +485,7 @@ fn hostile_names_are_text_and_nothing_else() {
         .find(|node| node.attribute("class") == Some("which"))
         .expect("the head");
     let shown = heading.text().expect("a text");
-    assert!(
-        shown.starts_with("</title><script>alert('1')</script>\"><img src=x"),
-        "{shown}"
-    );
+    assert!(shown.starts_with("</title><script>alert('1')</script>\"><img src=x"), "{shown}");
 }
 
 #[test]
@@ -558,10 +507,7 @@ fn figures_carry_the_values_of_the_tables() {
 fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
     let whole = content("mon");
     let bare = Content {
-        verdict: verdict(
-            "9 held-out stations; 59 are needed",
-            Verdict::NotShown(String::new()),
-        ),
+        verdict: verdict("9 held-out stations; 59 are needed", Verdict::NotShown(String::new())),
         pairs: Pairs::default(),
         bounds: None,
         measured: None,
@@ -588,10 +534,7 @@ fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
 fn modes() -> [BTreeMap<String, [f64; 3]>; 3] {
     let of = |is_mode: fn(&str) -> bool| {
         let mut colours = BTreeMap::new();
-        for rule in [chart::STYLE, STYLE]
-            .iter()
-            .flat_map(|style| style.split("@media"))
-        {
+        for rule in [chart::STYLE, STYLE].iter().flat_map(|style| style.split("@media")) {
             let parts = rule.split(['{', ';', '\n']).filter(|_| is_mode(rule));
             let variables =
                 parts.filter_map(|part| part.trim().strip_prefix("--")?.split_once(": #"));
@@ -602,16 +545,8 @@ fn modes() -> [BTreeMap<String, [f64; 3]>; 3] {
     let light = of(|rule| !rule.starts_with(" (") && !rule.starts_with(" print"));
     let over = |own: BTreeMap<String, [f64; 3]>| light.clone().into_iter().chain(own).collect();
     let dark = of(|rule| rule.starts_with(" (prefers-color-scheme: dark)"));
-    assert_eq!(
-        dark.len(),
-        light.len(),
-        "every colour has one for dark paper"
-    );
-    [
-        light.clone(),
-        over(dark),
-        over(of(|rule| rule.starts_with(" print"))),
-    ]
+    assert_eq!(dark.len(), light.len(), "every colour has one for dark paper");
+    [light.clone(), over(dark), over(of(|rule| rule.starts_with(" print")))]
 }
 
 fn rgb(colour: &str) -> [f64; 3] {
@@ -625,11 +560,7 @@ fn rgb(colour: &str) -> [f64; 3] {
 fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
     let linear = |part: f64| {
         let part = part / 255.0;
-        if part <= 0.040_45 {
-            part / 12.92
-        } else {
-            ((part + 0.055) / 1.055).powf(2.4)
-        }
+        if part <= 0.040_45 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
     };
     let luminance =
         |[r, g, b]: [f64; 3]| 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
@@ -641,10 +572,7 @@ fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn texts_and_marks_stand_out_in_every_colour_mode() {
     assert!((contrast(rgb("000000"), rgb("ffffff")) - 21.0).abs() < 1e-9);
     let [light, dark, print] = modes();
-    assert!(
-        contrast(light["paper"], dark["paper"]) > 10.0,
-        "the modes are distinguished"
-    );
+    assert!(contrast(light["paper"], dark["paper"]) > 10.0, "the modes are distinguished");
     for (mode, colours) in [("light", light), ("dark", dark), ("print", print)] {
         for name in [
             "text",

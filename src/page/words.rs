@@ -135,11 +135,7 @@ pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
 /// A table's word with its underscores as spaces; a sentence stays as it is.
 pub(super) fn plain(word: &str) -> String {
     let is_word = !word.contains(' ');
-    if is_word {
-        word.replace('_', " ")
-    } else {
-        word.to_owned()
-    }
+    if is_word { word.replace('_', " ") } else { word.to_owned() }
 }
 
 /// A number in fixed digits, with a minus sign; the element carries the value of the table.
@@ -166,15 +162,13 @@ pub(super) fn fixed(value: f64, digits: usize) -> String {
 pub(super) fn whole(value: u64) -> String {
     let digits = value.to_string();
     let place = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
-    digits
-        .char_indices()
-        .fold(String::new(), |mut text, (i, digit)| {
-            if place(i) {
-                text.push('\u{202f}');
-            }
-            text.push(digit);
-            text
-        })
+    digits.char_indices().fold(String::new(), |mut text, (i, digit)| {
+        if place(i) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+        text
+    })
 }
 
 /// A share as a percentage without needless digits.
@@ -192,9 +186,6 @@ mod tests {
         assert_eq!(fixed(-0.0004, 3), "0.000");
         assert_eq!(fixed(-1.25, 1), "\u{2212}1.2");
         assert_eq!(whole(1_234_567), "1\u{202f}234\u{202f}567");
-        assert_eq!(
-            [percent(0.95), percent(0.995), percent(1.0)],
-            ["95", "99.5", "100"]
-        );
+        assert_eq!([percent(0.95), percent(0.995), percent(1.0)], ["95", "99.5", "100"]);
     }
 }

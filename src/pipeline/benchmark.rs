@@ -81,18 +81,13 @@ struct Chosen<'a> {
 
 /// Reads and checks a suite file.
 pub fn suite(path: &Path) -> Result<Suite, BenchmarkError> {
-    let text = input::text(path, Bound::SETTINGS).map_err(|source| BenchmarkError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = input::text(path, Bound::SETTINGS)
+        .map_err(|source| BenchmarkError::Read { path: path.to_owned(), source })?;
     let suite: Suite = toml::from_str(&text).map_err(|source| BenchmarkError::Parse {
         path: path.to_owned(),
         source: Box::new(source),
     })?;
-    suite.check().map_err(|source| BenchmarkError::Suite {
-        path: path.to_owned(),
-        source,
-    })?;
+    suite.check().map_err(|source| BenchmarkError::Suite { path: path.to_owned(), source })?;
     Ok(suite)
 }
 
@@ -165,10 +160,7 @@ impl<'a> Chosen<'a> {
     /// The splits of an arm that are asked for, and those beside them.
     fn splits<'s>(&'s self, arm: &'s SuiteArm) -> impl Iterator<Item = &'s SuiteSplit> {
         let asked = &self.asked.splits;
-        let own = arm
-            .splits
-            .iter()
-            .filter(move |split| asked.contains(&split.name));
+        let own = arm.splits.iter().filter(move |split| asked.contains(&split.name));
         let beside: BTreeSet<&String> = own.filter_map(|split| split.beside.as_ref()).collect();
         let is_asked = move |split: &&SuiteSplit| {
             asked.is_empty() || asked.contains(&split.name) || beside.contains(&split.name)
@@ -192,13 +184,11 @@ impl<'a> Chosen<'a> {
         let each = data
             .iter()
             .flat_map(|(arm, data)| self.splits(arm).map(move |split| (*arm, split, data)));
-        each.map(|(arm, split, data)| Opened::new(suite, (arm, split), data))
-            .collect()
+        each.map(|(arm, split, data)| Opened::new(suite, (arm, split), data)).collect()
     }
 
     fn each(&self) -> impl Iterator<Item = (&SuiteArm, &SuiteSplit)> {
-        self.arms()
-            .flat_map(|arm| self.splits(arm).map(move |split| (arm, split)))
+        self.arms().flat_map(|arm| self.splits(arm).map(move |split| (arm, split)))
     }
 
     /// Checks that every program has predictions, and tells for which splits it has none.

@@ -201,9 +201,6 @@ fn compare(
 
 impl Compacted {
     fn leave_out(&mut self, lake: &Lake, file: &Listed, reason: String) {
-        self.left_out.push(LeftOut {
-            place: lake.place_of(&file.key),
-            reason,
-        });
+        self.left_out.push(LeftOut { place: lake.place_of(&file.key), reason });
     }
 }

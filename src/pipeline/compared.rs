@@ -161,10 +161,7 @@ fn of_the_arm(
         let mut sets = outcome.residuals.iter();
         sets.find(|set| is_it(&set.subject))
     };
-    let is_of_grids = outcome
-        .training
-        .last()
-        .is_some_and(|last| last.name == session.name);
+    let is_of_grids = outcome.training.last().is_some_and(|last| last.name == session.name);
     let (before_of, before) = if subject.split == Split::Blocks && is_of_grids {
         (of_commands(session), of_the_tool(outcome, session))
     } else {
@@ -173,9 +170,8 @@ fn of_the_arm(
                 == (Model::BaseTarget, subject.split, subject.base_refit)
                 && own.of_session == subject.of_session
         })?;
-        let mut before: ErrorsAt = of_main(nominal)
-            .map(|own| (own.station, (own.predicted(), own.residual)))
-            .collect();
+        let mut before: ErrorsAt =
+            of_main(nominal).map(|own| (own.station, (own.predicted(), own.residual))).collect();
         if subject.angles == Angles::Commanded {
             carry_to_commands(outcome, session, &mut before);
         }
@@ -183,12 +179,7 @@ fn of_the_arm(
     };
     let pair = |own: &Residual| {
         let (at, before) = *before.get(&own.station)?;
-        Some(ErrorPair {
-            station: own.station,
-            at,
-            before,
-            after: own.residual,
-        })
+        Some(ErrorPair { station: own.station, at, before, after: own.residual })
     };
     let after = of_main(set(&|own| own == subject)?);
     Some((before_of, after.filter_map(pair).collect()))
@@ -226,11 +217,7 @@ fn carry_to_commands(outcome: &Outcome<'_>, session: &JoinedSession, errors: &mu
 
 /// What the tool point's errors are relative to, in words.
 fn of_commands(session: &JoinedSession) -> &'static str {
-    if session.commanded.poses.iter().any(Option::is_some) {
-        "raw command"
-    } else {
-        "nominal arm"
-    }
+    if session.commanded.poses.iter().any(Option::is_some) { "raw command" } else { "nominal arm" }
 }
 
 /// The errors of the tool point in the run's base frame, of the session that table and grids are for.

@@ -195,13 +195,7 @@ impl Configuration {
         overrides: &Overrides,
     ) -> Result<Self, ConfigurationError> {
         let folder = files.sessions().named();
-        let Files {
-            file,
-            robot_file,
-            arm,
-            lake,
-            ..
-        } = files;
+        let Files { file, robot_file, arm, lake, .. } = files;
         let placed = Placed::new(path, &file)?;
         let lake = usable(overrides.lake.as_deref(), lake)?;
         let join_settings = settings_of_join(&file)?;
@@ -270,11 +264,8 @@ fn joined_sessions(
     };
     let opened = input::open(robot_file, Bound::ANY).map_err(unread)?;
     let (robot_digest, _) = manifest::digest(opened).map_err(unread)?;
-    let wanted = Wanted {
-        robot: file.robot.name.as_deref(),
-        robot_digest: &robot_digest,
-        settings,
-    };
+    let wanted =
+        Wanted { robot: file.robot.name.as_deref(), robot_digest: &robot_digest, settings };
     sessions::list_joined(&Lake::at(lake)?, &wanted, &file.input, overrides)
 }
 
@@ -301,9 +292,8 @@ fn incomplete(path: &Path, text: &str) -> Option<ConfigurationError> {
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
 fn folder_of(path: &Path) -> Result<PathBuf, ConfigurationError> {
-    let real = path
-        .canonicalize()
-        .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
+    let real =
+        path.canonicalize().map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
 }
 
@@ -370,14 +360,8 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, Configura
     let joints = arm.joints().iter();
     Ok(Reads::Logs(Box::new(Mapping {
         controller: controller.clone(),
-        commanded: file
-            .commanded
-            .as_ref()
-            .and_then(|section| section.mapping.clone()),
-        tracker: TrackerSettings {
-            eye_in_hand: file.tracker.is_eye_in_hand(),
-            ..tracker.clone()
-        },
+        commanded: file.commanded.as_ref().and_then(|section| section.mapping.clone()),
+        tracker: TrackerSettings { eye_in_hand: file.tracker.is_eye_in_hand(), ..tracker.clone() },
         joints: joints.map(|joint| joint.name.clone()).collect(),
         slides: slides(arm),
     })))
@@ -407,10 +391,7 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
             .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
         base: placed.base,
         target_is_tool: placed.target_is_tool,
-        similarity: SimilaritySettings {
-            slides: slides(arm),
-            ..file.similarity.clone()
-        },
+        similarity: SimilaritySettings { slides: slides(arm), ..file.similarity.clone() },
         grid: file.grid.clone(),
         tolerance: file.tolerance,
         locate: file.report.locate,
@@ -438,10 +419,7 @@ fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
         return Vec::new();
     }
     let known = lengths.iter().map(|own| KnownGauge {
-        place: own.place.map(|place| KnownTarget {
-            xyz_mm: place.xyz_mm,
-            sd_mm: place.sd_mm,
-        }),
+        place: own.place.map(|place| KnownTarget { xyz_mm: place.xyz_mm, sd_mm: place.sd_mm }),
         offset: own.offset.map(|offset| (offset.mm, offset.sd_mm)),
     });
     let before = vec![KnownGauge::default(); file.first_length()];
@@ -451,20 +429,13 @@ fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
 /// Names of the targets of sessions with several, the main one first; empty where there is one.
 pub(in crate::pipeline) fn several_targets(file: &PipelineFile) -> Vec<String> {
     let names = file.stations.as_ref().map(StationsSettings::target_names);
-    let logged = file
-        .tracker
-        .mapping
-        .as_ref()
-        .map(TrackerSettings::target_names);
+    let logged = file.tracker.mapping.as_ref().map(TrackerSettings::target_names);
     let names = names.or(logged);
     names.filter(|names| names.len() > 1).unwrap_or_default()
 }
 
 fn remarks(file: &PipelineFile) -> Vec<String> {
-    let one_point = file
-        .commanded
-        .as_ref()
-        .map(|section| section.target_is_tool);
+    let one_point = file.commanded.as_ref().map(|section| section.target_is_tool);
     let based = file.tracker.tracker_from_base.is_some();
     let survey = match &file.tracker.tracker_from_base {
         Some(TrackerFromBase::Surveyed(survey)) => Some(survey),
@@ -499,9 +470,7 @@ fn remarks(file: &PipelineFile) -> Vec<String> {
         ),
     ];
     let held = remarks.into_iter().filter(|(holds, _)| *holds);
-    held.map(|(_, remark)| remark.to_owned())
-        .chain(two_places(file))
-        .collect()
+    held.map(|(_, remark)| remark.to_owned()).chain(two_places(file)).collect()
 }
 
 /// Places further apart than this are not one point, mm.
@@ -509,10 +478,7 @@ const ONE_POINT_MM: f64 = 1.0;
 
 /// A remark where the file gives one point two places; `None` where it does not.
 fn two_places(file: &PipelineFile) -> Option<String> {
-    let commanded = file
-        .commanded
-        .as_ref()
-        .filter(|section| section.target_is_tool)?;
+    let commanded = file.commanded.as_ref().filter(|section| section.target_is_tool)?;
     let tool = Vector3::from(commanded.flange_from_tool?.xyz_mm);
     let target = file.fit.geometric.target?;
     let apart_mm = (tool - Vector3::from(target.xyz_mm)).norm();
@@ -556,10 +522,7 @@ impl Placed {
             command_frames: None,
             flange_from_tool: None,
             base,
-            target_is_tool: file
-                .commanded
-                .as_ref()
-                .map(|commanded| commanded.target_is_tool),
+            target_is_tool: file.commanded.as_ref().map(|commanded| commanded.target_is_tool),
             tool_tip: None,
         };
         let tip = file.report.tool_tip.as_ref();
@@ -568,9 +531,7 @@ impl Placed {
             return Ok(placed);
         };
         let tool = section.flange_from_tool.as_ref();
-        let tool = tool
-            .map(|tool| isometry("[commanded] flange_from_tool", tool))
-            .transpose()?;
+        let tool = tool.map(|tool| isometry("[commanded] flange_from_tool", tool)).transpose()?;
         placed.command_frames = Some(CommandFrames {
             base_from_command: isometry(
                 "[commanded] base_from_command",
@@ -579,9 +540,7 @@ impl Placed {
             flange_from_tool: tool,
         });
         placed.flange_from_tool = tool;
-        placed.tool_tip = tip
-            .map(|tip| tip_at_flange(path, tip, tool.as_ref()))
-            .transpose()?;
+        placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
         if !section.target_is_tool && tool.is_none() {
             return Err(no_tool(path));
         }

@@ -11,11 +11,8 @@ use serde::Deserialize;
 use thiserror::Error;
 
 /// Names of a session's logs in its counts and in messages.
-const LOGS: [(&str, &str); 3] = [
-    ("controller", "the controller's log"),
-    ("tracker", "the tracker's log"),
-    ("log", "the log"),
-];
+const LOGS: [(&str, &str); 3] =
+    [("controller", "the controller's log"), ("tracker", "the tracker's log"), ("log", "the log")];
 
 /// Names of the topics of the pipeline file, in counts and in messages.
 const STREAMS: [(&str, &str); 4] = [
@@ -46,17 +43,8 @@ struct Loss {
 
 impl Loss {
     fn words(&self) -> String {
-        let Self {
-            of,
-            unit,
-            lost,
-            all,
-        } = self;
-        let cause = if *unit == "bytes" {
-            "lost to damage"
-        } else {
-            "lost"
-        };
+        let Self { of, unit, lost, all } = self;
+        let cause = if *unit == "bytes" { "lost to damage" } else { "lost" };
         let percent = percent(*lost, *all);
         format!("{of}: {lost} of {all} {unit} were {cause} ({percent:.2} %)")
     }
@@ -71,12 +59,7 @@ fn bytes(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     LOGS.into_iter().filter_map(|(role, of)| {
         let all = *counts.get(&format!("{role}.bytes"))?;
         let lost = counts.get(&format!("{role}.bytes_lost")).copied();
-        Some(Loss {
-            of,
-            unit: "bytes",
-            lost: lost.unwrap_or(0),
-            all,
-        })
+        Some(Loss { of, unit: "bytes", lost: lost.unwrap_or(0), all })
     })
 }
 
@@ -106,9 +89,7 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
 /// The losses of a session's logs as text: a line for each log that lost something or whose end is missing.
 pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
     let cut = |(role, log)| {
-        let cut = counts
-            .get(&format!("{role}.files_cut"))
-            .is_some_and(|files| *files > 0);
+        let cut = counts.get(&format!("{role}.files_cut")).is_some_and(|files| *files > 0);
         cut.then(|| {
             format!("{session}: {log} ends too early: what its recorder did not write is not known")
         })
@@ -125,10 +106,7 @@ pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
         let words = loss.words();
         format!("{session}: {words}; see table rejects")
     });
-    damaged
-        .chain(missing)
-        .chain(LOGS.into_iter().filter_map(cut))
-        .collect()
+    damaged.chain(missing).chain(LOGS.into_iter().filter_map(cut)).collect()
 }
 
 /// One entry of the counts in a row of `runs`.
@@ -182,10 +160,7 @@ mod tests {
         // A hundredth of the tracker's 1000 bytes, whatever the size of the controller's log.
         assert_eq!(within(&counts(10), 0.01), Ok(()));
         let error = within(&counts(11), 0.01).unwrap_err().to_string();
-        assert!(
-            error.contains("tracker") && error.contains("11 of 1000 bytes"),
-            "{error}"
-        );
+        assert!(error.contains("tracker") && error.contains("11 of 1000 bytes"), "{error}");
         assert_eq!(within(&counts(1000), 1.0), Ok(()));
         assert_eq!(words("mon", &counts(0)), Vec::<String>::new());
         assert!(words("mon", &counts(11))[0].contains("(1.10 %)"));
@@ -202,9 +177,6 @@ mod tests {
             {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 91}}]"#;
         let beyond = rejected_beyond(counts, 0.05);
         assert_eq!(beyond.len(), 1, "{beyond:?}");
-        assert!(
-            beyond[0].starts_with("6 of 100 reading messages"),
-            "{beyond:?}"
-        );
+        assert!(beyond[0].starts_with("6 of 100 reading messages"), "{beyond:?}");
     }
 }

@@ -68,14 +68,9 @@ pub(super) fn words(
     let made = TableRun::read(driven, lake)?;
     let shown = Shown {
         application: &driven.application,
-        promise: made
-            .as_ref()
-            .map_err(Clone::clone)
-            .and_then(|made| made.promised()),
+        promise: made.as_ref().map_err(Clone::clone).and_then(|made| made.promised()),
         after: driven.measured.as_ref().map(|measured| &measured.after),
-        outside: made
-            .as_ref()
-            .map_or_else(|_| Vec::new(), |made| made.outside(session, stated)),
+        outside: made.as_ref().map_or_else(|_| Vec::new(), |made| made.outside(session, stated)),
     };
     let state = shown.state(|| match &made {
         Ok(made) => made.compared(outcome, arm),
@@ -100,11 +95,8 @@ fn went(driven: &Driven, session: &JoinedSession) -> String {
     let Some(by) = &session.driven_by else {
         return "no targets".to_owned();
     };
-    let departed = driven
-        .stations
-        .iter()
-        .filter(|station| station.departure_mm() > NOT_THE_FILES_MM)
-        .count();
+    let departed =
+        driven.stations.iter().filter(|station| station.departure_mm() > NOT_THE_FILES_MM).count();
     let mut words = format!(
         "{} of {} stations measured at one of its {} targets",
         driven.stations.len(),
@@ -112,10 +104,7 @@ fn went(driven: &Driven, session: &JoinedSession) -> String {
         by.file.targets.len()
     );
     let others = [
-        (
-            by.matched.far,
-            "far from every target: in another frame, or of another program",
-        ),
+        (by.matched.far, "far from every target: in another frame, or of another program"),
         (by.matched.between, "between two targets"),
         (departed, "commanded otherwise than the file states"),
         (by.file.refused, "targets had been refused"),

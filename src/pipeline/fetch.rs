@@ -51,18 +51,12 @@ impl Fetched {
     pub fn of(tree: &Tree, piece: &WorkPiece) -> Result<Self, FetchError> {
         let (mut piece, mut copies) = (piece.clone(), BTreeMap::new());
         if matches!(tree, Tree::Folder) {
-            return Ok(Self {
-                piece,
-                copies,
-                _folder: None,
-            });
+            return Ok(Self { piece, copies, _folder: None });
         }
         temporary::clean_folders(COPIES);
         let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
         for path in files_of(&mut piece) {
-            let own = folder
-                .path()
-                .join(format!("{}.{}", copies.len() + 1, ending(path)));
+            let own = folder.path().join(format!("{}.{}", copies.len() + 1, ending(path)));
             let copy = match copies.get(path) {
                 Some(copy) => PathBuf::clone(copy),
                 None => fetch(tree, path, &own)?,
@@ -70,11 +64,7 @@ impl Fetched {
             let address = std::mem::replace(path, copy.clone());
             copies.insert(address, copy);
         }
-        Ok(Self {
-            piece,
-            copies,
-            _folder: Some(folder),
-        })
+        Ok(Self { piece, copies, _folder: Some(folder) })
     }
 
     /// The piece of work, with paths that can be read.
@@ -100,31 +90,19 @@ impl Fetched {
 fn files_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
     let sessions = piece.training.iter_mut().chain(&mut piece.test);
     sessions.flat_map(|session| {
-        let SessionFiles {
-            recorded,
-            corrected,
-            ..
-        } = session;
+        let SessionFiles { recorded, corrected, .. } = session;
         recorded.paths_mut().into_iter().chain(corrected)
     })
 }
 
 /// Extensions of tables, which determine how they are read.
-const TABLES: [&str; 11] = [
-    "csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx", "ods",
-];
+const TABLES: [&str; 11] =
+    ["csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx", "ods"];
 
 /// The extension of a copy.
 fn ending(path: &Path) -> &'static str {
-    let own = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
-    TABLES
-        .into_iter()
-        .find(|known| *known == own)
-        .unwrap_or("mcap")
+    let own = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    TABLES.into_iter().find(|known| *known == own).unwrap_or("mcap")
 }
 
 /// Copies the object at an address.
@@ -139,9 +117,5 @@ fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError
 }
 
 fn wrong(of: &Path) -> impl Fn(io::Error) -> FetchError + use<'_> {
-    move |source| FetchError::Copy {
-        of: of.to_owned(),
-        folder: std::env::temp_dir(),
-        source,
-    }
+    move |source| FetchError::Copy { of: of.to_owned(), folder: std::env::temp_dir(), source }
 }

@@ -96,10 +96,7 @@ impl Serialize for PipelineFile {
 /// Checks that a file is about logs or about tables of stations, with all that either needs.
 fn recorded_one_way(file: &PipelineFile) -> Result<(), String> {
     let tracker = file.tracker.mapping.is_some();
-    let commanded = file
-        .commanded
-        .as_ref()
-        .map(|section| section.mapping.is_some());
+    let commanded = file.commanded.as_ref().map(|section| section.mapping.is_some());
     if file.stations.is_none() {
         let topic = "has no `topic`, which logs need; for a table of stations write [stations]";
         return match (&file.controller, tracker, commanded) {
@@ -209,11 +206,7 @@ pub struct RobotSection {
 impl RobotSection {
     /// The arm in the robot file, and the names of its joints.
     pub fn selection(&self) -> Selection {
-        Selection {
-            base: self.base.clone(),
-            tip: self.tip.clone(),
-            joints: self.joints.clone(),
-        }
+        Selection { base: self.base.clone(), tip: self.tip.clone(), joints: self.joints.clone() }
     }
 }
 
@@ -299,11 +292,7 @@ impl LogNames {
     #[must_use]
     pub fn of(&self, session: &str) -> Self {
         let patterns = self.patterns().iter();
-        Self::Several(
-            patterns
-                .map(|pattern| pattern.replace(SESSION_PLACE, session))
-                .collect(),
-        )
+        Self::Several(patterns.map(|pattern| pattern.replace(SESSION_PLACE, session)).collect())
     }
 }
 
@@ -603,11 +592,7 @@ const fn settle_s() -> u64 {
 }
 
 fn corrected_targets() -> LogNames {
-    LogNames::Several(
-        ["csv", "parquet", "json"]
-            .map(|form| format!("corrected*.{form}"))
-            .into(),
-    )
+    LogNames::Several(["csv", "parquet", "json"].map(|form| format!("corrected*.{form}")).into())
 }
 
 /// A log that lost more than a hundredth of its bytes or messages no longer shows the whole session.
@@ -632,17 +617,12 @@ impl TryFrom<CommandedKeys> for CommandedSection {
             frame: keys.frame,
         };
         Ok(Self {
-            mapping: keys
-                .topic
-                .map(|topic| of_topic(topic).try_into())
-                .transpose()?,
+            mapping: keys.topic.map(|topic| of_topic(topic).try_into()).transpose()?,
             base_from_command: keys
                 .base_from_command
                 .ok_or(missing("base_from_command", PLACED))?,
             flange_from_tool: keys.flange_from_tool,
-            target_is_tool: keys
-                .target_is_tool
-                .ok_or(missing("target_is_tool", SAME_POINT))?,
+            target_is_tool: keys.target_is_tool.ok_or(missing("target_is_tool", SAME_POINT))?,
         })
     }
 }
@@ -695,10 +675,7 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             lengths: keys.lengths,
         };
         Ok(Self {
-            mapping: keys
-                .topic
-                .map(|topic| of_topic(topic).try_into())
-                .transpose()?,
+            mapping: keys.topic.map(|topic| of_topic(topic).try_into()).transpose()?,
             uncertainty: match (keys.uncertainty, keys.camera) {
                 (Some(tracker), None) => Uncertainty::Tracker(tracker),
                 (None, Some(camera)) => Uncertainty::Camera(camera),
@@ -727,9 +704,6 @@ impl TryFrom<BTreeMap<String, toml::Value>> for FitSection {
     fn try_from(mut keys: BTreeMap<String, toml::Value>) -> Result<Self, toml::de::Error> {
         let full = keys.remove("full").map(toml::Value::try_into).transpose()?;
         let geometric: toml::Table = keys.into_iter().collect();
-        Ok(Self {
-            geometric: geometric.try_into()?,
-            full: full.unwrap_or_default(),
-        })
+        Ok(Self { geometric: geometric.try_into()?, full: full.unwrap_or_default() })
     }
 }

@@ -93,11 +93,7 @@ impl Fleet {
             let named = robots.iter().map(|name| known.named(path, name));
             named.collect::<Result<_, _>>()?
         };
-        let loader = Loader {
-            source: &source,
-            robots: known,
-            overrides,
-        };
+        let loader = Loader { source: &source, robots: known, overrides };
         loader.fleet(&chosen, robots.is_empty())
     }
 
@@ -116,11 +112,8 @@ impl Fleet {
     /// All pieces of work, robot by robot.
     pub fn pieces(&self) -> Vec<FleetPiece<'_>> {
         let of_one = |configuration| {
-            let piece = move |piece| FleetPiece {
-                configuration,
-                piece,
-                is_of_several: self.is_of_several,
-            };
+            let piece =
+                move |piece| FleetPiece { configuration, piece, is_of_several: self.is_of_several };
             configuration.pieces.iter().map(piece)
         };
         self.robots.iter().flat_map(of_one).collect()
@@ -145,8 +138,7 @@ impl Fleet {
     pub fn tolerance_mm(&self) -> Option<f64> {
         let mut all = self.robots.iter().map(|own| own.stages.tolerance.mm);
         let first = all.next()?;
-        all.all(|own| own.total_cmp(&first).is_eq())
-            .then_some(first)
+        all.all(|own| own.total_cmp(&first).is_eq()).then_some(first)
     }
 }
 
@@ -210,9 +202,7 @@ impl Loader<'_> {
         if self.overrides.from_joined {
             return Ok((Searched::Joined, Vec::new()));
         }
-        let any = chosen
-            .iter()
-            .map(|own| self.source.of_any(self.robots, own));
+        let any = chosen.iter().map(|own| self.source.of_any(self.robots, own));
         let any = any.reduce(Result::or);
         let file =
             any.unwrap_or_else(|| self.source.of_any(self.robots, &self.robots.stated[0]))?;
@@ -299,21 +289,13 @@ impl Gathered {
             }
             _ => Why::Bad(error.to_string()),
         };
-        self.set_aside.push(SetAside {
-            session: robot.to_owned(),
-            why,
-            before: self.pieces,
-        });
+        self.set_aside.push(SetAside { session: robot.to_owned(), why, before: self.pieces });
         self.faults.push(error);
     }
 
     fn set_aside(&mut self, told: Vec<(String, Why)>) {
         let before = self.pieces;
-        let told = told.into_iter().map(|(session, why)| SetAside {
-            session,
-            why,
-            before,
-        });
+        let told = told.into_iter().map(|(session, why)| SetAside { session, why, before });
         self.set_aside.extend(told);
     }
 

@@ -173,8 +173,7 @@ pub fn history(
     progress.begin("sessions", robots.iter().map(|own| own.len() as u64).sum());
     let of_each = || {
         let each = robots.par_iter();
-        each.map(|own| of_robot(lake, asked, own, progress))
-            .collect()
+        each.map(|own| of_robot(lake, asked, own, progress)).collect()
     };
     let histories = lake.read_with(of_each);
     progress.end();
@@ -188,11 +187,9 @@ fn named(lake: &Lake, robots: Vec<RobotRows>, robot: &str) -> Result<RobotRows, 
     match place.and_then(|place| robots.into_iter().nth(place)) {
         Some(own) => Ok(own),
         None if names.is_empty() => Err(HistoryError::NoLake(lake.root())),
-        None => Err(HistoryError::NoRobot {
-            lake: lake.root(),
-            robot: robot.to_owned(),
-            robots: names,
-        }),
+        None => {
+            Err(HistoryError::NoRobot { lake: lake.root(), robot: robot.to_owned(), robots: names })
+        }
     }
 }
 
@@ -203,10 +200,7 @@ pub fn newest(lake: &Lake, robot: &str) -> Result<RunKey, HistoryError> {
     let newest = lake.read_with(|| current(lake, rows)).0.pop();
     newest
         .map(|row| row.fact.key)
-        .ok_or_else(|| HistoryError::NoNewest {
-            lake: lake.root(),
-            robot: own.robot(),
-        })
+        .ok_or_else(|| HistoryError::NoNewest { lake: lake.root(), robot: own.robot() })
 }
 
 fn of_robot(
@@ -215,11 +209,7 @@ fn of_robot(
     own: &RobotRows,
     progress: &dyn Progress,
 ) -> Result<RobotHistory, HistoryError> {
-    let summary = if asked.fresh {
-        Summary::default()
-    } else {
-        Summary::read(lake, &own.folder)
-    };
+    let summary = if asked.fresh { Summary::default() } else { Summary::read(lake, &own.folder) };
     let (robot, rows) = (own.robot(), own.read(lake, &summary));
     let (runs, all, tags) = (rows.len(), facts_of(&rows), tags_of(&rows));
     let is_written = summary.facts == all && summary.tags == tags;
@@ -276,9 +266,7 @@ fn facts_of(rows: &[Row]) -> BTreeMap<String, Fact> {
 /// The digest of each row by its path and tag, where the store has tags.
 fn tags_of(rows: &[Row]) -> BTreeMap<(String, String), String> {
     let readable = rows.iter().filter(|row| row.fact.is_ok());
-    readable
-        .filter_map(|row| Some((row.tagged.clone()?, row.digest.clone())))
-        .collect()
+    readable.filter_map(|row| Some((row.tagged.clone()?, row.digest.clone()))).collect()
 }
 
 /// The judgement of each row, and the number of rows that had to be read.
@@ -297,10 +285,7 @@ fn judge(
         let figures: Vec<_> = some.par_iter().map(read).collect();
         for (row, figures) in some.iter().zip(figures) {
             let said = figures.map(|figures| judged.session_history.next(&figures));
-            judged.entries.push(Entry {
-                digest: row.digest.clone(),
-                judged: said,
-            });
+            judged.entries.push(Entry { digest: row.digest.clone(), judged: said });
             progress.advance(1);
         }
     }

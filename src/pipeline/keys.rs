@@ -140,9 +140,7 @@ impl KeyReference {
 
     /// The keys of the file of that name in [`FILES`]; `None` for any other name.
     pub fn find(name: &str) -> Option<&'static Self> {
-        [Self::pipeline(), Self::robot()]
-            .into_iter()
-            .find(|reference| reference.file == name)
+        [Self::pipeline(), Self::robot()].into_iter().find(|reference| reference.file == name)
     }
 
     fn parse(text: &str) -> Self {

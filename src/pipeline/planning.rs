@@ -155,11 +155,7 @@ impl Planning {
         let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let lake = usable(lake, read.lake.clone())?;
-        let robot = file
-            .robot
-            .name
-            .clone()
-            .unwrap_or_else(|| stem.clone().into_owned());
+        let robot = file.robot.name.clone().unwrap_or_else(|| stem.clone().into_owned());
         let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
         if let Some(known) = &section.known {
             // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
@@ -204,9 +200,7 @@ impl Planning {
         lake.ask(&key)?;
         let row = lake.read("runs", &key)?;
         Ok(Planned {
-            is_met: RunRow::read(&row)
-                .iter()
-                .any(|row| row.verdict == TableVerdict::Met),
+            is_met: RunRow::read(&row).iter().any(|row| row.verdict == TableVerdict::Met),
             page: run::page(&lake, &key).map_err(Box::new)?,
             plan: made,
             key,
@@ -233,16 +227,10 @@ impl Planning {
             run.publish(table)?;
         }
         let counts = counts(plan);
-        let about = About {
-            work: &self.work,
-            counts: &counts,
-            written: run.written(),
-        };
+        let about = About { work: &self.work, counts: &counts, written: run.written() };
         let html = page::html(&Content::of(visits.rows, figures.rows, &about));
         run.publish_page(&html)?;
-        let row = self
-            .work
-            .runs_table(&counts, run.written(), &ending(plan, replaces))?;
+        let row = self.work.runs_table(&counts, run.written(), &ending(plan, replaces))?;
         Ok(run.commit(&row)?)
     }
 }
@@ -253,11 +241,7 @@ fn base_from_command(
     file: &PipelineFile,
 ) -> Result<Isometry3<f64>, ConfigurationError> {
     match &file.commanded {
-        Some(section) => placed(
-            path,
-            "[commanded] base_from_command",
-            &section.base_from_command,
-        ),
+        Some(section) => placed(path, "[commanded] base_from_command", &section.base_from_command),
         None => Ok(Isometry3::identity()),
     }
 }
@@ -265,11 +249,8 @@ fn base_from_command(
 /// The numbers of candidates read, kept and rejected.
 fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
     let drawn = &plan.candidates;
-    let rejected: BTreeMap<String, u64> = drawn
-        .refused
-        .iter()
-        .map(|(reason, count)| ((*reason).to_owned(), *count as u64))
-        .collect();
+    let rejected: BTreeMap<String, u64> =
+        drawn.refused.iter().map(|(reason, count)| ((*reason).to_owned(), *count as u64)).collect();
     vec![StageCount {
         stage: "plan",
         of: "candidate poses",

@@ -86,16 +86,12 @@ fn verified(set: &ResidualSet, session: &JoinedSession) -> Vec<Verified> {
         let station = stations.iter().find(|station| station.number == number);
         station.map(|station| station.joints.clone())
     };
-    let verified = set
-        .residuals
-        .iter()
-        .filter(|own| own.is_of_main())
-        .filter_map(|residual| {
-            Some(Verified {
-                joints: joints(residual.station)?,
-                pose: residual.pose,
-                left_mm: residual.residual.norm(),
-            })
-        });
+    let verified = set.residuals.iter().filter(|own| own.is_of_main()).filter_map(|residual| {
+        Some(Verified {
+            joints: joints(residual.station)?,
+            pose: residual.pose,
+            left_mm: residual.residual.norm(),
+        })
+    });
     verified.collect()
 }

@@ -52,11 +52,7 @@ impl RobotEntry {
             let found = value.type_str();
             return Err(format!("`{key}` is a section, and here it is {found}"));
         }
-        Ok(Self {
-            name,
-            folder,
-            settings: table,
-        })
+        Ok(Self { name, folder, settings: table })
     }
 }
 
@@ -70,10 +66,7 @@ fn text(table: &mut Table, key: &str) -> Result<Option<String>, String> {
     match table.remove(key) {
         None => Ok(None),
         Some(Value::String(text)) => Ok(Some(text)),
-        Some(other) => Err(format!(
-            "`{key}` is a text, and here it is {}",
-            other.type_str()
-        )),
+        Some(other) => Err(format!("`{key}` is a text, and here it is {}", other.type_str())),
     }
 }
 
@@ -85,11 +78,7 @@ pub fn put(settings: &Table, into: &mut Table) {
 
 fn put_at(place: &str, settings: &Table, into: &mut Table) {
     for (key, value) in settings {
-        let own = if place.is_empty() {
-            key.clone()
-        } else {
-            format!("{place}.{key}")
-        };
+        let own = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
         match (value, into.get_mut(key)) {
             (Value::Table(inner), Some(Value::Table(there))) if is_section(&own) => {
                 put_at(&own, inner, there);
@@ -149,10 +138,7 @@ mod tests {
             ("name = 7", "`name` is a text, and here it is integer"),
             ("name = 'a'\nmm = 0.5", "unknown field `mm`"),
             ("name = 'a'\ninput = {}", "unknown field `input`"),
-            (
-                "name = 'a'\ntolerance = 0.5",
-                "`tolerance` is a section, and here it is float",
-            ),
+            ("name = 'a'\ntolerance = 0.5", "`tolerance` is a section, and here it is float"),
         ] {
             let found = RobotEntry::of(table(text)).expect_err(text);
             assert!(found.starts_with(words), "{text}: {found}");

@@ -32,9 +32,7 @@ impl NoRobotFile {
     /// The line of the fault, to stand behind the file's name; empty where the fault names it itself, or has none.
     pub fn on_line(&self) -> String {
         match self {
-            Self::Arm {
-                line: Some(line), ..
-            } => format!(", line {line}"),
+            Self::Arm { line: Some(line), .. } => format!(", line {line}"),
             _ => String::new(),
         }
     }

@@ -273,9 +273,7 @@ fn join_local(
     let files = piece
         .training
         .first()
-        .ok_or_else(|| RunError::NoRobotName {
-            session: piece.session.clone(),
-        })?;
+        .ok_or_else(|| RunError::NoRobotName { session: piece.session.clone() })?;
     joiner.made(files).map_err(|error| error.of(files))
 }
 
@@ -292,13 +290,7 @@ fn run_local(
     let Some(mut run) = lake.start(&key)? else {
         return already_there(configuration, &lake, &key);
     };
-    let joiner = Joiner {
-        configuration,
-        work: &work,
-        lake: &lake,
-        known,
-        progress,
-    };
+    let joiner = Joiner { configuration, work: &work, lake: &lake, known, progress };
     let sessions = joiner.all(piece, Some(&mut run))?;
     let made_of = sessions.made_of.clone();
     let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
@@ -310,19 +302,9 @@ fn run_local(
         grids: gridder.work.key().run,
         ..context(configuration, &outcome, lake.current(&key)?)
     };
-    let promised = promise::held(
-        configuration.sampling_plan.as_ref(),
-        &outcome,
-        &lake,
-        &key.robot,
-    )?
-    .words();
-    let driven = driven::words(
-        &outcome,
-        &configuration.arm,
-        &configuration.valid_for,
-        &lake,
-    )?;
+    let promised =
+        promise::held(configuration.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
+    let driven = driven::words(&outcome, &configuration.arm, &configuration.valid_for, &lake)?;
     let on_top = on_top_of(configuration, piece);
     let remarks = driven.lines.iter().cloned().chain(promised).chain(on_top);
     let remarks: Vec<String> = remarks.collect();
@@ -363,10 +345,7 @@ fn run_local(
 
 /// What a session was learnt on top of, in words; `None` where sessions are not learnt so, and of the first.
 fn on_top_of(configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
-    let (_, earlier) = piece
-        .training
-        .split_last()
-        .filter(|_| configuration.grows())?;
+    let (_, earlier) = piece.training.split_last().filter(|_| configuration.grows())?;
     let (first, last) = (&earlier.first()?.name, &earlier.last()?.name);
     let which = if earlier.len() == 1 {
         format!("the session before it, {first}")
@@ -390,10 +369,7 @@ fn said(
         rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
         warnings: warnings(outcome, &configuration.stages.tolerance),
         doubts_set_up: outcome.doubts_set_up(),
-        notes: notes(outcome)
-            .into_iter()
-            .chain(remarks.iter().cloned())
-            .collect(),
+        notes: notes(outcome).into_iter().chain(remarks.iter().cloned()).collect(),
         table_state,
         measured: when(outcome),
         instruments: instruments(configuration),
@@ -404,11 +380,7 @@ fn said(
 /// What the sessions were measured with, as the pipeline and robot files state it: what it is, and its name or uncertainty.
 fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let stated = &configuration.valid_for;
-    let of = &configuration
-        .stages
-        .noise
-        .source(SourceId::ONLY)
-        .uncertainty;
+    let of = &configuration.stages.noise.source(SourceId::ONLY).uncertainty;
     let tracker = match of {
         Uncertainty::Tracker(of) => tracker_in_words(configuration, of),
         Uncertainty::Camera(of) => camera_in_words(configuration, of),
@@ -420,9 +392,7 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
         ("Tracker", Some(tracker)),
     ];
     let stated = stated.into_iter();
-    stated
-        .filter_map(|(what, words)| Some((what, words?)))
-        .collect()
+    stated.filter_map(|(what, words)| Some((what, words?))).collect()
 }
 
 /// Place of the page of a run; `None` where it has none.
@@ -439,9 +409,8 @@ fn already_there(
 ) -> Result<Done, RunError> {
     let row = RunRow::read(&lake.read(RunRow::TABLE, key)?);
     let row = row.into_iter().next();
-    let (reason, counts) = row
-        .as_ref()
-        .map_or((None, "[]"), |row| (row.reason.clone(), &row.counts));
+    let (reason, counts) =
+        row.as_ref().map_or((None, "[]"), |row| (row.reason.clone(), &row.counts));
     let verdict = match row.as_ref().map(|row| row.verdict) {
         Some(TableVerdict::Met) => Verdict::Meets,
         Some(TableVerdict::NotMet) => Verdict::DoesNotMeet,
@@ -501,12 +470,10 @@ fn context<'a>(
 
 /// A tracker's limits in words.
 fn tracker_in_words(configuration: &Configuration, of: &TrackerUncertainty) -> String {
-    let orientation = of
-        .orientation_rad
-        .filter(|_| configuration.stages.noise.takes_orientations());
-    let orientation = orientation.map_or_else(String::new, |rad| {
-        format!("; {:.0} µrad in orientation", 1e6 * rad)
-    });
+    let orientation =
+        of.orientation_rad.filter(|_| configuration.stages.noise.takes_orientations());
+    let orientation = orientation
+        .map_or_else(String::new, |rad| format!("; {:.0} µrad in orientation", 1e6 * rad));
     format!(
         "{}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
         configuration.reads.of_readings(),
@@ -545,10 +512,8 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
         .iter()
         .flat_map(Station::measured)
         .filter_map(|reading| {
-            let (position, stated) = (
-                reading.position()?,
-                reading.value.point()?.stated_covariance,
-            );
+            let (position, stated) =
+                (reading.position()?, reading.value.point()?.stated_covariance);
             let source = noise.source(reading.source);
             let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
             let instrument = match stated {

@@ -43,11 +43,7 @@ pub(super) fn summary(
 ) -> Summary {
     let verdict = &outcome.verdict;
     let mut findings = outcome.frame.lines();
-    findings.push(format!(
-        "tolerance {} mm: {}",
-        tolerance.mm,
-        verdict.statement()
-    ));
+    findings.push(format!("tolerance {} mm: {}", tolerance.mm, verdict.statement()));
     findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
     Summary {
@@ -110,10 +106,7 @@ fn sessions(sessions: &[JoinedSession]) -> String {
             None => format!("{} sessions", several.len()),
         },
     };
-    format!(
-        "{named}: {stations} stations, {measured} measured, {} not",
-        stations - measured
-    )
+    format!("{named}: {stations} stations, {measured} measured, {} not", stations - measured)
 }
 
 /// When the sessions of a run were measured, by their logs; `None` where their clocks do not tell.
@@ -131,17 +124,11 @@ fn began_at(session: &JoinedSession) -> Option<String> {
 
 /// The first and the last day of several sessions; `None` where none has a date.
 fn days(sessions: &[JoinedSession]) -> Option<String> {
-    let began = sessions
-        .iter()
-        .filter_map(|own| began(&own.joined.clock.model));
+    let began = sessions.iter().filter_map(|own| began(&own.joined.clock.model));
     let mut days: Vec<String> = began.map(|began| began.day()).collect();
     days.sort_unstable();
     let (first, last) = (days.first()?, days.last()?);
-    Some(if first == last {
-        first.clone()
-    } else {
-        format!("{first} to {last}")
-    })
+    Some(if first == last { first.clone() } else { format!("{first} to {last}") })
 }
 
 /// The errors before and after, with the state of the table that drove the session.
@@ -162,20 +149,16 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
         own.filter(|own| is_of_links(own)).collect()
     };
     let links = Model::serving().map(of).find(|own| !own.is_empty())?;
-    let (found, not): (Vec<&ParameterRow>, Vec<&ParameterRow>) = links
-        .iter()
-        .partition(|own| own.identifiability == Identifiability::Identifiable);
+    let (found, not): (Vec<&ParameterRow>, Vec<&ParameterRow>) =
+        links.iter().partition(|own| own.identifiability == Identifiability::Identifiable);
     let clearest = [Unit::Mm, Unit::Rad].map(|unit| {
         let own = found.iter().filter(|own| own.unit == unit);
         let clearest = own.max_by(|a, b| clarity(a).total_cmp(&clarity(b)));
         clearest.map(|own| value(own))
     });
     let clearest: Vec<String> = clearest.into_iter().flatten().collect();
-    let mut words = format!(
-        "identified: {} of {} parameters of the links",
-        found.len(),
-        links.len()
-    );
+    let mut words =
+        format!("identified: {} of {} parameters of the links", found.len(), links.len());
     if !clearest.is_empty() {
         let clearest = clearest.join(" and ");
         write!(words, ", most clearly {clearest} (± two standard errors)").expect("a string");
@@ -209,15 +192,10 @@ fn value(parameter: &ParameterRow) -> String {
         Unit::One => ("", 1.0),
     };
     let error = parameter.standard_error;
-    let error = error.map_or_else(String::new, |error| {
-        format!(" ± {:.3}", scale * expanded(error))
-    });
-    format!(
-        "{} {:+.3}{error}{unit}",
-        symbol(&parameter.parameter),
-        scale * parameter.offset
-    )
-    .replace('-', "−")
+    let error =
+        error.map_or_else(String::new, |error| format!(" ± {:.3}", scale * expanded(error)));
+    format!("{} {:+.3}{error}{unit}", symbol(&parameter.parameter), scale * parameter.offset)
+        .replace('-', "−")
 }
 
 /// A parameter with the one that it is confounded with most.

@@ -101,11 +101,7 @@ pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
 
 fn task(own: FleetPiece<'_>, id: String) -> Task {
     let names = |files: &[SessionFiles]| files.iter().map(|own| own.name.clone()).collect();
-    let WorkPiece {
-        session,
-        training,
-        test,
-    } = own.piece;
+    let WorkPiece { session, training, test } = own.piece;
     let tree = &own.configuration.tree;
     let bytes = training.iter().chain(test).map(|own| size(tree, own)).sum();
     let megabytes = bytes as f64 * 1e-6;
@@ -131,11 +127,7 @@ fn size(tree: &Tree, session: &SessionFiles) -> u64 {
         Recorded::Joined(_) => Vec::new(),
     };
     let of_file = |path: &PathBuf| tree.size(path).unwrap_or(0);
-    recorded
-        .into_iter()
-        .chain(&session.corrected)
-        .map(of_file)
-        .sum()
+    recorded.into_iter().chain(&session.corrected).map(of_file).sum()
 }
 
 /// Does the task of that id among the pieces of a fleet, unless it is known as done and current.
@@ -159,11 +151,7 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
             }
         }
         Err(error) => {
-            let how = if error.is_fault() {
-                How::Fault
-            } else {
-                How::Failed
-            };
+            let how = if error.is_fault() { How::Fault } else { How::Failed };
             failed(id, Some(own), how, error.to_string())
         }
     }
@@ -180,11 +168,7 @@ fn ended(id: &str, done: &Done) -> Ended {
         id: id.to_owned(),
         robot: Some(done.robot.clone()),
         session: Some(done.session.clone()),
-        ended: if done.already_there {
-            How::DoneBefore
-        } else {
-            How::Done
-        },
+        ended: if done.already_there { How::DoneBefore } else { How::Done },
         run: Some(done.run.clone()),
         took_place: done.took_place.clone(),
         met: match done.verdict {

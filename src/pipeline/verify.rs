@@ -225,12 +225,7 @@ fn recomputed(
     let known_arm = cited::known_arm(&claim, register);
     let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
     let known_arm = known_arm.as_ref().and_then(Place::as_path);
-    let source = Source::find(
-        &claim,
-        (pipeline, &mut *sought),
-        known_arm,
-        temporary.path(),
-    );
+    let source = Source::find(&claim, (pipeline, &mut *sought), known_arm, temporary.path());
     let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
         Ok((work, source)) => (source, work),
         Err(NoSource::Missing(lost, reason)) => {

@@ -61,9 +61,7 @@ fn sessions_of<'o>(outcome: &'o Outcome<'_>) -> impl Iterator<Item = &'o JoinedS
 fn assigned_words(session: &JoinedSession) -> Option<String> {
     let assigned = &session.joined.assigned;
     let of = |own: fn(&Assigned) -> f64| median(&assigned.values().map(own).collect::<Vec<f64>>());
-    let ratios = assigned
-        .values()
-        .map(|own| own.runner_up_mm / own.misfit_mm);
+    let ratios = assigned.values().map(|own| own.runner_up_mm / own.misfit_mm);
     Some(format!(
         "{}: targets found by geometry at {} stations: readings are {:.2} mm from them at the nominal flange, {:.1} mm under the next best \
          assignment (medians), which is {:.1} times as far where it is nearest",
@@ -152,11 +150,7 @@ fn left_out(outcome: &Outcome<'_>) -> Option<String> {
         .iter()
         .filter_map(|session| {
             let figure = figure_of_model(&outcome.accuracy, &session.name)?;
-            Some(format!(
-                "{} {}",
-                session.name,
-                verdict::word(&figure.verdict)
-            ))
+            Some(format!("{} {}", session.name, verdict::word(&figure.verdict)))
         })
         .collect();
     (!verdicts.is_empty()).then(|| {
@@ -209,10 +203,7 @@ fn several_sources(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
             .factor_error()
             .map_or_else(String::new, |error| format!(" ± {:.2}", expanded(error)));
         let left = own.held_out_rms_mm.map_or_else(String::new, |rms_mm| {
-            let full = outcome
-                .sources
-                .iter()
-                .filter(|other| other.model == Model::Full);
+            let full = outcome.sources.iter().filter(|other| other.model == Model::Full);
             let mut full = full.filter(|other| other.size.source == size.source);
             let full_mm = full.next().and_then(|other| other.held_out_rms_mm);
             let full_mm = full_mm.map_or_else(String::new, |rms_mm| {
@@ -318,10 +309,9 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
             format!(", unseen session {}{found}", subject.of_session)
         }
     };
-    let bound = accuracy.bound.map_or_else(
-        || "bound not shown".to_owned(),
-        |bound| format!("bound {bound:.3} mm"),
-    );
+    let bound = accuracy
+        .bound
+        .map_or_else(|| "bound not shown".to_owned(), |bound| format!("bound {bound:.3} mm"));
     Some(format!(
         "{model}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} ({})",
         figures.mean, figures.p95, figures.max, accuracy.counted

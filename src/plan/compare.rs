@@ -45,12 +45,8 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 4] = [
-        Self::UniformGrid,
-        Self::Random,
-        Self::GreedyVariance,
-        Self::DOptimal,
-    ];
+    pub const ALL: [Self; 4] =
+        [Self::UniformGrid, Self::Random, Self::GreedyVariance, Self::DOptimal];
 }
 
 /// The results of one design at one number of poses.
@@ -91,26 +87,15 @@ pub struct Designs {
 impl Designs {
     /// Draws candidates and orders them, as many as the plan may have poses.
     pub fn new(trial: &Trial<'_>) -> Result<Self, PlanError> {
-        let Trial {
-            arm,
-            placer,
-            settings,
-            progress,
-        } = *trial;
+        let Trial { arm, placer, settings, progress } = *trial;
         let most = settings.poses.iter().copied().max().unwrap_or(0);
         if settings.candidates < most {
-            return Err(PlanError::FewCandidates {
-                candidates: settings.candidates,
-                poses: most,
-            });
+            return Err(PlanError::FewCandidates { candidates: settings.candidates, poses: most });
         }
         let candidates = candidates(arm, placer, settings)?;
         let region = region_axes(arm, placer, settings)?;
         let unknown = expected_model(arm, settings, &region, most);
-        let model = settings
-            .known
-            .as_ref()
-            .map_or(&unknown, |known| known.model());
+        let model = settings.known.as_ref().map_or(&unknown, |known| known.model());
         let measured = measurements(arm, &candidates.0, model, settings);
         progress.begin("choosing poses", 2 * most as u64);
         let visit = visit_covariances(model, &region);
@@ -134,12 +119,7 @@ impl Designs {
             progress.advance(1);
         }
         progress.end();
-        Ok(Self {
-            candidates,
-            by_variance,
-            expected,
-            by_information,
-        })
+        Ok(Self { candidates, by_variance, expected, by_information })
     }
 
     /// The poses of a design, at most `count` of them; the grid has the most nodes that are not more.
@@ -155,9 +135,9 @@ impl Designs {
             taken.map(|c| self.candidates.0[c].clone()).collect()
         };
         match kind {
-            Kind::UniformGrid => finest_grid(count, placer, settings)
-                .map(|grid| grid.commands)
-                .unwrap_or_default(),
+            Kind::UniformGrid => {
+                finest_grid(count, placer, settings).map(|grid| grid.commands).unwrap_or_default()
+            }
             Kind::Random => taken(&mut (0..self.candidates.0.len())),
             Kind::GreedyVariance => taken(&mut self.by_variance.iter().map(|c| c.candidate)),
             Kind::DOptimal => taken(&mut self.by_information.iter().copied()),
@@ -176,10 +156,7 @@ impl Expected {
             norms.extend((0..DRAWS).map(|_| stream.normal3().component_mul(&sizes).norm()));
         }
         norms.sort_by(f64::total_cmp);
-        let place = ((norms.len() as f64 * settings.tolerance.share)
-            .ceil()
-            .max(1.0))
-            - 1.0;
+        let place = ((norms.len() as f64 * settings.tolerance.share).ceil().max(1.0)) - 1.0;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -196,9 +173,7 @@ impl Expected {
 /// The uniform grid with the most nodes in reach that are no more than `count`; `None` if eight are too many.
 fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Option<Grid> {
     let bounds = &settings.region.bounds;
-    let shortest = (0..3)
-        .map(|axis| bounds.size(axis))
-        .fold(f64::INFINITY, f64::min);
+    let shortest = (0..3).map(|axis| bounds.size(axis)).fold(f64::INFINITY, f64::min);
     let of = |cells: u32| {
         let step_mm = shortest / f64::from(cells);
         let lattice = Lattice::new(bounds, step_mm).ok()?;
@@ -214,10 +189,7 @@ pub(super) fn candidates(
     placer: &Placer<'_>,
     settings: &PlanSettings,
 ) -> Result<(Vec<Commanded>, Drawn), PlanError> {
-    let region = Region {
-        cone_rad: settings.candidate_cone_rad,
-        ..settings.region
-    };
+    let region = Region { cone_rad: settings.candidate_cone_rad, ..settings.region };
     let mut stream = Stream::new(settings.seed, Ingredient::Candidates);
     let suits = |joints: &[f64]| line_of_sight::verdict(arm, joints, &settings.constraints);
     placer.random(&region, settings.candidates, &mut stream, &suits)
@@ -274,10 +246,7 @@ pub fn candidate(
     let source = settings.noise.source(SourceId::ONLY);
     let instrument = source.uncertainty.covariance(&position);
     let observation = Observation::planned(0, arm.axes(joints), position, instrument);
-    Candidate {
-        noise: model.noise(&observation, 0),
-        axes: observation.axes,
-    }
+    Candidate { noise: model.noise(&observation, 0), axes: observation.axes }
 }
 
 /// Candidates with the covariance of a measurement at each.
@@ -297,10 +266,7 @@ fn measurements(
 }
 
 fn visit_covariances(model: &FullModel, region: &[Vec<f64>]) -> Vec<Matrix3<f64>> {
-    region
-        .iter()
-        .map(|axes| model.visit_covariance(&super::design::query(axes)))
-        .collect()
+    region.iter().map(|axes| model.visit_covariance(&super::design::query(axes))).collect()
 }
 
 /// Judges every design at every number of poses of the settings on the plan's robots.
@@ -325,9 +291,7 @@ pub fn judge_sizes(
     for &(kind, count) in sizes {
         let poses = designs.poses(kind, count, placer, settings);
         // Several sizes may ask for the same grid, and a size below eight has none.
-        let is_new = !asked
-            .iter()
-            .any(|(k, p)| (*k, p.len()) == (kind, poses.len()));
+        let is_new = !asked.iter().any(|(k, p)| (*k, p.len()) == (kind, poses.len()));
         if is_new && !poses.is_empty() {
             asked.push((kind, poses));
         }
@@ -345,10 +309,7 @@ pub fn judge_sizes(
         expected: (*kind == Kind::GreedyVariance)
             .then(|| designs.expected.get(poses.len().checked_sub(1)?).copied())
             .flatten(),
-        outcomes: Outcomes::of(
-            robots.iter().map(|robot| &robot[place]),
-            settings.robots_meet,
-        ),
+        outcomes: Outcomes::of(robots.iter().map(|robot| &robot[place]), settings.robots_meet),
     };
     asked.iter().enumerate().map(row).collect()
 }

@@ -121,11 +121,7 @@ impl<'c> Design<'c> {
     /// # Panics
     /// When there is no such candidate, or its noise is not positive.
     pub fn take(&mut self, candidate: usize) -> Choice {
-        let factor = self
-            .measured(candidate)
-            .cholesky()
-            .expect("noise is positive")
-            .l();
+        let factor = self.measured(candidate).cholesky().expect("noise is positive").l();
         let inverse = factor.try_inverse().expect("a factor of a positive matrix");
         let rows = self.with_candidates(candidate, &inverse);
         let region = self.cross.fixed_columns::<3>(3 * candidate) * inverse.transpose();
@@ -140,10 +136,7 @@ impl<'c> Design<'c> {
         downdate(&mut self.cross, &region, &rows);
         self.factor.extend(rows);
         self.chosen.push(candidate);
-        Choice {
-            candidate,
-            left_mm2: self.left_mm2(),
-        }
+        Choice { candidate, left_mm2: self.left_mm2() }
     }
 
     /// Covariance of a measurement at a candidate.
@@ -160,10 +153,7 @@ impl<'c> Design<'c> {
             .with_min_len(AT_ONCE)
             .map(|candidate| is_free[candidate].then(|| gain(candidate)))
             .collect();
-        let free = gains
-            .iter()
-            .enumerate()
-            .filter_map(|(c, gain)| Some((c, (*gain)?)));
+        let free = gains.iter().enumerate().filter_map(|(c, gain)| Some((c, (*gain)?)));
         free.reduce(|best, next| if next.1 > best.1 { next } else { best })
             .map(|(candidate, _)| candidate)
     }
@@ -204,8 +194,7 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
     let part = |axes: &[&[f64]]| {
         let mut rows = DMatrix::zeros(3 * axes.len(), model.layout().size());
         for (place, axes) in axes.iter().enumerate() {
-            rows.rows_mut(3 * place, 3)
-                .copy_from(&model.predict(&query(axes)).rows);
+            rows.rows_mut(3 * place, 3).copy_from(&model.predict(&query(axes)).rows);
         }
         model.half(&rows)
     };
@@ -259,9 +248,7 @@ fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
         .collect();
     let mut product = DMatrix::zeros(left.ncols(), right.ncols());
     for (place, part) in parts.iter().enumerate() {
-        product
-            .columns_mut(3 * AT_ONCE * place, part.ncols())
-            .copy_from(part);
+        product.columns_mut(3 * AT_ONCE * place, part.ncols()).copy_from(part);
     }
     product
 }
@@ -273,17 +260,14 @@ fn downdate(
     [x_row, y_row, z_row]: &[Vec<f64>; 3],
 ) {
     let height = cross.nrows();
-    cross
-        .as_mut_slice()
-        .par_chunks_mut(height.max(1))
-        .with_min_len(AT_ONCE)
-        .enumerate()
-        .for_each(|(column, values)| {
+    cross.as_mut_slice().par_chunks_mut(height.max(1)).with_min_len(AT_ONCE).enumerate().for_each(
+        |(column, values)| {
             let [x, y, z] = [x_row[column], y_row[column], z_row[column]];
             for (row, value) in values.iter_mut().enumerate() {
                 *value -= region[(row, 0)] * x + region[(row, 1)] * y + region[(row, 2)] * z;
             }
-        });
+        },
+    );
 }
 
 #[cfg(test)]
@@ -309,43 +293,25 @@ mod tests {
             let turn = (first + i) as f64 * ((joint + 2) as f64).sqrt();
             middle[joint] + 2.0 * turn.fract() - 1.0
         };
-        (0..count)
-            .map(|i| (0..6).map(|joint| angle(i, joint)).collect())
-            .collect()
+        (0..count).map(|i| (0..6).map(|joint| angle(i, joint)).collect()).collect()
     }
 
     /// A model with few columns, before any measurement.
     fn model(region: &[Vec<f64>]) -> FullModel {
-        let settings = FullSettings {
-            harmonics: 4,
-            ..FullSettings::default()
-        };
+        let settings = FullSettings { harmonics: 4, ..FullSettings::default() };
         let frames = FramePair::only(
             Transform::claim(isometry_from_rpy([2500.0, 0.0, 0.0], [0.0; 3])),
             Transform::claim(Isometry3::translation(10.0, 0.0, 90.0)),
         );
         let up = UnitVector3::new_normalize(Vector3::z());
         let prior = FitSettings::default().prior();
-        FullModel::expected(
-            &ur10(),
-            &frames.into(),
-            region,
-            50,
-            &prior,
-            &settings,
-            Some(up),
-        )
+        FullModel::expected(&ur10(), &frames.into(), region, 50, &prior, &settings, Some(up))
     }
 
     fn candidates(count: usize) -> Vec<Candidate> {
         let noise = |place: usize| Matrix3::identity() * (1e-3 * (1.0 + place as f64 / 10.0));
         let poses = poses(count, 100).into_iter().enumerate();
-        poses
-            .map(|(place, axes)| Candidate {
-                axes,
-                noise: noise(place),
-            })
-            .collect()
+        poses.map(|(place, axes)| Candidate { axes, noise: noise(place) }).collect()
     }
 
     /// Covariance of the region given measurements at `chosen`, by one dense conditioning: `K_rr − K_rc (K_cc + N)⁻¹ K_cr`.
@@ -355,10 +321,7 @@ mod tests {
         region: &[Vec<f64>],
         chosen: &[usize],
     ) -> DMatrix<f64> {
-        let axes: Vec<&[f64]> = chosen
-            .iter()
-            .map(|&c| candidates[c].axes.as_slice())
-            .collect();
+        let axes: Vec<&[f64]> = chosen.iter().map(|&c| candidates[c].axes.as_slice()).collect();
         let measured = half(model, &axes);
         let region: Vec<&[f64]> = region.iter().map(Vec::as_slice).collect();
         let region = half(model, &region);
@@ -368,10 +331,7 @@ mod tests {
             own += candidates[candidate].noise;
         }
         let cross = region.tr_mul(&measured);
-        let solved = between
-            .cholesky()
-            .expect("positive")
-            .solve(&cross.transpose());
+        let solved = between.cholesky().expect("positive").solve(&cross.transpose());
         region.tr_mul(&region) - cross * solved
     }
 
@@ -405,10 +365,7 @@ mod tests {
             };
             let free = (0..candidates.len()).filter(|c| !before.contains(c));
             let best = free.map(left).fold(f64::INFINITY, f64::min);
-            assert!(
-                left(chosen) <= best * (1.0 + 1e-6),
-                "{chosen} after {before:?}"
-            );
+            assert!(left(chosen) <= best * (1.0 + 1e-6), "{chosen} after {before:?}");
         }
     }
 
@@ -419,10 +376,7 @@ mod tests {
         let model = model(&region).geometry_alone();
         let candidates = candidates(8);
         let gain = |chosen: &[usize]| {
-            let axes: Vec<&[f64]> = chosen
-                .iter()
-                .map(|&c| candidates[c].axes.as_slice())
-                .collect();
+            let axes: Vec<&[f64]> = chosen.iter().map(|&c| candidates[c].axes.as_slice()).collect();
             let measured = half(&model, &axes);
             let mut noise = DMatrix::zeros(3 * chosen.len(), 3 * chosen.len());
             for (place, &candidate) in chosen.iter().enumerate() {
@@ -435,10 +389,7 @@ mod tests {
         let mut design = Design::new(&model, &candidates, &[]);
         for _ in 0..3 {
             let before = design.chosen().to_vec();
-            let chosen = design
-                .choose_informative()
-                .expect("candidates are left")
-                .candidate;
+            let chosen = design.choose_informative().expect("candidates are left").candidate;
             let with = |candidate: usize| gain(&[before.clone(), vec![candidate]].concat());
             let free = (0..candidates.len()).filter(|c| !before.contains(c));
             let best = free.map(with).fold(f64::NEG_INFINITY, f64::max);

@@ -48,11 +48,7 @@ pub fn promised(
     let together = model.half(&rows);
     let day_mm = model.any_time_variance().sqrt();
     let mut stream = Stream::new(settings.seed, Ingredient::Posterior);
-    let z = DMatrix::from_vec(
-        together.nrows(),
-        ARMS,
-        stream.normals(together.nrows() * ARMS, 1.0),
-    );
+    let z = DMatrix::from_vec(together.nrows(), ARMS, stream.normals(together.nrows() * ARMS, 1.0));
     let left = together.tr_mul(&z);
     let arms: Vec<RobotOutcome> = left
         .column_iter()
@@ -95,10 +91,7 @@ pub fn next(
     while !are_enough && design.choose().is_some() {
         are_enough = expected(&design) <= wanted;
     }
-    Next {
-        poses: design.chosen().to_vec(),
-        are_enough,
-    }
+    Next { poses: design.chosen().to_vec(), are_enough }
 }
 
 /// A pose as commanded in another session.

@@ -135,12 +135,7 @@ fn shifts<'c>(
 
 /// Turned fresh poses, flipped wrists and singularities, on the grid at its own place.
 fn of_one_grid<'c>(grid: &'c Grid, placer: &Placer<'_>) -> Vec<Case<'c>> {
-    let as_it_is = |study, fresh| Case {
-        study,
-        grid: Cow::Borrowed(grid),
-        fresh,
-        not_reached: 0,
-    };
+    let as_it_is = |study, fresh| Case { study, grid: Cow::Borrowed(grid), fresh, not_reached: 0 };
     let turned = TURNS_DEG.map(f64::to_radians);
     let turned = turned.map(|turn_rad| as_it_is(Study::Turn(turn_rad), Fresh::Turned(turn_rad)));
     let flipped = FLIPPED.map(|share| {
@@ -167,10 +162,7 @@ fn in_all_shifts(
 ) -> Result<Vec<Commanded>, PlanError> {
     let lattice = &grid.placed.lattice;
     let furthest = SHIFTS.into_iter().fold(0.0, f64::max);
-    let least = SHIFTS
-        .into_iter()
-        .filter(|&share| share > 0.0)
-        .fold(1.0, f64::min);
+    let least = SHIFTS.into_iter().filter(|&share| share > 0.0).fold(1.0, f64::min);
     let edge = |axis: usize, steps: f64| lattice.origin[axis] + steps * lattice.step[axis];
     let last = |axis: usize| lattice.counts[axis] as f64 - 2.0;
     let bounds = WorkBox {
@@ -180,11 +172,7 @@ fn in_all_shifts(
     if (0..3).any(|axis| bounds.size(axis) <= 0.0) {
         return Ok(Vec::new());
     }
-    let region = Region {
-        bounds,
-        cone_rad: 0.0,
-        ..settings.region
-    };
+    let region = Region { bounds, cone_rad: 0.0, ..settings.region };
     let mut stream = Stream::new(settings.seed, Ingredient::TestPoses);
     let count = INFLUENCE_POOL.max(settings.test_poses);
     Ok(placer.random(&region, count, &mut stream, &|_| Ok(()))?.0)
@@ -216,9 +204,7 @@ fn shifted(grid: &Grid, share: f64, placer: &Placer<'_>, settings: &PlanSettings
     }
     let lattice = Lattice {
         origin: whole.origin + Vector3::from(whole.step) * share,
-        counts: whole
-            .counts
-            .map(|count| if share > 0.0 { count - 1 } else { count }),
+        counts: whole.counts.map(|count| if share > 0.0 { count - 1 } else { count }),
         ..whole
     };
     Some(Grid::of(placer, settings, grid.step_mm, lattice))
@@ -233,11 +219,8 @@ fn flipped(grid: &Grid, share: f64, placer: &Placer<'_>) -> (Grid, usize) {
         let before = (place as f64 * share).floor();
         ((place + 1) as f64 * share).floor() > before
     };
-    for (_, command) in flipped
-        .commands
-        .iter_mut()
-        .enumerate()
-        .filter(|(place, _)| is_picked(*place))
+    for (_, command) in
+        flipped.commands.iter_mut().enumerate().filter(|(place, _)| is_picked(*place))
     {
         match placer.flipped(command) {
             Some(joints) => command.joints = joints,
@@ -260,10 +243,7 @@ fn turned(poses: &[Commanded], turn_rad: f64, trial: &Trial<'_>, number: usize) 
         let axis = nalgebra::Unit::new_normalize(stream.normal3());
         let place: Isometry3<f64> = pose.base_from_target;
         let turned = UnitQuaternion::from_axis_angle(&axis, turn_rad) * place.rotation;
-        trial
-            .placer
-            .commanded(posed(&place.translation.vector.into(), &turned))
-            .ok()
+        trial.placer.commanded(posed(&place.translation.vector.into(), &turned)).ok()
     };
     poses.iter().filter_map(turn).collect()
 }
@@ -283,9 +263,7 @@ fn rows(
             not_reached: case.not_reached,
             outcomes,
         };
-        by_family(robots, place, settings)
-            .map(row)
-            .collect::<Vec<_>>()
+        by_family(robots, place, settings).map(row).collect::<Vec<_>>()
     };
     cases.iter().enumerate().flat_map(of_case).collect()
 }

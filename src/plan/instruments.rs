@@ -60,10 +60,7 @@ impl InstrumentSection {
     fn gauge(&self) -> Gauge {
         let place = Point3::from(self.xyz_mm);
         match self.reads {
-            LengthRead::Distance => Gauge::Distance(Anchor {
-                place,
-                offset_mm: 0.0,
-            }),
+            LengthRead::Distance => Gauge::Distance(Anchor { place, offset_mm: 0.0 }),
             LengthRead::Height => {
                 let normal = Unit::try_new(Vector3::from(self.normal), 0.0);
                 let normal = normal.unwrap_or_else(Vector3::z_axis);
@@ -119,9 +116,7 @@ pub fn rows(
         arm,
         tracker_from_base: isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy),
         target: target.translation.vector,
-        beside: beside
-            .map(|place| (target * Point3::from(*place)).coords)
-            .collect(),
+        beside: beside.map(|place| (target * Point3::from(*place)).coords).collect(),
         uncertainty: tracker.uncertainty,
         repeatability_mm: settings.noise.repeatability_mm,
         prior: settings.fit.prior().geometry.unwrap_or(PRIOR),
@@ -166,9 +161,8 @@ fn sets(instruments: &[InstrumentSection], beside: usize) -> Vec<(String, Vec<So
     }
     let tracker = [(Sees::Places, 0.0)];
     let alone = trackers.iter();
-    let mut sets: Vec<_> = alone
-        .map(|(name, reflectors)| (name.clone(), tracker.to_vec(), *reflectors))
-        .collect();
+    let mut sets: Vec<_> =
+        alone.map(|(name, reflectors)| (name.clone(), tracker.to_vec(), *reflectors)).collect();
     let each = instruments.iter().zip(&lengths);
     sets.extend(each.map(|(one, source)| (one.name.clone(), vec![*source], 1)));
     if !lengths.is_empty() {
@@ -202,21 +196,14 @@ impl<'s> Set<'s> {
         let bases = vec![Transform::claim(around.tracker_from_base); sources.len()];
         let places = std::iter::once(&around.target).chain(&around.beside);
         let target = |place: &Vector3<f64>| {
-            Transform::claim(Isometry3::from_parts(
-                (*place).into(),
-                UnitQuaternion::identity(),
-            ))
+            Transform::claim(Isometry3::from_parts((*place).into(), UnitQuaternion::identity()))
         };
         let targets = places.take(reflectors).map(target);
         let frames = Frames::new(bases, targets.collect());
         let frames = frames.expect("some of each").seeing(&sees);
         let channels = sources.iter().enumerate().flat_map(|(number, source)| {
             // An instrument of one length reads the main target.
-            let targets = if source.0 == Sees::Places {
-                reflectors
-            } else {
-                1
-            };
+            let targets = if source.0 == Sees::Places { reflectors } else { 1 };
             (0..targets).map(move |target| ((number, source), TargetId(target)))
         });
         let observations = poses.iter().enumerate().flat_map(|(station, joints)| {
@@ -224,26 +211,13 @@ impl<'s> Set<'s> {
                 |(source, target)| around.observation(&frames, (station, joints), source, target);
             channels.clone().map(at).collect::<Vec<Observation>>()
         });
-        Self {
-            observations: observations.collect(),
-            around,
-            frames: [frames],
-        }
+        Self { observations: observations.collect(), around, frames: [frames] }
     }
 
     fn problem(&self) -> Problem<'_> {
-        let prior = Prior {
-            geometry: Some(self.around.prior),
-            ..Prior::default()
-        };
+        let prior = Prior { geometry: Some(self.around.prior), ..Prior::default() };
         let chain = self.around.arm.chain();
-        Problem::new(
-            &self.observations,
-            chain,
-            &self.frames,
-            Freedom::Geometry,
-            &prior,
-        )
+        Problem::new(&self.observations, chain, &self.frames, Freedom::Geometry, &prior)
     }
 
     fn numbers(&self) -> usize {
@@ -296,19 +270,14 @@ impl<'s> Set<'s> {
     fn moved(&self, problem: &Problem<'_>, test: &[Vec<f64>]) -> (DMatrix<f64>, DMatrix<f64>) {
         let at = DVector::zeros(problem.unknowns().len());
         let chains = problem.held(&at);
-        let channel = Channel {
-            session: 0,
-            source: SourceId::ONLY,
-            target: TargetId::ONLY,
-        };
+        let channel = Channel { session: 0, source: SourceId::ONLY, target: TargetId::ONLY };
         let mut rows = DMatrix::zeros(3 * test.len(), at.len());
         let mut rigid = DMatrix::zeros(3 * test.len(), 6);
         for (place, joints) in test.iter().enumerate() {
             let view = chains.of(channel).view(&self.around.arm.axes(joints));
             for (unknown, twist) in &view.unknowns {
                 if !matches!(problem.unknowns()[*unknown].owner, Owner::Source { .. }) {
-                    rows.fixed_view_mut::<3, 1>(3 * place, *unknown)
-                        .copy_from(&twist.linear);
+                    rows.fixed_view_mut::<3, 1>(3 * place, *unknown).copy_from(&twist.linear);
                 }
             }
             let end = view.end.translation.vector;
@@ -342,12 +311,7 @@ impl Around<'_> {
             Sees::Length(gauge) => self.length(gauge, &place, *sd_mm),
             Sees::Places | Sees::Nothing => self.point(&place),
         };
-        Observation {
-            source: SourceId(number),
-            target,
-            measured,
-            ..own
-        }
+        Observation { source: SourceId(number), target, measured, ..own }
     }
 
     fn length(&self, gauge: &Gauge, place: &Point3<f64>, sd_mm: f64) -> Measured {
@@ -368,9 +332,7 @@ impl Around<'_> {
         Measured::Point(MeasuredPoint {
             position: *place,
             instrument,
-            factor: whole
-                .cholesky()
-                .map_or_else(Matrix3::identity, |factor| factor.l()),
+            factor: whole.cholesky().map_or_else(Matrix3::identity, |factor| factor.l()),
         })
     }
 }
@@ -443,8 +405,7 @@ mod tests {
         let rows = compared(&around, &poses(0, 60), &poses(500, 80), &instruments);
         let row = |name: &str| {
             let mut rows = rows.iter();
-            rows.find(|own| own.instruments == name)
-                .unwrap_or_else(|| panic!("{name} in {rows:?}"))
+            rows.find(|own| own.instruments == name).unwrap_or_else(|| panic!("{name} in {rows:?}"))
         };
         let ranks = ["tracker", "a", "face"].map(|name| row(name).rank);
         assert_eq!(ranks, [27, 25, 22]);
@@ -468,31 +429,21 @@ mod tests {
     fn three_reflectors_identify_more_and_leave_less_open() {
         let arm = ur10();
         let around = Around {
-            beside: vec![
-                Vector3::new(-40.0, 70.0, 60.0),
-                Vector3::new(-10.0, -60.0, 120.0),
-            ],
+            beside: vec![Vector3::new(-40.0, 70.0, 60.0), Vector3::new(-10.0, -60.0, 120.0)],
             ..around(&arm)
         };
         let of = |instruments: &[InstrumentSection]| {
             compared(&around, &poses(0, 60), &poses(500, 80), instruments)
         };
-        let [one, three] = &of(&[])[..] else {
-            panic!("the tracker with one and with three")
-        };
+        let [one, three] = &of(&[])[..] else { panic!("the tracker with one and with three") };
         assert_eq!(three.instruments, "tracker, 3 reflectors");
         assert_eq!([one.numbers, three.numbers], [180, 540]);
         assert_eq!([one.rank, three.rank], [27, 33]);
         assert!(three.open_mm < one.open_mm, "{one:?} {three:?}");
         let names = of(&[bar("a", [1400.0, 300.0, -200.0], 0.01)]);
         let names: Vec<&str> = names.iter().map(|row| row.instruments.as_str()).collect();
-        let expected = [
-            "tracker",
-            "tracker, 3 reflectors",
-            "a",
-            "tracker + a",
-            "tracker, 3 reflectors + a",
-        ];
+        let expected =
+            ["tracker", "tracker, 3 reflectors", "a", "tracker + a", "tracker, 3 reflectors + a"];
         assert_eq!(names, expected);
     }
 }

@@ -122,9 +122,7 @@ impl KnownArm {
         let (_, joints_rad) = self.model.visit_deviations();
         let count = joints_rad.len();
         AxisErrors {
-            axes: (0..count)
-                .map(|joint| self.axis(joint, count, drawn))
-                .collect(),
+            axes: (0..count).map(|joint| self.axis(joint, count, drawn)).collect(),
             approach: self.approach(count, drawn),
             repeatability_rad: joints_rad,
         }
@@ -133,9 +131,7 @@ impl KnownArm {
     fn axis(&self, joint: usize, joints: usize, drawn: &DVector<f64>) -> AxisError {
         let of = |block| self.coefficients(block, drawn);
         let own = of(Block::SessionCurve { session: 0, joint });
-        let (constant_rad, own) = own
-            .split_first()
-            .map_or((0.0, &[][..]), |(c, rest)| (*c, rest));
+        let (constant_rad, own) = own.split_first().map_or((0.0, &[][..]), |(c, rest)| (*c, rest));
         let line = |cycles: f64| match of(Block::Line { joint, cycles })[..] {
             [cos, sin] => Some(GearLine::of(cycles, cos, sin)),
             _ => None,
@@ -147,13 +143,7 @@ impl KnownArm {
             constant_rad,
             curve_unit: self.model.layout().curve_unit(joint),
             curves: vec![curve(&of(Block::Curve(joint))), curve(own)],
-            lines: self
-                .model
-                .layout()
-                .lines(joint)
-                .into_iter()
-                .filter_map(line)
-                .collect(),
+            lines: self.model.layout().lines(joint).into_iter().filter_map(line).collect(),
             gives_way: gravity.skip(before).take(joints - joint).collect(),
         }
     }
@@ -171,8 +161,7 @@ impl KnownArm {
             beyond_rad: at(&short, joint),
             within_rad: saturation(self.model.layout().slide_period_mm(joint).is_some()),
         };
-        self.knows_approach
-            .then(|| (0..joints).map(stand).collect())
+        self.knows_approach.then(|| (0..joints).map(stand).collect())
     }
 
     /// The coefficients of a block; empty where the model has no such part.
@@ -194,10 +183,11 @@ fn mounted_as_planned(found: &Frames, known: &[KnownGauge]) -> Mounting {
         }
         Sees::Places | Sees::Nothing => Placed::Moved(*found.tracker_from_base(SourceId(source))),
     });
-    let beside = found.targets().iter().skip(1).map(|place| Mounted::Other {
-        flange_from_target: *place,
-        sd_mm: ANYWHERE_MM,
-    });
+    let beside = found
+        .targets()
+        .iter()
+        .skip(1)
+        .map(|place| Mounted::Other { flange_from_target: *place, sd_mm: ANYWHERE_MM });
     Mounting {
         session: 0,
         sources: std::iter::once(Placed::Same).chain(further).collect(),

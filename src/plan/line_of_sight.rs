@@ -277,11 +277,7 @@ fn seen(base_from_target: &Isometry3<f64>, line_of_sight: &LineOfSight) -> Resul
     let way = line_of_sight.tracker.coords - base_from_target.translation.vector;
     let (range_mm, [least_mm, most_mm]) = (way.norm(), line_of_sight.range_mm);
     if !(least_mm..=most_mm).contains(&range_mm) {
-        return Err(Unsuitable::OutOfRange {
-            range_mm,
-            least_mm,
-            most_mm,
-        });
+        return Err(Unsuitable::OutOfRange { range_mm, least_mm, most_mm });
     }
     let facing = base_from_target.rotation * line_of_sight.facing.into_inner();
     let angle = facing.angle(&way);
@@ -307,11 +303,7 @@ fn beam_is_free(
         let carries = *part == Part::Target || segment.distance_to(&target) < clearance_mm;
         let distance_mm = segment.distance(&beam);
         if !carries && distance_mm < clearance_mm {
-            return Err(Unsuitable::BeamBlocked {
-                part: *part,
-                distance_mm,
-                clearance_mm,
-            });
+            return Err(Unsuitable::BeamBlocked { part: *part, distance_mm, clearance_mm });
         }
     }
     Ok(())

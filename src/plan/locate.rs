@@ -69,10 +69,7 @@ pub fn locate(
 ) -> Result<Option<LocatePlan>, PlanError> {
     let placer = Placer::new(arm, settings)?;
     if settings.candidates < 2 * count {
-        return Err(PlanError::FewCandidates {
-            candidates: settings.candidates,
-            poses: 2 * count,
-        });
+        return Err(PlanError::FewCandidates { candidates: settings.candidates, poses: 2 * count });
     }
     let (candidates, drawn) = candidates(arm, &placer, settings)?;
     let (model, session) = (identified.model, identified.session);
@@ -93,9 +90,7 @@ pub fn locate(
 fn in_the_box(placer: &Placer<'_>, settings: &PlanSettings) -> Result<Vec<Commanded>, PlanError> {
     let mut stream = Stream::new(settings.seed, Ingredient::Region);
     let region: &Region = &settings.region;
-    Ok(placer
-        .random(region, BOX_POSES, &mut stream, &|_| Ok(()))?
-        .0)
+    Ok(placer.random(region, BOX_POSES, &mut stream, &|_| Ok(()))?.0)
 }
 
 /// The arm at its new place.
@@ -140,10 +135,7 @@ impl Site<'_> {
         let own = self.arm.joints().iter();
         let speeds: Vec<f64> = own.map(|own| speed * own.per_radian()).collect();
         let order = visiting_order(&joints, &settings.home, &speeds);
-        order
-            .into_iter()
-            .map(|place| poses[place].clone())
-            .collect()
+        order.into_iter().map(|place| poses[place].clone()).collect()
     }
 
     /// Expected errors over the box once base and target are found from these poses, the first of the session.
@@ -182,9 +174,8 @@ impl Site<'_> {
         let axes = all.iter().map(|(pose, _)| self.arm.axes(&pose.joints));
         let axes: Vec<Vec<f64>> = axes.collect();
         let queries = all.iter().zip(&axes);
-        let queries: Vec<Query<'_>> = queries
-            .map(|((_, station), axes)| self.query(axes, *station))
-            .collect();
+        let queries: Vec<Query<'_>> =
+            queries.map(|((_, station), axes)| self.query(axes, *station)).collect();
         let model = self.identified.model;
         let to_base = model.frames()[self.identified.session]
             .tracker_from_base(SourceId::ONLY)
@@ -199,11 +190,8 @@ impl Site<'_> {
                 position: to_base * predicted.position,
                 flange: to_base.rotation * predicted.flange,
             };
-            let seen = if place < measured {
-                self.instrument(&own.position)
-            } else {
-                Matrix3::zeros()
-            };
+            let seen =
+                if place < measured { self.instrument(&own.position) } else { Matrix3::zeros() };
             alone.push(turn * visit * turn.transpose() + seen);
             placed.push(own);
         }
@@ -211,12 +199,7 @@ impl Site<'_> {
         let (columns, precision) = frame_columns(&placed, self.identified.target_sd_mm, scale_sd);
         let own_target = self.identified.target_sd_mm.is_some();
         let half = self.elsewhere.half(&queries, own_target);
-        let poses = Poses {
-            columns,
-            precision,
-            half,
-            alone,
-        };
+        let poses = Poses { columns, precision, half, alone };
         poses.relative()
     }
 
@@ -228,9 +211,7 @@ impl Site<'_> {
             cell.tracker_from_base_rpy,
         );
         let source = self.settings.noise.source(SourceId::ONLY);
-        let covariance = source
-            .uncertainty
-            .covariance(&(tracker_from_base * position));
+        let covariance = source.uncertainty.covariance(&(tracker_from_base * position));
         let turn = tracker_from_base.rotation.to_rotation_matrix();
         turn.transpose() * covariance * turn
     }

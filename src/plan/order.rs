@@ -59,11 +59,7 @@ pub(super) fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) 
     let path = Path::new(joints, home, speeds);
     let given: Vec<usize> = (0..joints.len()).collect();
     let nearest = path.nearest_neighbour();
-    let start = if path.seconds(&nearest) < path.seconds(&given) {
-        nearest
-    } else {
-        given
-    };
+    let start = if path.seconds(&nearest) < path.seconds(&given) { nearest } else { given };
     path.shortened(start)
 }
 
@@ -80,9 +76,7 @@ pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
         let done = place + 1;
         // A run of one would repeat a pose without leaving it.
         if let Some(run) = ends(done, revisits.repeat_every).filter(|run| run.get() > 1) {
-            visits.push(Visit::Repeat {
-                of: order[done - run.get()],
-            });
+            visits.push(Visit::Repeat { of: order[done - run.get()] });
         }
         let last = done == order.len() && done > early.len() && revisits.drift_every.is_some();
         let due = ends(done, revisits.drift_every).is_some() && done > early.len();
@@ -110,9 +104,7 @@ mod tests {
             let turn = i as f64 * ((axis + 2) as f64).sqrt().fract();
             6.0 * turn.fract() - 3.0
         };
-        (0..count)
-            .map(|i| (0..axes).map(|axis| angle(i, axis)).collect())
-            .collect()
+        (0..count).map(|i| (0..axes).map(|axis| angle(i, axis)).collect()).collect()
     }
 
     fn is_permutation(order: &[usize], count: usize) -> bool {
@@ -124,9 +116,7 @@ mod tests {
     #[test]
     fn points_on_a_line_are_visited_along_it() {
         // Home at one end: the shortest way passes them in order, 9 rad at 1 rad/s.
-        let line: Vec<Vec<f64>> = [7.0, 2.0, 9.0, 1.0, 4.0, 8.0]
-            .map(|q| vec![0.0, q])
-            .to_vec();
+        let line: Vec<Vec<f64>> = [7.0, 2.0, 9.0, 1.0, 4.0, 8.0].map(|q| vec![0.0, q]).to_vec();
         let order = visiting_order(&line, &[0.0, 0.0], &SPEEDS);
         assert_eq!(order, [3, 1, 4, 0, 5, 2]);
         assert!((travel_seconds(&line, &[0.0, 0.0], &SPEEDS, &order) - 9.0).abs() < 1e-12);
@@ -195,10 +185,7 @@ mod tests {
     fn no_pose_and_equal_poses_have_an_order() {
         assert!(visiting_order(&[], &[0.0], &[1.0]).is_empty());
         let equal = vec![vec![1.0]; 30];
-        assert_eq!(
-            visiting_order(&equal, &[0.0], &[1.0]),
-            (0..30).collect::<Vec<_>>()
-        );
+        assert_eq!(visiting_order(&equal, &[0.0], &[1.0]), (0..30).collect::<Vec<_>>());
     }
 
     #[test]
@@ -232,11 +219,8 @@ mod tests {
         let visits = with_repeats(&[2, 0, 1], &Revisits::default());
         assert_eq!(visits, [2, 0, 1].map(Visit::Pose));
         // A drift check needs a pose between it and the poses that it visits again.
-        let at_once = Revisits {
-            drift_every: NonZeroUsize::new(1),
-            drift_poses: 3,
-            ..Revisits::default()
-        };
+        let at_once =
+            Revisits { drift_every: NonZeroUsize::new(1), drift_poses: 3, ..Revisits::default() };
         assert_eq!(with_repeats(&[2, 0, 1], &at_once).len(), 3);
     }
 }

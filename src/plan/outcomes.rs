@@ -50,13 +50,7 @@ impl RobotOutcome {
         let bound = upper_tolerance_bound(&norms, tolerance.coverage());
         // The true errors are known here: no measurement uncertainty is added.
         let verdict = tolerance.verdict(bound, Counted::once(norms.len()), 0.0);
-        Self::Judged(Left {
-            figures: Figures::of(&norms),
-            bound,
-            verdict,
-            refused,
-            outside,
-        })
+        Self::Judged(Left { figures: Figures::of(&norms), bound, verdict, refused, outside })
     }
 }
 
@@ -105,10 +99,7 @@ pub struct RobotFigures {
 impl Outcomes {
     /// Sums up robots; `asked` is the share that has to meet the tolerance, and the confidence of that.
     pub fn of<'r>(robots: impl Iterator<Item = &'r RobotOutcome>, asked: Coverage) -> Self {
-        let mut all = Self {
-            share_asked: asked.share,
-            ..Self::default()
-        };
+        let mut all = Self { share_asked: asked.share, ..Self::default() };
         let (mut figures, mut bounds) = (Vec::new(), Vec::new());
         for robot in robots {
             all.robots += 1;
@@ -134,10 +125,7 @@ impl Outcomes {
         let means: Vec<f64> = figures
             .iter()
             .map(|f| f.mean)
-            .chain(std::iter::repeat_n(
-                f64::INFINITY,
-                all.robots - figures.len(),
-            ))
+            .chain(std::iter::repeat_n(f64::INFINITY, all.robots - figures.len()))
             .collect();
         let finite = |bound: &f64| bound.is_finite();
         all.bound_mm = upper_tolerance_bound(&bounds, asked).filter(finite);
@@ -170,21 +158,11 @@ mod tests {
 
     #[test]
     fn robots_without_a_fit_count_against_a_step() {
-        let tolerance = Tolerance {
-            mm: 0.5,
-            share: 0.95,
-            confidence: 0.95,
-        };
+        let tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
         let good = RobotOutcome::of((0..60).map(|_| Some(Ok(0.1))), &tolerance);
-        let bad = RobotOutcome::NoFit(FitError::TooFewStations {
-            session: 0,
-            stations: 1,
-            needed: 4,
-        });
-        let asked = Coverage {
-            share: 0.9,
-            confidence: 0.95,
-        };
+        let bad =
+            RobotOutcome::NoFit(FitError::TooFewStations { session: 0, stations: 1, needed: 4 });
+        let asked = Coverage { share: 0.9, confidence: 0.95 };
         let robots: Vec<RobotOutcome> = (0..60).map(|_| good.clone()).collect();
         let all = Outcomes::of(robots.iter(), asked);
         assert!(all.holds() && all.bound_mm == Some(0.1), "{all:?}");

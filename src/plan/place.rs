@@ -87,17 +87,13 @@ impl<'a> Placer<'a> {
         let away = |seed: &GridStation| (seed.position - position).norm();
         let nearest = self.seeds.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         let nearest = nearest.expect("home is a seed");
-        self.reach
-            .joints(&position, &pose.rotation, &nearest.joints)
+        self.reach.joints(&position, &pose.rotation, &nearest.joints)
     }
 
     /// A pose of the target as a command.
     pub fn commanded(&self, pose: Isometry3<f64>) -> Result<Commanded, Refusal> {
         let joints = self.joints(&pose)?;
-        Ok(Commanded {
-            base_from_target: pose,
-            joints,
-        })
+        Ok(Commanded { base_from_target: pose, joints })
     }
 
     /// A drawing as a command: from the known pose that is nearest once its free slides are where the drawing has them.
@@ -118,13 +114,8 @@ impl<'a> Placer<'a> {
         let nearest = seeds.min_by(|a, b| a.0.total_cmp(&b.0));
         let (_, seed) = nearest.expect("home is a seed");
         let position = Point3::from(drawing.pose.translation.vector);
-        let joints = self
-            .reach
-            .joints(&position, &drawing.pose.rotation, &seed)?;
-        Ok(Commanded {
-            base_from_target: drawing.pose,
-            joints,
-        })
+        let joints = self.reach.joints(&position, &drawing.pose.rotation, &seed)?;
+        Ok(Commanded { base_from_target: drawing.pose, joints })
     }
 
     /// A random pose of a region; each free slide anywhere within its limits.
@@ -132,10 +123,7 @@ impl<'a> Placer<'a> {
         let pose = draw(region, stream);
         let own = self.free.iter().map(|&joint| &self.arm.joints()[joint]);
         let slides = own.map(|joint| stream.between(joint.lower, joint.upper));
-        Drawing {
-            pose,
-            slides: slides.collect(),
-        }
+        Drawing { pose, slides: slides.collect() }
     }
 
     /// Joint angles of the same pose with the wrist flipped; `None` where a joint limit prevents it.
@@ -235,9 +223,8 @@ pub(super) fn posed(position: &Point3<f64>, orientation: &UnitQuaternion<f64>) -
 /// A random pose of a region: uniform in the box, turned about a random axis by a uniform angle up to the cone's.
 fn draw(region: &Region, stream: &mut Stream) -> Isometry3<f64> {
     let WorkBox { low_mm, high_mm } = region.bounds;
-    let place = Point3::from(Vector3::from_fn(|axis, _| {
-        stream.between(low_mm[axis], high_mm[axis])
-    }));
+    let place =
+        Point3::from(Vector3::from_fn(|axis, _| stream.between(low_mm[axis], high_mm[axis])));
     let axis = nalgebra::Unit::new_normalize(stream.normal3());
     let turn = UnitQuaternion::from_axis_angle(&axis, region.cone_rad * stream.uniform());
     posed(&place, &(turn * region.orientation))

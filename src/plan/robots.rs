@@ -37,11 +37,8 @@ impl<'a> Robot<'a> {
     pub fn draw(arm: &'a Arm, settings: &PlanSettings, number: usize) -> Self {
         let mut sessions = Stream::new(settings.seed, Ingredient::Robots);
         let seed = (0..=number).fold(0, |_, _| sessions.bits());
-        let mut cell = SimulateSettings {
-            seed,
-            home: settings.home.clone(),
-            ..settings.population.clone()
-        };
+        let mut cell =
+            SimulateSettings { seed, home: settings.home.clone(), ..settings.population.clone() };
         let known = settings.known.clone();
         Self {
             arm,
@@ -57,10 +54,7 @@ impl<'a> Robot<'a> {
 
     /// A session of the robot: `poses` visited in order.
     pub fn session(&mut self, poses: &[Commanded]) -> Vec<Visit> {
-        let session = SimulateSettings {
-            seed: self.sessions.bits(),
-            ..self.cell.clone()
-        };
+        let session = SimulateSettings { seed: self.sessions.bits(), ..self.cell.clone() };
         let mut visits = visits(self.arm, &session, &self.errors, poses);
         if let Some(known) = &self.known {
             known.scatter(&mut visits, session.seed);
@@ -94,10 +88,7 @@ impl<'a> Robot<'a> {
             Some(settings.flange_from_target),
             settings.noise.takes_orientations(),
         );
-        Ok(Fitted {
-            models,
-            error_frame,
-        })
+        Ok(Fitted { models, error_frame })
     }
 }
 
@@ -110,17 +101,10 @@ impl Robot<'_> {
         full: &FullSettings,
     ) -> Result<Models, FitError> {
         let known = self.known.as_ref().filter(|_| full.enabled);
-        let geometry_alone = FullSettings {
-            enabled: false,
-            ..full.clone()
-        };
+        let geometry_alone = FullSettings { enabled: false, ..full.clone() };
         let train = TrainingSettings {
             fit: &settings.fit,
-            full: if known.is_some() {
-                &geometry_alone
-            } else {
-                full
-            },
+            full: if known.is_some() { &geometry_alone } else { full },
             up: settings.up,
             carrying: None,
             purpose: Purpose::Judges,
@@ -147,11 +131,7 @@ fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec
         flange_from_tool: Some(settings.flange_from_target),
     };
     let mut observations = fit::observations(0, stations, arm, &settings.noise);
-    fit::add_commands(
-        &mut observations,
-        stations,
-        &commanded(stations, arm, &frames),
-    );
+    fit::add_commands(&mut observations, stations, &commanded(stations, arm, &frames));
     observations
 }
 
@@ -163,20 +143,15 @@ impl Fitted<'_> {
             .filter(|station| station.pairing == Pairing::Paired)
             .filter_map(|station| {
                 let command = station.command.as_ref()?.position;
-                Some((
-                    station.number,
-                    self.error_frame.tool_error(station, &command)?,
-                ))
+                Some((station.number, self.error_frame.tool_error(station, &command)?))
             })
             .collect()
     }
 
     /// The true errors at visits: free of the tracker's noise.
     pub fn true_errors(&self, visits: &[Visit], settings: &PlanSettings) -> Vec<Vector3<f64>> {
-        let perfect: Vec<Station> = visits
-            .iter()
-            .map(|visit| visit.perfect(&settings.population))
-            .collect();
+        let perfect: Vec<Station> =
+            visits.iter().map(|visit| visit.perfect(&settings.population)).collect();
         let errors = self.errors(&perfect).into_iter();
         errors.map(|(_, error)| error).collect()
     }

@@ -240,19 +240,13 @@ impl Expect {
                 nearer_command: 0.5,
                 repeatability_rad: urad(self.repeatability_urad),
             },
-            gravity: Gravity {
-                sag_rad: urad(self.sag_urad),
-                up,
-            },
+            gravity: Gravity { sag_rad: urad(self.sag_urad), up },
             cell: Cell {
                 target_sd_mm: self.target_sd_mm,
                 base_drift_mm: self.base_drift_mm,
                 ..cell
             },
-            tracker: TrackerErrors {
-                lost_share: self.lost_share,
-                ..tracker
-            },
+            tracker: TrackerErrors { lost_share: self.lost_share, ..tracker },
             ..SimulateSettings::exact(0, Vec::new(), no_poses)
         }
     }
@@ -276,10 +270,7 @@ const fn test_poses() -> usize {
 }
 
 const fn robots_meet() -> Coverage {
-    Coverage {
-        share: 0.95,
-        confidence: 0.95,
-    }
+    Coverage { share: 0.95, confidence: 0.95 }
 }
 
 const fn candidates() -> usize {

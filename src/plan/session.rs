@@ -38,11 +38,7 @@ pub enum Purpose {
 
 /// The fewest poses that a session may have.
 pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
-    if settings.known.is_some() {
-        LEAST_KNOWN_POSES
-    } else {
-        LEAST_POSES
-    }
+    if settings.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES }
 }
 
 /// One visit of the session.
@@ -80,9 +76,7 @@ impl Session {
         let mut stream = Stream::new(settings.seed, Ingredient::Verify);
         let suits = |joints: &[f64]| line_of_sight::verdict(arm, joints, &settings.constraints);
         let count = settings.verify_poses;
-        let (fresh, _) = trial
-            .placer
-            .random(&settings.region, count, &mut stream, &suits)?;
+        let (fresh, _) = trial.placer.random(&settings.region, count, &mut stream, &suits)?;
         visits.extend(fresh.into_iter().map(|command| PlannedVisit {
             purpose: Purpose::Verify,
             command,
@@ -100,16 +94,9 @@ impl Session {
         // Drift is checked on identification poses: verification poses are measured once.
         let (early, rest): (Vec<usize>, Vec<usize>) = {
             let identify = |&place: &usize| visits[place].purpose == Purpose::Identify;
-            let early: Vec<usize> = order
-                .iter()
-                .copied()
-                .filter(identify)
-                .take(DRIFT_POSES)
-                .collect();
-            let rest = order
-                .into_iter()
-                .filter(|place| !early.contains(place))
-                .collect();
+            let early: Vec<usize> =
+                order.iter().copied().filter(identify).take(DRIFT_POSES).collect();
+            let rest = order.into_iter().filter(|place| !early.contains(place)).collect();
             (early, rest)
         };
         let order = [early, rest].concat();
@@ -130,9 +117,7 @@ impl Session {
                 ..visits[of].clone()
             },
         };
-        Self {
-            visits: all.iter().map(planned).collect(),
-        }
+        Self { visits: all.iter().map(planned).collect() }
     }
 
     /// Number of visits whose purpose `is` accepts.

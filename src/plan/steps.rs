@@ -80,17 +80,9 @@ impl Grid {
             .collect();
         let command = |&node: &usize| Commanded {
             base_from_target: posed(&lattice.position(node), &orientation),
-            joints: placed.nodes[node]
-                .joints
-                .clone()
-                .expect("only nodes in reach are visited"),
+            joints: placed.nodes[node].joints.clone().expect("only nodes in reach are visited"),
         };
-        Self {
-            step_mm,
-            commands: visited.iter().map(command).collect(),
-            visited,
-            placed,
-        }
+        Self { step_mm, commands: visited.iter().map(command).collect(), visited, placed }
     }
 }
 
@@ -136,9 +128,7 @@ pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, Plan
 /// The fresh poses that judge a robot: its own share of the pool, which is in random order.
 pub fn test_poses(pool: &[Commanded], settings: &PlanSettings, number: usize) -> Vec<Commanded> {
     let from = number * settings.test_poses;
-    (from..from + settings.test_poses)
-        .map(|place| pool[place % pool.len()].clone())
-        .collect()
+    (from..from + settings.test_poses).map(|place| pool[place % pool.len()].clone()).collect()
 }
 
 /// Sources and interpolations in the order of the rows.
@@ -166,10 +156,7 @@ impl<'a> Measured<'a> {
         grid: &Grid,
         settings: &PlanSettings,
     ) -> Result<Self, FitError> {
-        let geometric = FullSettings {
-            enabled: false,
-            ..settings.full.clone()
-        };
+        let geometric = FullSettings { enabled: false, ..settings.full.clone() };
         let stations = stations(robot.session(&grid.commands));
         let fitted = robot.fit(&stations, settings, &geometric)?;
         let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.error_frame);
@@ -178,11 +165,7 @@ impl<'a> Measured<'a> {
         for (number, error) in fitted.errors(&stations) {
             at_stations[grid.visited[number]] = Ok(error);
         }
-        Ok(Self {
-            fitted,
-            by_model,
-            at_stations,
-        })
+        Ok(Self { fitted, by_model, at_stations })
     }
 
     /// The errors that each source and interpolation leaves at fresh visits.
@@ -234,9 +217,7 @@ fn rows(
             refused_nodes: grid.placed.refused_nodes(),
             outcomes,
         };
-        by_family(robots, place, settings)
-            .map(row)
-            .collect::<Vec<_>>()
+        by_family(robots, place, settings).map(row).collect::<Vec<_>>()
     };
     grids.iter().enumerate().flat_map(of_grid).collect()
 }
@@ -258,10 +239,8 @@ pub(super) fn by_family(
 /// The index of the row with the largest step, of any source and interpolation, that holds together with all smaller ones
 /// of its own; `None` without one.
 pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
-    let mut families: Vec<(Source, Interpolation)> = rows
-        .iter()
-        .map(|row| (row.source, row.interpolation))
-        .collect();
+    let mut families: Vec<(Source, Interpolation)> =
+        rows.iter().map(|row| (row.source, row.interpolation)).collect();
     families.sort_unstable();
     families.dedup();
     let step = |row: &usize| rows[*row].step_mm;
@@ -269,9 +248,7 @@ pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
         let is_own = |row: &usize| (rows[*row].source, rows[*row].interpolation) == *family;
         let mut own: Vec<usize> = (0..rows.len()).filter(is_own).collect();
         own.sort_by(|a, b| step(a).total_cmp(&step(b)));
-        let holding = own
-            .into_iter()
-            .take_while(|&row| rows[row].outcomes.holds());
+        let holding = own.into_iter().take_while(|&row| rows[row].outcomes.holds());
         holding.last()
     };
     let largest = families.iter().filter_map(largest);

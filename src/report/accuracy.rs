@@ -12,10 +12,7 @@ use crate::grid::{Tolerance, Verdict};
 /// The figures of one set; `folds` gives the block of each station, where blocks were held out.
 pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accuracy {
     let judged: Vec<_> = set.judged().collect();
-    let norms: Vec<f64> = judged
-        .iter()
-        .map(|residual| residual.residual.norm())
-        .collect();
+    let norms: Vec<f64> = judged.iter().map(|residual| residual.residual.norm()).collect();
     let by_pose = set.by_pose(|residual| [residual.residual.norm()]);
     let (bound, counted) = (by_pose.bound(tolerance.coverage()), by_pose.counted());
     let verdict = match set.subject.split {
@@ -32,10 +29,8 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         Corrects::Commands => (Point::Tool, Moment::MeasuredAfter),
     };
     let blocks: BTreeSet<_> = judged.iter().filter_map(|residual| residual.fold).collect();
-    let distances: Vec<f64> = judged
-        .iter()
-        .filter_map(|residual| residual.mahalanobis_squared())
-        .collect();
+    let distances: Vec<f64> =
+        judged.iter().filter_map(|residual| residual.mahalanobis_squared()).collect();
     Accuracy {
         subject: set.subject.clone(),
         point,
@@ -67,9 +62,7 @@ pub fn with_between_session_variation<'m>(
         others.iter().map(move |moved| (own + moved).norm())
     });
     let between_sessions = by_pose.bound(tolerance.coverage());
-    let bound = own
-        .bound
-        .map(|bound| between_sessions.map_or(bound, |other| bound.max(other)));
+    let bound = own.bound.map(|bound| between_sessions.map_or(bound, |other| bound.max(other)));
     Accuracy {
         verdict: tolerance.verdict(bound, own.counted, own.expanded_uncertainty_mm),
         bound,
@@ -118,11 +111,7 @@ mod tests {
     use super::*;
     use crate::report::{Angles, BaseRefit, Model, Residual, Subject};
 
-    const TOLERANCE: Tolerance = Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    const TOLERANCE: Tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
 
     /// Visits of `poses` poses, `rounds` times in turn, the first `first` of which find the base; later rounds leave more.
     fn visits(poses: usize, rounds: usize, first: usize) -> ResidualSet {
@@ -164,10 +153,7 @@ mod tests {
         );
         // Sixty poses are enough, by the worst of their visits: the third round's 0.3 mm.
         let of = accuracy(&visits(60, 3, 0), &TOLERANCE, 0.0);
-        assert!(
-            of.bound.is_some_and(|bound| (bound - 0.3).abs() < 1e-12),
-            "{of:?}"
-        );
+        assert!(of.bound.is_some_and(|bound| (bound - 0.3).abs() < 1e-12), "{of:?}");
     }
 
     #[test]
@@ -176,9 +162,7 @@ mod tests {
         // Ten poses are left, each visited twice; the figures cover all stations that did not find the base.
         assert_eq!((of.counted.poses, of.counted.visits), (10, 20));
         assert_eq!(of.figures.map(|figures| figures.n), Some(70));
-        let Verdict::NotShown(reason) = of.verdict else {
-            panic!("{:?}", of.verdict)
-        };
+        let Verdict::NotShown(reason) = of.verdict else { panic!("{:?}", of.verdict) };
         let expected =
             "50 stations find the base ([report] locate), and 50 more are visits of their poses";
         assert!(reason.ends_with(expected), "{reason}");

@@ -83,27 +83,17 @@ pub struct Limit {
 impl Axis {
     /// A linear axis.
     pub fn new(quantity: &str, unit: &str) -> Self {
-        Self {
-            quantity: quantity.to_owned(),
-            unit: unit.to_owned(),
-            ..Self::default()
-        }
+        Self { quantity: quantity.to_owned(), unit: unit.to_owned(), ..Self::default() }
     }
 
     /// A horizontal axis that counts named things, the first at 1.
     pub fn of_names(quantity: &str, names: Vec<String>) -> Self {
-        Self {
-            names,
-            ..Self::new(quantity, "")
-        }
+        Self { names, ..Self::new(quantity, "") }
     }
 
     /// A horizontal axis of whole numbers.
     pub fn of_whole_numbers(quantity: &str, unit: &str) -> Self {
-        Self {
-            whole: true,
-            ..Self::new(quantity, unit)
-        }
+        Self { whole: true, ..Self::new(quantity, unit) }
     }
 
     /// Makes the axis logarithmic.
@@ -168,11 +158,7 @@ impl Chart {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let scale = Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high);
-        Some(if self.x.whole {
-            scale.in_whole_numbers()
-        } else {
-            scale
-        })
+        Some(if self.x.whole { scale.in_whole_numbers() } else { scale })
     }
 
     /// The vertical scale: it ends at ticks, with the limits in it.
@@ -230,10 +216,7 @@ mod tests {
                 Series::line("bound", vec![[100.0, 0.2], [200.0, 0.4]]),
                 Series::points("mean", vec![[100.0, 0.1], [200.0, 0.2]]),
             ],
-            limits: vec![Limit {
-                name: "tolerance 0.5 mm".to_owned(),
-                value: 0.5,
-            }],
+            limits: vec![Limit { name: "tolerance 0.5 mm".to_owned(), value: 0.5 }],
         }
     }
 

@@ -107,11 +107,7 @@ impl Compared {
 
     /// Whether what is left was measured or is predicted, in a word.
     const fn evidence(&self) -> &'static str {
-        if self.is_measured {
-            "measured"
-        } else {
-            "predicted"
-        }
+        if self.is_measured { "measured" } else { "predicted" }
     }
 
     /// What both errors are errors of, in words.
@@ -174,10 +170,7 @@ mod tests {
                  in the surveyed base, 2 stations of held-out blocks of mon)"
             )
         );
-        let none = Compared {
-            errors: Vec::new(),
-            ..compared
-        };
+        let none = Compared { errors: Vec::new(), ..compared };
         assert_eq!(none.words(), None);
     }
 }

@@ -140,11 +140,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     let points = |of: fn(&DrivenStation) -> Point3<f64>| {
         stations[..first].iter().map(of).collect::<Vec<_>>()
     };
-    let base = align(
-        &points(|s| s.target),
-        &points(|s| s.attained),
-        &vec![1.0; first],
-    )?;
+    let base = align(&points(|s| s.target), &points(|s| s.attained), &vec![1.0; first])?;
     let turns = turns(stations, &base.rotation, first);
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
@@ -182,10 +178,7 @@ fn turns(
     base: &UnitQuaternion<f64>,
     first: usize,
 ) -> Vec<Option<Turn>> {
-    let turn = |turn: Turn| Turn {
-        attained: base * turn.attained,
-        ..turn
-    };
+    let turn = |turn: Turn| Turn { attained: base * turn.attained, ..turn };
     let turns: Vec<_> = stations.iter().map(|s| s.turn.map(turn)).collect();
     without_constant(&turns, |place| place < first)
 }
@@ -234,21 +227,11 @@ mod tests {
     #[test]
     fn a_command_is_matched_with_the_target_it_is_clearly_nearest_to() {
         let targets = [target(0.0), target(20.0), target(500.0)];
-        let commands = [
-            Some(-1.0),
-            Some(9.0),
-            Some(22.0),
-            None,
-            Some(300.0),
-            Some(1.0),
-        ];
+        let commands = [Some(-1.0), Some(9.0), Some(22.0), None, Some(300.0), Some(1.0)];
         let commands = commands.map(|x| x.map(|x| Point3::new(x, 0.0, 0.0)));
         let found = matched(&commands, &targets);
         // 9 mm from one and 11 mm from the next is between both; 200 mm from all belongs to none; a visit may be repeated.
-        assert_eq!(
-            found.of_command,
-            [Some(0), None, Some(1), None, None, Some(0)]
-        );
+        assert_eq!(found.of_command, [Some(0), None, Some(1), None, None, Some(0)]);
         assert_eq!((found.far, found.between), (1, 1));
     }
 
@@ -279,15 +262,9 @@ mod tests {
         let mut norms = vec![0.0; 10];
         norms.extend([0.1; 18]);
         norms.extend([0.4; 2]);
-        let after = measured(&stations(&norms), "tuesday", 10)
-            .expect("stations span space")
-            .after;
-        let promise = Promise {
-            mean_mm: Some(0.1),
-            bound_mm: Some(0.2),
-            share: 0.95,
-            confidence: 0.95,
-        };
+        let after = measured(&stations(&norms), "tuesday", 10).expect("stations span space").after;
+        let promise =
+            Promise { mean_mm: Some(0.1), bound_mm: Some(0.2), share: 0.95, confidence: 0.95 };
         let kept = kept(promise, &after).expect("stations that judge");
         let figures = kept.figures.expect("stations that judge");
         assert_eq!((figures.n, kept.within), (20, 18));
@@ -310,14 +287,9 @@ mod tests {
             let off = Vector3::x() * if i == 27 { 1e-3 } else { 0.0 };
             let attained = wanted * UnitQuaternion::from_scaled_axis(off) * mounted;
             station.attained = base * station.target;
-            station.turn = Some(Turn {
-                attained: base * attained,
-                wanted,
-            });
+            station.turn = Some(Turn { attained: base * attained, wanted });
         }
-        let after = measured(&all, "tuesday", 10)
-            .expect("stations span space")
-            .after;
+        let after = measured(&all, "tuesday", 10).expect("stations span space").after;
         let tip = at_tip(&after, &Vector3::new(0.0, 0.0, 200.0));
         let norms: Vec<f64> = tip.residuals.iter().map(|r| r.residual.norm()).collect();
         assert!(norms[..27].iter().all(|norm| *norm < 1e-6), "{norms:?}");
@@ -328,13 +300,6 @@ mod tests {
     #[test]
     fn a_session_of_few_stations_judges_with_half_of_them() {
         let both = measured(&stations(&[0.0; 12]), "tuesday", 50).expect("stations span space");
-        assert_eq!(
-            both.after
-                .residuals
-                .iter()
-                .filter(|r| r.used_for_refit)
-                .count(),
-            6
-        );
+        assert_eq!(both.after.residuals.iter().filter(|r| r.used_for_refit).count(), 6);
     }
 }

@@ -56,9 +56,7 @@ pub fn own_session(
                 residual,
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
                 weight: None,
-                turn: predicted
-                    .turn
-                    .map(|turn| turn.seen_from(&base.rotation.inverse())),
+                turn: predicted.turn.map(|turn| turn.seen_from(&base.rotation.inverse())),
             })
         };
         let residuals = stations
@@ -220,9 +218,7 @@ pub(super) fn stacked(predictions: &[Predicted], to: &Isometry3<f64>) -> Option<
     let turn = to.rotation.to_rotation_matrix();
     let mut stacked = DMatrix::zeros(3 * predictions.len(), columns);
     for (place, prediction) in predictions.iter().enumerate() {
-        stacked
-            .rows_mut(3 * place, 3)
-            .copy_from(&(turn.matrix() * prediction.rows()?));
+        stacked.rows_mut(3 * place, 3).copy_from(&(turn.matrix() * prediction.rows()?));
     }
     Some(stacked)
 }

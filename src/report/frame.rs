@@ -95,10 +95,7 @@ impl StatedFrame {
                 "the tracker's frame in the robot's base ($BASE of points that are given in the tracker's frame)",
                 typed::forms(&self.tracker_from_base.inverse()),
             ),
-            (
-                "the robot's base in the tracker's frame",
-                typed::forms(&self.tracker_from_base),
-            ),
+            ("the robot's base in the tracker's frame", typed::forms(&self.tracker_from_base)),
         ]
     }
 
@@ -134,16 +131,10 @@ mod tests {
             open_mm: None,
         };
         let lines = frame.lines();
-        assert!(
-            lines[0].contains("right only where the program's base is set to it"),
-            "{lines:?}"
-        );
+        assert!(lines[0].contains("right only where the program's base is set to it"), "{lines:?}");
         assert_eq!(lines.len(), 4, "{lines:?}");
         for (line, form) in lines[1..].iter().zip(["KUKA", "UR pose", "ABB pose"]) {
-            assert!(
-                line.contains(form) && line.contains("4200") | line.contains("4.2"),
-                "{line}"
-            );
+            assert!(line.contains(form) && line.contains("4200") | line.contains("4.2"), "{line}");
         }
         assert_eq!(frame.uncertainty(), FrameUncertainty::default());
         assert_eq!(frame.open_words(), None);
@@ -183,10 +174,6 @@ mod tests {
         ));
         (frame.sd_mm, frame.sd_deg, frame.lever_sd_mm) = (None, None, None);
         assert_eq!(frame.uncertainty(), FrameUncertainty::default());
-        assert!(
-            frame.words().contains("not counted in U and corrections"),
-            "{}",
-            frame.words()
-        );
+        assert!(frame.words().contains("not counted in U and corrections"), "{}", frame.words());
     }
 }

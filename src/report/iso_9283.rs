@@ -159,10 +159,7 @@ pub enum Characteristic {
 impl Characteristic {
     /// Whether it is an angle, rad.
     pub const fn is_angle(self) -> bool {
-        matches!(
-            self,
-            Self::ApA | Self::ApB | Self::ApC | Self::RpA | Self::RpB | Self::RpC
-        )
+        matches!(self, Self::ApA | Self::ApB | Self::ApC | Self::RpA | Self::RpB | Self::RpC)
     }
 }
 
@@ -227,19 +224,12 @@ const LARGEST: [Characteristic; 7] = [
 
 fn over_all(of_poses: &[Figure], poses: usize) -> Vec<Figure> {
     let largest = |characteristic| {
-        let own = of_poses
-            .iter()
-            .filter(move |figure| figure.characteristic == characteristic);
+        let own = of_poses.iter().filter(move |figure| figure.characteristic == characteristic);
         let values: Vec<f64> = own.clone().filter_map(|figure| figure.value).collect();
         let middle = median(&values)?;
         // If several are equal, the first is kept.
-        let worst = own.reduce(|worst, next| {
-            if next.value > worst.value {
-                next
-            } else {
-                worst
-            }
-        })?;
+        let worst =
+            own.reduce(|worst, next| if next.value > worst.value { next } else { worst })?;
         Some(Figure {
             pose: None,
             remark: Some(remark_of_largest(worst, values.len(), poses, middle)),

@@ -2,26 +2,11 @@
 
 /// Parts of errors, from the judge to the arm, and what would change each.
 const PARTS: [(&str, &str); 5] = [
-    (
-        "what may change between sessions",
-        "measure another session and learn from both",
-    ),
-    (
-        "the session's base",
-        "let more stations find it ([report] locate)",
-    ),
-    (
-        "interpolation",
-        "correct by the identified arm, or make [grid] steps_mm smaller",
-    ),
-    (
-        "repeatability",
-        "look for play, loose parts and short dwells",
-    ),
-    (
-        "the number of poses",
-        "measure more, which `posegrid plan` chooses",
-    ),
+    ("what may change between sessions", "measure another session and learn from both"),
+    ("the session's base", "let more stations find it ([report] locate)"),
+    ("interpolation", "correct by the identified arm, or make [grid] steps_mm smaller"),
+    ("repeatability", "look for play, loose parts and short dwells"),
+    ("the number of poses", "measure more, which `posegrid plan` chooses"),
 ];
 
 /// A squared error with one of its parts and without it, mm²: of the bound the first, of mean squares the others. Without what may change
@@ -75,9 +60,7 @@ mod tests {
 
     /// Errors of 0.4 mm, 0.16 mm², and a noise of 0.003 mm²: what is left without each part, mm².
     fn limited(without_mm2: [Option<f64>; 5], by_poses: Option<ByPoses>) -> String {
-        limit(0.003, without_mm2.map(|own| Some([0.16, own?])), || {
-            by_poses
-        })
+        limit(0.003, without_mm2.map(|own| Some([0.16, own?])), || by_poses)
     }
 
     #[test]
@@ -90,22 +73,11 @@ mod tests {
         );
         // A table of 0.4 mm where the model itself leaves 0.2 mm: √(0.16 − 0.04).
         let coarse = limited([None, None, Some(0.04), Some(0.15), Some(0.03)], None);
-        assert!(
-            coarse.starts_with("interpolation limits (0.346 of 0.400 mm"),
-            "{coarse}"
-        );
+        assert!(coarse.starts_with("interpolation limits (0.346 of 0.400 mm"), "{coarse}");
         // 0.09 of 0.16 mm² are left with the base from all stations, which is more than half; then 0.04 mm².
         let based = |mm2| limited([Some(0.15), Some(mm2), None, Some(0.15), Some(0.15)], None);
-        assert!(
-            based(0.09).starts_with("more poses change nothing:"),
-            "{}",
-            based(0.09)
-        );
-        assert!(
-            based(0.04).starts_with("the session's base limits"),
-            "{}",
-            based(0.04)
-        );
+        assert!(based(0.09).starts_with("more poses change nothing:"), "{}", based(0.09));
+        assert!(based(0.04).starts_with("the session's base limits"), "{}", based(0.04));
         // A bound of 0.4 mm where the largest of the session's own errors is 0.1 mm.
         let changes = limited([Some(0.01), None, None, Some(0.01), None], None);
         assert!(
@@ -127,9 +99,6 @@ mod tests {
         );
         // Learnt by heart: 0.1 mm where it was trained.
         let heart = limited([None, None, None, Some(0.15), Some(0.01)], None);
-        assert!(
-            heart.ends_with("measure more, which `posegrid plan` chooses"),
-            "{heart}"
-        );
+        assert!(heart.ends_with("measure more, which `posegrid plan` chooses"), "{heart}");
     }
 }

@@ -99,11 +99,7 @@ pub struct Finders {
 impl Finders {
     /// What was found from which stations.
     pub fn words(&self) -> String {
-        let what = if self.with_target {
-            "base and target"
-        } else {
-            "base"
-        };
+        let what = if self.with_target { "base and target" } else { "base" };
         let stations = self.stations;
         match self.by {
             LocateBy::First => format!("{what} from its first {stations} stations"),
@@ -134,11 +130,7 @@ impl Locate {
 
     /// So many stations that were picked in this way.
     pub const fn finders(&self, stations: usize, with_target: bool) -> Finders {
-        Finders {
-            by: self.by,
-            stations,
-            with_target,
-        }
+        Finders { by: self.by, stations, with_target }
     }
 
     /// Number of stations that find the base of a session of so many.
@@ -195,22 +187,14 @@ impl Locator {
         Self {
             locate,
             elsewhere,
-            target_sd_mm: settings
-                .fit
-                .target
-                .map_or(ANYWHERE_MM, |target| apart(target.sd_mm)),
+            target_sd_mm: settings.fit.target.map_or(ANYWHERE_MM, |target| apart(target.sd_mm)),
             scale_sd: full.map_or(0.0, FullModel::scale_sd),
         }
     }
 
     /// For no session at all: nothing of the arm is worked out.
     pub const fn of_none(locate: Locate) -> Self {
-        Self {
-            locate,
-            elsewhere: None,
-            target_sd_mm: ANYWHERE_MM,
-            scale_sd: 0.0,
-        }
+        Self { locate, elsewhere: None, target_sd_mm: ANYWHERE_MM, scale_sd: 0.0 }
     }
 
     /// How base and target of a session are found: from which stations, and whether its target is the known one by these.
@@ -232,11 +216,7 @@ impl Locator {
             (LocateTarget::Own, _) => own,
             (LocateTarget::Tested, Some(away)) => Some(self.target_sd_mm(&away)),
         };
-        Located {
-            finders,
-            target_sd_mm,
-            contradicted,
-        }
+        Located { finders, target_sd_mm, contradicted }
     }
 
     /// Standard deviation of a target of the session's own that was found so far away, which is not drawn back.
@@ -263,11 +243,7 @@ impl Locator {
         });
         let left = DVector::from_iterator(3 * placed.len(), left);
         let (columns, precision) = frame_columns(&placed, Some(ANYWHERE_MM), self.scale_sd);
-        let free = Poses {
-            columns,
-            precision,
-            ..poses
-        };
+        let free = Poses { columns, precision, ..poses };
         let (found, covariance) = free.unknowns(&left)?;
         let target = refit::columns_of_frames(false);
         let shift = found.fixed_rows::<3>(target).into_owned();
@@ -297,10 +273,8 @@ impl Locator {
         let taken: Vec<usize> = match self.locate.by {
             LocateBy::First => (0..count).collect(),
             LocateBy::Chosen => {
-                let poses: Vec<Observation> = firsts
-                    .iter()
-                    .map(|&place| observations[place].clone())
-                    .collect();
+                let poses: Vec<Observation> =
+                    firsts.iter().map(|&place| observations[place].clone()).collect();
                 let chosen = self.chosen(models, &poses, count, own_target);
                 chosen.unwrap_or_default()
             }
@@ -335,10 +309,7 @@ impl Locator {
             .tracker_from_base(poses.first()?.source)
             .isometry()
             .inverse();
-        let placed: Vec<Placed> = predictions
-            .iter()
-            .map(|p| placed(&p.target, &to_base))
-            .collect();
+        let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
         let alone = alone(models, &poses, &to_base);
         let poses = self.errors_at(&poses, Angles::Reported, (&placed, own_target), alone);
         let all: Vec<usize> = (0..placed.len()).collect();
@@ -365,12 +336,7 @@ impl Locator {
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
         let (columns, precision) = frame_columns(placed, own_target, 0.0);
-        Poses {
-            half: DMatrix::zeros(0, 3 * placed.len()),
-            columns,
-            precision,
-            alone,
-        }
+        Poses { half: DMatrix::zeros(0, 3 * placed.len()), columns, precision, alone }
     }
 
     fn errors_at(
@@ -381,23 +347,16 @@ impl Locator {
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
         let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
-        let axes = observations
-            .iter()
-            .map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
+        let axes =
+            observations.iter().map(|o| axes_at(o, angles).unwrap_or_else(|| o.axes.clone()));
         let axes: Vec<Vec<f64>> = axes.collect();
         let queries = observations.iter().zip(&axes);
-        let queries: Vec<Query<'_>> = queries
-            .map(|(o, axes)| query(o, axes, known_at(o, angles)))
-            .collect();
+        let queries: Vec<Query<'_>> =
+            queries.map(|(o, axes)| query(o, axes, known_at(o, angles))).collect();
         let none = || DMatrix::zeros(0, 3 * queries.len());
         let half = self.elsewhere.as_ref();
         let half = half.map(|own| own.half(&queries, own_target.is_some()));
-        let poses = Poses {
-            half: half.unwrap_or_else(none),
-            columns,
-            precision,
-            alone,
-        };
+        let poses = Poses { half: half.unwrap_or_else(none), columns, precision, alone };
         poses.relative()
     }
 

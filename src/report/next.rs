@@ -108,20 +108,15 @@ impl Next {
         }
         let allow = self.instead.as_ref();
         let allow = allow.map_or_else(String::new, |own| format!(" --allow {}", own.allow));
-        Some(format!(
-            "posegrid compensate {file} targets.csv --out corrected.csv{allow}"
-        ))
+        Some(format!("posegrid compensate {file} targets.csv --out corrected.csv{allow}"))
     }
 
     /// What to do, in words that end before the command where there is one; it is only for whoever corrects all the same where there is
     /// something to do before.
     pub fn words(&self) -> String {
         let first = self.first;
-        let base = if self.sets_base {
-            "set the program's base to the fitted one, then "
-        } else {
-            ""
-        };
+        let base =
+            if self.sets_base { "set the program's base to the fitted one, then " } else { "" };
         let targets = match self.by {
             Applied::Table => "correct targets".to_owned(),
             Applied::IdentifiedArm => format!("correct targets that state {}", self.stated.words()),
@@ -202,11 +197,7 @@ mod tests {
     use crate::report::{Accuracy, BaseRefit, Moment, Point, Split, Subject};
     use nalgebra::Isometry3;
 
-    const TOLERANCE: Tolerance = Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    const TOLERANCE: Tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
 
     fn next(bound_mm: Option<f64>, poses: usize, guard_mm: f64, is_surveyed: bool) -> Next {
         doubted(bound_mm, poses, guard_mm, (is_surveyed, None, false))
@@ -274,21 +265,13 @@ mod tests {
         };
         let track = arm(include_str!("../../tests/any_arm/track.toml"));
         let positioner = arm(include_str!("../../tests/any_arm/positioner.toml"));
-        let kr210 = arm(include_str!(
-            "../../pipelines/robots/kr210-r2700-extra.toml"
-        ));
+        let kr210 = arm(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"));
         for (arm, expected) in [
             (track, "correct targets that state joint angles"),
             (positioner, "correct targets that state joint angles"),
-            (
-                kr210,
-                "correct targets that state joint angles, or orientation and configuration",
-            ),
+            (kr210, "correct targets that state joint angles, or orientation and configuration"),
         ] {
-            let met = Next {
-                stated: Stated::of(&arm),
-                ..next(Some(0.2), 80, 0.05, true)
-            };
+            let met = Next { stated: Stated::of(&arm), ..next(Some(0.2), 80, 0.05, true) };
             assert_eq!(met.words(), expected);
         }
     }
@@ -298,8 +281,7 @@ mod tests {
         let met = next(Some(0.2), 80, 0.05, true);
         assert_eq!((met.table(), &met.instead), ("calibrations", &None));
         assert_eq!(
-            met.command("lake/calibrations/r/mon/00ff.parquet")
-                .as_deref(),
+            met.command("lake/calibrations/r/mon/00ff.parquet").as_deref(),
             Some(
                 "posegrid compensate lake/calibrations/r/mon/00ff.parquet targets.csv --out corrected.csv"
             )
@@ -307,9 +289,7 @@ mod tests {
         assert!(met.words().starts_with("correct targets that state joint"));
         let fitted = next(Some(0.2), 80, 0.05, false);
         assert!(
-            fitted
-                .words()
-                .starts_with("set the program's base to the fitted one, then correct")
+            fitted.words().starts_with("set the program's base to the fitted one, then correct")
         );
     }
 
@@ -335,10 +315,7 @@ mod tests {
             "{words}"
         );
         assert!(words.ends_with("once the base is fixed: correct targets that state joint angles, or orientation and configuration"), "{words}");
-        let none = Next {
-            by: Applied::Nothing,
-            ..next(Some(0.9), 80, 0.05, false)
-        };
+        let none = Next { by: Applied::Nothing, ..next(Some(0.9), 80, 0.05, false) };
         assert_eq!(none.command("f"), None);
         assert_eq!(
             none.words(),
@@ -352,36 +329,14 @@ mod tests {
         let words = |next: &Next| next.words();
         let few = of(None, 9, 0.05);
         // 59 poses show 95 % with 95 % confidence.
-        assert!(
-            words(&few).starts_with("measure 50 poses more"),
-            "{}",
-            words(&few)
-        );
-        assert!(
-            few.command("f")
-                .is_some_and(|own| own.ends_with(" --allow not-shown"))
-        );
+        assert!(words(&few).starts_with("measure 50 poses more"), "{}", words(&few));
+        assert!(few.command("f").is_some_and(|own| own.ends_with(" --allow not-shown")));
         let far = of(Some(0.9), 80, 0.05);
-        assert!(
-            words(&far).starts_with("repeatability limits"),
-            "{}",
-            words(&far)
-        );
-        assert!(
-            far.command("f")
-                .is_some_and(|own| own.ends_with(" --allow not-met"))
-        );
+        assert!(words(&far).starts_with("repeatability limits"), "{}", words(&far));
+        assert!(far.command("f").is_some_and(|own| own.ends_with(" --allow not-met")));
         let near = of(Some(0.48), 80, 0.05);
-        assert!(
-            words(&near).starts_with("the bound is within"),
-            "{}",
-            words(&near)
-        );
+        assert!(words(&near).starts_with("the bound is within"), "{}", words(&near));
         let rough = of(Some(0.2), 80, 0.6);
-        assert!(
-            words(&rough).contains("0.600 mm is more than the tolerance"),
-            "{}",
-            words(&rough)
-        );
+        assert!(words(&rough).contains("0.600 mm is more than the tolerance"), "{}", words(&rough));
     }
 }

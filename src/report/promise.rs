@@ -86,11 +86,7 @@ impl PromiseKept {
 
     /// The outcome of the promise, in two words.
     pub fn verdict(&self) -> &'static str {
-        if self.is_broken() {
-            "not kept"
-        } else {
-            "not contradicted"
-        }
+        if self.is_broken() { "not kept" } else { "not contradicted" }
     }
 
     /// The share of all errors that may be within the bound, as text.
@@ -107,10 +103,7 @@ impl PromiseKept {
 impl PlanPromise {
     /// Compares the promise with stations at the verification poses.
     pub fn held_against(&self, stations: &[Verified]) -> PromiseKept {
-        let visited = self
-            .verify
-            .iter()
-            .filter_map(|pose| at(pose, stations, &self.counted));
+        let visited = self.verify.iter().filter_map(|pose| at(pose, stations, &self.counted));
         let visited: BTreeSet<usize> = visited.collect();
         let mut by_pose = PoseErrors::default();
         for (visit, station) in stations.iter().enumerate() {
@@ -206,15 +199,9 @@ mod tests {
         let kept = promise().held_against(&stations(0.1));
         assert_eq!((kept.counted.poses, kept.within), (18, 18));
         // 18 of 18: the lower limit solves p^18 = 0.025, 0.8147.
+        assert!((kept.interval.0 - 0.025f64.powf(1.0 / 18.0)).abs() < 1e-6, "{kept:?}");
         assert!(
-            (kept.interval.0 - 0.025f64.powf(1.0 / 18.0)).abs() < 1e-6,
-            "{kept:?}"
-        );
-        assert!(
-            !kept.is_broken()
-                && promise()
-                    .words(&kept)
-                    .contains("18 of 20 verification poses"),
+            !kept.is_broken() && promise().words(&kept).contains("18 of 20 verification poses"),
             "{}",
             promise().words(&kept)
         );
@@ -229,10 +216,7 @@ mod tests {
     #[test]
     fn a_pose_that_was_visited_again_counts_once_with_its_worst_visit() {
         let mut visits = stations(0.1);
-        let again = |station: &Verified, left_mm| Verified {
-            left_mm,
-            ..station.clone()
-        };
+        let again = |station: &Verified, left_mm| Verified { left_mm, ..station.clone() };
         let worse: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.3)).collect();
         let better: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.05)).collect();
         visits.extend(better);
@@ -247,18 +231,10 @@ mod tests {
     fn a_session_that_left_its_plan_shows_nothing() {
         let elsewhere: Vec<Verified> = stations(0.1)
             .into_iter()
-            .map(|station| Verified {
-                joints: vec![station.joints[0], 2.0],
-                ..station
-            })
+            .map(|station| Verified { joints: vec![station.joints[0], 2.0], ..station })
             .collect();
         let kept = promise().held_against(&elsewhere);
         assert_eq!((kept.counted.poses, kept.interval), (0, (0.0, 1.0)));
-        assert!(
-            !kept.is_broken()
-                && promise()
-                    .words(&kept)
-                    .contains("nothing to compare it with")
-        );
+        assert!(!kept.is_broken() && promise().words(&kept).contains("nothing to compare it with"));
     }
 }

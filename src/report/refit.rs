@@ -56,11 +56,7 @@ impl Refit {
         Self {
             base_from_tracker: undone * self.base_from_tracker,
             target_shift: self.target_shift
-                + if with_target {
-                    Vector3::new(by[6], by[7], by[8])
-                } else {
-                    Vector3::zeros()
-                },
+                + if with_target { Vector3::new(by[6], by[7], by[8]) } else { Vector3::zeros() },
             scale: self.scale + by.get(frames).map_or(0.0, |scale| scale / MM_PER_M),
             middle: self.middle,
         }
@@ -103,35 +99,21 @@ const ORDINARY: f64 = 3.0;
 pub fn refit(measured: &[Point3<f64>], predicted: &[Placed], with_target: bool) -> Option<Refit> {
     let mut target_shift = Vector3::zeros();
     let shifted = |shift: &Vector3<f64>| {
-        predicted
-            .iter()
-            .map(|p| p.position + p.flange * shift)
-            .collect::<Vec<_>>()
+        predicted.iter().map(|p| p.position + p.flange * shift).collect::<Vec<_>>()
     };
     let weights = vec![1.0; measured.len()];
     let mut base_from_tracker = align(&shifted(&target_shift), measured, &weights)?;
     for _ in 0..if with_target { PASSES } else { 0 } {
-        target_shift += shift_step(
-            measured,
-            predicted,
-            &shifted(&target_shift),
-            &base_from_tracker,
-        )?;
+        target_shift +=
+            shift_step(measured, predicted, &shifted(&target_shift), &base_from_tracker)?;
         base_from_tracker = align(&shifted(&target_shift), measured, &weights)?;
     }
-    Some(Refit {
-        base_from_tracker,
-        target_shift,
-        scale: 0.0,
-        middle: middle(predicted),
-    })
+    Some(Refit { base_from_tracker, target_shift, scale: 0.0, middle: middle(predicted) })
 }
 
 /// The middle of predicted targets, mm.
 pub fn middle(predicted: &[Placed]) -> Point3<f64> {
-    let sum = predicted
-        .iter()
-        .fold(Vector3::zeros(), |sum, p| sum + p.position.coords);
+    let sum = predicted.iter().fold(Vector3::zeros(), |sum, p| sum + p.position.coords);
     Point3::from(sum / predicted.len().max(1) as f64)
 }
 
@@ -151,11 +133,7 @@ pub fn refit_with_scale(
         };
         found.scale = scale;
         let scaled: Vec<Placed> = predicted.iter().map(|p| found.scaled(p)).collect();
-        found = Refit {
-            scale,
-            middle: plain.middle,
-            ..refit(measured, &scaled, with_target)?
-        };
+        found = Refit { scale, middle: plain.middle, ..refit(measured, &scaled, with_target)? };
     }
     let is_ordinary = found.scale.abs() <= ORDINARY * scale_sd;
     Some(if is_ordinary { found } else { plain })
@@ -171,10 +149,7 @@ pub fn generalised(
     (middle, scale_sd): (Point3<f64>, f64),
     by: &Estimator,
 ) -> Option<Refit> {
-    let plain = Refit {
-        middle,
-        ..refit(measured, predicted, with_target)?
-    };
+    let plain = Refit { middle, ..refit(measured, predicted, with_target)? };
     let mut found = plain;
     for _ in 0..PASSES {
         let left = measured.iter().zip(predicted).flat_map(|(m, p)| {
@@ -234,9 +209,7 @@ pub fn columns(
     flanges: &[UnitQuaternion<f64>],
     with_target: bool,
 ) -> DMatrix<f64> {
-    let middle = positions
-        .iter()
-        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
+    let middle = positions.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords)
         / positions.len().max(1) as f64;
     let mut columns = DMatrix::zeros(3 * positions.len(), columns_of_frames(with_target));
     for (i, (position, flange)) in positions.iter().zip(flanges).enumerate() {
@@ -247,8 +220,7 @@ pub fn columns(
             rows.fixed_view_mut::<3, 1>(0, 3 + axis)
                 .copy_from(&(unit.cross(&(position.coords - middle)) / MM_PER_M));
             if with_target {
-                rows.fixed_view_mut::<3, 1>(0, 6 + axis)
-                    .copy_from(&(flange * unit));
+                rows.fixed_view_mut::<3, 1>(0, 6 + axis).copy_from(&(flange * unit));
             }
         }
     }
@@ -281,10 +253,7 @@ mod tests {
     fn placed(i: u32) -> Placed {
         let t = f64::from(i);
         let position = Point3::new(600.0 * t.sin(), 500.0 * (1.7 * t).cos(), 40.0 * t);
-        Placed {
-            position,
-            flange: UnitQuaternion::from_euler_angles(t, 0.6 * t, 0.3 * t),
-        }
+        Placed { position, flange: UnitQuaternion::from_euler_angles(t, 0.6 * t, 0.3 * t) }
     }
 
     #[test]
@@ -317,10 +286,8 @@ mod tests {
         let truth = isometry_from_rpy([2000.0, -50.0, 30.0], [0.01, -0.02, 1.5]);
         let shift = Vector3::new(3.0, -2.0, 5.0);
         let predicted: Vec<_> = (0..30).map(placed).collect();
-        let measured: Vec<_> = predicted
-            .iter()
-            .map(|p| truth.inverse() * (p.position + p.flange * shift))
-            .collect();
+        let measured: Vec<_> =
+            predicted.iter().map(|p| truth.inverse() * (p.position + p.flange * shift)).collect();
         let found = refit(&measured, &predicted, true).expect("stations in space");
         assert!((found.target_shift - shift).norm() < 1e-3, "{found:?}");
         assert!(

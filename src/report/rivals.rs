@@ -98,11 +98,7 @@ fn counterpart<'s>(
     subject: &Subject,
     best: Model,
 ) -> Option<&'s ResidualSet> {
-    let wanted = Subject {
-        model: best,
-        angles: *best.about().angles.first()?,
-        ..subject.clone()
-    };
+    let wanted = Subject { model: best, angles: *best.about().angles.first()?, ..subject.clone() };
     sets.iter().find(|set| set.subject == wanted)
 }
 
@@ -124,9 +120,8 @@ fn difference(
     let cells = cells.map(|cell| cell.map(f64::to_bits));
     let own = rival.iter().zip(&other).zip(cells);
     let own = own.filter(|((own, _), _)| takes(own));
-    let (differences, cells): (Vec<f64>, Vec<_>) = own
-        .map(|((a, b), cell)| (a.residual.norm() - b.residual.norm(), cell))
-        .unzip();
+    let (differences, cells): (Vec<f64>, Vec<_>) =
+        own.map(|((a, b), cell)| (a.residual.norm() - b.residual.norm(), cell)).unzip();
     let mut distinct = cells.clone();
     distinct.sort_unstable();
     distinct.dedup();
@@ -171,10 +166,7 @@ mod tests {
     use super::*;
     use crate::report::Angles;
 
-    const BLOCKS: Blocks = Blocks {
-        size_mm: Some([2.0; 3]),
-        origin_mm: Some([0.0; 3]),
-    };
+    const BLOCKS: Blocks = Blocks { size_mm: Some([2.0; 3]), origin_mm: Some([0.0; 3]) };
 
     /// Stations in a cube of 4 × 4 × 4 blocks, eight in each, with these errors along x, mm.
     fn set(split: Split, model: Model, error: impl Fn(usize) -> f64) -> ResidualSet {
@@ -203,19 +195,9 @@ mod tests {
         ResidualSet {
             subject: Subject {
                 split,
-                of_session: if split == Split::Session {
-                    "tue"
-                } else {
-                    "mon"
-                }
-                .to_owned(),
+                of_session: if split == Split::Session { "tue" } else { "mon" }.to_owned(),
                 model,
-                angles: model
-                    .about()
-                    .angles
-                    .first()
-                    .copied()
-                    .unwrap_or(Angles::Reported),
+                angles: model.about().angles.first().copied().unwrap_or(Angles::Reported),
                 base_refit: BaseRefit::None,
             },
             residuals: positions.iter().enumerate().map(residual).collect(),
@@ -251,11 +233,7 @@ mod tests {
             let is_kriging = subject.model == Model::KrigingJoints;
             assert_eq!(own.after_choice.is_some(), is_kriging, "{subject:?}");
             let after = own.after_choice.map(|own| (own.stations, own.blocks));
-            let wanted = if subject.split == Split::Blocks {
-                (256, 32)
-            } else {
-                (512, 64)
-            };
+            let wanted = if subject.split == Split::Blocks { (256, 32) } else { (512, 64) };
             assert!(after.is_none_or(|own| own == wanted), "{after:?}");
         }
     }
@@ -267,11 +245,7 @@ mod tests {
             of(place % 8) + 2 * of(place / 8 % 8) + 4 * of(place / 64)
         };
         let error = |place: usize| {
-            if folds(place).count_ones() % 2 == 0 {
-                0.1
-            } else {
-                0.6
-            }
+            if folds(place).count_ones() % 2 == 0 { 0.1 } else { 0.6 }
         };
         let sets = [
             set(Split::Blocks, Model::Full, |_| 0.5),
@@ -283,10 +257,7 @@ mod tests {
         assert!((own.all.mean_mm + 0.15).abs() < 1e-12, "{own:?}");
         let after = own.after_choice.expect("it is the only one");
         assert!((after.mean_mm - 0.1).abs() < 1e-12, "{after:?}");
-        assert_eq!(
-            Outcome::of(after.mean_mm, after.expanded_mm),
-            Outcome::Loses
-        );
+        assert_eq!(Outcome::of(after.mean_mm, after.expanded_mm), Outcome::Loses);
     }
 
     #[test]
@@ -296,10 +267,7 @@ mod tests {
         let full = set(Split::Blocks, Model::Full, |_| 0.5);
         let sets = [full.clone(), short];
         assert!(beside(&sets, Model::Full, &BLOCKS).is_empty());
-        let few = Blocks {
-            size_mm: Some([4.0, 8.0, 8.0]),
-            origin_mm: None,
-        };
+        let few = Blocks { size_mm: Some([4.0, 8.0, 8.0]), origin_mm: None };
         let sets = [full, set(Split::Blocks, Model::KrigingJoints, |_| 0.4)];
         assert!(beside(&sets, Model::Full, &few).is_empty());
     }

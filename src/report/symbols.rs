@@ -8,10 +8,7 @@ pub fn symbol(name: &str) -> String {
         None => (name, None),
     };
     let symbol = of_parameter(parameter);
-    session.map_or_else(
-        || symbol.clone(),
-        |session| format!("{symbol} of {session}"),
-    )
+    session.map_or_else(|| symbol.clone(), |session| format!("{symbol} of {session}"))
 }
 
 fn of_parameter(name: &str) -> String {

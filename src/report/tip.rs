@@ -38,10 +38,7 @@ impl Turn {
     /// The turn stated in another frame.
     #[must_use]
     pub fn seen_from(&self, to_from: &UnitQuaternion<f64>) -> Self {
-        Self {
-            attained: to_from * self.attained,
-            wanted: to_from * self.wanted,
-        }
+        Self { attained: to_from * self.attained, wanted: to_from * self.wanted }
     }
 
     /// Attained relative to wanted orientation, as a rotation vector along the flange's axes, rad.
@@ -62,14 +59,8 @@ pub fn without_constant(
     let along = |axis: usize| median(&counted().map(|turn| turn[axis]).collect::<Vec<_>>());
     let constant = Vector3::from_fn(|axis, _| along(axis).unwrap_or(0.0));
     let back = UnitQuaternion::from_scaled_axis(-constant);
-    let settled = |turn: &Turn| Turn {
-        attained: turn.attained * back,
-        ..*turn
-    };
-    turns
-        .iter()
-        .map(|turn| turn.as_ref().map(settled))
-        .collect()
+    let settled = |turn: &Turn| Turn { attained: turn.attained * back, ..*turn };
+    turns.iter().map(|turn| turn.as_ref().map(settled)).collect()
 }
 
 /// The residuals at the tip, `lever` from their point along the flange's axes, mm; stations without a measured orientation
@@ -135,10 +126,7 @@ mod tests {
 
     /// The flange at some orientation, rotated from it by `vector` along its own axes.
     fn turned(vector: Vector3<f64>, wanted: UnitQuaternion<f64>) -> Turn {
-        Turn {
-            attained: wanted * UnitQuaternion::from_scaled_axis(vector),
-            wanted,
-        }
+        Turn { attained: wanted * UnitQuaternion::from_scaled_axis(vector), wanted }
     }
 
     #[test]
@@ -187,11 +175,7 @@ mod tests {
         };
         let turns: Vec<_> = (0..5).map(of).collect();
         let settled = without_constant(&turns, |place| place < 4);
-        let left: Vec<f64> = settled
-            .iter()
-            .flatten()
-            .map(|turn| turn.vector().norm())
-            .collect();
+        let left: Vec<f64> = settled.iter().flatten().map(|turn| turn.vector().norm()).collect();
         assert!(left[..4].iter().all(|left| *left < 1e-12), "{left:?}");
         assert!((left[4] - 1e-3).abs() < 1e-12, "{left:?}");
     }

@@ -137,12 +137,7 @@ impl Unseen<'_> {
             (Some(poses), BaseRefit::First | BaseRefit::Chosen) => poses.estimator(&used),
         };
         let refit = self.refit(observations, base_refit, &used, by.as_ref())?;
-        Some(Found {
-            refit,
-            taken,
-            used,
-            by,
-        })
+        Some(Found { refit, taken, used, by })
     }
 
     fn refit(
@@ -155,9 +150,7 @@ impl Unseen<'_> {
         if base_refit == BaseRefit::None {
             return Some(Refit::none(*self.to_base, self.placed));
         }
-        let measured = used
-            .iter()
-            .map(|&place| Some(observations[place].point()?.position));
+        let measured = used.iter().map(|&place| Some(observations[place].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let placed: Vec<Placed> = used.iter().map(|&p| self.placed[p].clone()).collect();
         match (by, base_refit) {
@@ -197,19 +190,10 @@ impl Unseen<'_> {
     /// The measured orientations of the flange in the base that was found, and the predicted ones; where the session has
     /// its own mounting, the target is turned as the stations that the base is found from show.
     fn turns(&self, found: &Found) -> Vec<Option<Turn>> {
-        let (own, trained) = (
-            found.refit.base_from_tracker.rotation,
-            self.to_base.rotation,
-        );
-        let turn = |turn: &Turn| Turn {
-            attained: own * turn.attained,
-            wanted: trained * turn.wanted,
-        };
-        let turns: Vec<_> = self
-            .predictions
-            .iter()
-            .map(|p| p.turn.as_ref().map(turn))
-            .collect();
+        let (own, trained) = (found.refit.base_from_tracker.rotation, self.to_base.rotation);
+        let turn =
+            |turn: &Turn| Turn { attained: own * turn.attained, wanted: trained * turn.wanted };
+        let turns: Vec<_> = self.predictions.iter().map(|p| p.turn.as_ref().map(turn)).collect();
         if self.with_target && !found.used.is_empty() {
             without_constant(&turns, |place| found.used.contains(&place))
         } else {

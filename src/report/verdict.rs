@@ -104,11 +104,7 @@ impl ProductVerdict {
     fn why(&self) -> String {
         let named = |judge: &Judge| format!("{}: {}", judge.stations.words(), judge.reason());
         let said: Vec<String> = self.worst().map(named).collect();
-        if said.is_empty() {
-            "nothing judges".to_owned()
-        } else {
-            said.join("; ")
-        }
+        if said.is_empty() { "nothing judges".to_owned() } else { said.join("; ") }
     }
 
     /// The judges whose verdict none is worse than.
@@ -142,14 +138,7 @@ impl RunVerdict {
             own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone())
         };
         let (arm, nominal) = (of(best), of(Model::BaseTarget));
-        Self {
-            applied: applied(&table, &arm),
-            table,
-            arm,
-            nominal,
-            models,
-            limit: None,
-        }
+        Self { applied: applied(&table, &arm), table, arm, nominal, models, limit: None }
     }
 
     /// What the verdict of the run is of.
@@ -272,11 +261,7 @@ mod tests {
     use crate::grid::Tolerance;
     use crate::report::{Angles, Moment, Subject};
 
-    const TOLERANCE: Tolerance = Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    const TOLERANCE: Tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
 
     /// A figure whose bound is that of as many poses; too few have none.
     fn of(model: Model, bound: f64, poses: usize) -> Accuracy {
@@ -321,12 +306,7 @@ mod tests {
 
     /// So many of 100 measured stations.
     const fn covered(stations: usize) -> Covered {
-        Covered {
-            stations,
-            like: stations,
-            measured: 100,
-            of_box: 1.0,
-        }
+        Covered { stations, like: stations, measured: 100, of_box: 1.0 }
     }
 
     /// A run with these judges of its table, and one of the identified arm.
@@ -423,43 +403,22 @@ mod tests {
         // Mean error 0.218 mm before, 0.278 mm with the table, 0.048 mm by the arm.
         let table = |harms| mon(0.45).harmed(harms);
         let of_arm = |bound, harms| blocks(Model::Full, bound, 100).harmed(harms);
-        assert_eq!(
-            run(vec![table(false)], of_arm(0.126, false)).applied(),
-            Applied::Table
-        );
+        assert_eq!(run(vec![table(false)], of_arm(0.126, false)).applied(), Applied::Table);
         let arm = run(vec![table(true)], of_arm(0.126, false));
-        assert_eq!(
-            (arm.applied(), arm.verdict()),
-            (Applied::IdentifiedArm, Verdict::Meets)
-        );
-        assert!(
-            arm.other_statement()
-                .ends_with("here the errors are no smaller with it")
-        );
+        assert_eq!((arm.applied(), arm.verdict()), (Applied::IdentifiedArm, Verdict::Meets));
+        assert!(arm.other_statement().ends_with("here the errors are no smaller with it"));
         // Its bound of 0.45 mm is within the tolerance of 0.5 mm, and it does not meet it.
         assert!(matches!(arm.table().verdict(), Verdict::NotShown(_)));
         // An arm that is not within the tolerance is still more than a table that harms.
         let far = run(vec![table(true)], of_arm(0.9, false));
-        assert_eq!(
-            (far.applied(), far.verdict()),
-            (Applied::IdentifiedArm, Verdict::DoesNotMeet)
-        );
-        assert_eq!(
-            run(vec![table(false)], of_arm(0.9, true)).applied(),
-            Applied::Table
-        );
+        assert_eq!((far.applied(), far.verdict()), (Applied::IdentifiedArm, Verdict::DoesNotMeet));
+        assert_eq!(run(vec![table(false)], of_arm(0.9, true)).applied(), Applied::Table);
         let models = vec![
-            (
-                Model::BaseTarget,
-                ProductVerdict::of(vec![blocks(Model::BaseTarget, 0.4, 100)]),
-            ),
+            (Model::BaseTarget, ProductVerdict::of(vec![blocks(Model::BaseTarget, 0.4, 100)])),
             (Model::Full, ProductVerdict::of(vec![of_arm(0.42, true)])),
         ];
         let neither = RunVerdict::of(ProductVerdict::of(vec![table(true)]), models, Model::Full);
-        assert_eq!(
-            (neither.applied(), neither.verdict()),
-            (Applied::Nothing, Verdict::Meets)
-        );
+        assert_eq!((neither.applied(), neither.verdict()), (Applied::Nothing, Verdict::Meets));
         // A session that may be of another arm is no judge of whether the correction helps.
         let mut stranger = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.9, 60)).harmed(true);
         stranger.remark = Some(Remark::OtherArm("hardly improved".to_owned()));
@@ -469,10 +428,7 @@ mod tests {
         let harmed = run(vec![mon(0.2), moved.clone()], moved);
         assert_eq!(harmed.applied(), Applied::Nothing);
         let asked = run(vec![mon(0.2), stranger.clone()], stranger);
-        assert_eq!(
-            (asked.applied(), asked.verdict()),
-            (Applied::Table, Verdict::DoesNotMeet)
-        );
+        assert_eq!((asked.applied(), asked.verdict()), (Applied::Table, Verdict::DoesNotMeet));
     }
 
     #[test]

@@ -30,14 +30,8 @@ pub enum Relation {
 
 impl Relation {
     /// Every relation, in the order of [`Agreement`].
-    pub const ALL: [Self; 6] = [
-        Self::Arm,
-        Self::Target,
-        Self::OnePoint,
-        Self::Survey,
-        Self::Commands,
-        Self::Turns,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Arm, Self::Target, Self::OnePoint, Self::Survey, Self::Commands, Self::Turns];
 
     /// A disagreement that says nothing yet. Millimetres, for orientations radians: nominal arms leave about a millimetre where
     /// base and target are fitted; in a surveyed base their angles' errors count over the whole reach; and no controller turns
@@ -82,19 +76,13 @@ impl Agreement {
     }
 
     fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
-        Self(Relation::ALL.map(|relation| {
-            match relation {
-                Relation::Arm => Some(seen.arm()),
-                Relation::Target => set_up.stated_target().map(|target| seen.target(&target)),
-                Relation::OnePoint => set_up
-                    .one_point()
-                    .map(|[tool, target]| (tool - target).norm()),
-                Relation::Survey => set_up
-                    .tracker_from_base
-                    .map(|base| seen.survey(set_up, &base)),
-                Relation::Commands => seen.commands(set_up, evidence),
-                Relation::Turns => seen.turns(set_up, evidence),
-            }
+        Self(Relation::ALL.map(|relation| match relation {
+            Relation::Arm => Some(seen.arm()),
+            Relation::Target => set_up.stated_target().map(|target| seen.target(&target)),
+            Relation::OnePoint => set_up.one_point().map(|[tool, target]| (tool - target).norm()),
+            Relation::Survey => set_up.tracker_from_base.map(|base| seen.survey(set_up, &base)),
+            Relation::Commands => seen.commands(set_up, evidence),
+            Relation::Turns => seen.turns(set_up, evidence),
         }))
     }
 
@@ -144,10 +132,7 @@ impl Seen {
         evidence: &Evidence,
     ) -> Self {
         let unplaced = Self::unplaced(set_up, evidence);
-        Self {
-            placement: fit(&readings(&unplaced.flanges, &unplaced.measured)),
-            ..unplaced
-        }
+        Self { placement: fit(&readings(&unplaced.flanges, &unplaced.measured)), ..unplaced }
     }
 
     /// Without base and target found.
@@ -155,9 +140,7 @@ impl Seen {
         let measured = evidence.stations.iter();
         Self {
             flanges: set_up.flanges(evidence),
-            measured: measured
-                .map(|station| station.measured * set_up.reading_scale)
-                .collect(),
+            measured: measured.map(|station| station.measured * set_up.reading_scale).collect(),
             placement: None,
         }
     }
@@ -168,11 +151,8 @@ impl Seen {
         };
         let readings = readings(&self.flanges, &self.measured);
         let distances: Vec<f64> = readings.iter().map(|r| placement.distance_mm(r)).collect();
-        let predicted: Vec<Vector3<f64>> = self
-            .flanges
-            .iter()
-            .map(|flange| placement.predict(flange))
-            .collect();
+        let predicted: Vec<Vector3<f64>> =
+            self.flanges.iter().map(|flange| placement.predict(flange)).collect();
         let spreads = [spread(&predicted), spread(&self.measured)];
         let (least, most) = (spreads[0].min(spreads[1]), spreads[0].max(spreads[1]));
         // Points that hardly move agree with anything: then the disagreement is the motion that one side lacks.
@@ -186,9 +166,7 @@ impl Seen {
         let points = self.at_flange(target);
         let measured: Vec<Point3<f64>> = self.measured.iter().map(point).collect();
         let base = robust_align(&measured, &points);
-        base.map_or(f64::INFINITY, |base| {
-            median_apart(&measured, &points, &base)
-        })
+        base.map_or(f64::INFINITY, |base| median_apart(&measured, &points, &base))
     }
 
     fn survey(&self, set_up: &SetUp, base: &Isometry3<f64>) -> f64 {
@@ -233,27 +211,21 @@ impl Seen {
 
     /// The target at each flange, in the base frame.
     pub(super) fn at_flange(&self, target: &Vector3<f64>) -> Vec<Point3<f64>> {
-        self.flanges
-            .iter()
-            .map(|flange| flange * point(target))
-            .collect()
+        self.flanges.iter().map(|flange| flange * point(target)).collect()
     }
 
     /// The target in the flange frame, seen from a given base.
     fn target_in(&self, base: &Isometry3<f64>) -> Option<Vector3<f64>> {
         let seen = self.flanges.iter().zip(&self.measured);
-        let seen: Vec<(Isometry3<f64>, Point3<f64>)> = seen
-            .map(|(flange, at)| (*flange, base.inverse_transform_point(&point(at))))
-            .collect();
+        let seen: Vec<(Isometry3<f64>, Point3<f64>)> =
+            seen.map(|(flange, at)| (*flange, base.inverse_transform_point(&point(at)))).collect();
         in_flange(&seen)
     }
 }
 
 fn readings(flanges: &[Isometry3<f64>], measured: &[Vector3<f64>]) -> Vec<ReadingAtFlange> {
     let pairs = flanges.iter().zip(measured);
-    pairs
-        .map(|(&flange, &attained)| ReadingAtFlange { flange, attained })
-        .collect()
+    pairs.map(|(&flange, &attained)| ReadingAtFlange { flange, attained }).collect()
 }
 
 /// Predicted and measured positions whose spreads differ by more than this factor are not of the same moves.
@@ -270,10 +242,8 @@ fn spread(points: &[Vector3<f64>]) -> f64 {
 
 /// Where points (in the base frame) lie in their flanges' frames: the median per axis; `None` of nothing.
 pub(super) fn in_flange(seen: &[(Isometry3<f64>, Point3<f64>)]) -> Option<Vector3<f64>> {
-    let local: Vec<Point3<f64>> = seen
-        .iter()
-        .map(|(flange, at)| flange.inverse_transform_point(at))
-        .collect();
+    let local: Vec<Point3<f64>> =
+        seen.iter().map(|(flange, at)| flange.inverse_transform_point(at)).collect();
     let axis = |axis: usize| median(&local.iter().map(|p| p[axis]).collect::<Vec<_>>());
     Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?))
 }
@@ -288,10 +258,8 @@ pub(super) fn robust_align(to: &[Point3<f64>], from: &[Point3<f64>]) -> Option<I
     for _ in 0..ROUNDS {
         let apart = apart(to, from, &found);
         let scale = median(&apart)?.max(LEAST_SCALE_MM);
-        let weights: Vec<f64> = apart
-            .iter()
-            .map(|d| 1.0 / (1.0 + (d / (2.0 * scale)).powi(2)))
-            .collect();
+        let weights: Vec<f64> =
+            apart.iter().map(|d| 1.0 / (1.0 + (d / (2.0 * scale)).powi(2))).collect();
         found = align(to, from, &weights)?;
     }
     Some(found)
@@ -302,8 +270,5 @@ fn median_apart(to: &[Point3<f64>], from: &[Point3<f64>], placed: &Isometry3<f64
 }
 
 fn apart(to: &[Point3<f64>], from: &[Point3<f64>], placed: &Isometry3<f64>) -> Vec<f64> {
-    to.iter()
-        .zip(from)
-        .map(|(to, from)| (to - placed * from).norm())
-        .collect()
+    to.iter().zip(from).map(|(to, from)| (to - placed * from).norm()).collect()
 }

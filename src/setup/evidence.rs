@@ -47,9 +47,7 @@ impl Evidence {
     /// At most 250 of `stations`, evenly spread.
     pub fn spread(stations: Vec<Dwelt>) -> Self {
         let stride = stations.len().div_ceil(MOST).max(1);
-        Self {
-            stations: stations.into_iter().step_by(stride).collect(),
-        }
+        Self { stations: stations.into_iter().step_by(stride).collect() }
     }
 
     /// The commanded positions with the places of their stations.

@@ -40,12 +40,7 @@ pub enum Sort {
 
 impl Hypothesis {
     fn new(mistake: impl Into<String>, edit: impl Into<String>, set_up: SetUp) -> Self {
-        Self {
-            mistake: mistake.into(),
-            edit: edit.into(),
-            set_up,
-            sort: Sort::Kind,
-        }
+        Self { mistake: mistake.into(), edit: edit.into(), set_up, sort: Sort::Kind }
     }
 }
 
@@ -96,10 +91,7 @@ fn positions(stated: &SetUp, factor: f64, unit: &str) -> Option<Hypothesis> {
             column *= factor;
         }
     }
-    let set_up = SetUp {
-        joints_from_reported,
-        ..stated.clone()
-    };
+    let set_up = SetUp { joints_from_reported, ..stated.clone() };
     let mistake = format!("the reported positions of joints that slide are in {unit}");
     let edit = format!("{} = \"{unit}\"", stated.unit_keys.slides);
     Some(Hypothesis::new(mistake, edit, set_up))
@@ -114,41 +106,21 @@ fn units(stated: &SetUp) -> Vec<Hypothesis> {
         for (mut column, _) in columns.filter(|(_, joint)| !joint.slides) {
             column *= factor;
         }
-        let set_up = SetUp {
-            joints_from_reported,
-            ..stated.clone()
-        };
+        let set_up = SetUp { joints_from_reported, ..stated.clone() };
         let mistake = format!("the reported joint angles are in {unit}");
         let edit = format!("{} = \"{unit}\"", stated.unit_keys.angles);
         Hypothesis::new(mistake, edit, set_up)
     };
-    let mut all = vec![
-        angle("deg", 1.0_f64.to_radians()),
-        angle("rad", 1.0_f64.to_degrees()),
-    ];
+    let mut all = vec![angle("deg", 1.0_f64.to_radians()), angle("rad", 1.0_f64.to_degrees())];
     for (factor, wider) in [(MM_PER_M, true), (1.0 / MM_PER_M, false)] {
         let unit = if wider { "m" } else { "mm" };
         all.extend(positions(stated, factor, unit));
-        let reading = SetUp {
-            reading_scale: factor,
-            ..stated.clone()
-        };
+        let reading = SetUp { reading_scale: factor, ..stated.clone() };
         let edit = format!("{} = \"{unit}\"", stated.unit_keys.readings);
-        all.push(Hypothesis::new(
-            format!("the tracker's positions are in {unit}"),
-            edit,
-            reading,
-        ));
-        let command = SetUp {
-            command_scale: factor,
-            ..stated.clone()
-        };
+        all.push(Hypothesis::new(format!("the tracker's positions are in {unit}"), edit, reading));
+        let command = SetUp { command_scale: factor, ..stated.clone() };
         let edit = format!("{} = \"{unit}\"", stated.unit_keys.commands);
-        all.push(Hypothesis::new(
-            format!("the commanded positions are in {unit}"),
-            edit,
-            command,
-        ));
+        all.push(Hypothesis::new(format!("the commanded positions are in {unit}"), edit, command));
     }
     all
 }
@@ -158,9 +130,7 @@ fn other_arms(stated: &SetUp, known: &[KnownArm]) -> Vec<Hypothesis> {
     let is_other = |known: &&KnownArm| known.arm.model() != stated.arm.model();
     let others: Vec<&KnownArm> = known.iter().filter(is_other).collect();
     let alike = |own: &KnownArm| {
-        let same = others
-            .iter()
-            .filter(|other| other.arm.chain() == own.arm.chain());
+        let same = others.iter().filter(|other| other.arm.chain() == own.arm.chain());
         same.map(|other| other.arm.model()).collect::<Vec<_>>()
     };
     let other = |known: &&KnownArm| {
@@ -174,37 +144,23 @@ fn other_arms(stated: &SetUp, known: &[KnownArm]) -> Vec<Hypothesis> {
             models.join(" or ")
         );
         let hypothesis = in_place_of(stated, known, mistake)?;
-        Some(Hypothesis {
-            sort: Sort::Arm,
-            ..hypothesis
-        })
+        Some(Hypothesis { sort: Sort::Arm, ..hypothesis })
     };
     others.iter().filter_map(other).collect()
 }
 
 /// The ready robot file of the same model, where the stated one has other numbers.
 pub(super) fn ready_file(stated: &SetUp, known: &[KnownArm]) -> Option<Hypothesis> {
-    let own = known
-        .iter()
-        .find(|known| known.arm.model() == stated.arm.model())?;
-    let mistake = format!(
-        "the robot file has other numbers than the ready one, {}",
-        own.file
-    );
+    let own = known.iter().find(|known| known.arm.model() == stated.arm.model())?;
+    let mistake = format!("the robot file has other numbers than the ready one, {}", own.file);
     let hypothesis = in_place_of(stated, own, mistake)?;
-    Some(Hypothesis {
-        sort: Sort::Size,
-        ..hypothesis
-    })
+    Some(Hypothesis { sort: Sort::Size, ..hypothesis })
 }
 
 /// The set-up with a ready arm; `None` where that is the stated one or has another number of joints.
 fn in_place_of(stated: &SetUp, known: &KnownArm, mistake: String) -> Option<Hypothesis> {
     let fits = known.arm.joints().len() == stated.arm.joints().len()
         && known.arm.chain() != stated.arm.chain();
-    let set_up = SetUp {
-        arm: known.arm.clone(),
-        ..stated.clone()
-    };
+    let set_up = SetUp { arm: known.arm.clone(), ..stated.clone() };
     fits.then(|| Hypothesis::new(mistake, format!("[robot] file: {}", known.file), set_up))
 }

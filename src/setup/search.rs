@@ -71,10 +71,7 @@ pub struct Mistake {
 
 impl From<&Hypothesis> for Mistake {
     fn from(hypothesis: &Hypothesis) -> Self {
-        Self {
-            what: hypothesis.mistake.clone(),
-            edit: hypothesis.edit.clone(),
-        }
+        Self { what: hypothesis.mistake.clone(), edit: hypothesis.edit.clone() }
     }
 }
 
@@ -138,11 +135,7 @@ impl<'h> Explanation<'h> {
         let mended = agreement.get(relation).unwrap_or(f64::INFINITY);
         let (sort, gain) = (hypothesis.sort, stated.cost() - agreement.cost());
         let explains = mended <= sort.explained() * worst && gain >= sort.least_gain();
-        explains.then(|| Self {
-            hypothesis,
-            cost: agreement.cost() + sort.freedom(),
-            agreement,
-        })
+        explains.then(|| Self { hypothesis, cost: agreement.cost() + sort.freedom(), agreement })
     }
 
     fn explains_all(&self) -> bool {
@@ -165,21 +158,15 @@ pub(super) fn named(
     let costs = explained.iter().map(|explanation| explanation.cost);
     let least = costs.min_by(f64::total_cmp)?;
     // Of mistakes that the logs cannot separate, the simpler comes first: that is their order.
-    let tied: Vec<&Explanation<'_>> = explained
-        .iter()
-        .filter(|explanation| explanation.cost <= least + TIE)
-        .collect();
+    let tied: Vec<&Explanation<'_>> =
+        explained.iter().filter(|explanation| explanation.cost <= least + TIE).collect();
     let first = tied.first()?;
     let is_large = relation != Relation::Turns && worst > GRAVE_MM;
     Some(Finding {
         relation,
         stated: worst,
         mended: first.agreement.get(relation),
-        mistakes: tied
-            .iter()
-            .take(MOST_NAMED)
-            .map(|tied| Mistake::from(tied.hypothesis))
-            .collect(),
+        mistakes: tied.iter().take(MOST_NAMED).map(|tied| Mistake::from(tied.hypothesis)).collect(),
         is_grave: first.hypothesis.sort != Sort::Size || is_large,
         explains_all: first.explains_all(),
     })
@@ -191,12 +178,7 @@ impl fmt::Display for Finding {
             Relation::Turns => format!("{:.2}°", value.to_degrees()),
             _ => format!("{value:.1} mm"),
         };
-        write!(
-            f,
-            "{} disagree by {} in the median",
-            self.relation.in_words(),
-            size(self.stated)
-        )?;
+        write!(f, "{} disagree by {} in the median", self.relation.in_words(), size(self.stated))?;
         let (Some(first), Some(mended)) = (self.mistakes.first(), self.mended) else {
             return write!(
                 f,
@@ -204,19 +186,9 @@ impl fmt::Display for Finding {
                  against the cell"
             );
         };
-        write!(
-            f,
-            "; with one change by {}: {}; write {}",
-            size(mended),
-            first.what,
-            first.edit
-        )?;
+        write!(f, "; with one change by {}: {}; write {}", size(mended), first.what, first.edit)?;
         for other in &self.mistakes[1..] {
-            write!(
-                f,
-                "; the logs cannot separate this from: {} ({})",
-                other.what, other.edit
-            )?;
+            write!(f, "; the logs cannot separate this from: {} ({})", other.what, other.edit)?;
         }
         Ok(())
     }
@@ -240,11 +212,7 @@ mod tests {
         let dwelt = |k: i32| {
             let reported = vec![0.52 * (0.9 * f64::from(k)).sin(), 0.07 * f64::from(k)];
             let target = stated.flange(&reported) * Point3::new(177.0, -636.0, 509.0);
-            Dwelt {
-                measured: (camera_from_base * target).coords,
-                reported,
-                command: None,
-            }
+            Dwelt { measured: (camera_from_base * target).coords, reported, command: None }
         };
         let sound = Evidence::spread((0..90).map(dwelt).collect());
         assert_eq!(check(&stated, &sound, &Alternatives::default(), 30.0), None);

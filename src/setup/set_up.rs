@@ -87,18 +87,13 @@ impl SetUp {
     /// The nominal flange at each station, in the base frame, mm.
     pub(super) fn flanges(&self, evidence: &Evidence) -> Vec<Isometry3<f64>> {
         let stations = evidence.stations.iter();
-        stations
-            .map(|station| self.flange(&station.reported))
-            .collect()
+        stations.map(|station| self.flange(&station.reported)).collect()
     }
 
     /// This set-up with `offsets` (in the order of the chain's parameters, mm and rad) on the nominal arm.
     pub(super) fn with_offsets(&self, offsets: &[f64]) -> Self {
         let arm = self.arm.with_chain(self.arm.chain().with_offsets(offsets));
-        Self {
-            arm,
-            ..self.clone()
-        }
+        Self { arm, ..self.clone() }
     }
 
     /// Whether arm, reported angles or readings differ from another set-up's: commands and stated frames play no part in the join.
@@ -114,8 +109,7 @@ impl SetUp {
     /// The target as the file states it: by its own key, otherwise as the tool's origin where the two are one point.
     pub(super) fn stated_target(&self) -> Option<Vector3<f64>> {
         let tool = self.flange_from_tool.filter(|_| self.target_is_tool);
-        self.target
-            .or_else(|| tool.map(|tool| tool.translation.vector))
+        self.target.or_else(|| tool.map(|tool| tool.translation.vector))
     }
 
     /// The stated tool's origin and the stated target, where both are stated and meant to be one point.

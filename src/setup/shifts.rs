@@ -40,18 +40,10 @@ fn shifted(stated: &SetUp, frame: FrameKey, moved: &Isometry3<f64>) -> Option<Hy
     let was = frame.of(stated)?;
     let step = (moved.translation.vector - was.translation.vector).map(|x| to_step(x, 0.1));
     let turn_deg = turn_deg(frame, &was, moved);
-    let turn = if turn_deg > 0.05 {
-        format!(" and turned by {turn_deg:.2}°")
-    } else {
-        String::new()
-    };
-    let mistake = format!(
-        "{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}",
-        frame.key(),
-        step.x,
-        step.y,
-        step.z
-    );
+    let turn =
+        if turn_deg > 0.05 { format!(" and turned by {turn_deg:.2}°") } else { String::new() };
+    let mistake =
+        format!("{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}", frame.key(), step.x, step.y, step.z);
     Some(Hypothesis {
         mistake,
         edit: frame.edit(moved),
@@ -87,10 +79,8 @@ fn survey(stated: &SetUp, seen: &Seen) -> Option<Isometry3<f64>> {
 fn commands(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Option<Isometry3<f64>> {
     let tool = point(&stated.flange_from_tool?.translation.vector);
     let commanded = seen.commanded(stated, evidence);
-    let (to, from): (Vec<Point3<f64>>, Vec<Point3<f64>>) = commanded
-        .iter()
-        .map(|(flange, at)| (flange * tool, *at))
-        .unzip();
+    let (to, from): (Vec<Point3<f64>>, Vec<Point3<f64>>) =
+        commanded.iter().map(|(flange, at)| (flange * tool, *at)).unzip();
     Some(robust_align(&to, &from)? * stated.base_from_command)
 }
 

@@ -18,33 +18,21 @@ pub fn explain(
     gate_mm: f64,
 ) -> Option<Finding> {
     let under = |set_up: &SetUp, gate_mm: f64| {
-        let matched = supposed.under(
-            |joints| set_up.flange(joints),
-            set_up.reading_scale,
-            gate_mm,
-        )?;
+        let matched =
+            supposed.under(|joints| set_up.flange(joints), set_up.reading_scale, gate_mm)?;
         Some(evidence(&matched))
     };
     let found = |evidence: &Evidence| {
         let all = search::all(stated, evidence, alternatives);
         let found = named(&Agreement::of(stated, evidence), evidence, &all);
-        found.map(|finding| Finding {
-            is_grave: true,
-            ..finding
-        })
+        found.map(|finding| Finding { is_grave: true, ..finding })
     };
     let wide = under(stated, WIDER * gate_mm);
-    if let Some(finding) = wide
-        .as_ref()
-        .and_then(&found)
-        .filter(|finding| finding.explains_all)
-    {
+    if let Some(finding) = wide.as_ref().and_then(&found).filter(|finding| finding.explains_all) {
         return Some(finding);
     }
     let tried = hypotheses::of_the_join(stated, alternatives);
-    let matched = tried
-        .iter()
-        .filter_map(|hypothesis| under(&hypothesis.set_up, gate_mm));
+    let matched = tried.iter().filter_map(|hypothesis| under(&hypothesis.set_up, gate_mm));
     // Of equally many pairs the first, so that the order of hypotheses decides.
     let best = matched.fold(None, |best: Option<Evidence>, evidence| match best {
         Some(best) if best.stations.len() >= evidence.stations.len() => Some(best),

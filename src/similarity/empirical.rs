@@ -98,10 +98,7 @@ pub fn bins(
     };
     let parts: Vec<_> = rows.par_chunks(CHUNK).map(part).collect();
     parts.iter().fold(empty.clone(), |mut total, part| {
-        total
-            .iter_mut()
-            .zip(part)
-            .for_each(|(total, part)| total.merge(part));
+        total.iter_mut().zip(part).for_each(|(total, part)| total.merge(part));
         total
     })
 }
@@ -119,16 +116,9 @@ fn largest(
     samples: &[ErrorSample],
     separation: &(impl Fn(&ErrorSample, &ErrorSample) -> f64 + Sync),
 ) -> f64 {
-    let row = |i: usize| {
-        samples[i + 1..]
-            .iter()
-            .map(|b| separation(&samples[i], b))
-            .fold(0.0, f64::max)
-    };
-    (0..samples.len())
-        .into_par_iter()
-        .map(row)
-        .reduce(|| 0.0, f64::max)
+    let row =
+        |i: usize| samples[i + 1..].iter().map(|b| separation(&samples[i], b)).fold(0.0, f64::max);
+    (0..samples.len()).into_par_iter().map(row).reduce(|| 0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -144,12 +134,7 @@ mod tests {
             position: Point3::new(x, 0.0, 0.0),
             error: Vector3::new(e, 0.0, 2.0 * e),
         };
-        let samples = [
-            sample(0.0, 0.0),
-            sample(1.0, 1.0),
-            sample(2.0, 0.0),
-            sample(4.0, 3.0),
-        ];
+        let samples = [sample(0.0, 0.0), sample(1.0, 1.0), sample(2.0, 0.0), sample(4.0, 3.0)];
         // Reach 2, two bins of width 1: [0, 1) empty; [1, 2) holds 0–1 and 1–2; 0–2 and 2–4 lie at the reach itself.
         let sums = bins(&samples, |a, b| (a.position - b.position).norm(), 2);
         assert!(sums[0].bin(0).is_none());

@@ -61,10 +61,7 @@ pub(super) fn fit_all(bins: &[Bin]) -> Vec<VariogramModel> {
     if bins.len() < LEAST_BINS {
         return Vec::new();
     }
-    let mut models: Vec<_> = Shape::ALL
-        .into_iter()
-        .filter_map(|shape| fit(shape, bins))
-        .collect();
+    let mut models: Vec<_> = Shape::ALL.into_iter().filter_map(|shape| fit(shape, bins)).collect();
     models.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
     models
 }
@@ -75,24 +72,13 @@ pub fn alikeness(bins: &[Bin], models: &[VariogramModel]) -> Alikeness {
         return Alikeness::TooFewPairs;
     };
     let pairs: f64 = bins.iter().map(|bin| bin.pairs as f64).sum();
-    let mean = bins
-        .iter()
-        .map(|bin| bin.pairs as f64 * bin.gamma)
-        .sum::<f64>()
-        / pairs;
-    let flat = bins
-        .iter()
-        .map(|bin| bin.pairs as f64 * (bin.gamma - mean).powi(2))
-        .sum::<f64>()
-        / pairs;
+    let mean = bins.iter().map(|bin| bin.pairs as f64 * bin.gamma).sum::<f64>() / pairs;
+    let flat =
+        bins.iter().map(|bin| bin.pairs as f64 * (bin.gamma - mean).powi(2)).sum::<f64>() / pairs;
     // A curve whose bins differ by a few percent of their level is flat, however well a model follows the ripple.
     let rises =
         best.sill - best.nugget > 0.2 * best.sill && best.misfit < (1.0 - RISING_SHARE) * flat;
-    if rises {
-        Alikeness::Rising
-    } else {
-        Alikeness::Flat
-    }
+    if rises { Alikeness::Rising } else { Alikeness::Flat }
 }
 
 fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
@@ -108,29 +94,16 @@ fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
 /// range; a bin shows nothing about ranges far below its own width.
 fn shortest_range(bins: &[Bin]) -> Option<f64> {
     let first = bins.first()?;
-    Some(
-        first
-            .separation
-            .max(SHARE_OF_A_BIN * (first.to - first.from)),
-    )
+    Some(first.separation.max(SHARE_OF_A_BIN * (first.to - first.from)))
 }
 
 /// Nugget and partial sill at a given range, both at least zero.
 fn at_range(shape: Shape, range: f64, bins: &[Bin]) -> VariogramModel {
-    let rows = bins.iter().map(|bin| {
-        (
-            bin.pairs as f64,
-            shape.at(bin.separation / range),
-            bin.gamma,
-        )
-    });
+    let rows =
+        bins.iter().map(|bin| (bin.pairs as f64, shape.at(bin.separation / range), bin.gamma));
     let sum =
         |term: fn(f64, f64, f64) -> f64| rows.clone().map(|(w, f, g)| term(w, f, g)).sum::<f64>();
-    let (w, wf, wff) = (
-        sum(|w, _, _| w),
-        sum(|w, f, _| w * f),
-        sum(|w, f, _| w * f * f),
-    );
+    let (w, wf, wff) = (sum(|w, _, _| w), sum(|w, f, _| w * f), sum(|w, f, _| w * f * f));
     let (wg, wfg) = (sum(|w, _, g| w * g), sum(|w, f, g| w * f * g));
     let determinant = w.mul_add(wff, -(wf * wf));
     let (mut nugget, mut partial) = (wg / w, 0.0);
@@ -144,17 +117,8 @@ fn at_range(shape: Shape, range: f64, bins: &[Bin]) -> VariogramModel {
     if partial < 0.0 {
         (nugget, partial) = (wg / w, 0.0);
     }
-    let misfit = rows
-        .map(|(w, f, g)| w * (g - nugget - partial * f).powi(2))
-        .sum::<f64>()
-        / w;
-    VariogramModel {
-        shape,
-        nugget,
-        sill: nugget + partial,
-        range,
-        misfit,
-    }
+    let misfit = rows.map(|(w, f, g)| w * (g - nugget - partial * f).powi(2)).sum::<f64>() / w;
+    VariogramModel { shape, nugget, sill: nugget + partial, range, misfit }
 }
 
 #[cfg(test)]
@@ -164,13 +128,7 @@ mod tests {
     fn bins_of(gamma: impl Fn(f64) -> f64) -> Vec<Bin> {
         let bin = |i: i32| {
             let (from, to) = (f64::from(i) * 10.0, f64::from(i + 1) * 10.0);
-            Bin {
-                from,
-                to,
-                separation: from + 5.0,
-                pairs: 100,
-                gamma: gamma(from + 5.0),
-            }
+            Bin { from, to, separation: from + 5.0, pairs: 100, gamma: gamma(from + 5.0) }
         };
         (0..15).map(bin).collect()
     }
@@ -212,9 +170,6 @@ mod tests {
     fn a_flat_curve_shows_that_there_is_nothing_to_interpolate() {
         let bins = bins_of(|h| 0.2 + 0.001 * (h * 0.7).sin());
         assert_eq!(alikeness(&bins, &fit_all(&bins)), Alikeness::Flat);
-        assert_eq!(
-            alikeness(&bins[..3], &fit_all(&bins[..3])),
-            Alikeness::TooFewPairs
-        );
+        assert_eq!(alikeness(&bins[..3], &fit_all(&bins[..3])), Alikeness::TooFewPairs);
     }
 }

@@ -39,10 +39,7 @@ impl JointCurve {
         let fast = |k: f64| 1.0 / (1.0 + (k * FAST).powi(2) / 3.0);
         let order = |k: usize| (k + 1) as f64;
         let power = |shape: &dyn Fn(f64) -> f64| -> f64 {
-            (0..HARMONICS)
-                .map(|k| shape(order(k)).powi(2))
-                .sum::<f64>()
-                .sqrt()
+            (0..HARMONICS).map(|k| shape(order(k)).powi(2)).sum::<f64>().sqrt()
         };
         let (slow_norm, fast_norm) = (power(&slow), power(&fast));
         let mut amplitudes = || {
@@ -53,10 +50,7 @@ impl JointCurve {
                 })
                 .collect()
         };
-        Self {
-            cosines: amplitudes(),
-            sines: amplitudes(),
-        }
+        Self { cosines: amplitudes(), sines: amplitudes() }
     }
 
     /// The error at the joint angle `q` (rad), rad.
@@ -75,20 +69,12 @@ impl JointCurve {
 impl GearLine {
     /// A line without error.
     pub(super) const fn none() -> Self {
-        Self {
-            cycles: 1.0,
-            amplitude_rad: 0.0,
-            phase_rad: 0.0,
-        }
+        Self { cycles: 1.0, amplitude_rad: 0.0, phase_rad: 0.0 }
     }
 
     /// The line `cos_rad · cos(cycles q) + sin_rad · sin(cycles q)`.
     pub fn of(cycles: f64, cos_rad: f64, sin_rad: f64) -> Self {
-        Self {
-            cycles,
-            amplitude_rad: cos_rad.hypot(sin_rad),
-            phase_rad: cos_rad.atan2(sin_rad),
-        }
+        Self { cycles, amplitude_rad: cos_rad.hypot(sin_rad), phase_rad: cos_rad.atan2(sin_rad) }
     }
 
     pub(super) fn draw(stream: &mut Stream, amplitude_rad: f64) -> Self {
@@ -116,10 +102,8 @@ mod tests {
         let mut power = 0.0;
         for _ in 0..200 {
             let curve = JointCurve::draw(&mut stream, 1e-4, 0.0);
-            power += (0..360)
-                .map(|d| curve.at(f64::from(d).to_radians()).powi(2))
-                .sum::<f64>()
-                / 360.0;
+            power +=
+                (0..360).map(|d| curve.at(f64::from(d).to_radians()).powi(2)).sum::<f64>() / 360.0;
             assert!((curve.at(0.3) - curve.at(0.3 + TAU)).abs() < 1e-15);
         }
         // Mean power of 200 curves of a few harmonics each: 1e-8 within 15 %.

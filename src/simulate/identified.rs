@@ -49,10 +49,7 @@ impl AxisErrors {
     /// Error of each axis at reported axis variables (rad), without the effect of weight, rad.
     pub(super) fn unloaded(&self, axes: &[f64]) -> Vec<f64> {
         let off = |(error, q): (&AxisError, &f64)| {
-            let curves = error
-                .curves
-                .iter()
-                .map(|curve| curve.at(q / error.curve_unit));
+            let curves = error.curves.iter().map(|curve| curve.at(q / error.curve_unit));
             let lines = error.lines.iter().map(|line| line.at(*q));
             error.constant_rad + curves.chain(lines).sum::<f64>()
         };
@@ -68,10 +65,7 @@ impl AxisErrors {
     ) -> Vec<f64> {
         let of_axis = |(place, error): (usize, &AxisError)| {
             let forces = joints.forces(place, target, -up);
-            forces
-                .zip(&error.gives_way)
-                .map(|(force, way)| way * force)
-                .sum()
+            forces.zip(&error.gives_way).map(|(force, way)| way * force).sum()
         };
         self.axes.iter().enumerate().map(of_axis).collect()
     }

@@ -39,9 +39,7 @@ pub(super) fn placed(settings: &SimulateSettings, commanded: &[Commanded]) -> Si
     let poses = || commanded.iter().map(|own| &own.base_from_target);
     let count = commanded.len().max(1) as f64;
     let normal: Vector3<f64> = poses().map(|own| own.rotation * Vector3::z()).sum();
-    let ahead = normal
-        .try_normalize(f64::MIN_POSITIVE)
-        .unwrap_or_else(Vector3::x);
+    let ahead = normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::x);
     let upright = far_axis(&ahead);
     let across = ahead.cross(&upright).normalize();
     let slanted = UnitQuaternion::from_scaled_axis(across * SLANT_RAD) * ahead;
@@ -54,10 +52,8 @@ pub(super) fn placed(settings: &SimulateSettings, commanded: &[Commanded]) -> Si
         }
     };
     let middle = poses().map(at).sum::<Vector3<f64>>() / count;
-    let base_from_instrument = Isometry3::from_parts(
-        middle.into(),
-        UnitQuaternion::face_towards(&-slanted, &upright),
-    );
+    let base_from_instrument =
+        Isometry3::from_parts(middle.into(), UnitQuaternion::face_towards(&-slanted, &upright));
     let instrument_from_base = base_from_instrument.inverse();
     let cell = &mut placed.cell;
     cell.tracker_from_base_mm = instrument_from_base.translation.vector.into();
@@ -121,11 +117,7 @@ impl ScannerSettings {
 impl CameraSettings {
     /// The target's pose in the camera's frame.
     fn camera_from_board(&self, pose: &Isometry3<f64>) -> Isometry3<f64> {
-        if self.on_flange {
-            pose.inverse()
-        } else {
-            *pose
-        }
+        if self.on_flange { pose.inverse() } else { *pose }
     }
 
     fn sees(&self, camera_from_board: &Isometry3<f64>) -> bool {
@@ -227,11 +219,7 @@ impl CameraSettings {
         let by_turn = by_place * -lever.cross_matrix();
         let row = |axis: usize| {
             let entry = |column: usize| {
-                if column < 3 {
-                    by_place[(axis, column)]
-                } else {
-                    by_turn[(axis, column - 3)]
-                }
+                if column < 3 { by_place[(axis, column)] } else { by_turn[(axis, column - 3)] }
             };
             Vector6::from_fn(|column, _| entry(column)).component_mul(&unit)
         };
@@ -277,15 +265,9 @@ fn moved(pose: &Isometry3<f64>, step: &Vector6<f64>) -> Isometry3<f64> {
 fn beside(truth: &Isometry3<f64>) -> Isometry3<f64> {
     let ray = truth.translation.vector.normalize();
     let mirrored = |v: Vector3<f64>| v - ray * (2.0 * v.dot(&ray));
-    let (x, y) = (
-        mirrored(truth.rotation * Vector3::x()),
-        mirrored(truth.rotation * Vector3::y()),
-    );
+    let (x, y) = (mirrored(truth.rotation * Vector3::x()), mirrored(truth.rotation * Vector3::y()));
     let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));
-    Isometry3::from_parts(
-        truth.translation,
-        UnitQuaternion::from_rotation_matrix(&turn),
-    )
+    Isometry3::from_parts(truth.translation, UnitQuaternion::from_rotation_matrix(&turn))
 }
 
 /// The covariance with entries that are the same on all machines.
@@ -309,10 +291,7 @@ impl Views {
     /// Those of `stops` stops; nothing is drawn for instruments without images.
     pub(super) fn draw(instrument: &Instrument, stops: usize, stream: &mut Stream) -> Self {
         let Instrument::Camera(own) = instrument else {
-            return Self {
-                shared: Vec::new(),
-                flipped: Vec::new(),
-            };
+            return Self { shared: Vec::new(), flipped: Vec::new() };
         };
         let drawn = (0..stops).map(|_| {
             let is_flipped = stream.uniform() < own.flipped_share;
@@ -350,10 +329,7 @@ mod tests {
 
     fn pose(slant_rad: f64) -> Isometry3<f64> {
         let facing = std::f64::consts::PI - slant_rad;
-        Isometry3::new(
-            Vector3::new(80.0, -40.0, 1500.0),
-            Vector3::new(facing, 0.0, 0.0),
-        )
+        Isometry3::new(Vector3::new(80.0, -40.0, 1500.0), Vector3::new(facing, 0.0, 0.0))
     }
 
     #[test]
@@ -380,10 +356,7 @@ mod tests {
 
     #[test]
     fn a_flipped_view_is_the_second_solution_of_a_small_target() {
-        let own = CameraSettings {
-            target_mm: 40.0,
-            ..camera()
-        };
+        let own = CameraSettings { target_mm: 40.0, ..camera() };
         let truth = pose(0.5);
         let none = vec![0.0; own.draws()];
         let seen = own.read(&truth, &none, false);
@@ -397,11 +370,7 @@ mod tests {
 
     #[test]
     fn a_scanner_states_a_covariance_along_the_line_of_sight() {
-        let own = ScannerSettings {
-            along_mm: 0.1,
-            across_mm: 0.02,
-            distance_mm: 1500.0,
-        };
+        let own = ScannerSettings { along_mm: 0.1, across_mm: 0.02, distance_mm: 1500.0 };
         let read = Isometry3::translation(0.0, 0.0, 2000.0);
         let stated = Instrument::Scanner(own).stated(&read, 2.0);
         let stated = stated.and_then(|own| own.position).map(symmetric);

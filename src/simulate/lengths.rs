@@ -118,9 +118,7 @@ impl Simulated {
             (drawn >= settings.tracker.lost_share).then_some(normal)
         };
         let stations = self.truth.stations.iter();
-        stations
-            .map(|_| instruments.iter().map(|_| one()).collect())
-            .collect()
+        stations.map(|_| instruments.iter().map(|_| one()).collect()).collect()
     }
 
     /// Readings of instruments of one length as they are logged beside the tracker's, at its rate and by its clock: from the first dwell
@@ -153,9 +151,7 @@ impl Simulated {
             if let Some(mm) = self.length_at(own, drawn, at) {
                 let noisy = noise.normal3().x.mul_add(SAMPLE_SHARE * own.sd_mm, mm);
                 samples.stamps.push(clock.to_tracker(at));
-                samples
-                    .lengths_mm
-                    .push(rounded(noisy, LENGTH_RESOLUTION_MM));
+                samples.lengths_mm.push(rounded(noisy, LENGTH_RESOLUTION_MM));
             }
             at = at.plus_ns(interval_ns);
         }

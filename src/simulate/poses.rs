@@ -31,32 +31,13 @@ pub(super) fn commanded(
     let controller = Controller::new(arm, settings);
     let turned = |rpy: &[f64; 3]| isometry_from_rpy([0.0; 3], *rpy).rotation;
     match &settings.poses {
-        Poses::Grid {
-            lower_mm,
-            upper_mm,
-            step_mm,
-            orientation_rpy,
-        } => controller.grid(
-            &serpentine(*lower_mm, *upper_mm, *step_mm)?,
-            turned(orientation_rpy),
-        ),
-        Poses::Box {
-            count,
-            lower_mm,
-            upper_mm,
-            orientation_rpy,
-            cone_rad,
-        } => controller.random(
-            *count,
-            [*lower_mm, *upper_mm],
-            turned(orientation_rpy),
-            *cone_rad,
-        ),
-        Poses::Joints {
-            count,
-            lower,
-            upper,
-        } => controller.random_joints(*count, lower, upper),
+        Poses::Grid { lower_mm, upper_mm, step_mm, orientation_rpy } => {
+            controller.grid(&serpentine(*lower_mm, *upper_mm, *step_mm)?, turned(orientation_rpy))
+        }
+        Poses::Box { count, lower_mm, upper_mm, orientation_rpy, cone_rad } => {
+            controller.random(*count, [*lower_mm, *upper_mm], turned(orientation_rpy), *cone_rad)
+        }
+        Poses::Joints { count, lower, upper } => controller.random_joints(*count, lower, upper),
         Poses::Listed { joints } => controller.listed(joints),
     }
 }
@@ -102,10 +83,7 @@ fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3]
 
 fn check_count(asked: f64) -> Result<(), SimulateError> {
     if asked > MOST_POSES as f64 {
-        Err(SimulateError::TooManyPoses {
-            asked,
-            most: MOST_POSES,
-        })
+        Err(SimulateError::TooManyPoses { asked, most: MOST_POSES })
     } else {
         Ok(())
     }
@@ -142,14 +120,7 @@ impl<'a> Controller<'a> {
             ..InverseSettings::default()
         };
         let from = |seed| {
-            inverse(
-                self.arm,
-                &self.nominal,
-                pose,
-                &self.flange_from_target,
-                seed,
-                &settings,
-            )
+            inverse(self.arm, &self.nominal, pose, &self.flange_from_target, seed, &settings)
         };
         from(last).or_else(|_| from(self.home))
     }
@@ -165,14 +136,8 @@ impl<'a> Controller<'a> {
             let pose = Isometry3::from_parts(Translation3::from(*node), turned);
             last = self
                 .angles(&pose, &last)
-                .map_err(|source| SimulateError::Node {
-                    node: (*node).into(),
-                    source,
-                })?;
-            poses.push(Commanded {
-                base_from_target: pose,
-                joints: last.clone(),
-            });
+                .map_err(|source| SimulateError::Node { node: (*node).into(), source })?;
+            poses.push(Commanded { base_from_target: pose, joints: last.clone() });
         }
         Ok(poses)
     }
@@ -191,10 +156,7 @@ impl<'a> Controller<'a> {
             let turn = UnitQuaternion::from_axis_angle(&axis, cone_rad * stream.uniform());
             let pose = Isometry3::from_parts(Translation3::from(place), turn * turned);
             let joints = self.angles(&pose, last)?;
-            Ok(Commanded {
-                base_from_target: pose,
-                joints,
-            })
+            Ok(Commanded { base_from_target: pose, joints })
         };
         self.drawn(count, draw)
     }
@@ -218,10 +180,7 @@ impl<'a> Controller<'a> {
                 .collect();
             let pose = self.arm.flange(&joints).isometry() * self.flange_from_target;
             // Only poses that are reached in home's arm configuration within the limits are visited.
-            self.angles(&pose, &joints).map(|joints| Commanded {
-                base_from_target: pose,
-                joints,
-            })
+            self.angles(&pose, &joints).map(|joints| Commanded { base_from_target: pose, joints })
         };
         self.drawn(count, draw)
     }

@@ -277,24 +277,14 @@ impl SimulateSettings {
             arm_seed: None,
             home,
             poses,
-            geometry: GeometryErrors {
-                length_sd_mm: 0.0,
-                angle_sd_rad: 0.0,
-            },
+            geometry: GeometryErrors { length_sd_mm: 0.0, angle_sd_rad: 0.0 },
             joints: JointErrors::none(),
-            gravity: Gravity {
-                sag_rad: 0.0,
-                up: [0.0, 0.0, 1.0],
-            },
+            gravity: Gravity { sag_rad: 0.0, up: [0.0, 0.0, 1.0] },
             cell: Cell::default(),
             tracker: TrackerErrors::none(),
             instrument: Instrument::Tracker,
             understated: 1.0,
-            clocks: Clocks {
-                origin_ns: 1_700_000_000_000_000_000,
-                offset_s: 0.0,
-                drift_ppm: 0.0,
-            },
+            clocks: Clocks { origin_ns: 1_700_000_000_000_000_000, offset_s: 0.0, drift_ppm: 0.0 },
             motion: MotionTimes::default(),
         }
     }
@@ -302,10 +292,7 @@ impl SimulateSettings {
     /// Errors typical of a good industrial arm: about a millimetre uncompensated, most of it geometry.
     pub fn realistic(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
         Self {
-            geometry: GeometryErrors {
-                length_sd_mm: 0.4,
-                angle_sd_rad: 3e-4,
-            },
+            geometry: GeometryErrors { length_sd_mm: 0.4, angle_sd_rad: 3e-4 },
             joints: JointErrors {
                 slow_curve_rad: 1e-4,
                 fast_curve_rad: 2e-5,
@@ -315,16 +302,8 @@ impl SimulateSettings {
                 nearer_command: 0.5,
                 repeatability_rad: 5e-6,
             },
-            gravity: Gravity {
-                sag_rad: 4e-4,
-                up: [0.0, 0.0, 1.0],
-            },
-            cell: Cell {
-                target_sd_mm: 0.1,
-                base_drift_mm: 0.02,
-                bump_mm: 0.0,
-                ..Cell::default()
-            },
+            gravity: Gravity { sag_rad: 4e-4, up: [0.0, 0.0, 1.0] },
+            cell: Cell { target_sd_mm: 0.1, base_drift_mm: 0.02, bump_mm: 0.0, ..Cell::default() },
             tracker: TrackerErrors {
                 lost_share: 0.005,
                 outlier_share: 0.001,

@@ -22,17 +22,11 @@ const CHANGES: f64 = 0.1;
 
 /// Readings of several reflectors as one stream in order of time, which does not name them.
 pub fn without_names(targets: &[TargetReadings]) -> TargetReadings {
-    let rows = targets
-        .iter()
-        .flat_map(|own| own.stamps.iter().zip(&own.positions));
+    let rows = targets.iter().flat_map(|own| own.stamps.iter().zip(&own.positions));
     let mut rows: Vec<_> = rows.map(|(stamp, position)| (*stamp, *position)).collect();
     rows.sort_by_key(|(stamp, _)| *stamp);
     let (stamps, positions) = rows.into_iter().unzip();
-    TargetReadings {
-        stamps,
-        positions,
-        ..TargetReadings::default()
-    }
+    TargetReadings { stamps, positions, ..TargetReadings::default() }
 }
 
 impl Simulated {
@@ -40,11 +34,7 @@ impl Simulated {
     /// those of the first tenth of a second and outliers more than 1 mm from the truth.
     pub fn stations(&self) -> Vec<Station> {
         let clock = self.truth.clock_model();
-        self.truth
-            .stations
-            .iter()
-            .map(|truth| self.station(truth, &clock))
-            .collect()
+        self.truth.stations.iter().map(|truth| self.station(truth, &clock)).collect()
     }
 
     /// These stations with readings of further reflectors, at these places in the frame of the measured target, mm; the noise of
@@ -92,10 +82,7 @@ impl Simulated {
             let Some(main) = station.readings.first().and_then(Reading::position) else {
                 continue;
             };
-            let (start, end) = (
-                clock.to_tracker(station.start),
-                clock.to_tracker(station.end),
-            );
+            let (start, end) = (clock.to_tracker(station.start), clock.to_tracker(station.end));
             let from = own.stamps.partition_point(|stamp| *stamp < start);
             let to = own.stamps.partition_point(|stamp| *stamp <= end);
             for reading in &station.readings[1..] {
@@ -142,8 +129,7 @@ impl Simulated {
                 let first = own.stamps.partition_point(|stamp| *stamp < from);
                 let last = own.stamps.partition_point(|stamp| *stamp <= to);
                 kept.stamps.extend(&own.stamps[first..last.max(first)]);
-                kept.positions
-                    .extend(&own.positions[first..last.max(first)]);
+                kept.positions.extend(&own.positions[first..last.max(first)]);
             }
         }
         in_turn
@@ -166,9 +152,7 @@ impl Simulated {
             seen + off(&seen.coords, &noise.normal3(), &settings.tracker)
         };
         let stations = self.truth.stations.iter();
-        stations
-            .map(|truth| places.iter().map(|at| read(at, truth)).collect())
-            .collect()
+        stations.map(|truth| places.iter().map(|at| read(at, truth)).collect()).collect()
     }
 
     /// Readings of references at these places in the base's frame, mm, as a tracker logs them: those of [`Self::references`], read at
@@ -188,8 +172,7 @@ impl Simulated {
                     let own_noise = off(&place.coords, &noise.normal3(), &settings.tracker);
                     let scale = place.coords * settings.tracker.scale;
                     own.stamps.push(at);
-                    own.positions
-                        .push(logged_position(&(place.coords + own_noise - scale)));
+                    own.positions.push(logged_position(&(place.coords + own_noise - scale)));
                 }
                 at = at.plus_ns(interval_ns);
             }
@@ -282,19 +265,14 @@ impl Simulated {
 }
 
 fn mean(readings: &TargetReadings, kept: &[usize]) -> Vector3<f64> {
-    let sum: Vector3<f64> = kept
-        .iter()
-        .map(|&i| Vector3::from(readings.positions[i]))
-        .sum();
+    let sum: Vector3<f64> = kept.iter().map(|&i| Vector3::from(readings.positions[i])).sum();
     sum / kept.len() as f64
 }
 
 /// Standard deviation of one reading per axis (n − 1), mm; 0 for a single reading.
 fn scatter(readings: &TargetReadings, kept: &[usize], mean: &Vector3<f64>) -> [f64; 3] {
-    let squares: Vector3<f64> = kept
-        .iter()
-        .map(|&i| (Vector3::from(readings.positions[i]) - mean).map(|d| d * d))
-        .sum();
+    let squares: Vector3<f64> =
+        kept.iter().map(|&i| (Vector3::from(readings.positions[i]) - mean).map(|d| d * d)).sum();
     let degrees = kept.len().saturating_sub(1).max(1) as f64;
     squares.map(|sum| (sum / degrees).sqrt()).into()
 }

@@ -12,9 +12,7 @@ fn kr210() -> Arm {
 }
 
 fn home() -> Vec<f64> {
-    [0.0, -75.0, 100.0, 25.0, 55.0, -15.0_f64]
-        .map(f64::to_radians)
-        .to_vec()
+    [0.0, -75.0, 100.0, 25.0, 55.0, -15.0_f64].map(f64::to_radians).to_vec()
 }
 
 fn small_grid() -> Poses {
@@ -42,11 +40,7 @@ fn without_errors_the_tracker_sees_the_commands() {
     let simulated = simulate(&kr210(), &settings).expect("in reach");
     // 3 × 5 × 3 nodes.
     assert_eq!(simulated.truth.stations.len(), 45);
-    assert!(
-        simulated.truth.raw_error_mm.max < 1e-3,
-        "{:?}",
-        simulated.truth.raw_error_mm
-    );
+    assert!(simulated.truth.raw_error_mm.max < 1e-3, "{:?}", simulated.truth.raw_error_mm);
     let cell = Cell::default();
     let tracker_from_base =
         crate::geometry::isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
@@ -63,74 +57,31 @@ fn each_ingredient_alone_moves_the_target_and_zero_switches_it_off() {
     type Change = fn(&mut SimulateSettings);
     let exact = || SimulateSettings::exact(5, home(), small_grid());
     let cases: [(&str, Change, f64); 8] = [
-        (
-            "lengths",
-            |s| {
-                s.geometry = GeometryErrors {
-                    length_sd_mm: 0.3,
-                    angle_sd_rad: 0.0,
-                }
-            },
-            0.1,
-        ),
-        (
-            "angles",
-            |s| {
-                s.geometry = GeometryErrors {
-                    length_sd_mm: 0.0,
-                    angle_sd_rad: 2e-4,
-                }
-            },
-            0.1,
-        ),
+        ("lengths", |s| s.geometry = GeometryErrors { length_sd_mm: 0.3, angle_sd_rad: 0.0 }, 0.1),
+        ("angles", |s| s.geometry = GeometryErrors { length_sd_mm: 0.0, angle_sd_rad: 2e-4 }, 0.1),
         (
             "curves",
-            |s| {
-                s.joints = JointErrors {
-                    slow_curve_rad: 1e-4,
-                    ..JointErrors::none()
-                }
-            },
+            |s| s.joints = JointErrors { slow_curve_rad: 1e-4, ..JointErrors::none() },
             0.05,
         ),
         (
             "fast curves",
-            |s| {
-                s.joints = JointErrors {
-                    fast_curve_rad: 1e-4,
-                    ..JointErrors::none()
-                }
-            },
+            |s| s.joints = JointErrors { fast_curve_rad: 1e-4, ..JointErrors::none() },
             0.05,
         ),
         (
             "gear lines",
-            |s| {
-                s.joints = JointErrors {
-                    gear_line_rad: 1e-4,
-                    ..JointErrors::none()
-                }
-            },
+            |s| s.joints = JointErrors { gear_line_rad: 1e-4, ..JointErrors::none() },
             0.05,
         ),
         (
             "backlash",
-            |s| {
-                s.joints = JointErrors {
-                    backlash_rad: 1e-4,
-                    ..JointErrors::none()
-                }
-            },
+            |s| s.joints = JointErrors { backlash_rad: 1e-4, ..JointErrors::none() },
             0.03,
         ),
         (
             "stops short",
-            |s| {
-                s.joints = JointErrors {
-                    stops_short_rad: 1e-4,
-                    ..JointErrors::none()
-                }
-            },
+            |s| s.joints = JointErrors { stops_short_rad: 1e-4, ..JointErrors::none() },
             0.05,
         ),
         ("sag", |s| s.gravity.sag_rad = 3e-4, 0.1),
@@ -140,10 +91,7 @@ fn each_ingredient_alone_moves_the_target_and_zero_switches_it_off() {
         switch_on(&mut settings);
         let simulated = simulate(&kr210(), &settings).expect("in reach");
         let error = simulated.truth.raw_error_mm;
-        assert!(
-            error.mean > at_least_mm && error.mean < 2.0,
-            "{name}: {error:?}"
-        );
+        assert!(error.mean > at_least_mm && error.mean < 2.0, "{name}: {error:?}");
     }
 }
 
@@ -206,16 +154,9 @@ fn lost_beams_and_outliers_are_counted() {
     let zeros = simulate(&kr210(), &settings).expect("in reach");
     let truth = &silent.truth;
     assert!(truth.stations_lost > 0 && truth.readings.outliers > 0);
-    let unmeasured = silent
-        .stations()
-        .iter()
-        .filter(|s| s.measured().is_empty())
-        .count();
+    let unmeasured = silent.stations().iter().filter(|s| s.measured().is_empty()).count();
     assert_eq!(unmeasured, truth.stations_lost);
-    assert_eq!(
-        silent.recording.readings.stamps.len() as u64,
-        truth.readings.seen
-    );
+    assert_eq!(silent.recording.readings.stamps.len() as u64, truth.readings.seen);
     assert_eq!(
         zeros.recording.readings.stamps.len() as u64,
         truth.readings.seen + truth.readings.lost
@@ -229,18 +170,8 @@ fn the_same_seed_gives_the_same_session_and_another_seed_does_not() {
     let again = simulate(&arm, &realistic()).expect("in reach");
     assert_eq!(first.recording.joints, again.recording.joints);
     assert_eq!(first.recording.readings, again.recording.readings);
-    assert_eq!(
-        first.truth.json().expect("JSON"),
-        again.truth.json().expect("JSON")
-    );
-    let other = simulate(
-        &arm,
-        &SimulateSettings {
-            seed: 43,
-            ..realistic()
-        },
-    )
-    .expect("in reach");
+    assert_eq!(first.truth.json().expect("JSON"), again.truth.json().expect("JSON"));
+    let other = simulate(&arm, &SimulateSettings { seed: 43, ..realistic() }).expect("in reach");
     assert_ne!(first.recording.readings, other.recording.readings);
 }
 
@@ -261,11 +192,7 @@ fn random_poses_lie_in_the_box_and_random_joints_between_their_bounds() {
     }
     let lower: Vec<f64> = home().iter().map(|q| q - 0.3).collect();
     let upper: Vec<f64> = home().iter().map(|q| q + 0.3).collect();
-    let joints = Poses::Joints {
-        count: 30,
-        lower: lower.clone(),
-        upper,
-    };
+    let joints = Poses::Joints { count: 30, lower: lower.clone(), upper };
     let simulated =
         simulate(&kr210(), &SimulateSettings::exact(2, home(), joints)).expect("in reach");
     assert_eq!(simulated.truth.stations.len(), 30);
@@ -282,9 +209,7 @@ fn bad_settings_are_named() {
     let refused = |change: fn(&mut SimulateSettings)| {
         let mut settings = realistic();
         change(&mut settings);
-        simulate(&arm, &settings)
-            .expect_err("bad settings")
-            .to_string()
+        simulate(&arm, &settings).expect_err("bad settings").to_string()
     };
     assert!(refused(|s| s.home = vec![0.0; 4]).contains("4 angles, but the arm has 6"));
     assert!(refused(|s| s.motion.joint_rate_hz = 0.0).contains("joint_rate_hz = 0"));
@@ -315,10 +240,7 @@ fn a_six_dof_target_gives_orientations_as_uncertain_as_set() {
     for (station, truth) in stations.iter().zip(&simulated.truth.stations) {
         let reading = station.one_reading().expect("no beam is lost");
         let turn = reading.value.turn().expect("a 6-DoF target");
-        squares += turn
-            .orientation
-            .angle_to(&truth.tracker_from_target.rotation)
-            .powi(2);
+        squares += turn.orientation.angle_to(&truth.tracker_from_target.rotation).powi(2);
         scatter += turn.scatter_rad / 45.0;
     }
     // Half of the variance is new in every reading: 130 / √2 = 92 µrad per axis.

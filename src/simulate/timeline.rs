@@ -66,11 +66,7 @@ impl Timeline {
                 Some(stop) => (&stop.reported, stop.end_s),
                 None => (&settings.home, 0.0),
             };
-            let Visit {
-                reported,
-                off,
-                repeated,
-            } = visits.next(from, &command.joints, errors);
+            let Visit { reported, off, repeated } = visits.next(from, &command.joints, errors);
             let turn = largest_turn(arm, from, &reported);
             let start_s = departs_s + ticks(motion.move_s + turn / motion.speed_rad_s);
             let pause = motion.dwell_s + pauses.between(0.0, motion.dwell_spread_s);
@@ -85,10 +81,7 @@ impl Timeline {
                 end_s: start_s + ticks(pause),
             });
         }
-        Self {
-            home: settings.home.clone(),
-            stops,
-        }
+        Self { home: settings.home.clone(), stops }
     }
 
     /// End of the last dwell, s.
@@ -106,33 +99,23 @@ impl Timeline {
     /// The arm's state at a moment: stationary, or on a minimum-jerk move.
     pub(super) fn state(&self, t_s: f64) -> State {
         let Some(number) = self.stop_at(t_s) else {
-            return State {
-                reported: self.home.clone(),
-                visit: vec![0.0; self.home.len()],
-            };
+            return State { reported: self.home.clone(), visit: vec![0.0; self.home.len()] };
         };
         let stop = &self.stops[number];
         let way = minimum_jerk((t_s - stop.departs_s) / (stop.start_s - stop.departs_s));
         let between = |from: &[f64], to: &[f64]| -> Vec<f64> {
-            from.iter()
-                .zip(to)
-                .map(|(a, b)| a + way * (b - a))
-                .collect()
+            from.iter().zip(to).map(|(a, b)| a + way * (b - a)).collect()
         };
         match number.checked_sub(1).map(|before| &self.stops[before]) {
             // While the arm is stationary, the reported angles are the very same numbers, not a mean that rounds to them.
-            _ if way >= 1.0 => State {
-                reported: stop.reported.clone(),
-                visit: stop.visit.clone(),
-            },
+            _ if way >= 1.0 => State { reported: stop.reported.clone(), visit: stop.visit.clone() },
             Some(before) => State {
                 reported: between(&before.reported, &stop.reported),
                 visit: between(&before.visit, &stop.visit),
             },
-            None => State {
-                reported: between(&self.home, &stop.reported),
-                visit: stop.visit.clone(),
-            },
+            None => {
+                State { reported: between(&self.home, &stop.reported), visit: stop.visit.clone() }
+            }
         }
     }
 }
@@ -199,11 +182,7 @@ impl<'a> Visits<'a> {
             reported.push(reports);
             off.push(beside + repeated[joint]);
         }
-        Visit {
-            reported,
-            off,
-            repeated,
-        }
+        Visit { reported, off, repeated }
     }
 }
 

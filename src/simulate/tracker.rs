@@ -124,13 +124,9 @@ impl<'a> View<'a> {
             },
             drift: std::array::from_fn(|_| drift.normal3().into()),
             tracker_drift: [(); 2].map(|()| [(); 3].map(|()| tracker_drift.normal3().into())),
-            placement: (0..stops)
-                .map(|_| [placement.normal3(), placement.normal3()])
-                .collect(),
+            placement: (0..stops).map(|_| [placement.normal3(), placement.normal3()]).collect(),
             views: Views::draw(&settings.instrument, stops, &mut image),
-            lost: (0..stops)
-                .map(|_| lost.uniform() < settings.tracker.lost_share)
-                .collect(),
+            lost: (0..stops).map(|_| lost.uniform() < settings.tracker.lost_share).collect(),
         };
         view.lose_unseen();
         view
@@ -194,8 +190,7 @@ impl<'a> View<'a> {
     pub(super) fn base_from_target(&self, t_s: f64) -> Isometry3<f64> {
         let state = self.timeline.state(t_s);
         let base_from_target =
-            self.errors
-                .base_from_target(self.arm, &state.reported, &state.visit);
+            self.errors.base_from_target(self.arm, &state.reported, &state.visit);
         Translation3::from(self.base_drift(t_s)) * base_from_target
     }
 
@@ -226,9 +221,7 @@ impl<'a> View<'a> {
             let is_lost = matches!(reading, Reading::Lost);
             if let Some(pose) = reading.logged(self.settings.tracker.lost_as_zeros) {
                 readings.stamps.push(stamp);
-                readings
-                    .positions
-                    .push(logged_position(&pose.translation.vector));
+                readings.positions.push(logged_position(&pose.translation.vector));
                 orientations.push(logged_quaternion(&pose.rotation));
                 if !instrument.is_tracker() {
                     let stated = instrument.stated(&pose, understated);
@@ -266,9 +259,7 @@ impl<'a> View<'a> {
         let celsius = |t_s: f64| TEMPERATURE.0 + TEMPERATURE.1 * t_s / self.timeline.end_s();
         TemperatureSamples {
             stamps: ends.clone().map(|t_s| self.tracker_stamp(t_s)).collect(),
-            celsius: ends
-                .map(|t_s| rounded(celsius(t_s), TEMPERATURE_RESOLUTION))
-                .collect(),
+            celsius: ends.map(|t_s| rounded(celsius(t_s), TEMPERATURE_RESOLUTION)).collect(),
         }
     }
 

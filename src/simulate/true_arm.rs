@@ -159,11 +159,7 @@ impl ArmErrors {
 
     /// Error of a gear at `q`, rad; 0 for a joint that slides, which has none.
     fn line(&self, place: usize, joint: &Joint, q: f64) -> f64 {
-        if joint.slides {
-            0.0
-        } else {
-            self.gear_lines[place].at(q)
-        }
+        if joint.slides { 0.0 } else { self.gear_lines[place].at(q) }
     }
 
     /// Adds the identified errors of the axes at `reported` axis variables to `axes`.
@@ -184,11 +180,8 @@ impl ArmErrors {
         let chain = arm.chain();
         let differential = chain.differential(axes, &self.offsets);
         let target = differential.end * flange_from_target;
-        let mut origins: Vec<Point3<f64>> = chain
-            .joint_axes(axes, &self.offsets)
-            .into_iter()
-            .map(|(origin, _)| origin)
-            .collect();
+        let mut origins: Vec<Point3<f64>> =
+            chain.joint_axes(axes, &self.offsets).into_iter().map(|(origin, _)| origin).collect();
         origins.push(target.translation.vector.into());
         let down = -Vector3::from(self.up);
         let moment = |about: &Point3<f64>, point: &Point3<f64>| (point - about).cross(&down);
@@ -211,11 +204,7 @@ impl ArmErrors {
 /// Divisor of the variable of `joint` before its error curve: 1, or the mm per rad of twice the travel where it slides, so
 /// that both ends are as far apart as they can be.
 pub(super) fn curve_unit(joint: &Joint) -> f64 {
-    if joint.slides {
-        2.0 * (joint.upper - joint.lower) / TAU
-    } else {
-        1.0
-    }
+    if joint.slides { 2.0 * (joint.upper - joint.lower) / TAU } else { 1.0 }
 }
 
 fn offsets(arm: &Arm, errors: &GeometryErrors, stream: &mut Stream) -> Vec<f64> {
@@ -234,9 +223,7 @@ fn offsets(arm: &Arm, errors: &GeometryErrors, stream: &mut Stream) -> Vec<f64> 
 }
 
 fn masses(joints: usize) -> Vec<f64> {
-    let mut masses: Vec<f64> = (0..joints)
-        .map(|link| LINK_SHARE.powf(link as f64))
-        .collect();
+    let mut masses: Vec<f64> = (0..joints).map(|link| LINK_SHARE.powf(link as f64)).collect();
     masses.push(PAYLOAD_SHARE);
     let total: f64 = masses.iter().sum();
     masses.iter().map(|mass| mass / total).collect()
@@ -252,12 +239,8 @@ fn compliance(
     let Gravity { sag_rad, .. } = settings.gravity;
     let zeros = vec![0.0; arm.joints().len()];
     let nominal = vec![0.0; arm.chain().parameters().len()];
-    let mut origins: Vec<Point3<f64>> = arm
-        .chain()
-        .joint_axes(&zeros, &nominal)
-        .into_iter()
-        .map(|(origin, _)| origin)
-        .collect();
+    let mut origins: Vec<Point3<f64>> =
+        arm.chain().joint_axes(&zeros, &nominal).into_iter().map(|(origin, _)| origin).collect();
     let flange = Point3::from(arm.chain().nominal(&zeros).translation.vector);
     let tip = flange + Vector3::from(settings.cell.flange_from_target_mm);
     origins.push(tip);
@@ -291,11 +274,7 @@ mod tests {
     }
 
     fn settings() -> SimulateSettings {
-        let poses = Poses::Joints {
-            count: 0,
-            lower: vec![],
-            upper: vec![],
-        };
+        let poses = Poses::Joints { count: 0, lower: vec![], upper: vec![] };
         SimulateSettings::exact(3, vec![], poses)
     }
 
@@ -315,11 +294,8 @@ mod tests {
     fn an_identified_arm_keeps_the_target_turned_by_a_right_angle() {
         let arm = kr210();
         let turned = isometry_from_rpy([0.0; 3], [0.7, std::f64::consts::FRAC_PI_2 - 3e-8, -0.4]);
-        let identified = AxisErrors {
-            axes: Vec::new(),
-            approach: None,
-            repeatability_rad: Vec::new(),
-        };
+        let identified =
+            AxisErrors { axes: Vec::new(), approach: None, repeatability_rad: Vec::new() };
         let offsets = vec![0.0; arm.chain().parameters().len()];
         let errors = ArmErrors::of_identified(offsets, identified, &turned, [0.0, 0.0, 1.0]);
         let kept = isometry_from_rpy([0.0; 3], errors.flange_from_target_rpy);
@@ -333,28 +309,16 @@ mod tests {
         let mut settings = settings();
         settings.gravity.sag_rad = 3e-4;
         let errors = ArmErrors::draw(&arm, &settings);
-        let exact = ArmErrors {
-            compliance: vec![0.0; 6],
-            ..errors.clone()
-        };
+        let exact = ArmErrors { compliance: vec![0.0; 6], ..errors.clone() };
         let sag = |joints: [f64; 6]| {
-            let drop = errors
-                .base_from_target(&arm, &joints, &[0.0; 6])
-                .translation
-                .z
-                - exact
-                    .base_from_target(&arm, &joints, &[0.0; 6])
-                    .translation
-                    .z;
+            let drop = errors.base_from_target(&arm, &joints, &[0.0; 6]).translation.z
+                - exact.base_from_target(&arm, &joints, &[0.0; 6]).translation.z;
             -drop
         };
         // Stretched level 2.9 m before the arm: joint 2 alone gives 1.5e-4 to 4.5e-4 rad times 2.6 m.
         let stretched = sag([0.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
         let upright = sag([0.0, -1.5, 1.5, 0.0, 0.5, 0.0]);
         assert!(stretched > 0.39 && stretched < 4.0, "{stretched}");
-        assert!(
-            upright > 0.0 && upright < stretched,
-            "{upright} {stretched}"
-        );
+        assert!(upright > 0.0 && upright < stretched, "{upright} {stretched}");
     }
 }

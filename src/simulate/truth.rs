@@ -200,10 +200,7 @@ impl Truth {
         let mut csv = String::from("station,start_ns,end_ns,measured");
         for kind in ["commanded", "reported"] {
             for name in joint_names {
-                push(
-                    &mut csv,
-                    format_args!(",{}", quoted(&format!("{kind}_{name}"))),
-                );
+                push(&mut csv, format_args!(",{}", quoted(&format!("{kind}_{name}"))));
             }
         }
         for frame in ["command", "base", "tracker"] {
@@ -231,18 +228,11 @@ fn quoted(text: &str) -> String {
 impl TrueStation {
     fn push_row(&self, csv: &mut String) {
         let (start, end) = (self.start.ns(), self.end.ns());
-        push(
-            csv,
-            format_args!("{},{start},{end},{}", self.number, self.measured),
-        );
+        push(csv, format_args!("{},{start},{end},{}", self.number, self.measured));
         for angle in self.commanded.iter().chain(&self.reported) {
             push(csv, format_args!(",{angle:.9}"));
         }
-        for pose in [
-            &self.command,
-            &self.base_from_target,
-            &self.tracker_from_target,
-        ] {
+        for pose in [&self.command, &self.base_from_target, &self.tracker_from_target] {
             for x in &pose.translation.vector {
                 push(csv, format_args!(",{:.6}", x + 0.0));
             }
@@ -288,9 +278,8 @@ fn parameters(arm: &Arm, errors: &ArmErrors) -> Vec<TrueParameter> {
 fn curves(arm: &Arm, errors: &ArmErrors) -> Vec<TrueCurve> {
     let tabulated = |joint: &crate::kinematics::Joint, curve: &super::JointCurve| {
         let width = (joint.upper - joint.lower) / f64::from(CURVE_POINTS - 1);
-        let angles: Vec<f64> = (0..CURVE_POINTS)
-            .map(|i| joint.lower + width * f64::from(i))
-            .collect();
+        let angles: Vec<f64> =
+            (0..CURVE_POINTS).map(|i| joint.lower + width * f64::from(i)).collect();
         TrueCurve {
             joint: joint.name.clone(),
             errors_rad: angles
@@ -300,11 +289,7 @@ fn curves(arm: &Arm, errors: &ArmErrors) -> Vec<TrueCurve> {
             angles_rad: angles,
         }
     };
-    arm.joints()
-        .iter()
-        .zip(&errors.curves)
-        .map(|(joint, curve)| tabulated(joint, curve))
-        .collect()
+    arm.joints().iter().zip(&errors.curves).map(|(joint, curve)| tabulated(joint, curve)).collect()
 }
 
 fn shorten(value: &mut serde_json::Value) {
@@ -320,6 +305,5 @@ fn shorten(value: &mut serde_json::Value) {
 }
 
 fn push(text: &mut String, arguments: std::fmt::Arguments<'_>) {
-    text.write_fmt(arguments)
-        .expect("writing to a string does not fail");
+    text.write_fmt(arguments).expect("writing to a string does not fail");
 }

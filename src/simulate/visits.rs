@@ -37,10 +37,7 @@ impl Visit {
             scatter: (0.0, 0.0),
             readings: 1,
         };
-        let seen = TrueStation {
-            measured: true,
-            ..self.truth.clone()
-        };
+        let seen = TrueStation { measured: true, ..self.truth.clone() };
         station(&seen, settings, &mean)
     }
 }
@@ -60,10 +57,7 @@ pub fn visits(
         .map(|(number, stop)| {
             let truth = TrueStation::of(number, stop, &view);
             let mean = view.mean(number, &truth.tracker_from_target, &mut noise);
-            Visit {
-                station: station(&truth, settings, &mean),
-                truth,
-            }
+            Visit { station: station(&truth, settings, &mean), truth }
         })
         .collect()
 }

@@ -28,11 +28,8 @@ const SPREAD_DEG: f64 = 40.0;
 
 fn main() {
     let full_size = std::env::args().any(|arg| arg == "--bench");
-    let [most_of_all, many, most, few] = if full_size {
-        [5000, 1000, 800, 200]
-    } else {
-        [60, 60, 50, 40]
-    };
+    let [most_of_all, many, most, few] =
+        if full_size { [5000, 1000, 800, 200] } else { [60, 60, 50, 40] };
     let arm = ur10();
     let all = observed(&arm, most_of_all);
     let stations = &all[..many];
@@ -47,11 +44,7 @@ fn main() {
     for (convention, arm) in restated() {
         let median = median_ms(repeats, || identified(&arm, stations).frames.len());
         let unknowns = identified(&arm, stations).unknowns.len();
-        row(
-            &format!("the same, {convention}, {unknowns} unknowns"),
-            median,
-            base,
-        );
+        row(&format!("the same, {convention}, {unknowns} unknowns"), median, base);
     }
 
     let three = reflectors(stations, &calibration);
@@ -64,53 +57,27 @@ fn main() {
         let three = reflectors(&stations[..most], &calibration);
         trained(&arm, &three, &identified(&arm, &three))
     });
-    row(
-        "the same stations, three reflectors, with its start",
-        median,
-        base,
-    );
+    row("the same stations, three reflectors, with its start", median, base);
     let (_, small) = timed_ms(|| trained(&arm, &stations[..few], &calibration));
     row(&format!("full error model: {few} stations"), small, base);
     let (_, largest) = timed_ms(|| trained(&arm, &all, &calibration));
-    row(
-        &format!("full error model: {} stations", all.len()),
-        largest,
-        base,
-    );
+    row(&format!("full error model: {} stations", all.len()), largest, base);
     let jacobians: Vec<DMatrix<f64>> = stations[..few].iter().map(|o| jacobian(&arm, o)).collect();
-    let dense = median_ms(repeats.min(3), || {
-        dense_evidence(&stations[..few], &jacobians)
-    });
-    row(
-        &format!("one evidence of a dense process: {few} stations"),
-        dense,
-        base,
-    );
+    let dense = median_ms(repeats.min(3), || dense_evidence(&stations[..few], &jacobians));
+    row(&format!("one evidence of a dense process: {few} stations"), dense, base);
 
-    let (_, mean) = timed_ms(|| {
-        stations
-            .iter()
-            .map(|o| model.position(&Query::of(o)).x)
-            .sum::<f64>()
-    });
+    let (_, mean) =
+        timed_ms(|| stations.iter().map(|o| model.position(&Query::of(o)).x).sum::<f64>());
     per_second("predictions, mean, one core", stations.len(), mean);
-    let queries: Vec<Query<'_>> = (0..if full_size { 200 } else { 1 })
-        .flat_map(|_| stations.iter().map(Query::of))
-        .collect();
+    let queries: Vec<Query<'_>> =
+        (0..if full_size { 200 } else { 1 }).flat_map(|_| stations.iter().map(Query::of)).collect();
     let at: Vec<At<'_>> = queries.into_iter().map(At::Joints).collect();
     let (_, mean) = timed_ms(|| model.positions(&at).len());
     per_second("predictions, mean, all cores", at.len(), mean);
     let (rows, mean) = timed_ms(|| predicted(&model, stations));
-    let (_, covariance) = timed_ms(|| {
-        rows.iter()
-            .map(|rows| model.covariances(rows).len())
-            .sum::<usize>()
-    });
-    per_second(
-        "predictions, mean and covariance",
-        stations.len(),
-        mean + covariance,
-    );
+    let (_, covariance) =
+        timed_ms(|| rows.iter().map(|rows| model.covariances(rows).len()).sum::<usize>());
+    per_second("predictions, mean and covariance", stations.len(), mean + covariance);
 }
 
 fn ur10_file() -> RobotFile {
@@ -125,9 +92,7 @@ fn ur10() -> Arm {
 
 /// The bench's arm in every other convention, with the convention's word.
 fn restated() -> Vec<(&'static str, Arm)> {
-    let others = Convention::ALL
-        .into_iter()
-        .filter(|own| *own != Convention::StandardDh);
+    let others = Convention::ALL.into_iter().filter(|own| *own != Convention::StandardDh);
     let arm = |convention: Convention| {
         let file = ur10_file().restated(convention).expect("the same arm");
         (convention.word(), file.arm().expect("an arm"))
@@ -171,10 +136,7 @@ fn reflectors(stations: &[Observation], by: &Calibration) -> Vec<Observation> {
     let readings = stations.iter().flat_map(|own| {
         let flange = base.rotation * by.chain.nominal(&own.axes).rotation;
         let reading = move |(target, place): (usize, [f64; 3])| {
-            let mut read = Observation {
-                target: TargetId(target),
-                ..own.clone()
-            };
+            let mut read = Observation { target: TargetId(target), ..own.clone() };
             let point = read.measured.point_mut().expect("positions are read");
             point.position += flange * Vector3::from(place);
             read

@@ -34,27 +34,20 @@ pub fn measure_all(folder: &Path, joint_states: u64) {
                 decompress(&path, 1)
             });
             let before = cpu_seconds();
-            measure(
-                &format!("{form:?}: streaming into dwells"),
-                Some(floor),
-                || {
-                    let logs = SessionLogs::of_two(&path, &path);
-                    let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
-                    let read = read_session(&logs, &mapping, limits, &rule, &mut (), &Quiet);
-                    let kept = read.expect("a sound log").counts["joints.kept"];
-                    assert_eq!(kept, joint_states, "all are decoded");
-                    joint_states
-                },
-            );
+            measure(&format!("{form:?}: streaming into dwells"), Some(floor), || {
+                let logs = SessionLogs::of_two(&path, &path);
+                let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
+                let read = read_session(&logs, &mapping, limits, &rule, &mut (), &Quiet);
+                let kept = read.expect("a sound log").counts["joints.kept"];
+                assert_eq!(kept, joint_states, "all are decoded");
+                joint_states
+            });
             let after = cpu_seconds();
             (after.0 - before.0) + (after.1 - before.1)
         });
         let seconds = median(rounds);
         let millions = joint_states as f64 * 1e-6;
-        println!(
-            "{form:?}: {:.2} million messages per CPU second",
-            millions / seconds
-        );
+        println!("{form:?}: {:.2} million messages per CPU second", millions / seconds);
     }
 }
 
@@ -80,10 +73,7 @@ fn write_log(path: &Path, form: Form, joint_states: u64) {
     let reading = match form {
         Form::Protobuf => {
             let time = proto::timestamp(1);
-            Proto::default()
-                .message(1, &time)
-                .message(3, &Proto::default().double(1, 1.0))
-                .0
+            Proto::default().message(1, &time).message(3, &Proto::default().double(1, 1.0)).0
         }
         Form::Json => {
             b"{\"timestamp\":{\"sec\":1,\"nsec\":1},\"point\":{\"x\":1,\"y\":1,\"z\":1}}".to_vec()
@@ -98,40 +88,30 @@ fn channel(log: &mut Writer<BufWriter<File>>, topic: &str, name: &str, form: For
         Form::Protobuf => ("protobuf", "protobuf", proto::foxglove()),
         Form::Json => ("jsonschema", "json", b"{}".to_vec()),
     };
-    let schema = log
-        .add_schema(name, language, &definition)
-        .expect("few schemas");
+    let schema = log.add_schema(name, language, &definition).expect("few schemas");
     log.add_channel(schema, topic, encoding, &std::collections::BTreeMap::new())
         .expect("few channels")
 }
 
 /// As an encoder reads it: a slow motion with noise in the last digits.
 fn angle(slow: f64, noise: &mut u64) -> f64 {
-    *noise = noise
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
+    *noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     slow.sin() + (*noise >> 40) as f64 * 1e-12
 }
 
 fn protobuf(ns: u64, angles: [f64; 6]) -> Vec<u8> {
     let time = proto::timestamp(i64::try_from(ns).expect("before 2262"));
     let joints = JOINTS.iter().zip(angles);
-    let whole = joints.fold(
-        Proto::default().message(1, &time),
-        |message, (name, angle)| {
-            let joint = Proto::default().bytes(1, name.as_bytes());
-            message.message(2, &joint.double(2, angle).double(3, angle * 0.5))
-        },
-    );
+    let whole = joints.fold(Proto::default().message(1, &time), |message, (name, angle)| {
+        let joint = Proto::default().bytes(1, name.as_bytes());
+        message.message(2, &joint.double(2, angle).double(3, angle * 0.5))
+    });
     whole.0
 }
 
 fn json(ns: u64, angles: [f64; 6]) -> Vec<u8> {
     let joints = JOINTS.iter().zip(angles).map(|(name, angle)| {
-        format!(
-            "{{\"name\":\"{name}\",\"position\":{angle},\"velocity\":{}}}",
-            angle * 0.5
-        )
+        format!("{{\"name\":\"{name}\",\"position\":{angle},\"velocity\":{}}}", angle * 0.5)
     });
     let joints = joints.collect::<Vec<_>>().join(",");
     let (sec, nsec) = (ns / 1_000_000_000, ns % 1_000_000_000);

@@ -37,9 +37,8 @@ fn main() {
         .for_each(|place| put(&lake, place / sessions, place % sessions, &model));
     println!("{sessions} sessions of each of {robots} robots");
     let asked = |name: &str, sessions: usize| {
-        let found = measured(name, || {
-            history(&lake, &Asked::default(), &Quiet).expect("a history")
-        });
+        let found =
+            measured(name, || history(&lake, &Asked::default(), &Quiet).expect("a history"));
         for own in &found {
             assert_eq!((own.sessions.len(), own.left_out.len()), (sessions, 0));
         }
@@ -49,13 +48,9 @@ fn main() {
     for name in ["from nothing", "from what was kept", "again", "again"] {
         asked(name, sessions);
     }
-    (0..robots)
-        .into_par_iter()
-        .for_each(|robot| put(&lake, robot, sessions, &model));
+    (0..robots).into_par_iter().for_each(|robot| put(&lake, robot, sessions, &model));
     asked("one more of each robot", sessions + 1);
-    let bytes = measured("rows of runs read and digested", || {
-        files(&folder.path().join("runs"))
-    });
+    let bytes = measured("rows of runs read and digested", || files(&folder.path().join("runs")));
     println!("  {:.1} MB", bytes as f64 / 1e6);
 }
 
@@ -72,10 +67,7 @@ fn cpu_seconds() -> f64 {
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // Fields 14 and 15, counted behind the command's closing parenthesis, in hundredths of a second.
     let fields = stat.rsplit(')').next().unwrap_or("").split_whitespace();
-    let ticks = fields
-        .skip(11)
-        .take(2)
-        .map(|ticks| ticks.parse().unwrap_or(f64::NAN));
+    let ticks = fields.skip(11).take(2).map(|ticks| ticks.parse().unwrap_or(f64::NAN));
     ticks.sum::<f64>() / 100.0
 }
 
@@ -102,19 +94,10 @@ fn files(folder: &Path) -> usize {
 /// A geometric calibration of a KR 210 as a run publishes it; the session's name stands for `SESSION`.
 fn model() -> String {
     let text = fs::read_to_string("pipelines/robots/kr210-r2700-extra.toml").expect("a robot file");
-    let arm: Arm = toml::from_str::<RobotFile>(&text)
-        .expect("a robot file")
-        .arm()
-        .expect("an arm");
-    let home: Vec<f64> = [0.0_f64, -75.0, 95.0, 0.0, 60.0, 0.0]
-        .map(f64::to_radians)
-        .to_vec();
+    let arm: Arm = toml::from_str::<RobotFile>(&text).expect("a robot file").arm().expect("an arm");
+    let home: Vec<f64> = [0.0_f64, -75.0, 95.0, 0.0, 60.0, 0.0].map(f64::to_radians).to_vec();
     let around = |side: f64| home.iter().map(|q| q + side * 0.6).collect();
-    let poses = Poses::Joints {
-        count: 80,
-        lower: around(-1.0),
-        upper: around(1.0),
-    };
+    let poses = Poses::Joints { count: 80, lower: around(-1.0), upper: around(1.0) };
     let simulated =
         simulate(&arm, &SimulateSettings::realistic(1, home.clone(), poses)).expect("in reach");
     let tracker = TrackerUncertainty {
@@ -125,13 +108,8 @@ fn model() -> String {
         divisor: 2.0,
         orientation_rad: None,
     };
-    let noise = Noise::of_one(
-        Source {
-            reads: ReadingKind::Point,
-            uncertainty: tracker.into(),
-        },
-        0.03,
-    );
+    let noise =
+        Noise::of_one(Source { reads: ReadingKind::Point, uncertainty: tracker.into() }, 0.03);
     let seen = fit::observations(0, &simulated.stations(), &arm, &noise);
     let fitted =
         fit::identify(&arm, &seen, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit");
@@ -147,25 +125,17 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
         pipeline: "nightly".to_owned(),
         sessions: vec![session.clone()],
         test_sessions: Vec::new(),
-        inputs: vec![Input {
-            name: "robot".to_owned(),
-            bytes: 1,
-            digest: "00".repeat(32),
-        }],
+        inputs: vec![Input { name: "robot".to_owned(), bytes: 1, digest: "00".repeat(32) }],
         // As long as the settings of a real run.
         settings: format!("{{\"settings\":\"{}\"}}", "x".repeat(2600)),
     };
     let key = work.key();
     let stamp = i64::try_from(number).expect("few sessions");
-    let clocks = filled("clocks", 1, &key, |columns| {
-        (columns.same("origin_ns", stamp), vec!["origin_ns"])
-    });
+    let clocks =
+        filled("clocks", 1, &key, |columns| (columns.same("origin_ns", stamp), vec!["origin_ns"]));
     let own = model.replace("SESSION", &session);
     let calibrations = filled("calibrations", 1, &key, |columns| {
-        (
-            columns.same("model_kind", "geometric").same("model", own),
-            vec!["model_kind", "model"],
-        )
+        (columns.same("model_kind", "geometric").same("model", own), vec!["model_kind", "model"])
     });
     let names = ["mean", "p95"];
     let accuracy = filled("accuracy", 2, &key, |columns| {
@@ -176,10 +146,7 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
             .same("of_session", &session)
             .column("name", names)
             .column("value", [Some(0.3 + 1e-3 * (number % 7) as f64), Some(0.6)]);
-        (
-            columns,
-            vec!["split", "model", "role", "of_session", "name", "value"],
-        )
+        (columns, vec!["split", "model", "role", "of_session", "name", "value"])
     });
     let written = [clocks, calibrations, accuracy].map(|table| save(lake, &table, &key));
     let outcome = Ending {
@@ -235,10 +202,9 @@ fn filled(
             ColumnType::Int64 => columns.same(name, 0_i64),
             ColumnType::Bool => columns.same(name, false),
             ColumnType::Timestamp => columns.same(name, WallTime::of_us(0)),
-            ColumnType::String => columns.same(
-                name,
-                column.values.as_ref().map_or("", |words| words[0].as_str()),
-            ),
+            ColumnType::String => {
+                columns.same(name, column.values.as_ref().map_or("", |words| words[0].as_str()))
+            }
             ColumnType::ListFloat64 => columns.same(name, Vec::<f64>::new()),
             ColumnType::ListInt64 => columns.same(name, Vec::<u64>::new()),
             ColumnType::ListString => columns.same(name, Vec::<String>::new()),

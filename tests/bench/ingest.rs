@@ -8,10 +8,7 @@
 //! them alone. Without `--bench` (as `cargo test` calls it) a small log shows that it works.
 
 mod forms;
-#[expect(
-    dead_code,
-    reason = "the tests write more kinds of messages than these"
-)]
+#[expect(dead_code, reason = "the tests write more kinds of messages than these")]
 #[path = "../logs/encodings/proto.rs"]
 mod proto;
 mod steps;
@@ -29,9 +26,7 @@ use posegrid::ingest::{
     TimeSource, TrackerSettings,
 };
 
-const JOINTS: [&str; 6] = [
-    "joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6",
-];
+const JOINTS: [&str; 6] = ["joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6"];
 /// Of an encoder, a radian.
 const STEPS: f64 = (1_u64 << 41) as f64;
 const JOINT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
@@ -81,19 +76,9 @@ fn median(numbers: impl Iterator<Item = f64>) -> f64 {
 fn cpu_seconds() -> (f64, f64) {
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // Fields 14 and 15, counted behind the command's closing parenthesis, in hundredths of a second.
-    let mut ticks = stat
-        .rsplit(')')
-        .next()
-        .unwrap_or("")
-        .split_whitespace()
-        .skip(11);
-    let mut next = || {
-        ticks
-            .next()
-            .and_then(|ticks| ticks.parse::<f64>().ok())
-            .unwrap_or(f64::NAN)
-            / 100.0
-    };
+    let mut ticks = stat.rsplit(')').next().unwrap_or("").split_whitespace().skip(11);
+    let mut next =
+        || ticks.next().and_then(|ticks| ticks.parse::<f64>().ok()).unwrap_or(f64::NAN) / 100.0;
     (next(), next())
 }
 
@@ -132,10 +117,7 @@ fn decompress_some(path: &Path, chunks: &[(u64, u64)]) -> u64 {
     for &(at, length) in chunks {
         file.seek(SeekFrom::Start(at)).expect("a file");
         stored.clear();
-        (&mut file)
-            .take(length)
-            .read_to_end(&mut stored)
-            .expect("a sound log");
+        (&mut file).take(length).read_to_end(&mut stored).expect("a sound log");
         let Ok(mcap::records::Record::Chunk { header, data }) =
             mcap::parse_record(op::CHUNK, &stored)
         else {
@@ -143,8 +125,7 @@ fn decompress_some(path: &Path, chunks: &[(u64, u64)]) -> u64 {
         };
         records.clear();
         records.reserve(usize::try_from(header.uncompressed_size).expect("small"));
-        zstd.decompress_to_buffer(&data[..], &mut records)
-            .expect("a sound chunk");
+        zstd.decompress_to_buffer(&data[..], &mut records).expect("a sound chunk");
         total += records.len() as u64;
     }
     total
@@ -195,33 +176,13 @@ fn write_log(path: &Path, joint_states: u64, motion: impl Fn(u64) -> f64) {
         .compression_level(1)
         .chunk_size(Some(1 << 20));
     let mut log = options.create(file).expect("a temporary file");
-    let joints = channel(
-        &mut log,
-        "/joint_states",
-        "sensor_msgs/msg/JointState",
-        JOINT_STATE,
-    );
-    let point = channel(
-        &mut log,
-        "/point",
-        "geometry_msgs/msg/PointStamped",
-        POINT_STAMPED,
-    );
-    let commanded = channel(
-        &mut log,
-        "/commanded",
-        "geometry_msgs/msg/PoseStamped",
-        POSE_STAMPED,
-    );
+    let joints = channel(&mut log, "/joint_states", "sensor_msgs/msg/JointState", JOINT_STATE);
+    let point = channel(&mut log, "/point", "geometry_msgs/msg/PointStamped", POINT_STAMPED);
+    let commanded = channel(&mut log, "/commanded", "geometry_msgs/msg/PoseStamped", POSE_STAMPED);
     let mut noise = 1_u64;
     for i in 0..joint_states {
         let ns = 1_600_000_000_000_000_000 + i * 2_000_000;
-        write(
-            &mut log,
-            joints,
-            ns,
-            &joint_state(ns, motion(i), &mut noise),
-        );
+        write(&mut log, joints, ns, &joint_state(ns, motion(i), &mut noise));
         if i % 10 == 0 {
             let reading = stamped(3, ns, motion(i), &mut noise);
             write(&mut log, point, ns, &reading);
@@ -235,29 +196,19 @@ fn write_log(path: &Path, joint_states: u64, motion: impl Fn(u64) -> f64) {
 }
 
 fn channel(log: &mut Writer<BufWriter<File>>, topic: &str, name: &str, text: &str) -> u16 {
-    let schema = log
-        .add_schema(name, "ros2msg", format!("{text}{SHARED}").as_bytes())
-        .expect("few schemas");
-    log.add_channel(schema, topic, "cdr", &std::collections::BTreeMap::new())
-        .expect("few channels")
+    let schema =
+        log.add_schema(name, "ros2msg", format!("{text}{SHARED}").as_bytes()).expect("few schemas");
+    log.add_channel(schema, topic, "cdr", &std::collections::BTreeMap::new()).expect("few channels")
 }
 
 fn write(log: &mut Writer<BufWriter<File>>, channel_id: u16, log_time: u64, message: &[u8]) {
-    let header = MessageHeader {
-        channel_id,
-        sequence: 0,
-        log_time,
-        publish_time: log_time,
-    };
-    log.write_to_known_channel(&header, message)
-        .expect("room in the temporary folder");
+    let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+    log.write_to_known_channel(&header, message).expect("room in the temporary folder");
 }
 
 /// Readings of a real encoder: a slow motion with noise in the last digits.
 fn number(message: &mut Vec<u8>, slow: f64, noise: &mut u64) {
-    *noise = noise
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
+    *noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     let noisy = slow.sin() + (*noise >> 40) as f64 * 1e-12;
     let number = (noisy * STEPS).round() / STEPS;
     message.extend(number.to_le_bytes());
@@ -272,16 +223,8 @@ fn text(message: &mut Vec<u8>, text: &str) {
 
 fn header(ns: u64) -> Vec<u8> {
     let mut message = vec![0, 1, 0, 0];
-    message.extend(
-        u32::try_from(ns / 1_000_000_000)
-            .expect("before 2106")
-            .to_le_bytes(),
-    );
-    message.extend(
-        u32::try_from(ns % 1_000_000_000)
-            .expect("below a second")
-            .to_le_bytes(),
-    );
+    message.extend(u32::try_from(ns / 1_000_000_000).expect("before 2106").to_le_bytes());
+    message.extend(u32::try_from(ns % 1_000_000_000).expect("below a second").to_le_bytes());
     text(&mut message, "base_link");
     message
 }

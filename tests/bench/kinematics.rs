@@ -18,10 +18,7 @@ const POSES: usize = 1024;
 fn main() {
     let full_size = std::env::args().any(|arg| arg == "--bench");
     let rounds = if full_size { 2000 } else { 1 };
-    println!(
-        "{:<58} {:>14} {:>8}",
-        "6-joint poses, one core", "poses/s", "ratio"
-    );
+    println!("{:<58} {:>14} {:>8}", "6-joint poses, one core", "poses/s", "ratio");
     for robot in ["kr210-r2700-extra", "ur10"] {
         compare(robot, &arm(robot), rounds);
     }
@@ -29,9 +26,8 @@ fn main() {
 
 fn compare(robot: &str, arm: &Arm, rounds: usize) {
     let axes = columns();
-    let rows: Vec<Vec<f64>> = (0..POSES)
-        .map(|i| axes.iter().map(|column| column[i]).collect())
-        .collect();
+    let rows: Vec<Vec<f64>> =
+        (0..POSES).map(|i| axes.iter().map(|column| column[i]).collect()).collect();
     let chain = arm.chain();
     let nominal = vec![0.0; chain.parameters().len()];
     let links = links(robot);
@@ -126,10 +122,7 @@ fn product(links: &[Dh], q: &[f64]) -> Isometry3<f64> {
 }
 
 fn file(robot: &str) -> RobotFile {
-    let path = format!(
-        "{}/pipelines/robots/{robot}.toml",
-        env!("CARGO_MANIFEST_DIR")
-    );
+    let path = format!("{}/pipelines/robots/{robot}.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).expect("part of the project");
     toml::from_str(&text).expect("a robot file")
 }
@@ -141,9 +134,7 @@ fn arm(robot: &str) -> Arm {
 /// Angles within ±3 rad, without randomness.
 fn columns() -> Vec<Vec<f64>> {
     let angle = |axis: usize, i: usize| 3.0 * ((i * 37 + axis * 101) as f64 * 0.618).sin();
-    (0..6)
-        .map(|axis| (0..POSES).map(|i| angle(axis, i)).collect())
-        .collect()
+    (0..6).map(|axis| (0..POSES).map(|i| angle(axis, i)).collect()).collect()
 }
 
 /// Seconds of the fastest round.

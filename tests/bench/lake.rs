@@ -24,10 +24,7 @@ const DAY_S: i64 = 86_400;
 const APART_S: i64 = 90;
 
 fn main() {
-    let given: Vec<String> = std::env::args()
-        .skip(1)
-        .filter(|own| own != "--bench")
-        .collect();
+    let given: Vec<String> = std::env::args().skip(1).filter(|own| own != "--bench").collect();
     let [from, to, robots, nights, rest @ ..] = &given[..] else {
         println!("lake: nothing is measured without FROM TO ROBOTS NIGHTS");
         return;
@@ -58,9 +55,7 @@ impl Template {
         let row = row.expect("a row").table;
         let key = row.key().expect("of one run").clone();
         let accuracy = lake.read("accuracy", &key).expect("its accuracy");
-        let kept = lake
-            .history_figures(&key)
-            .expect("posegrid history FROM keeps it");
+        let kept = lake.history_figures(&key).expect("posegrid history FROM keeps it");
         let kept = String::from_utf8(kept).expect("a text");
         let (head, kept) = kept.split_once('\n').expect("a line before it");
         Self {
@@ -82,10 +77,7 @@ impl Template {
         let factor = 0.8 + 0.4 * phase(robot, 7) + 0.05 * phase(robot * 31 + night, 11);
         let accuracy = self.accuracy(&key, started, factor);
         let accuracy = save(to, &accuracy, &key);
-        let of = [
-            blake3::hash(key.run.as_bytes()).to_hex().to_string(),
-            accuracy,
-        ];
+        let of = [blake3::hash(key.run.as_bytes()).to_hex().to_string(), accuracy];
         let row = self.row(&key, started, factor, &of, (robot, night));
         save(to, &row, &key);
         self.keep(to, &key, &of, started_s, (robot, night));
@@ -119,9 +111,7 @@ impl Template {
         let digest = |name: &String| match name.split('/').next() {
             Some("calibrations") => of[0].clone(),
             Some("accuracy") => of[1].clone(),
-            _ => blake3::hash(format!("{name}{}", key.run).as_bytes())
-                .to_hex()
-                .to_string(),
+            _ => blake3::hash(format!("{name}{}", key.run).as_bytes()).to_hex().to_string(),
         };
         let scaled = |value: Option<f64>| value.map(|value| factor * value);
         let unsigned = RunRow {
@@ -155,10 +145,7 @@ impl Template {
         };
         let table = |row| RunRow::table(vec![row], key).expect("a row").table;
         let signed = Some(row_digest(&table(unsigned.clone())));
-        table(RunRow {
-            row_digest: signed,
-            ..unsigned
-        })
+        table(RunRow { row_digest: signed, ..unsigned })
     }
 
     fn keep(
@@ -175,11 +162,7 @@ impl Template {
         // The base moves by a hundredth of a millimetre each night, and of some robots by half a millimetre once.
         let base = kept.pointer_mut("/estimate/base/0").expect("a base");
         let x = f64::from_bits(base.as_u64().expect("bits"));
-        let step = if robot % 17 == 4 && night >= 20 {
-            0.5
-        } else {
-            0.0
-        };
+        let step = if robot % 17 == 4 && night >= 20 { 0.5 } else { 0.0 };
         let x = x + 0.01 * phase(robot * 13 + night, 9) + step;
         *base = json!(x.to_bits());
         let rest = kept.to_string();
@@ -187,10 +170,7 @@ impl Template {
         head["digest"] = json!(blake3::hash(rest.as_bytes()).to_hex().to_string());
         let text = format!("{head}\n{rest}");
         let packed = zstd::encode_all(text.as_bytes(), 1).expect("packed");
-        let place = to
-            .join(".history/figures")
-            .join(&key.robot)
-            .join(&key.session);
+        let place = to.join(".history/figures").join(&key.robot).join(&key.session);
         put(&place.join(format!("{}.json.zst", key.run)), &packed);
     }
 }

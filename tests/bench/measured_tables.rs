@@ -43,11 +43,7 @@ fn main() {
 }
 
 /// Places of the reflectors at the flange, mm.
-const REFLECTORS: [[f64; 3]; 3] = [
-    [60.0, 20.0, 90.0],
-    [-40.0, 70.0, 80.0],
-    [-20.0, -60.0, 120.0],
-];
+const REFLECTORS: [[f64; 3]; 3] = [[60.0, 20.0, 90.0], [-40.0, 70.0, 80.0], [-20.0, -60.0, 120.0]];
 
 /// Measures tables of so many stations, from the file to stations.
 fn to_stations(folder: &Path, rows: usize, rounds: usize) {
@@ -83,10 +79,8 @@ fn arm() -> Arm {
 /// `[stations]` of a table with so many reflectors.
 fn section(reflectors: usize) -> StationsSettings {
     let joints: Vec<String> = (1..=6).map(|joint| format!("\"q{joint}\"")).collect();
-    let mut text = format!(
-        "station = \"station\"\njoints = [{}]\njoint_unit = \"deg\"\n",
-        joints.join(", ")
-    );
+    let mut text =
+        format!("station = \"station\"\njoints = [{}]\njoint_unit = \"deg\"\n", joints.join(", "));
     for own in 0..reflectors {
         let _ = writeln!(
             text,
@@ -106,9 +100,7 @@ fn stations(arm: &Arm, rows: usize, reflectors: usize) -> String {
         let turn = |joint: usize| {
             ((row + 1) as f64 * [2.0, 3.0, 5.0, 7.0, 11.0, 13.0_f64][joint].sqrt()).fract()
         };
-        let joints: Vec<f64> = (0..6)
-            .map(|joint| 2.4 * (turn(joint) - 0.5) - 0.4)
-            .collect();
+        let joints: Vec<f64> = (0..6).map(|joint| 2.4 * (turn(joint) - 0.5) - 0.4).collect();
         let flange = *arm.flange(&joints).isometry();
         let _ = write!(text, "\nS{row}");
         for angle in &joints {
@@ -126,16 +118,13 @@ fn stations(arm: &Arm, rows: usize, reflectors: usize) -> String {
 /// A table of numbers with 15 digits that look random.
 fn text(rows: usize, separator: char, decimal: char) -> String {
     let mut text = String::new();
-    let names: Vec<String> = (0..COLUMNS)
-        .map(|column| format!("column_{column}"))
-        .collect();
+    let names: Vec<String> = (0..COLUMNS).map(|column| format!("column_{column}")).collect();
     text += &names.join(&separator.to_string());
     let mut state = 1_u64;
     for cell in 0..rows * COLUMNS {
         text.push(if cell % COLUMNS == 0 { '\n' } else { separator });
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let (whole, fraction) = (state >> 54, (state >> 14) % 1_000_000_000_000);
         let sign = if state & 8192 == 0 { "" } else { "-" };
         let _ = write!(text, "{sign}{whole}{decimal}{fraction:012}");
@@ -152,9 +141,7 @@ fn as_cells(path: &Path, rows: usize) -> usize {
 
 fn as_records(path: &Path, separator: char) -> usize {
     let separator = u8::try_from(separator).expect("ASCII");
-    let reader = csv::ReaderBuilder::new()
-        .delimiter(separator)
-        .from_path(path);
+    let reader = csv::ReaderBuilder::new().delimiter(separator).from_path(path);
     let records = reader.expect("a file").into_records();
     let records: Vec<csv::StringRecord> = records.map(|record| record.expect("a record")).collect();
     records.len()

@@ -27,12 +27,7 @@ fn main() {
     };
     let placer = Placer::new(arm, &settings).expect("a box in reach");
     let pool = fresh_poses(&placer, &settings.region, &settings).expect("poses in reach");
-    let trial = Trial {
-        arm,
-        placer: &placer,
-        settings: &settings,
-        progress: &Quiet,
-    };
+    let trial = Trial { arm, placer: &placer, settings: &settings, progress: &Quiet };
     let seconds = |begin: Instant| begin.elapsed().as_secs_f64();
 
     let grids: Vec<steps::Grid> = settings

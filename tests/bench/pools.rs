@@ -13,33 +13,20 @@ use common::pool::{MeasuredArm, Truth, frames, learnt, one_by_one, trained};
 use posegrid::fit::Observation;
 use posegrid::fit::full::{Carrying, FullSettings};
 
-const TRUTH: Truth = Truth {
-    curve_rad: 2e-4,
-    walk_rad: 0.0,
-    own_rad: 1e-5,
-    days: 1.0 / 24.0,
-};
+const TRUTH: Truth = Truth { curve_rad: 2e-4, walk_rad: 0.0, own_rad: 1e-5, days: 1.0 / 24.0 };
 
 fn main() {
     let full_size = std::env::args().any(|arg| arg == "--bench");
-    let (pools, stations) = if full_size {
-        (vec![1, 10, 30, 100], 600)
-    } else {
-        (vec![2, 4], 20)
-    };
+    let (pools, stations) = if full_size { (vec![1, 10, 30, 100], 600) } else { (vec![2, 4], 20) };
     let harmonics = if full_size { 90 } else { 4 };
-    let settings = FullSettings {
-        harmonics,
-        ..FullSettings::default()
-    };
+    let settings = FullSettings { harmonics, ..FullSettings::default() };
     println!(
         "sessions  stations   columns  together s  one by one s  one more s  leaves MB  peak MB"
     );
     for sessions in pools {
         let mut measured = MeasuredArm::new(TRUTH, 7);
-        let seen: Vec<Observation> = (0..sessions)
-            .flat_map(|_| measured.session(stations))
-            .collect();
+        let seen: Vec<Observation> =
+            (0..sessions).flat_map(|_| measured.session(stations)).collect();
         let start = frames(&measured.arm, &seen[..stations]);
         let arm = measured.arm.clone();
         let began = Instant::now();

@@ -39,10 +39,7 @@ const STEPS: [Step; 5] = [
     ("streaming into dwells and readings", |log, _| dwells(log)),
     ("the whole path to Parquet log tables", tables),
     ("inspect", |log, _| {
-        inspect(log, Limits::default(), &Quiet)
-            .expect("a sound log")
-            .read_summary
-            .messages
+        inspect(log, Limits::default(), &Quiet).expect("a sound log").read_summary.messages
     }),
 ];
 
@@ -81,9 +78,7 @@ fn measure_on(name: &str, motion: fn(u64) -> f64, folder: &Path, lengths: &[u64]
         .enumerate()
         .map(|(place, log)| {
             let rounds = 0..if place == 0 { ROUNDS } else { 1 };
-            rounds
-                .map(|_| STEPS.map(|(step, _)| of(step, log)))
-                .collect()
+            rounds.map(|_| STEPS.map(|(step, _)| of(step, log))).collect()
         })
         .collect();
     for (index, (step, _)) in STEPS.iter().enumerate() {
@@ -121,12 +116,7 @@ fn in_own_process(step: &str, log: &Path, folder: &Path) -> Taken {
     let [user_s, system_s, wall_s, peak_mb] = numbers[..] else {
         panic!("{step}: {}", String::from_utf8_lossy(&output.stderr));
     };
-    Taken {
-        user_s,
-        system_s,
-        wall_s,
-        peak_mb,
-    }
+    Taken { user_s, system_s, wall_s, peak_mb }
 }
 
 /// Runs one step and prints what it took.
@@ -141,12 +131,7 @@ pub fn run_alone(args: &[String]) {
     let result = step(Path::new(log), Path::new(folder));
     let (wall, after) = (start.elapsed().as_secs_f64(), cpu_seconds());
     assert!(result > 0, "{name} did something");
-    println!(
-        "{} {} {wall} {}",
-        after.0 - user,
-        after.1 - system,
-        peak_memory_mb()
-    );
+    println!("{} {} {wall} {}", after.0 - user, after.1 - system, peak_memory_mb());
 }
 
 /// Reads a log that holds both sides; its joint samples go to `sink` too.
@@ -189,7 +174,5 @@ fn new_lake(folder: &Path) -> Lake {
 fn peak_memory_mb() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    peak.and_then(|peak| peak.split_whitespace().next()?.parse::<u64>().ok())
-        .unwrap_or(0)
-        / 1024
+    peak.and_then(|peak| peak.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
 }

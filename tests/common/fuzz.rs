@@ -39,17 +39,8 @@ impl Chance {
 }
 
 /// Numbers at which programs stumble.
-pub const NUMBERS: [u64; 9] = [
-    0,
-    1,
-    0x7f,
-    0xff,
-    0xffff,
-    0x7fff_ffff,
-    0xffff_ffff,
-    1 << 40,
-    u64::MAX,
-];
+pub const NUMBERS: [u64; 9] =
+    [0, 1, 0x7f, 0xff, 0xffff, 0x7fff_ffff, 0xffff_ffff, 1 << 40, u64::MAX];
 
 /// Changes bytes in one of the ways that files break, or that programs lie.
 pub fn change(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
@@ -137,14 +128,8 @@ pub fn change_words(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance
         return change(bytes, others, chance);
     }
     let at = chance.below(bytes.len());
-    let start = bytes[..at]
-        .iter()
-        .rposition(is_sign)
-        .map_or(0, |place| place + 1);
-    let end = bytes[at..]
-        .iter()
-        .position(is_sign)
-        .map_or(bytes.len(), |place| at + place);
+    let start = bytes[..at].iter().rposition(is_sign).map_or(0, |place| place + 1);
+    let end = bytes[at..].iter().position(is_sign).map_or(bytes.len(), |place| at + place);
     let word = chance.of(&WORDS).as_bytes().to_vec();
     if chance.below(3) == 0 {
         // The sign itself.

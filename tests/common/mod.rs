@@ -91,10 +91,7 @@ pub fn recording(path: &str) -> Option<PathBuf> {
         "{} is absent: CI must have the recordings",
         file.display()
     );
-    eprintln!(
-        "SKIPPED: {} is absent, so this test has shown nothing",
-        file.display()
-    );
+    eprintln!("SKIPPED: {} is absent, so this test has shown nothing", file.display());
     None
 }
 
@@ -131,11 +128,7 @@ pub fn read_back(arm: &Arm, recording: &Recording) -> SessionRead {
     let [controller, tracker] =
         ["controller.mcap", "tracker.mcap"].map(|log| folder.path().join(log));
     let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
-    let joints: Vec<&str> = arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.as_str())
-        .collect();
+    let joints: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let nothing = BTreeMap::new();
     write_controller_log(create(&controller), recording, &joints, &nothing).expect("room");
     write_tracker_log(create(&tracker), recording, &nothing).expect("room");
@@ -169,12 +162,7 @@ pub fn truth_stations(session: &str) -> Option<Vec<Station>> {
 }
 
 fn truth_station(row: &csv::StringRecord) -> Station {
-    let number = |column: usize| {
-        row[column]
-            .parse::<f64>()
-            .ok()
-            .filter(|value| value.is_finite())
-    };
+    let number = |column: usize| row[column].parse::<f64>().ok().filter(|value| value.is_finite());
     let need = |column: usize| number(column).expect("a number");
     let reading = number(7).map(|x| Reading {
         source: SourceId::ONLY,
@@ -229,9 +217,7 @@ pub fn configurations(
     stations: &[Station],
 ) -> Vec<String> {
     let reach = Reach::new(arm, flange_from_tool);
-    let own = stations
-        .iter()
-        .filter_map(|s| reach.configuration(&s.joints));
+    let own = stations.iter().filter_map(|s| reach.configuration(&s.joints));
     let all: BTreeSet<_> = own.collect();
     all.iter().map(ToString::to_string).collect()
 }
@@ -285,10 +271,6 @@ pub fn mapping(arm: &Arm) -> Mapping {
             frame: None,
         },
         slides: Vec::new(),
-        joints: arm
-            .joints()
-            .iter()
-            .map(|joint| joint.name.clone())
-            .collect(),
+        joints: arm.joints().iter().map(|joint| joint.name.clone()).collect(),
     }
 }

@@ -85,10 +85,7 @@ impl MeasuredArm {
     /// The next session, of `count` stations at random poses.
     pub fn session(&mut self, count: usize) -> Vec<Observation> {
         let curves = self.changed(self.truth.own_rad);
-        let (session, day) = (
-            self.sessions,
-            20_000.0 + self.truth.days * self.sessions as f64,
-        );
+        let (session, day) = (self.sessions, 20_000.0 + self.truth.days * self.sessions as f64);
         self.sessions += 1;
         let seen = (0..count).map(|station| {
             let axes = self.axes();
@@ -123,12 +120,7 @@ impl MeasuredArm {
             let place = self.place(&self.curves, axes);
             let axes = axes.clone();
             let seen = Observation::planned(0, axes, place, Matrix3::identity());
-            let query = Query {
-                session,
-                own: false,
-                station: None,
-                ..Query::of(&seen)
-            };
+            let query = Query { session, own: false, station: None, ..Query::of(&seen) };
             (model.position(&query) - place).norm()
         });
         errors.sum::<f64>() / poses.len() as f64
@@ -136,8 +128,7 @@ impl MeasuredArm {
 
     fn axes(&mut self) -> Vec<f64> {
         let home = [0.0, -1.2, 1.6, -1.9, -1.6, 0.0];
-        home.map(|home| home + 1.6 * (self.numbers.uniform() - 0.5))
-            .to_vec()
+        home.map(|home| home + 1.6 * (self.numbers.uniform() - 0.5)).to_vec()
     }
 
     /// Where the target is, mm.
@@ -166,12 +157,7 @@ pub fn frames(arm: &Arm, session: &[Observation]) -> Frames {
 
 /// An observation as one of another session.
 pub fn of_session(own: &Observation, session: usize) -> Observation {
-    Observation {
-        session,
-        source: SourceId::ONLY,
-        target: TargetId::ONLY,
-        ..own.clone()
-    }
+    Observation { session, source: SourceId::ONLY, target: TargetId::ONLY, ..own.clone() }
 }
 
 /// The full error model of sessions that all start from the same frames.
@@ -201,10 +187,7 @@ pub fn learnt(
     let geometry = vec![0.0; arm.chain().parameters().len()];
     let start = (std::slice::from_ref(frames), &geometry[..]);
     let prior = FitSettings::default().prior();
-    let (with, up) = (
-        (settings, Some(carrying), Purpose::Published),
-        Some(Vector3::z_axis()),
-    );
+    let (with, up) = ((settings, Some(carrying), Purpose::Published), Some(Vector3::z_axis()));
     FullModel::train_carrying(arm, &one, start, &prior, with, up).expect("a model")
 }
 
@@ -223,20 +206,11 @@ pub fn one_by_one(
     };
     let mut last = learnt(arm, &Carrying::default(), sessions[0], frames, settings);
     for count in 2..=sessions.len() {
-        last = learnt(
-            arm,
-            &after(&last, None),
-            sessions[count - 1],
-            frames,
-            settings,
-        );
+        last = learnt(arm, &after(&last, None), sessions[count - 1], frames, settings);
         let leaves = last.leaves().expect("what it leaves");
         if leaves.stale() {
             let held = leaves.held();
-            let first = Carrying {
-                before: None,
-                held: Some(Arc::clone(&held)),
-            };
+            let first = Carrying { before: None, held: Some(Arc::clone(&held)) };
             last = learnt(arm, &first, sessions[0], frames, settings);
             for session in &sessions[1..count] {
                 let again = after(&last, Some(Arc::clone(&held)));

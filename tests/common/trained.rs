@@ -37,11 +37,7 @@ pub fn trained(
 /// Predicted target positions for a session that took no part, in the tracker frame of the first training session.
 pub fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> {
     let query = |o: &Observation| {
-        let query = Query {
-            session: 0,
-            own: false,
-            ..Query::of(o)
-        };
+        let query = Query { session: 0, own: false, ..Query::of(o) };
         model.predict(&query).position
     };
     test.iter().map(query).collect()
@@ -51,11 +47,8 @@ pub fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> 
 pub fn base_refitted(predicted: &[Point3<f64>], test: &[Observation]) -> Figures {
     let measured: Vec<Point3<f64>> = test.iter().map(position).collect();
     let base = align(predicted, &measured, &vec![1.0; measured.len()]).expect("stations in space");
-    let norms: Vec<f64> = measured
-        .iter()
-        .zip(predicted)
-        .map(|(m, p)| (base * m - p).norm())
-        .collect();
+    let norms: Vec<f64> =
+        measured.iter().zip(predicted).map(|(m, p)| (base * m - p).norm()).collect();
     Figures::of(&norms).expect("stations")
 }
 
@@ -75,8 +68,5 @@ pub fn observed(name: &str, arm: &Arm, noise: &Noise) -> Option<Vec<Observation>
 
 /// The two sessions of random poses, as [`observed`].
 pub fn random_sessions(arm: &Arm, noise: &Noise) -> Option<(Vec<Observation>, Vec<Observation>)> {
-    Some((
-        observed("ur10-random-a", arm, noise)?,
-        observed("ur10-random-b", arm, noise)?,
-    ))
+    Some((observed("ur10-random-a", arm, noise)?, observed("ur10-random-b", arm, noise)?))
 }

@@ -92,23 +92,12 @@ fn sample_table(sample: &Sample) -> Table {
         .column("index_y", indices(1))
         .column("index_z", indices(2))
         .column("table_id", nodes.clone().map(sample.table_id))
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            nodes.clone().map(|node| turned(sample, on_lattice(node))),
-        )
-        .group(
-            ["qx", "qy", "qz", "qw"],
-            nodes.clone().map(|_| [0.0, 0.0, half.sin(), half.cos()]),
-        )
+        .group(["x_mm", "y_mm", "z_mm"], nodes.clone().map(|node| turned(sample, on_lattice(node))))
+        .group(["qx", "qy", "qz", "qw"], nodes.clone().map(|_| [0.0, 0.0, half.sin(), half.cos()]))
         .same("configuration", Some("shoulder+ elbow- wrist+"))
         .same("joint_names", &["a1", "a2", "a3", "a4", "a5", "a6"][..])
         .absent(["joint_units"])
-        .column(
-            "joints_rad",
-            nodes
-                .clone()
-                .map(|node| known(node).map(|_| sample.joints.to_vec())),
-        )
+        .column("joints_rad", nodes.clone().map(|node| known(node).map(|_| sample.joints.to_vec())))
         .group(
             ["error_x_mm", "error_y_mm", "error_z_mm"],
             nodes.clone().map(|node| {
@@ -126,38 +115,18 @@ fn sample_table(sample: &Sample) -> Table {
             ],
             nodes.clone().map(|node| known(node).map(|_| variance)),
         )
-        .column(
-            "error_sd_mm",
-            nodes
-                .clone()
-                .map(|node| known(node).map(|_| 0.02 * 3.0_f64.sqrt())),
-        )
-        .column(
-            "refused",
-            nodes
-                .clone()
-                .map(|node| (node == REFUSED).then_some("singularity")),
-        );
-    support(terms(columns, sample), nodes.len())
-        .finish()
-        .unwrap()
+        .column("error_sd_mm", nodes.clone().map(|node| known(node).map(|_| 0.02 * 3.0_f64.sqrt())))
+        .column("refused", nodes.clone().map(|node| (node == REFUSED).then_some("singularity")));
+    support(terms(columns, sample), nodes.len()).finish().unwrap()
 }
 
 /// What a table says of itself, the same in every row.
 fn terms(columns: Columns, sample: &Sample) -> Columns {
     let half = sample.turn_rad / 2.0;
-    let interpolation = if sample.power.is_some() {
-        "idw"
-    } else {
-        "trilinear"
-    };
+    let interpolation = if sample.power.is_some() { "idw" } else { "trilinear" };
     columns
         .group(
-            [
-                "command_from_base_x_mm",
-                "command_from_base_y_mm",
-                "command_from_base_z_mm",
-            ],
+            ["command_from_base_x_mm", "command_from_base_y_mm", "command_from_base_z_mm"],
             vec![[0.0; 3]; NODES],
         )
         .group(
@@ -215,24 +184,14 @@ fn support(columns: Columns, nodes: usize) -> Columns {
     let known = |node: usize| (node != REFUSED).then_some(node);
     columns
         .same("nearest_station_mm", Some(12.0))
-        .column(
-            "nearest_station_rad",
-            (0..nodes).map(|node| known(node).map(|_| 0.05)),
-        )
+        .column("nearest_station_rad", (0..nodes).map(|node| known(node).map(|_| 0.05)))
         .same("stations_near", 3_u64)
-        .column(
-            "within_joint_ranges",
-            (0..nodes).map(|node| known(node).map(|_| true)),
-        )
+        .column("within_joint_ranges", (0..nodes).map(|node| known(node).map(|_| true)))
 }
 
 fn save(folder: &Path, sample: &Sample) -> PathBuf {
     let path = folder.join("table.parquet");
-    fs::write(
-        &path,
-        table::write(&sample_table(sample), Vec::new()).unwrap(),
-    )
-    .unwrap();
+    fs::write(&path, table::write(&sample_table(sample), Vec::new()).unwrap()).unwrap();
     path
 }
 
@@ -316,18 +275,9 @@ impl Cell {
 pub fn field(csv: &str, target: &str, column: &str) -> String {
     let mut reader = csv::Reader::from_reader(csv.as_bytes());
     let place = |reader: &mut csv::Reader<&[u8]>, name: &str| {
-        reader
-            .headers()
-            .unwrap()
-            .iter()
-            .position(|c| c == name)
-            .unwrap()
+        reader.headers().unwrap().iter().position(|c| c == name).unwrap()
     };
     let (name, wanted) = (place(&mut reader, "target"), place(&mut reader, column));
-    let row = reader
-        .records()
-        .map(Result::unwrap)
-        .find(|row| &row[name] == target)
-        .unwrap();
+    let row = reader.records().map(Result::unwrap).find(|row| &row[name] == target).unwrap();
     row[wanted].to_owned()
 }

@@ -54,8 +54,7 @@ fn run(pipeline: &Path) -> tempfile::TempDir {
 /// The lake of the quickstart.
 fn lake() -> &'static Path {
     static LAKE: OnceLock<tempfile::TempDir> = OnceLock::new();
-    LAKE.get_or_init(|| run(Path::new("pipelines/quickstart.toml")))
-        .path()
+    LAKE.get_or_init(|| run(Path::new("pipelines/quickstart.toml"))).path()
 }
 
 /// The file of a table of the only run in a lake.
@@ -72,11 +71,9 @@ struct Node {
 }
 
 fn node() -> Node {
-    let table: Table = table::read(
-        &file_of(lake(), "compensation"),
-        schema::find("compensation").expect("known"),
-    )
-    .expect("a table");
+    let table: Table =
+        table::read(&file_of(lake(), "compensation"), schema::find("compensation").expect("known"))
+            .expect("a table");
     let within = table.bool("within_joint_ranges");
     let mut known = (0..table.rows())
         .filter(|&row| table.text("refused").is_null(row))
@@ -122,10 +119,7 @@ fn a_robot_is_named_in_its_lake_and_the_run_taken_is_said() {
     let run = file_of(lake(), "runs");
     let run = run.file_stem().expect("named").to_string_lossy();
     let told = format!("current run of robot \"kr210-demo\": {run}, of session \"quickstart\"");
-    named.expect(
-        0,
-        &[&told, "its table calibrations", "frame: the surveyed base"],
-    );
+    named.expect(0, &[&told, "its table calibrations", "frame: the surveyed base"]);
     let given = compensate(&[&text_of(&file_of(lake(), "calibrations")), &joints]);
     assert_eq!(named.results, given.results, "as the file itself");
     // Positions alone are for the nodes of the grid.
@@ -137,14 +131,7 @@ fn a_robot_is_named_in_its_lake_and_the_run_taken_is_said() {
     compensate(&args).expect(1, &["its table calibrations", "neither joint angles"]);
     compensate(&["kr6", &place, "--lake", &lake_text])
         .expect(2, &["has no robot \"kr6\"; its robots: kr210-demo"]);
-    let args = [
-        "kr210-demo",
-        &place,
-        "--lake",
-        &lake_text,
-        "--session",
-        "mon",
-    ];
+    let args = ["kr210-demo", &place, "--lake", &lake_text, "--session", "mon"];
     compensate(&args).expect(2, &["has no run of robot \"kr210-demo\", session \"mon\""]);
     compensate(&["kr210-demo", &place]).expect(2, &["there is no file kr210-demo", "--lake"]);
 }
@@ -203,14 +190,7 @@ fn joint_angles_a_whole_turn_away_are_commanded_on_their_turn() {
         done.results
     });
     let number = |csv: &str, column: &str| field(csv, "A", column).parse::<f64>().expect("one");
-    for column in [
-        "x_mm",
-        "y_mm",
-        "z_mm",
-        "correction_sd_mm",
-        "q1_deg",
-        "q5_deg",
-    ] {
+    for column in ["x_mm", "y_mm", "z_mm", "correction_sd_mm", "q1_deg", "q5_deg"] {
         let apart = number(&here, column) - number(&there, column);
         assert!(apart.abs() < 1e-5, "{column}: {apart}");
     }
@@ -252,24 +232,14 @@ fn a_temperature_a_little_outside_says_what_it_does_and_how_to_go_on() {
 
 #[test]
 fn a_table_that_is_not_met_needs_its_exception_on_the_command_line() {
-    let cell = Cell::new(&Sample {
-        verdict: "not_met",
-        ..SAMPLE
-    });
+    let cell = Cell::new(&Sample { verdict: "not_met", ..SAMPLE });
     let table = text_of(&cell.table);
     let targets = place_file(cell.folder.path(), "t.csv", [751.0, 20.0, 450.0]);
     let refused = compensate(&[&table, &targets]);
     refused.expect(2, &["does not meet", "--allow not-met"]);
     assert_eq!(refused.results, "");
     compensate(&[&table, &targets, "--allow", "not-shown"]).expect(2, &["--allow not-met"]);
-    let args = [
-        &table,
-        &targets,
-        "--allow",
-        "not-shown",
-        "--allow",
-        "not-met",
-    ];
+    let args = [&table, &targets, "--allow", "not-shown", "--allow", "not-met"];
     compensate(&args).expect(3, &["1 corrected", "that is allowed"]);
 }
 
@@ -285,10 +255,7 @@ fn a_flipped_sign_in_the_tool_leaves_no_table_to_correct_with() {
             "flange_from_tool = { xyz_mm = [25, -40, 100]",
             "flange_from_tool = { xyz_mm = [25, 40, 100]".to_owned(),
         ),
-        (
-            "steps_mm = [60, 90, 120, 180, 240, 360, 720]",
-            "steps_mm = [240, 360]".to_owned(),
-        ),
+        ("steps_mm = [60, 90, 120, 180, 240, 360, 720]", "steps_mm = [240, 360]".to_owned()),
     ];
     let text = quick.iter().fold(text, |text, (from, to)| {
         assert!(text.contains(from), "{from}");
@@ -302,10 +269,7 @@ fn a_flipped_sign_in_the_tool_leaves_no_table_to_correct_with() {
     let done = done.output().expect("started");
     let results = String::from_utf8(done.stdout).expect("text");
     assert_eq!(done.status.code(), Some(1), "{results}");
-    assert!(
-        results.contains("flange_from_tool has the wrong sign in y"),
-        "{results}"
-    );
+    assert!(results.contains("flange_from_tool has the wrong sign in y"), "{results}");
     for table in ["calibrations", "compensation"] {
         assert!(!lake.join(table).exists(), "{table} was published");
     }

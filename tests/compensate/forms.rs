@@ -10,14 +10,8 @@ use posegrid::io::targets;
 use super::cell::{Cell, SAMPLE, Sample, field};
 
 /// The table's arm configuration, "shoulder+ elbow- wrist+", is S 5 of a KUKA arm: over itself, A3 below, A5 negative.
-const KUKA: Sample = Sample {
-    joints: [0.1, 0.1, -0.5, 0.1, -0.5, 0.1],
-    ..SAMPLE
-};
-const ZERO: Sample = Sample {
-    error: |_| [0.0; 3],
-    ..KUKA
-};
+const KUKA: Sample = Sample { joints: [0.1, 0.1, -0.5, 0.1, -0.5, 0.1], ..SAMPLE };
+const ZERO: Sample = Sample { error: |_| [0.0; 3], ..KUKA };
 
 /// Three targets in each form; 749.7005994 mm has no end in binary.
 const FILES: [(&str, &str); 3] = [
@@ -54,10 +48,7 @@ fn a_table_without_errors_gives_every_form_back_as_it_was() {
         let (done, stdout) = cell.compensate(name, Some(&out)).unwrap();
         assert_eq!((done.exit_code(), stdout.as_str()), (0, ""), "{done}");
         let written = fs::read_to_string(cell.path(&out)).unwrap();
-        assert!(
-            written.contains("t-1"),
-            "the table's id is in it: {written}"
-        );
+        assert!(written.contains("t-1"), "the table's id is in it: {written}");
         // What was corrected is refused; without its marks it is the targets again, to the nanometre.
         let error = cell.compensate(&out, None).unwrap_err();
         assert_eq!(error.exit_code(), 2);
@@ -71,9 +62,7 @@ fn a_table_without_errors_gives_every_form_back_as_it_was() {
             .replace("POSEGRID_CORRECTED", "ONCE");
         fs::write(cell.path(&format!("un{name}")), unmarked).unwrap();
         for (was, is) in before.iter().zip(places(&cell.path(&format!("un{name}")))) {
-            let apart = (0..3)
-                .map(|axis| (was[axis] - is[axis]).abs())
-                .fold(0.0, f64::max);
+            let apart = (0..3).map(|axis| (was[axis] - is[axis]).abs()).fold(0.0, f64::max);
             assert!(apart < 0.51e-6, "{name}: {was:?} {is:?}");
         }
     }
@@ -133,10 +122,7 @@ fn json_in_json_out() {
         .collect();
     assert!(keys.clone().count() > 30 && keys.into_iter().all(|key| names.contains(&key.as_str())));
     let said = done.to_string();
-    assert!(
-        said.contains("columns without effect on a correction: batch"),
-        "{said}"
-    );
+    assert!(said.contains("columns without effect on a correction: batch"), "{said}");
 }
 
 const WING: &str = "&ACCESS RVP\r\nDEFDAT WING PUBLIC\r\n\
@@ -154,10 +140,7 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
     assert_eq!((done.exit_code(), stdout.as_str()), (3, ""));
     let written = fs::read_to_string(cell.path("out.dat")).unwrap();
     let lines: Vec<&str> = written.split("\r\n").collect();
-    assert_eq!(
-        lines[2],
-        "; corrected by posegrid table t-1: 1 positions corrected, 2 refused"
-    );
+    assert_eq!(lines[2], "; corrected by posegrid table t-1: 1 positions corrected, 2 refused");
     assert_eq!(
         lines[3],
         "DECL E6POS XP1={X 749.700599,Y 20.000000,Z 450.500000,A 0.0,B 0.0,C 0.0,S 5,T 27,E1 0.0} ; left"
@@ -167,11 +150,7 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
         "{}",
         lines[5]
     );
-    assert!(
-        lines[6].starts_with(";DECL E6POS XP2={X 751.0,"),
-        "{}",
-        lines[6]
-    );
+    assert!(lines[6].starts_with(";DECL E6POS XP2={X 751.0,"), "{}", lines[6]);
     assert!(
         lines[7].contains("XP3") && lines[7].contains("51.0000 mm along +x beyond the table's box"),
         "{}",
@@ -189,31 +168,17 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
     // Neither is written over.
     fs::remove_file(cell.path("out.dat")).unwrap();
     let error = cell.compensate("wing.dat", Some("out.dat")).unwrap_err();
-    assert!(
-        error
-            .to_string()
-            .contains("out.dat.corrections.csv exists already"),
-        "{error}"
-    );
-    let error = cell
-        .compensate("wing.dat", Some("missing/out.dat"))
-        .unwrap_err();
+    assert!(error.to_string().contains("out.dat.corrections.csv exists already"), "{error}");
+    let error = cell.compensate("wing.dat", Some("missing/out.dat")).unwrap_err();
     assert_eq!(error.exit_code(), 1);
 }
 
 #[test]
 fn a_data_list_is_made_only_from_one() {
     let cell = Cell::new(&KUKA);
-    fs::write(
-        cell.path("targets.csv"),
-        "target,x_mm,y_mm,z_mm\nA,751,20,450\n",
-    )
-    .unwrap();
+    fs::write(cell.path("targets.csv"), "target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap();
     let error = cell.compensate("targets.csv", Some("out.dat")).unwrap_err();
-    assert!(
-        matches!(*error, CompensateCommandError::OnlyFromKrl { .. }),
-        "{error}"
-    );
+    assert!(matches!(*error, CompensateCommandError::OnlyFromKrl { .. }), "{error}");
     assert_eq!(error.exit_code(), 2);
     // As the other forms it can be written.
     fs::write(cell.path("wing.dat"), WING).unwrap();

@@ -59,9 +59,7 @@ impl Place {
 }
 
 fn moved(target: &Target) -> Corrected {
-    let place = target
-        .position
-        .unwrap_or_else(|| Position::claim([0.0; 3].into()));
+    let place = target.position.unwrap_or_else(|| Position::claim([0.0; 3].into()));
     let by = Vector3::new(0.125, -0.25, 0.5);
     Corrected {
         target: place,
@@ -81,10 +79,7 @@ fn check(found: &Targets) {
     let names: BTreeSet<&str> = found.targets.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names.len(), found.targets.len());
     for target in &found.targets {
-        let place = target
-            .position
-            .iter()
-            .flat_map(|own| own.point().coords.iter());
+        let place = target.position.iter().flat_map(|own| own.point().coords.iter());
         let angles = target.joints.iter().flat_map(|own| &own.angles);
         assert!(place.chain(angles).all(|number| number.is_finite()));
         assert!(target.position.is_some() || target.joints.is_some());
@@ -112,15 +107,10 @@ fn check_corrected(found: &Targets) {
     for (name, bytes) in [("c.csv", csv), ("c.json", json), ("c.parquet", parquet)] {
         let path = Place::new(name);
         let path = path.with(&bytes);
-        let told = targets::read(&path)
-            .expect_err("corrected already")
-            .to_string();
+        let told = targets::read(&path).expect_err("corrected already").to_string();
         assert!(told.contains("corrected already"), "{name}: {told}");
         let drove = driving::read(&path, Bound::TARGETS).expect(name);
-        assert_eq!(
-            (drove.key.robot.as_str(), drove.targets.len()),
-            ("=robot", outcomes.len())
-        );
+        assert_eq!((drove.key.robot.as_str(), drove.targets.len()), ("=robot", outcomes.len()));
         for (was, is) in found.targets.iter().zip(&drove.targets) {
             // Readers of CSV take blanks off both ends of a cell.
             assert_eq!(was.name.trim(), is.name.trim(), "{name}");
@@ -146,17 +136,13 @@ fn read_targets(path: &Path) -> String {
 #[test]
 fn targets_csv() {
     let place = Place::new("targets.csv");
-    fuzz("targets_csv", vec![CSV.into()], change_words, |bytes| {
-        read_targets(&place.with(bytes))
-    });
+    fuzz("targets_csv", vec![CSV.into()], change_words, |bytes| read_targets(&place.with(bytes)));
 }
 
 #[test]
 fn targets_json() {
     let place = Place::new("targets.json");
-    fuzz("targets_json", vec![JSON.into()], change_words, |bytes| {
-        read_targets(&place.with(bytes))
-    });
+    fuzz("targets_json", vec![JSON.into()], change_words, |bytes| read_targets(&place.with(bytes)));
 }
 
 /// A text without its comments, as far as a `;` in a text is none.
@@ -181,9 +167,7 @@ fn check_list(place: &Place, found: &Targets, list: &DataList) {
         found.targets.iter().map(|own| Ok(moved(own))).collect();
     let written = list.write(&outcomes, "00ff");
     for text in [without_comments(&written), written] {
-        let told = targets::read(&place.with(&text))
-            .expect_err("corrected already")
-            .to_string();
+        let told = targets::read(&place.with(&text)).expect_err("corrected already").to_string();
         assert!(told.contains("corrected already"), "{told}");
     }
 }
@@ -191,11 +175,8 @@ fn check_list(place: &Place, found: &Targets, list: &DataList) {
 #[test]
 fn targets_krl() {
     let place = Place::new("targets.dat");
-    fuzz(
-        "targets_krl",
-        vec![LIST.into()],
-        change_words,
-        |bytes| match targets::read(&place.with(bytes)) {
+    fuzz("targets_krl", vec![LIST.into()], change_words, |bytes| {
+        match targets::read(&place.with(bytes)) {
             Err(error) => told(&error),
             Ok(found) => {
                 check(&found);
@@ -203,8 +184,8 @@ fn targets_krl() {
                 check_list(&place, &found, list);
                 list.notes().join(" ")
             }
-        },
-    );
+        }
+    });
 }
 
 /// Targets as Parquet, of other writers' types too.
@@ -217,31 +198,16 @@ fn parquet_targets() -> Vec<Vec<u8>> {
         .column("target", found.targets.iter().map(|own| &own.name))
         .group(
             ["x_mm", "y_mm", "z_mm"],
-            found
-                .targets
-                .iter()
-                .map(|own| own.position.map(|p| p.coords().into())),
+            found.targets.iter().map(|own| own.position.map(|p| p.coords().into())),
         )
         .group::<4, Option<[f64; 4]>>(
             ["qx", "qy", "qz", "qw"],
-            found
-                .targets
-                .iter()
-                .map(|own| own.orientation.map(|q| q.coords.into())),
+            found.targets.iter().map(|own| own.orientation.map(|q| q.coords.into())),
         )
-        .absent([
-            "configuration",
-            "joint_names",
-            "tool",
-            "table_id",
-            "corrected_by",
-        ])
+        .absent(["configuration", "joint_names", "tool", "table_id", "corrected_by"])
         .column(
             "joints_rad",
-            found
-                .targets
-                .iter()
-                .map(|own| Some(own.joints.as_ref()?.angles.clone())),
+            found.targets.iter().map(|own| Some(own.joints.as_ref()?.angles.clone())),
         );
     let whole = columns.finish().expect("a table");
     vec![table::write(&whole, Vec::new()).expect("Parquet")]
@@ -250,26 +216,19 @@ fn parquet_targets() -> Vec<Vec<u8>> {
 #[test]
 fn targets_parquet() {
     let place = Place::new("targets.parquet");
-    fuzz("targets_parquet", parquet_targets(), change, |bytes| {
-        read_targets(&place.with(bytes))
-    });
+    fuzz("targets_parquet", parquet_targets(), change, |bytes| read_targets(&place.with(bytes)));
 }
 
 /// Corrected targets in each form, as `compensate` writes them: the form's letter, then the file.
 fn corrected_seeds() -> Vec<Vec<u8>> {
     let cell = Cell::new(&SAMPLE);
-    fs::write(
-        cell.path("t.csv"),
-        "target,x_mm,y_mm,z_mm\n=A,751,20,450\nfar,950.5,20,450\n",
-    )
-    .expect("writable");
+    fs::write(cell.path("t.csv"), "target,x_mm,y_mm,z_mm\n=A,751,20,450\nfar,950.5,20,450\n")
+        .expect("writable");
     let seed = |(letter, name): (u8, &str)| {
         cell.compensate("t.csv", Some(name)).expect("corrected");
         [vec![letter], fs::read(cell.path(name)).expect("there")].concat()
     };
-    [(b'c', "o.csv"), (b'j', "o.json"), (b'p', "o.parquet")]
-        .map(seed)
-        .into()
+    [(b'c', "o.csv"), (b'j', "o.json"), (b'p', "o.parquet")].map(seed).into()
 }
 
 #[test]
@@ -290,10 +249,7 @@ fn corrected_targets() {
         match driving::read(&place.with(bytes), Bound::TARGETS) {
             Err(error) => told(&error),
             Ok(found) => {
-                let numbers = found
-                    .targets
-                    .iter()
-                    .flat_map(|own| own.command.coords.iter());
+                let numbers = found.targets.iter().flat_map(|own| own.command.coords.iter());
                 assert!(numbers.clone().all(|number| number.is_finite()));
                 format!("read {} {}", found.table, found.targets.is_empty())
             }
@@ -306,13 +262,7 @@ fn tables() -> Vec<Vec<u8>> {
     let sample = |sample: &Sample| fs::read(Cell::new(sample).table).expect("there");
     let mut seeds = vec![sample(&SAMPLE)];
     let done = quickstart();
-    for table in [
-        "calibrations",
-        "joint_errors",
-        "residuals",
-        "compensation",
-        "grid_steps",
-    ] {
+    for table in ["calibrations", "joint_errors", "residuals", "compensation", "grid_steps"] {
         let bytes = fs::read(done.folder.join(done.table(table))).expect("there");
         // Longer inputs only take longer; what is cut off a Parquet file is its description.
         if bytes.len() <= harness::LONGEST {
@@ -327,17 +277,8 @@ fn tables() -> Vec<Vec<u8>> {
 fn tables_given_by_hand() {
     let place = Place::new("table.parquet");
     let targets = place.folder.path().join("targets.csv");
-    fs::write(
-        &targets,
-        "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,1575,33,961\n",
-    )
-    .expect("writable");
-    let formats = [
-        ExportFormat::Csv,
-        ExportFormat::Json,
-        ExportFormat::Urdf,
-        ExportFormat::Mcap,
-    ];
+    fs::write(&targets, "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,1575,33,961\n").expect("writable");
+    let formats = [ExportFormat::Csv, ExportFormat::Json, ExportFormat::Urdf, ExportFormat::Mcap];
     fuzz("tables_given_by_hand", tables(), change, |bytes| {
         let table = place.with(bytes);
         let args = CompensateArgs {

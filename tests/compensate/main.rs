@@ -44,21 +44,10 @@ fn a_csv_of_targets_becomes_a_csv_of_commands() {
     assert_eq!(field(&csv, "A", "table_id"), "t-1");
     assert_eq!(field(&csv, "A", "run"), "00ff");
     assert_eq!(field(&csv, "A", "refused"), "");
-    let order: Vec<_> = csv
-        .lines()
-        .skip(1)
-        .map(|line| line.contains("wing"))
-        .collect();
-    assert_eq!(
-        order,
-        [true, false],
-        "rows stay in the order of the program"
-    );
+    let order: Vec<_> = csv.lines().skip(1).map(|line| line.contains("wing")).collect();
+    assert_eq!(order, [true, false], "rows stay in the order of the program");
     let said = done.to_string();
-    assert!(
-        said.contains("tool \"drill\", payload 12.5 kg, 19.2 to 21.5 °C"),
-        "{said}"
-    );
+    assert!(said.contains("tool \"drill\", payload 12.5 kg, 19.2 to 21.5 °C"), "{said}");
     assert!(said.contains("2 targets state no orientation"), "{said}");
     assert!(
         said.ends_with("2 targets: 2 corrected, refused: none; largest correction 1.392 mm"),
@@ -82,11 +71,7 @@ fn a_refused_target_is_a_row_with_its_reason_and_no_command() {
         ("other", "tool"),
     ] {
         assert_eq!(field(&csv, target, "refused"), word);
-        assert_eq!(
-            field(&csv, target, "x_mm").is_empty(),
-            !word.is_empty(),
-            "{target}"
-        );
+        assert_eq!(field(&csv, target, "x_mm").is_empty(), !word.is_empty(), "{target}");
     }
     let reason = field(&csv, "far", "reason");
     assert!(
@@ -101,13 +86,8 @@ fn a_refused_target_is_a_row_with_its_reason_and_no_command() {
         ),
         "{said}"
     );
-    assert!(
-        said.contains("node 0 at (600.000, -100.000, 400.000) mm has no value"),
-        "{said}"
-    );
-    let (done, _) = cell
-        .csv("target,x_mm,y_mm,z_mm\nfar,950.5,20,450\n")
-        .unwrap();
+    assert!(said.contains("node 0 at (600.000, -100.000, 400.000) mm has no value"), "{said}");
+    let (done, _) = cell.csv("target,x_mm,y_mm,z_mm\nfar,950.5,20,450\n").unwrap();
     assert_eq!(done.exit_code(), 1, "none is corrected");
 }
 
@@ -116,49 +96,28 @@ fn parquet_in_parquet_out_and_no_second_correction() {
     let cell = Cell::new(&SAMPLE);
     let targets = Columns::new(schema::find("targets").unwrap(), 2)
         .column("target", ["Z first", "A second"])
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            [[751.0, 20.0, 450.0], [700.0, 20.0, 450.0]],
-        )
+        .group(["x_mm", "y_mm", "z_mm"], [[751.0, 20.0, 450.0], [700.0, 20.0, 450.0]])
         .absent(["qx", "qy", "qz", "qw", "configuration", "tool", "table_id"])
         .absent(["joint_names", "corrected_by"])
         .column("joints_rad", [Some(vec![0.0; 6]), None])
         .finish()
         .unwrap();
-    fs::write(
-        cell.path("targets.parquet"),
-        table::write(&targets, Vec::new()).unwrap(),
-    )
-    .unwrap();
-    let (done, stdout) = cell
-        .compensate("targets.parquet", Some("out.parquet"))
-        .unwrap();
+    fs::write(cell.path("targets.parquet"), table::write(&targets, Vec::new()).unwrap()).unwrap();
+    let (done, stdout) = cell.compensate("targets.parquet", Some("out.parquet")).unwrap();
     assert_eq!((done.exit_code(), stdout.as_str()), (0, ""));
-    assert!(
-        done.to_string()
-            .contains("joint angles of 1 targets are without effect")
-    );
-    let out = table::read(
-        &cell.path("out.parquet"),
-        schema::find("corrected_targets").unwrap(),
-    )
-    .unwrap();
-    assert_eq!(
-        out.text("target"),
-        &StringArray::from(vec!["Z first", "A second"])
-    );
+    assert!(done.to_string().contains("joint angles of 1 targets are without effect"));
+    let out =
+        table::read(&cell.path("out.parquet"), schema::find("corrected_targets").unwrap()).unwrap();
+    assert_eq!(out.text("target"), &StringArray::from(vec!["Z first", "A second"]));
     assert!((out.f64("x_mm").value(0) - (600.0 + 150.0 / 1.002)).abs() < 1e-8);
     assert_eq!(out.text("refused").null_count(), 2);
     // The same bytes again, under another name; nothing is written over.
-    cell.compensate("targets.parquet", Some("again.parquet"))
-        .unwrap();
+    cell.compensate("targets.parquet", Some("again.parquet")).unwrap();
     assert_eq!(
         fs::read(cell.path("out.parquet")).unwrap(),
         fs::read(cell.path("again.parquet")).unwrap()
     );
-    let error = cell
-        .compensate("targets.parquet", Some("out.parquet"))
-        .unwrap_err();
+    let error = cell.compensate("targets.parquet", Some("out.parquet")).unwrap_err();
     assert_eq!(error.exit_code(), 2);
     assert!(error.to_string().contains("exists already"), "{error}");
     // Commands are no targets.
@@ -182,25 +141,13 @@ fn parquet_in_parquet_out_and_no_second_correction() {
 #[test]
 fn a_result_that_cannot_be_written_leaves_nothing() {
     let cell = Cell::new(&SAMPLE);
-    fs::write(
-        cell.path("targets.csv"),
-        "target,x_mm,y_mm,z_mm\nA,751,20,450\n",
-    )
-    .unwrap();
-    let error = cell
-        .compensate("targets.csv", Some("missing/out.csv"))
-        .unwrap_err();
+    fs::write(cell.path("targets.csv"), "target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap();
+    let error = cell.compensate("targets.csv", Some("missing/out.csv")).unwrap_err();
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("missing/out.csv"), "{error}");
-    let error = cell
-        .compensate("targets.csv", Some("out.xlsx"))
-        .unwrap_err();
+    let error = cell.compensate("targets.csv", Some("out.xlsx")).unwrap_err();
     assert_eq!(error.exit_code(), 2);
-    assert_eq!(
-        fs::read_dir(cell.folder.path()).unwrap().count(),
-        2,
-        "the table and the targets"
-    );
+    assert_eq!(fs::read_dir(cell.folder.path()).unwrap().count(), 2, "the table and the targets");
 }
 
 #[test]
@@ -227,25 +174,20 @@ fn a_table_that_is_not_met_or_not_shown_corrects_only_where_that_is_allowed() {
         )
         .unwrap();
         for allow in [&[][..], &[other]] {
-            let error = cell
-                .compensate_with("targets.csv", Some("out.csv"), allow, &none)
-                .unwrap_err();
+            let error =
+                cell.compensate_with("targets.csv", Some("out.csv"), allow, &none).unwrap_err();
             let option = format!("--allow {}", verdict.replace('_', "-"));
             assert_eq!(error.exit_code(), 2);
             let error = error.to_string();
             assert!(error.contains(told) && error.contains(&option), "{error}");
             assert!(!cell.path("out.csv").exists());
         }
-        let (done, csv) = cell
-            .compensate_with("targets.csv", None, &[own], &none)
-            .unwrap();
+        let (done, csv) = cell.compensate_with("targets.csv", None, &[own], &none).unwrap();
         assert_eq!(done.exit_code(), 3);
         assert!(done.to_string().contains(told), "{done}");
         assert_eq!(field(&csv, "A", "allowed"), verdict);
         let tool = Exception::Term(Term::Tool);
-        let (_, csv) = cell
-            .compensate_with("targets.csv", None, &[tool, own], &none)
-            .unwrap();
+        let (_, csv) = cell.compensate_with("targets.csv", None, &[tool, own], &none).unwrap();
         assert_eq!(field(&csv, "B", "allowed"), format!("{verdict} tool"));
         assert_eq!(field(&csv, "A", "allowed"), verdict);
     }
@@ -255,16 +197,10 @@ fn a_table_that_is_not_met_or_not_shown_corrects_only_where_that_is_allowed() {
 fn no_correction_is_larger_than_one_and_a_half_times_what_the_run_saw() {
     // The error is 1 to 1.6 mm in x and 0.5 mm in z: at x = 751 mm, (1.2994, 0, −0.5) mm, 1.392 mm.
     let targets = "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,610,20,450\n";
-    let within = Cell::new(&Sample {
-        largest_error_mm: Some(1.392 / 1.5 + 0.01),
-        ..SAMPLE
-    });
+    let within = Cell::new(&Sample { largest_error_mm: Some(1.392 / 1.5 + 0.01), ..SAMPLE });
     let (done, csv) = within.csv(targets).unwrap();
     assert_eq!(done.exit_code(), 0, "{}", field(&csv, "A", "reason"));
-    let cell = Cell::new(&Sample {
-        largest_error_mm: Some(0.9),
-        ..SAMPLE
-    });
+    let cell = Cell::new(&Sample { largest_error_mm: Some(0.9), ..SAMPLE });
     let (done, csv) = cell.csv(targets).unwrap();
     assert_eq!(done.exit_code(), 3, "{done}");
     assert_eq!(field(&csv, "A", "refused"), "too_large");
@@ -279,104 +215,56 @@ fn no_correction_is_larger_than_one_and_a_half_times_what_the_run_saw() {
 
 #[test]
 fn a_published_table_comes_back_whole() {
-    let cell = Cell::new(&Sample {
-        turn_rad: PI,
-        power: Some(2.0),
-        ..SAMPLE
-    });
+    let cell = Cell::new(&Sample { turn_rad: PI, power: Some(2.0), ..SAMPLE });
     let published = compensation_table::read(&cell.table).unwrap();
     assert_eq!(published.key, RunKey::new("ur10", "monday", "00ff"));
     assert_eq!(published.verdict, TableVerdict::Met);
     let table = &published.table;
     let terms = table.terms();
     assert_eq!((terms.table_id.as_str(), terms.idw_power), ("t-1", 2.0));
-    assert_eq!(
-        terms.configuration.as_deref(),
-        Some("shoulder+ elbow- wrist+")
-    );
+    assert_eq!(terms.configuration.as_deref(), Some("shoulder+ elbow- wrist+"));
     assert_eq!(terms.validity.temperature_c, Some([19.25, 21.5]));
-    assert_eq!(
-        (table.lattice().counts, table.lattice().step),
-        (COUNTS, [STEP_MM; 3])
-    );
+    assert_eq!((table.lattice().counts, table.lattice().step), (COUNTS, [STEP_MM; 3]));
     // The lattice's x is the frame of commands' −x: node 1 lies at (−700, 100, 400), and its error of 1.2 mm points to −x.
     let place = table.position(1);
-    assert!(
-        (place.point() - Point3::new(-700.0, 100.0, 400.0)).norm() < 1e-9,
-        "{place:?}"
-    );
+    assert!((place.point() - Point3::new(-700.0, 100.0, 400.0)).norm() < 1e-9, "{place:?}");
     let found = table.error_at(&place).unwrap();
-    assert!(
-        (found.error - Vector3::new(-1.2, 0.0, -0.5)).norm() < 1e-9,
-        "{found:?}"
-    );
+    assert!((found.error - Vector3::new(-1.2, 0.0, -0.5)).norm() < 1e-9, "{found:?}");
     assert!((found.covariance[(0, 0)] - 0.0004).abs() < 1e-15);
     assert!(table.nodes()[REFUSED].is_err());
-    assert!(
-        table
-            .error_at(&Position::claim(Point3::new(-600.0, 100.0, 450.0)))
-            .is_err()
-    );
+    assert!(table.error_at(&Position::claim(Point3::new(-600.0, 100.0, 450.0))).is_err());
 }
 
 #[test]
 fn a_table_with_a_wrong_value_is_refused_by_what_and_where() {
     let cases: [(Sample, &str); 6] = [
         (
-            Sample {
-                table_id: |node| if node == 7 { "t-2" } else { "t-1" },
-                ..SAMPLE
-            },
+            Sample { table_id: |node| if node == 7 { "t-2" } else { "t-1" }, ..SAMPLE },
             "column \"table_id\": row 0 has \"t-1\" and row 7 has \"t-2\"",
         ),
         (
-            Sample {
-                place: |node| node + usize::from(node > 20),
-                ..SAMPLE
-            },
+            Sample { place: |node| node + usize::from(node > 20), ..SAMPLE },
             "node 21: node and index are [22, 1, 2, 1] where [21, 1, 2, 1] has its place",
         ),
         (
-            Sample {
-                shift_mm: |node| if node == 30 { 0.001 } else { 0.0 },
-                ..SAMPLE
-            },
+            Sample { shift_mm: |node| if node == 30 { 0.001 } else { 0.0 }, ..SAMPLE },
             "node 30: it lies 0.001000 mm off the lattice",
         ),
         (
-            Sample {
-                shift_mm: |node| -100.0 * (node % 4) as f64,
-                ..SAMPLE
-            },
+            Sample { shift_mm: |node| -100.0 * (node % 4) as f64, ..SAMPLE },
             "node 1: it lies 100.000000 mm off the lattice",
         ),
-        (
-            Sample {
-                power: Some(-1.0),
-                ..SAMPLE
-            },
-            "column \"idw_power\"",
-        ),
-        (
-            Sample {
-                variance_mm2: -1.0,
-                ..SAMPLE
-            },
-            "node 1: a variance is negative",
-        ),
+        (Sample { power: Some(-1.0), ..SAMPLE }, "column \"idw_power\""),
+        (Sample { variance_mm2: -1.0, ..SAMPLE }, "node 1: a variance is negative"),
     ];
     for (sample, expected) in cases {
         let cell = Cell::new(&sample);
-        let error = cell
-            .csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n")
-            .unwrap_err();
+        let error = cell.csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains(expected), "{error}");
     }
     let cell = Cell::new(&SAMPLE);
     fs::write(&cell.table, "target,x_mm\n").unwrap();
-    let error = cell
-        .csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n")
-        .unwrap_err();
+    let error = cell.csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap_err();
     assert!(error.to_string().contains("as a Parquet file"), "{error}");
 }

@@ -64,10 +64,7 @@ pub fn quickstart() -> &'static Quickstart {
             fs::create_dir_all(to.parent().expect("in a folder")).expect("writable");
             fs::copy(file, to).expect("part of the project");
         }
-        let mut one = Quickstart {
-            folder,
-            printed: String::new(),
-        };
+        let mut one = Quickstart { folder, printed: String::new() };
         one.printed = one.sh("posegrid run pipelines/quickstart.toml");
         one
     })

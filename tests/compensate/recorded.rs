@@ -55,30 +55,14 @@ fn what_was_written_is_recorded_once_and_its_targets_may_be_corrected_again() {
         panic!("one file was written");
     };
     assert_eq!((record.targets, record.corrected), (3, 2));
-    assert_eq!(
-        (record.form.word(), record.corrected_by.word()),
-        ("csv", "compensation")
-    );
-    assert_eq!(
-        (record.key.robot.as_str(), record.key.run.as_str()),
-        ("ur10", "00ff")
-    );
-    assert_eq!(
-        record.targets_digest,
-        blake3::hash(TARGETS.as_bytes()).to_hex().as_str()
-    );
-    assert_eq!(
-        record.file_digest,
-        blake3::hash(first.as_bytes()).to_hex().as_str()
-    );
+    assert_eq!((record.form.word(), record.corrected_by.word()), ("csv", "compensation"));
+    assert_eq!((record.key.robot.as_str(), record.key.run.as_str()), ("ur10", "00ff"));
+    assert_eq!(record.targets_digest, blake3::hash(TARGETS.as_bytes()).to_hex().as_str());
+    assert_eq!(record.file_digest, blake3::hash(first.as_bytes()).to_hex().as_str());
     // c + 1 + 0.002 (c − 600) = 751 has c = 600 + 150 / 1.002 mm.
     assert!((record.positions[0][0] - (600.0 + 150.0 / 1.002)).abs() < 1e-6);
     let (_, second) = cell.csv(TARGETS).unwrap();
-    assert_eq!(
-        (first, records(&lake).len()),
-        (second, 1),
-        "the same once more"
-    );
+    assert_eq!((first, records(&lake).len()), (second, 1), "the same once more");
     cell.compensate("targets.csv", Some("out.json")).unwrap();
     assert_eq!(records(&lake).len(), 2, "another file is another row");
     for file in record_files(&cell) {
@@ -135,10 +119,7 @@ fn one_command_among_targets_is_found_in_any_form_and_rounded_to_a_micrometre() 
 
 #[test]
 fn commands_that_are_their_targets_say_nothing() {
-    let (cell, lake) = in_lake(&Sample {
-        error: |_| [0.000_5, 0.0, 0.0],
-        ..SAMPLE
-    });
+    let (cell, lake) = in_lake(&Sample { error: |_| [0.000_5, 0.0, 0.0], ..SAMPLE });
     cell.csv("target,x_mm,y_mm,z_mm\nA,751,20,450\n").unwrap();
     assert!(records(&lake)[0].positions.is_empty());
     cell.csv("target,x_mm,y_mm,z_mm\nB,751,20,450\n").unwrap();
@@ -152,22 +133,13 @@ fn a_lake_that_takes_no_record_is_a_choice_of_the_caller() {
     fs::write(cell.path("lake/corrections/ur10"), "").unwrap();
     fs::write(cell.path("targets.csv"), TARGETS).unwrap();
     let error = cell.compensate("targets.csv", Some("out.csv")).unwrap_err();
-    assert!(
-        matches!(*error, CompensateCommandError::NotRecorded { .. }),
-        "{error}"
-    );
+    assert!(matches!(*error, CompensateCommandError::NotRecorded { .. }), "{error}");
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("give --no-record"), "{error}");
     assert!(!cell.path("out.csv").exists(), "nothing was written");
     let args = UsedWithArgs::default();
-    let (done, _) = cell
-        .without_record("targets.csv", "out.csv", &args)
-        .unwrap();
-    assert!(
-        done.to_string()
-            .contains("not recorded: the lake takes no record"),
-        "{done}"
-    );
+    let (done, _) = cell.without_record("targets.csv", "out.csv", &args).unwrap();
+    assert!(done.to_string().contains("not recorded: the lake takes no record"), "{done}");
     assert!(cell.path("out.csv").exists());
     assert!(lake.corrections().unwrap().is_empty());
 }
@@ -183,22 +155,14 @@ fn a_record_that_cannot_be_believed_stops_the_work_and_names_itself() {
     record.positions[0][0] += 1.0;
     let whole = fs::read(file).unwrap();
     // Another row under the first one's name, and half of the file.
-    let edited = table::Columns::like(&record.table().unwrap())
-        .same("digest", "00")
-        .finish()
-        .unwrap();
-    for bytes in [
-        table::write(&edited, Vec::new()).unwrap(),
-        whole[..whole.len() / 2].to_vec(),
-    ] {
+    let edited =
+        table::Columns::like(&record.table().unwrap()).same("digest", "00").finish().unwrap();
+    for bytes in [table::write(&edited, Vec::new()).unwrap(), whole[..whole.len() / 2].to_vec()] {
         fs::write(file, bytes).unwrap();
         let error = cell.compensate("targets.csv", None).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("cannot be used"), "{error}");
-        assert!(
-            error.to_string().contains(&file.display().to_string()),
-            "{error}"
-        );
+        assert!(error.to_string().contains(&file.display().to_string()), "{error}");
     }
 }
 
@@ -206,11 +170,7 @@ fn a_record_that_cannot_be_believed_stops_the_work_and_names_itself() {
 fn a_table_outside_of_a_lake_corrects_and_says_that_nothing_is_recorded() {
     let cell = Cell::new(&SAMPLE);
     let (done, _) = cell.csv(TARGETS).unwrap();
-    assert!(
-        done.to_string()
-            .contains("not recorded: the table is in no lake"),
-        "{done}"
-    );
+    assert!(done.to_string().contains("not recorded: the table is in no lake"), "{done}");
     // Under the name of another run it is not the lake's.
     let (mut cell, lake) = in_lake(&SAMPLE);
     let other = cell.table.with_file_name("00fe.parquet");

@@ -30,18 +30,10 @@ fn what_is_within_outside_or_not_checked_is_reported() {
         absolute_accuracy: Some(OnOff::Off),
         ..with(12.5, 20.0)
     };
-    let (done, csv) = cell()
-        .compensate_with("targets.csv", None, &[], &used)
-        .unwrap();
+    let (done, csv) = cell().compensate_with("targets.csv", None, &[], &used).unwrap();
     let said = done.to_string();
-    assert!(
-        said.contains("within what the table is valid for: payload, temperature\n"),
-        "{said}"
-    );
-    assert!(
-        said.contains("as it is not stated for the targets: tool\n"),
-        "{said}"
-    );
+    assert!(said.contains("within what the table is valid for: payload, temperature\n"), "{said}");
+    assert!(said.contains("as it is not stated for the targets: tool\n"), "{said}");
     assert!(
         said.contains("as the table does not state it: mounting, base, controller model, absolute-accuracy option\n"),
         "{said}"
@@ -51,19 +43,14 @@ fn what_is_within_outside_or_not_checked_is_reported() {
             && said.contains("the reflector at (25.00, -40.00, 100.00) mm on the flange"),
         "{said}"
     );
-    assert_eq!(
-        (done.exit_code(), field(&csv, "A", "allowed")),
-        (0, String::new())
-    );
+    assert_eq!((done.exit_code(), field(&csv, "A", "allowed")), (0, String::new()));
 }
 
 #[test]
 fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
     let refused = |used: &UsedWithArgs, allow: &[Exception]| {
         let cell = cell();
-        let error = cell
-            .compensate_with("targets.csv", Some("out.csv"), allow, used)
-            .unwrap_err();
+        let error = cell.compensate_with("targets.csv", Some("out.csv"), allow, used).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(!cell.path("out.csv").exists());
         error.to_string()
@@ -77,19 +64,10 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
     );
     // One exception is one: the other still counts.
     let error = refused(&with(30.0, 25.0), &[Exception::Term(Term::Payload)]);
-    assert!(
-        !error.contains("payload 30 kg") && error.contains("temperature 25 °C"),
-        "{error}"
-    );
-    let tool = UsedWithArgs {
-        tool: Some("rivet".to_owned()),
-        ..UsedWithArgs::default()
-    };
+    assert!(!error.contains("payload 30 kg") && error.contains("temperature 25 °C"), "{error}");
+    let tool = UsedWithArgs { tool: Some("rivet".to_owned()), ..UsedWithArgs::default() };
     let error = refused(&tool, &[Exception::JointRange]);
-    assert!(
-        error.contains("tool \"rivet\", the table is for \"drill\""),
-        "{error}"
-    );
+    assert!(error.contains("tool \"rivet\", the table is for \"drill\""), "{error}");
 }
 
 #[test]
@@ -129,20 +107,12 @@ fn what_was_allowed_stands_at_each_target() {
 #[test]
 fn another_tool_of_a_single_target_can_be_allowed() {
     let cell = cell();
-    fs::write(
-        cell.path("other.csv"),
-        TARGETS.replace("450,\n", "450,rivet\n"),
-    )
-    .unwrap();
+    fs::write(cell.path("other.csv"), TARGETS.replace("450,\n", "450,rivet\n")).unwrap();
     let none = UsedWithArgs::default();
     let (done, csv) = cell.compensate_with("other.csv", None, &[], &none).unwrap();
-    assert_eq!(
-        (done.exit_code(), field(&csv, "A", "refused")),
-        (3, "tool".to_owned())
-    );
-    let (done, csv) = cell
-        .compensate_with("other.csv", None, &[Exception::Term(Term::Tool)], &none)
-        .unwrap();
+    assert_eq!((done.exit_code(), field(&csv, "A", "refused")), (3, "tool".to_owned()));
+    let (done, csv) =
+        cell.compensate_with("other.csv", None, &[Exception::Term(Term::Tool)], &none).unwrap();
     assert_eq!(done.exit_code(), 0);
     assert_eq!(
         (field(&csv, "A", "allowed"), field(&csv, "A", "tool")),

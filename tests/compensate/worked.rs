@@ -57,11 +57,7 @@ fn vector(csv: &str, target: &str, columns: [&str; 3]) -> Vector3<f64> {
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const CORRECTION: [&str; 3] = ["correction_x_mm", "correction_y_mm", "correction_z_mm"];
-const SD: [&str; 3] = [
-    "correction_sd_x_mm",
-    "correction_sd_y_mm",
-    "correction_sd_z_mm",
-];
+const SD: [&str; 3] = ["correction_sd_x_mm", "correction_sd_y_mm", "correction_sd_z_mm"];
 
 #[test]
 fn the_readme_shows_what_the_quickstart_prints() {
@@ -69,11 +65,7 @@ fn the_readme_shows_what_the_quickstart_prints() {
     let readme = section("README.md", "## Two commands");
     let printed = done.printed.replace(&done.run(), "RUN");
     let shown = fenced(&readme, "text");
-    assert_eq!(
-        shown.trim(),
-        printed.trim(),
-        "README.md is stale: this is printed\n\n{printed}"
-    );
+    assert_eq!(shown.trim(), printed.trim(), "README.md is stale: this is printed\n\n{printed}");
 }
 
 #[test]
@@ -125,19 +117,14 @@ fn exported() -> Exported {
         let error = axes.map(|axis| number(format!("error_{axis}_mm")));
         (place.into(), error.into())
     });
-    Exported {
-        nodes: nodes.collect(),
-        terms: csv.lines().filter_map(term).collect(),
-    }
+    Exported { nodes: nodes.collect(), terms: csv.lines().filter_map(term).collect() }
 }
 
 impl Exported {
     /// Distance of neighbouring nodes along each axis, mm.
     fn pitch(&self) -> Vector3<f64> {
         let number = |axis| self.terms[&format!("step_{axis}_mm")].parse::<f64>();
-        ["x", "y", "z"]
-            .map(|axis| number(axis).expect("a number"))
-            .into()
+        ["x", "y", "z"].map(|axis| number(axis).expect("a number")).into()
     }
 }
 
@@ -148,10 +135,7 @@ fn by_hand(target: Vector3<f64>, table: &Exported, commanded: Vector3<f64>) -> S
         let shares = (target - place).abs().component_div(&pitch);
         shares.map(|share| (1.0 - share).max(0.0)).product()
     };
-    let nodes = table
-        .nodes
-        .iter()
-        .map(|(place, error)| (place, error, weight(place)));
+    let nodes = table.nodes.iter().map(|(place, error)| (place, error, weight(place)));
     let around: Vec<_> = nodes.filter(|(_, _, weight)| *weight > 0.0).collect();
     assert_eq!(around.len(), 8, "the target lies inside a cell");
     let rows = around.iter().map(|(place, error, weight)| {
@@ -161,19 +145,13 @@ fn by_hand(target: Vector3<f64>, table: &Exported, commanded: Vector3<f64>) -> S
         )
     });
     let rows = rows.collect::<String>().replace('-', "−");
-    let error_there: Vector3<f64> = around
-        .iter()
-        .map(|(_, error, weight)| *error * *weight)
-        .sum();
+    let error_there: Vector3<f64> = around.iter().map(|(_, error, weight)| *error * *weight).sum();
     let first = target - error_there;
     let further_um = (commanded - first).norm() * 1000.0;
     // The step that the calculator leaves out is there, and it is small.
     let least_um = 0.01;
     let most_um = 2e-3 * error_there.norm() * 1000.0;
-    assert!(
-        further_um > least_um && further_um < most_um,
-        "{further_um}"
-    );
+    assert!(further_um > least_um && further_um < most_um, "{further_um}");
     format!(
         "The target of the README is at {} mm. `posegrid export … --format csv` has the eight nodes around it. Each counts by the \
          product, over the three axes, of 1 − distance / pitch, with the pitches ({}, {}, {}) mm:\n\n\
@@ -197,19 +175,11 @@ fn the_target_worked_by_hand_is_the_programs() {
     let targets = fenced(&section("README.md", "## Apply it"), "csv").to_owned();
     fs::write(done.folder.join("by_hand.csv"), &targets).expect("writable");
     let table = done.table("compensation");
-    let corrected = done.sh(&format!(
-        "posegrid compensate {table} by_hand.csv --no-record"
-    ));
+    let corrected = done.sh(&format!("posegrid compensate {table} by_hand.csv --no-record"));
     let exported = exported();
-    assert_eq!(
-        exported.terms["interpolation"], "trilinear",
-        "the example's weights are those"
-    );
-    let example = by_hand(
-        vector(&targets, "A", POSITION),
-        &exported,
-        vector(&corrected, "A", POSITION),
-    );
+    assert_eq!(exported.terms["interpolation"], "trilinear", "the example's weights are those");
+    let example =
+        by_hand(vector(&targets, "A", POSITION), &exported, vector(&corrected, "A", POSITION));
     let guide = "src/guide/compensate.md";
     says(guide, &section(guide, "# A target by hand"), &example);
 }

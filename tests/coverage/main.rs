@@ -33,10 +33,7 @@ fn tallies(sessions: usize) -> Vec<(&'static Cell, Tally)> {
 }
 
 fn show(name: &str, tally: &Tally) {
-    println!(
-        "\n{name:<58} {:>9} {:>7} {:>12}",
-        "inside", "± se", "mean square"
-    );
+    println!("\n{name:<58} {:>9} {:>7} {:>12}", "inside", "± se", "mean square");
     for quantity in Quantity::all() {
         let share = tally.share(quantity);
         println!(
@@ -85,10 +82,7 @@ fn judge(tally: &Tally, sessions: usize) {
         let inside = tally.share(quantity).inside;
         assert!(inside >= LEAST - chance, "{quantity}: {inside:.4}");
         let most = MOST + chance;
-        assert!(
-            inside <= most || COVERED.contains(&quantity),
-            "{quantity}: {inside:.4}"
-        );
+        assert!(inside <= most || COVERED.contains(&quantity), "{quantity}: {inside:.4}");
     }
     // Variances are right even where the distribution is not normal.
     for angles in [Angles::Both, Angles::Reported, Angles::Commanded] {

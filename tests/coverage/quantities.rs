@@ -121,12 +121,7 @@ fn parameters(session: &Session) -> Vec<f64> {
         let identifiable = sd < IDENTIFIABLE_SHARE * model.prior_sd()[place];
         identifiable.then_some((found[place] - truth) / sd)
     };
-    model
-        .unknowns()
-        .iter()
-        .enumerate()
-        .filter_map(error)
-        .collect()
+    model.unknowns().iter().enumerate().filter_map(error).collect()
 }
 
 fn curves(session: &Session, tally: &mut Tally) {
@@ -147,9 +142,7 @@ fn curves(session: &Session, tally: &mut Tally) {
 fn visited(session: &Session, joint: usize) -> Vec<f64> {
     let mut angles: Vec<f64> = session.training.iter().map(|o| o.axes[joint]).collect();
     angles.sort_by(f64::total_cmp);
-    (1..ANGLES)
-        .map(|i| angles[i * angles.len() / ANGLES])
-        .collect()
+    (1..ANGLES).map(|i| angles[i * angles.len() / ANGLES]).collect()
 }
 
 /// What curve and gear line really add to a joint, in the sense of its axis, at axis angles.
@@ -193,10 +186,7 @@ fn shape(session: &Session, joint: usize, angles: &[f64], truth: &[f64]) -> Vec<
 /// Columns of one joint's curve and gear lines: place, cycles per turn, phase.
 fn curve_columns(session: &Session, joint: usize) -> Vec<(usize, f64, f64)> {
     let pair = |first: usize, cycles: f64| {
-        [
-            (first, cycles, 0.0),
-            (first + 1, cycles, std::f64::consts::FRAC_PI_2),
-        ]
+        [(first, cycles, 0.0), (first + 1, cycles, std::f64::consts::FRAC_PI_2)]
     };
     let period = f64::from(session.model.layout().period_turns());
     let mut columns = Vec::new();
@@ -232,10 +222,7 @@ fn positions(session: &Session, angles: Angles, tally: &mut Tally) {
     }
     tally.add(Quantity::OnAverage(angles), Count::intervals(&average));
     tally.add(Quantity::Attained(angles), Count::intervals(&visit));
-    tally.add(
-        Quantity::AttainedEllipsoid(angles),
-        Count::ellipsoids(&ellipsoids),
-    );
+    tally.add(Quantity::AttainedEllipsoid(angles), Count::ellipsoids(&ellipsoids));
 }
 
 /// Squared Mahalanobis distance of a fresh measurement.
@@ -249,10 +236,7 @@ fn measured(session: &Session, o: &Observation) -> f64 {
 }
 
 fn query<'q>(o: &'q Observation, angles: Angles, commanded: &'q [f64]) -> Query<'q> {
-    let short = o
-        .settling_error
-        .as_ref()
-        .expect("commands have orientations");
+    let short = o.settling_error.as_ref().expect("commands have orientations");
     let (axes, known) = match angles {
         Angles::Both => (o.axes.as_slice(), Known::Both(short)),
         Angles::Reported => (o.axes.as_slice(), Known::Reported),

@@ -106,16 +106,9 @@ impl Session {
         };
         let mut all = fit::observations(0, &joined, &arm, &noise());
         fit::add_commands(&mut all, &joined, &commanded(&joined, &arm, &frames));
-        let (fresh, training): (Vec<_>, Vec<_>) = all
-            .into_iter()
-            .partition(|o| o.station % FRESH == FRESH - 1);
-        Self {
-            model: trained(&arm, &training),
-            truth: simulated.truth,
-            arm,
-            training,
-            fresh,
-        }
+        let (fresh, training): (Vec<_>, Vec<_>) =
+            all.into_iter().partition(|o| o.station % FRESH == FRESH - 1);
+        Self { model: trained(&arm, &training), truth: simulated.truth, arm, training, fresh }
     }
 
     /// What really was at an observation's station.
@@ -144,16 +137,9 @@ impl Session {
 fn settings(cell: &Cell, seed: u64, stations: usize) -> SimulateSettings {
     let home = cell.home_deg.map(f64::to_radians);
     let bound = |side: f64| -> Vec<f64> {
-        home.iter()
-            .zip(cell.spread_deg)
-            .map(|(q, spread)| q + side * spread.to_radians())
-            .collect()
+        home.iter().zip(cell.spread_deg).map(|(q, spread)| q + side * spread.to_radians()).collect()
     };
-    let poses = Poses::Joints {
-        count: stations,
-        lower: bound(-1.0),
-        upper: bound(1.0),
-    };
+    let poses = Poses::Joints { count: stations, lower: bound(-1.0), upper: bound(1.0) };
     SimulateSettings::realistic(seed, home.to_vec(), poses)
 }
 

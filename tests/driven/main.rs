@@ -39,11 +39,7 @@ const TOOL_MM: [f64; 3] = [25.0, -40.0, 100.0];
 const STATIONS: usize = 300;
 const TARGETS: usize = 150;
 /// What has to be met.
-const TOLERANCE: Tolerance = Tolerance {
-    mm: 0.3,
-    share: 0.95,
-    confidence: 0.95,
-};
+const TOLERANCE: Tolerance = Tolerance { mm: 0.3, share: 0.95, confidence: 0.95 };
 
 fn home() -> Vec<f64> {
     HOME_DEG.map(f64::to_radians).to_vec()
@@ -63,10 +59,7 @@ fn session(arm: &Arm, number: u64, seed: u64, count: usize) -> SimulateSettings 
         orientation_rpy: [roll, pitch, yaw],
         cone_rad: 10_f64.to_radians(),
     };
-    SimulateSettings {
-        arm_seed: Some(number),
-        ..SimulateSettings::realistic(seed, home(), poses)
-    }
+    SimulateSettings { arm_seed: Some(number), ..SimulateSettings::realistic(seed, home(), poses) }
 }
 
 fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
@@ -79,26 +72,16 @@ fn stage_settings(harmonics: usize) -> StageSettings {
         rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
-        full: FullSettings {
-            harmonics,
-            ..FullSettings::default()
-        },
+        full: FullSettings { harmonics, ..FullSettings::default() },
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
         base: None,
         target_is_tool: None,
         similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            orientation_tolerance_deg: 15.0,
-            ..common::one_step(250.0)
-        },
+        grid: GridSettings { orientation_tolerance_deg: 15.0, ..common::one_step(250.0) },
         tolerance: TOLERANCE,
-        locate: Locate {
-            by: LocateBy::First,
-            stations: Some(50),
-            target: LocateTarget::Known,
-        },
+        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
         leave_sessions_out: false,
         tool_tip: None,
     }
@@ -131,11 +114,7 @@ impl Identified {
             share: TOLERANCE.share,
             confidence: TOLERANCE.confidence,
         };
-        let joints = found.training[0]
-            .joined
-            .stations
-            .iter()
-            .map(|station| &station.joints);
+        let joints = found.training[0].joined.stations.iter().map(|station| &station.joints);
         let wide = vec![[f64::INFINITY, f64::NEG_INFINITY]; 6];
         let measured = joints.fold(wide, |ranges, joints| {
             let widened = ranges.iter().zip(joints);
@@ -162,12 +141,7 @@ impl Identified {
             validity: Validity::default(),
             frame_uncertainty: FrameUncertainty::default(),
         };
-        Self {
-            arm,
-            number,
-            by,
-            promise,
-        }
+        Self { arm, number, by, promise }
     }
 
     /// Fresh targets of another session, corrected; those that ask for joint angles which were not measured are refused.
@@ -186,11 +160,7 @@ impl Identified {
                 ..Target::default()
             })
             .collect();
-        self.by
-            .compensate(&targets, &[])
-            .into_iter()
-            .filter_map(Result::ok)
-            .collect()
+        self.by.compensate(&targets, &[]).into_iter().filter_map(Result::ok).collect()
     }
 
     /// Drives the arm to targets by commands, in another session, and tells what a session says of it.
@@ -205,10 +175,7 @@ impl Identified {
             .iter()
             .map(|corrected| {
                 let joints = command(corrected);
-                Commanded {
-                    base_from_target: self.arm.flange(&joints).isometry() * tool(),
-                    joints,
-                }
+                Commanded { base_from_target: self.arm.flange(&joints).isometry() * tool(), joints }
             })
             .collect();
         let error_frame = ErrorFrame::new(&self.arm, self.by.frames, Some(tool()), false);
@@ -232,21 +199,14 @@ impl Identified {
 
 /// The joint angles that a table commands.
 fn as_meant(corrected: &Corrected) -> Vec<f64> {
-    corrected
-        .joints
-        .as_ref()
-        .expect("joint angles")
-        .command
-        .clone()
+    corrected.joints.as_ref().expect("joint angles").command.clone()
 }
 
 /// The joint angles of the target plus the correction as `apply` has it.
 fn otherwise(corrected: &Corrected, apply: impl Fn(f64) -> f64) -> Vec<f64> {
     let joints = corrected.joints.as_ref().expect("joint angles");
     let pairs = joints.target.iter().zip(joints.correction());
-    pairs
-        .map(|(target, correction)| target + apply(correction))
-        .collect()
+    pairs.map(|(target, correction)| target + apply(correction)).collect()
 }
 
 /// What one loop comes to.
@@ -264,19 +224,11 @@ static THIRD: LazyLock<Identified> = LazyLock::new(|| Identified::new(3, 12));
 fn played(identified: &Identified) -> Loop {
     let number = identified.number;
     let corrected = identified.corrected();
-    assert!(
-        corrected.len() > TARGETS / 2,
-        "{} of {TARGETS}",
-        corrected.len()
-    );
+    assert!(corrected.len() > TARGETS / 2, "{} of {TARGETS}", corrected.len());
     let stations = identified.driven(&corrected, as_meant);
     let measured = driven::measured(&stations, "tuesday", 50).expect("stations span space");
     let kept = driven::kept(identified.promise, &measured.after).expect("stations that judge");
-    let before = measured
-        .before
-        .residuals
-        .iter()
-        .filter(|r| !r.used_for_refit);
+    let before = measured.before.residuals.iter().filter(|r| !r.used_for_refit);
     let before: Vec<f64> = before.map(|r| r.residual.norm()).collect();
     let played = Loop {
         before: Figures::of(&before).expect("stations"),
@@ -309,23 +261,14 @@ fn a_table_does_what_it_promised_and_what_was_done_with_it_is_reported() {
         driven::application(&own.driven(&corrected, command))
     };
     assert_eq!(told(&|c| otherwise(c, |_| 0.0)), Application::Not);
-    assert!(matches!(
-        told(&|c| otherwise(c, |q| -q)),
-        Application::WrongSign(_)
-    ));
-    assert!(matches!(
-        told(&|c| otherwise(c, |q| 2.0 * q)),
-        Application::Twice(_)
-    ));
+    assert!(matches!(told(&|c| otherwise(c, |q| -q)), Application::WrongSign(_)));
+    assert!(matches!(told(&|c| otherwise(c, |q| 2.0 * q)), Application::Twice(_)));
     // Another arm's table, for the same targets.
     let other = Identified::new(4, 12);
     let theirs = other.by.compensate(&targets_of(&corrected), &[]);
     let theirs: Vec<Corrected> = theirs.into_iter().filter_map(Result::ok).collect();
     let of_another = driven::application(&own.driven(&theirs, as_meant));
-    assert!(
-        matches!(of_another, Application::Unrelated(_)),
-        "{of_another:?}"
-    );
+    assert!(matches!(of_another, Application::Unrelated(_)), "{of_another:?}");
 }
 
 fn targets_of(corrected: &[Corrected]) -> Vec<Target> {
@@ -334,12 +277,7 @@ fn targets_of(corrected: &[Corrected]) -> Vec<Target> {
         joints: Some(TargetJoints {
             slides: None,
             names: vec![],
-            angles: corrected
-                .joints
-                .as_ref()
-                .expect("joint angles")
-                .target
-                .clone(),
+            angles: corrected.joints.as_ref().expect("joint angles").target.clone(),
         }),
         ..Target::default()
     };
@@ -407,16 +345,10 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
         interval.0,
         interval.1
     );
-    assert!(
-        interval.1 >= 0.95,
-        "{broken} promises of {ARMS} are contradicted"
-    );
+    assert!(interval.1 >= 0.95, "{broken} promises of {ARMS} are contradicted");
     assert!(mean_of(&means) <= 0.1);
     // An arm whose errors are about what its table states to be left looks alike whichever way it is corrected.
-    assert!(
-        missed * 100 <= judged,
-        "{missed} of {judged} misuses taken for use as meant"
-    );
+    assert!(missed * 100 <= judged, "{missed} of {judged} misuses taken for use as meant");
     for (way, right) in named {
         assert!(right >= 90, "{way}: {right} of {ARMS} named rightly");
     }

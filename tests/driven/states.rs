@@ -82,10 +82,7 @@ fn driven(own: &Identified, corrected: &[Corrected], since: Since) -> Vec<Statio
     let errors = since.errors(own, &day);
     let command = |corrected: &Corrected| {
         let joints = as_meant(corrected);
-        Commanded {
-            base_from_target: own.arm.flange(&joints).isometry() * tool(),
-            joints,
-        }
+        Commanded { base_from_target: own.arm.flange(&joints).isometry() * tool(), joints }
     };
     let commands: Vec<Commanded> = corrected.iter().map(command).collect();
     let visits = visits(&own.arm, &day, &errors, &commands);
@@ -96,10 +93,8 @@ fn driven(own: &Identified, corrected: &[Corrected], since: Since) -> Vec<Statio
 
 /// The arm as that session identifies it.
 fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Models {
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool()),
-    };
+    let frames =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: Some(tool()) };
     let commanded = commanded(stations, &own.arm, &frames);
     let mut observations = fit::observations(0, stations, &own.arm, &common::NOISE);
     fit::add_commands(&mut observations, stations, &commanded);
@@ -117,11 +112,7 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
 fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
     let corrected = own.corrected();
     let stations = driven(own, &corrected, since);
-    let full = |enabled| FullSettings {
-        enabled,
-        harmonics,
-        ..FullSettings::default()
-    };
+    let full = |enabled| FullSettings { enabled, harmonics, ..FullSettings::default() };
     let models = identified(own, &stations, &full(false));
     let error_frame = ErrorFrame::new(
         &own.arm,
@@ -141,11 +132,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
             turn: None,
         })
     };
-    let went: Vec<_> = stations
-        .iter()
-        .zip(&corrected)
-        .filter_map(station)
-        .collect();
+    let went: Vec<_> = stations.iter().zip(&corrected).filter_map(station).collect();
     let measured = driven::measured(&went, "tuesday", 50).expect("stations span space");
     let shown = Shown {
         application: &driven::application(&went),
@@ -173,10 +160,7 @@ fn names(state: &TableState, joint: usize) -> bool {
         return false;
     };
     let parts = judged.finding.parts();
-    let wanted = [
-        Hypothesis::JointOffset(joint),
-        Hypothesis::JointCurve(joint),
-    ];
+    let wanted = [Hypothesis::JointOffset(joint), Hypothesis::JointCurve(joint)];
     wanted.iter().any(|part| parts.contains(part))
 }
 
@@ -191,10 +175,7 @@ fn holds(state: &TableState) -> bool {
 #[test]
 fn an_unchanged_arm_holds_wherever_it_stands_and_a_changed_one_expires_by_what_changed() {
     let state = |since| state(&THIRD, since, 12);
-    assert_eq!(
-        state(Since::BaseBetween),
-        TableState::Holds(Drifted::Nothing)
-    );
+    assert_eq!(state(Since::BaseBetween), TableState::Holds(Drifted::Nothing));
     assert!(is_base(&state(Since::BaseDuring)));
     let joint = state(Since::Joint(3, 1e-3));
     assert!(!holds(&joint) && names(&joint, 3));
@@ -206,14 +187,8 @@ fn an_unchanged_arm_holds_wherever_it_stands_and_a_changed_one_expires_by_what_c
 #[ignore = "a long proof: cargo test --release --test driven states -- --ignored --nocapture"]
 fn on_twenty_arms_what_happened_to_them_is_reported() {
     const ARMS: usize = 20;
-    const CHANGED: [(usize, f64); 6] = [
-        (2, 3e-4),
-        (2, 1e-3),
-        (3, 3e-4),
-        (3, 1e-3),
-        (5, 3e-4),
-        (5, 1e-3),
-    ];
+    const CHANGED: [(usize, f64); 6] =
+        [(2, 3e-4), (2, 1e-3), (3, 3e-4), (3, 1e-3), (5, 3e-4), (5, 1e-3)];
     let (mut unchanged, mut silent, mut between, mut during) = (0, 0, 0, 0);
     let (mut expired, mut named) = ([0; 6], [0; 6]);
     for number in (3_000..).take(ARMS) {

@@ -19,17 +19,12 @@ fn refused(call: &Call) {
     match ended.code {
         // The row in `runs` is there: nothing that was refused mattered.
         Some(UNDISTURBED) => assert_eq!(runs, 1, "{what}: {}", ended.told),
-        Some(1) => assert!(
-            ended.told.contains("No space left on device"),
-            "{what}: {}",
-            ended.told
-        ),
+        Some(1) => {
+            assert!(ended.told.contains("No space left on device"), "{what}: {}", ended.told)
+        }
         code => panic!("{what}: exit code {code:?}: {}", ended.told),
     }
-    assert!(
-        lake::temporaries(&trial.lake()).is_empty(),
-        "{what}: leftovers"
-    );
+    assert!(lake::temporaries(&trial.lake()).is_empty(), "{what}: leftovers");
     trial.recovers(&what);
 }
 
@@ -75,14 +70,7 @@ fn on_a_disk_of(kib: usize) {
     let ended = Ended::from(output.expect("started"));
     let what = format!("a disk of {kib} KiB");
     // Too small for the lake: it fails, says so, and leaves nothing; with room it is what it always is.
-    ended.expect(
-        0,
-        &[
-            "full: 1, then: 3",
-            "No space left on device",
-            "make room there",
-        ],
-    );
+    ended.expect(0, &["full: 1, then: 3", "No space left on device", "make room there"]);
     trial.is_undisturbed(&what);
 }
 

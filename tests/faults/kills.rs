@@ -11,10 +11,7 @@ fn killed(call: &Call) -> bool {
     let ended = strace::run(&trial, call, "signal=KILL");
     let what = format!("killed at {} number {}", call.name, call.number);
     let killed = ended.signal == Some(9);
-    assert!(
-        killed || ended.code == Some(crate::UNDISTURBED),
-        "{what}: {ended:?}"
-    );
+    assert!(killed || ended.code == Some(crate::UNDISTURBED), "{what}: {ended:?}");
     lake::check(&trial.lake(), &what);
     trial.recovers(&what);
     killed

@@ -42,8 +42,7 @@ fn change(path: &Path) {
     // The last byte of the magic at the end: the log is damaged from now on, which is another input.
     file.seek(SeekFrom::End(-1)).expect("within the file");
     file.write_all(b"x").expect("writable");
-    file.set_modified(modified.expect("known"))
-        .expect("writable");
+    file.set_modified(modified.expect("known")).expect("writable");
 }
 
 #[test]
@@ -52,16 +51,15 @@ fn a_second_run_opens_no_log_until_one_changes() {
         return;
     }
     // Logs of an hour ago: of later ones the end is looked at, as they may still be written.
-    let cell = new()
-        .with_log("mon", "controller.mcap", |bytes| bytes)
-        .with_log("mon", "tracker.mcap", |bytes| bytes);
+    let cell = new().with_log("mon", "controller.mcap", |bytes| bytes).with_log(
+        "mon",
+        "tracker.mcap",
+        |bytes| bytes,
+    );
     sleep(SETTLED);
     let index = cell.path("lake/.index/runs.jsonl");
     let (first, opened) = run(&cell);
-    assert!(
-        first.contains("1 done, 0 done before") && opened > 0,
-        "{first}"
-    );
+    assert!(first.contains("1 done, 0 done before") && opened > 0, "{first}");
     assert!(index.exists());
     let (second, opened) = run(&cell);
     assert!(second.contains("0 done, 1 done before"), "{second}");
@@ -82,8 +80,5 @@ fn a_second_run_opens_no_log_until_one_changes() {
     change(&cell.session("mon").join("tracker.mcap"));
     sleep(SETTLED);
     let (changed, opened) = run(&cell);
-    assert!(
-        changed.contains("1 done, 0 done before") && opened > 0,
-        "{changed}"
-    );
+    assert!(changed.contains("1 done, 0 done before") && opened > 0, "{changed}");
 }

@@ -19,9 +19,8 @@ pub fn check(root: &Path, what: &str) -> usize {
     }
     let rows = Lake::new(root).runs().expect("a lake");
     for (path, row) in &rows {
-        let row = row
-            .as_ref()
-            .unwrap_or_else(|error| panic!("{what}: {}: {error}", path.display()));
+        let row =
+            row.as_ref().unwrap_or_else(|error| panic!("{what}: {}: {error}", path.display()));
         has_its_files(root, &row.table, what);
     }
     rows.len()
@@ -44,30 +43,20 @@ fn whole(root: &Path, path: &str, what: &str) {
 fn has_its_files(root: &Path, row: &Table, what: &str) {
     let key = row.key().expect("one run");
     let (names, digests) = (list(row, "table_names"), list(row, "table_digests"));
-    assert!(
-        names.len() > 10 && names.len() == digests.len(),
-        "{what}: {names:?}"
-    );
+    assert!(names.len() > 10 && names.len() == digests.len(), "{what}: {names:?}");
     for (name, digest) in names.iter().zip(&digests) {
         let (table, session) = name.split_once('/').expect("TABLE/SESSION");
         let ending = if table == "report" { "html" } else { "parquet" };
         let path = format!("{table}/{}/{session}/{}.{ending}", key.robot, key.run);
         let bytes =
             fs::read(root.join(&path)).unwrap_or_else(|error| panic!("{what}: {path}: {error}"));
-        assert_eq!(
-            blake3::hash(&bytes).to_hex().as_str(),
-            digest,
-            "{what}: {path}"
-        );
+        assert_eq!(blake3::hash(&bytes).to_hex().as_str(), digest, "{what}: {path}");
     }
 }
 
 fn list(row: &Table, column: &str) -> Vec<String> {
     let values = row.list(column).value(0);
-    let values = values
-        .as_any()
-        .downcast_ref::<StringArray>()
-        .expect("texts");
+    let values = values.as_any().downcast_ref::<StringArray>().expect("texts");
     values.iter().flatten().map(str::to_owned).collect()
 }
 

@@ -75,14 +75,8 @@ impl Trial {
         let (found, expected) = (published(&self.lake()), small().lake());
         let names: Vec<_> = found.keys().collect();
         assert_eq!(names, expected.keys().collect::<Vec<_>>(), "{what}");
-        let other = found
-            .iter()
-            .find(|(path, bytes)| expected[*path] != **bytes);
-        assert!(
-            other.is_none(),
-            "{what}: other bytes: {:?}",
-            other.map(|(path, _)| path)
-        );
+        let other = found.iter().find(|(path, bytes)| expected[*path] != **bytes);
+        assert!(other.is_none(), "{what}: other bytes: {:?}", other.map(|(path, _)| path));
     }
 }
 

@@ -18,21 +18,14 @@ fn ended_by(signal: &str, code: i32, call: &Call) -> i32 {
     };
     if found == code {
         let line = ["stopped      mon: ", "not-started  mon: "];
-        assert!(
-            line.iter().any(|line| ended.told.contains(line)),
-            "{what}: {}",
-            ended.told
-        );
+        assert!(line.iter().any(|line| ended.told.contains(line)), "{what}: {}", ended.told);
         assert!(ended.told.contains("1 stopped"), "{what}: {}", ended.told);
         assert_eq!(runs, 0, "{what}");
     } else {
         // It came when the result was there and being written: that is finished.
         assert_eq!((found, runs), (UNDISTURBED, 1), "{what}: {}", ended.told);
     }
-    assert!(
-        lake::temporaries(&trial.lake()).is_empty(),
-        "{what}: leftovers"
-    );
+    assert!(lake::temporaries(&trial.lake()).is_empty(), "{what}: leftovers");
     trial.recovers(&what);
     found
 }
@@ -60,14 +53,10 @@ fn a_run_that_is_asked_to_end_does_so_and_leaves_nothing_half_done() {
     assert_eq!(ended_by("INT", 130, &call("linkat", 3)), UNDISTURBED);
     // As files are opened, logs among them, and as the stages take memory.
     let (_, on_the_way) = strace::calls_of_one_thread();
-    let opened = on_the_way
-        .into_iter()
-        .filter(|call| ["openat", "mprotect"].contains(&call.name.as_str()));
+    let opened =
+        on_the_way.into_iter().filter(|call| ["openat", "mprotect"].contains(&call.name.as_str()));
     let moments = strace::spread(&opened.collect::<Vec<_>>(), 8);
-    let codes: Vec<i32> = moments
-        .iter()
-        .map(|call| ended_by("TERM", 143, call))
-        .collect();
+    let codes: Vec<i32> = moments.iter().map(|call| ended_by("TERM", 143, call)).collect();
     assert!(codes.contains(&143), "{codes:?} at {moments:?}");
 }
 
@@ -80,21 +69,10 @@ fn a_second_signal_is_the_end() {
     // As the folder of the first table is brought to the disk, and as the second table is.
     let inject = "inject=fsync:signal=INT:when=2..3";
     let mut command = strace::strace(&["trace=fsync", inject], "/dev/null");
-    let ended = strace::posegrid(&mut command, &trial)
-        .output()
-        .expect("started");
+    let ended = strace::posegrid(&mut command, &trial).output().expect("started");
     let ended = strace::Faulted::from(ended);
-    assert_eq!(
-        (ended.code, ended.signal),
-        (None, Some(2)),
-        "{}",
-        ended.told
-    );
-    assert_eq!(
-        lake::temporaries(&trial.lake()).len(),
-        1,
-        "it was being written"
-    );
+    assert_eq!((ended.code, ended.signal), (None, Some(2)), "{}", ended.told);
+    assert_eq!(lake::temporaries(&trial.lake()).len(), 1, "it was being written");
     trial.recovers("ended at once");
 }
 
@@ -105,18 +83,11 @@ fn a_run_that_is_asked_to_end_at_any_call_does_so() {
         return;
     }
     let (writing, on_the_way) = strace::calls_of_one_thread();
-    let calls = [
-        strace::spread(&writing, 40),
-        strace::spread(&on_the_way, 60),
-    ]
-    .concat();
+    let calls = [strace::spread(&writing, 40), strace::spread(&on_the_way, 60)].concat();
     let mut stopped = 0;
     for (place, call) in calls.iter().enumerate() {
         let (signal, code) = [("INT", 130), ("TERM", 143)][place % 2];
         stopped += usize::from(ended_by(signal, code, call) == code);
     }
-    println!(
-        "{} signals, {stopped} of them ended the run before its result",
-        calls.len()
-    );
+    println!("{} signals, {stopped} of them ended the run before its result", calls.len());
 }

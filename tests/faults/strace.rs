@@ -24,9 +24,7 @@ const WRITING: [&str; 13] = [
     "mkdirat",
 ];
 /// System calls on the way there: while files are opened, read and left, and while the stages take memory.
-const ON_THE_WAY: [&str; 7] = [
-    "openat", "read", "pread64", "close", "statx", "lseek", "mprotect",
-];
+const ON_THE_WAY: [&str; 7] = ["openat", "read", "pread64", "close", "statx", "lseek", "mprotect"];
 
 /// A system call, counted from 1 in the thread that makes most of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,16 +48,11 @@ pub struct Faulted {
 
 /// Whether `strace` can be used here; said loudly where it cannot, and a failure where `CI` is set.
 pub fn is_there() -> bool {
-    let probe = Command::new("strace")
-        .args(["-f", "-o", "/dev/null", "true"])
-        .output();
+    let probe = Command::new("strace").args(["-f", "-o", "/dev/null", "true"]).output();
     if probe.is_ok_and(|probe| probe.status.success()) {
         return true;
     }
-    assert!(
-        std::env::var_os("CI").is_none(),
-        "strace is absent or may not trace: CI must have it"
-    );
+    assert!(std::env::var_os("CI").is_none(), "strace is absent or may not trace: CI must have it");
     eprintln!(
         "SKIPPED: strace is absent or may not trace, so this test has shown nothing (apt-get install strace)"
     );
@@ -75,10 +68,7 @@ impl Call {
 
 /// A run into the trial's lake, with a fault (`signal=KILL`, `error=ENOSPC`) at a system call.
 pub fn run(trial: &Trial, call: &Call, fault: &str) -> Faulted {
-    let mut command = strace(
-        &[&format!("trace={}", call.name), &call.inject(fault)],
-        "/dev/null",
-    );
+    let mut command = strace(&[&format!("trace={}", call.name), &call.inject(fault)], "/dev/null");
     Faulted::from(posegrid(&mut command, trial).output().expect("started"))
 }
 
@@ -132,10 +122,7 @@ fn numbered(from: impl Fn(&Made) -> usize) -> (Vec<Call>, Vec<Call>) {
         let counted = names.iter().filter_map(|name| counts.get_key_value(*name));
         let numbered = |(name, made): (&String, &Made)| {
             let name = name.clone();
-            (from(made)..=made.by_most).map(move |number| Call {
-                name: name.clone(),
-                number,
-            })
+            (from(made)..=made.by_most).map(move |number| Call { name: name.clone(), number })
         };
         counted.flat_map(numbered).collect()
     };
@@ -172,10 +159,7 @@ fn counted() -> BTreeMap<String, Made> {
     for ((name, _), count) in by_thread {
         let made = counts.entry(name).or_default();
         let next = count.min(made.by_most).max(made.by_next);
-        *made = Made {
-            by_most: count.max(made.by_most),
-            by_next: next,
-        };
+        *made = Made { by_most: count.max(made.by_most), by_next: next };
     }
     counts
 }
@@ -183,7 +167,5 @@ fn counted() -> BTreeMap<String, Made> {
 /// `count` of the calls, evenly spread over them.
 pub fn spread(calls: &[Call], count: usize) -> Vec<Call> {
     let count = count.min(calls.len());
-    (0..count)
-        .map(|i| calls[i * calls.len() / count].clone())
-        .collect()
+    (0..count).map(|i| calls[i * calls.len() / count].clone()).collect()
 }

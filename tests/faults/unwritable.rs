@@ -42,24 +42,17 @@ impl Trial {
     /// with those what the expressions say.
     fn told(&self, arguments: &[&str], stream: Stream, expressions: &[&str]) -> Told {
         let streams = ["results", "messages"].map(|name| self.folder.path().join(name));
-        let [results, messages] = streams
-            .each_ref()
-            .map(|path| File::create(path).expect("writable"));
+        let [results, messages] =
+            streams.each_ref().map(|path| File::create(path).expect("writable"));
         let calls = self.folder.path().join("calls");
         let mut command = strace::strace(&[&["trace=write"], expressions].concat(), text(&calls));
         command.args(["-P", text(&streams[stream as usize])]);
-        command
-            .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
-            .args(arguments);
+        command.arg(assert_cmd::cargo::cargo_bin!("posegrid")).args(arguments);
         command.env("RAYON_NUM_THREADS", "1").env_remove("RUST_LOG");
         let started = command.stdout(results).stderr(messages).spawn();
         let code = in_time(started.expect("started")).status.code();
         let [results, messages] = streams.map(|path| fs::read_to_string(path).expect("UTF-8"));
-        Told {
-            code,
-            results,
-            messages,
-        }
+        Told { code, results, messages }
     }
 
     /// How often a command writes to a stream.
@@ -74,11 +67,7 @@ impl Trial {
 
 /// Asserts what has to hold of a command when a write is refused, against how it ends undisturbed.
 fn refused(trial: &Trial, arguments: &[&str], usual: &Told, fault: &Fault) {
-    let Fault {
-        stream,
-        error,
-        when,
-    } = fault;
+    let Fault { stream, error, when } = fault;
     let inject = format!("inject=write:error={error}:when={when}");
     let found = trial.told(arguments, *stream, &[&inject]);
     let what = format!("{fault:?} {arguments:?}: {found:?}");
@@ -96,9 +85,7 @@ fn refused(trial: &Trial, arguments: &[&str], usual: &Told, fault: &Fault) {
         ("EPIPE", false) => Some(0),
         _ => Some(1),
     };
-    let is_told = found
-        .messages
-        .contains("cannot write the results to stdout");
+    let is_told = found.messages.contains("cannot write the results to stdout");
     assert_eq!((found.code, is_told), (code, *error != "EPIPE"), "{what}");
 }
 
@@ -108,11 +95,7 @@ fn faults(writes: impl Fn(Stream) -> usize) -> Vec<Fault> {
     for stream in [Stream::Results, Stream::Messages] {
         for number in 1..=writes(stream) {
             for when in [number.to_string(), format!("{number}+")] {
-                faults.extend(ERRORS.map(|error| Fault {
-                    stream,
-                    error,
-                    when: when.clone(),
-                }));
+                faults.extend(ERRORS.map(|error| Fault { stream, error, when: when.clone() }));
             }
         }
     }
@@ -188,10 +171,7 @@ fn a_run_of_which_no_word_can_be_written_publishes_what_it_always_does() {
     }
     let cell = talkative();
     let (usual, faults) = of_run(&cell);
-    assert!(
-        faults.len() > 12,
-        "it is to have something to say: {usual:?}"
-    );
+    assert!(faults.len() > 12, "it is to have something to say: {usual:?}");
     let first = |stream, error| {
         let mut found = faults.iter();
         found.find(|fault| (fault.stream, fault.error) == (stream, error) && fault.when == "1+")

@@ -47,15 +47,9 @@ fn observations(
     let commanded: Vec<Commanded> = (0..STATIONS)
         .map(|_| {
             let sides = SPREAD_DEG.map(f64::to_radians);
-            let joints: Vec<f64> = home
-                .iter()
-                .zip(sides)
-                .map(|(q, side)| q + poses.between(-side, side))
-                .collect();
-            Commanded {
-                base_from_target: arm.chain().nominal(&arm.axes(&joints)) * target,
-                joints,
-            }
+            let joints: Vec<f64> =
+                home.iter().zip(sides).map(|(q, side)| q + poses.between(-side, side)).collect();
+            Commanded { base_from_target: arm.chain().nominal(&arm.axes(&joints)) * target, joints }
         })
         .collect();
     let visits = visits(arm, &settings, &errors, &commanded);
@@ -68,9 +62,7 @@ fn geometric(arm: &Arm) -> Estimate {
     let fitted =
         fit::identify(arm, &seen, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit");
     let saved = SavedCalibration::of(&fitted, arm, &["one"]);
-    Estimate::of_geometric(&saved)
-        .expect("sound")
-        .expect("an estimate")
+    Estimate::of_geometric(&saved).expect("sound").expect("an estimate")
 }
 
 /// Lowest and highest axis variable of each joint.
@@ -78,9 +70,7 @@ fn ranges(seen: &[Observation]) -> Vec<[f64; 2]> {
     let joints = 0..seen[0].axes.len();
     let range = |joint: usize| {
         let own = seen.iter().map(|one| one.axes[joint]);
-        own.fold([f64::MAX, f64::MIN], |[low, high], q| {
-            [low.min(q), high.max(q)]
-        })
+        own.fold([f64::MAX, f64::MIN], |[low, high], q| [low.min(q), high.max(q)])
     };
     joints.map(range).collect()
 }
@@ -88,21 +78,10 @@ fn ranges(seen: &[Observation]) -> Vec<[f64; 2]> {
 pub fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
     let settings = FitSettings::default();
     let start = fit::identify(arm, seen, 1, Freedom::Geometry, &settings).expect("a fit");
-    let quick = FullSettings {
-        harmonics: 12,
-        gear_lines: false,
-        ..FullSettings::default()
-    };
+    let quick = FullSettings { harmonics: 12, gear_lines: false, ..FullSettings::default() };
     let up = Some(nalgebra::Vector3::z_axis());
-    let model = FullModel::train(
-        arm,
-        seen,
-        &start.frames,
-        &start.geometry,
-        &settings.prior(),
-        &quick,
-        up,
-    );
+    let model =
+        FullModel::train(arm, seen, &start.frames, &start.geometry, &settings.prior(), &quick, up);
     let estimate = Estimate::of_full(&model.expect("a model"), &ranges(seen));
     estimate.expect("an estimate")
 }
@@ -115,10 +94,7 @@ struct Drawing {
 
 impl Drawing {
     fn new(of: &Estimate, seed: u64) -> Self {
-        Self {
-            of: of.clone(),
-            stream: Stream::new(seed, Ingredient::Errors),
-        }
+        Self { of: of.clone(), stream: Stream::new(seed, Ingredient::Errors) }
     }
 
     fn next(&mut self, truth: &[(Column, f64)]) -> Estimate {
@@ -153,9 +129,7 @@ fn below_a_tenth(of: &Estimate, rounds: usize) -> (usize, usize) {
     let (mut omnibus, mut any) = (0, 0);
     for _ in 0..rounds {
         let (asked, _) = drawing.compared(&[]);
-        let all = asked
-            .iter()
-            .find(|asked| asked.hypothesis == Hypothesis::Anything);
+        let all = asked.iter().find(|asked| asked.hypothesis == Hypothesis::Anything);
         omnibus += usize::from(all.expect("asked").alone.p_value() < 0.1);
         let p_values = asked.iter().map(|asked| asked.alone.p_value());
         any += usize::from(p_values.fold(1.0, f64::min) * (asked.len() as f64) < 0.1);
@@ -168,14 +142,8 @@ fn p_values_are_uniform_where_nothing_changed() {
     let rounds = 400;
     let (omnibus, any) = below_a_tenth(&geometric(&arm()), rounds);
     // 10 % of 400 is 40 ± 6; hypotheses overlap, so of the corrected ones there are fewer, but some.
-    assert!(
-        (22..=58).contains(&omnibus),
-        "{omnibus} of {rounds} below 0.1"
-    );
-    assert!(
-        (6..=58).contains(&any),
-        "{any} of {rounds} families below 0.1"
-    );
+    assert!((22..=58).contains(&omnibus), "{omnibus} of {rounds} below 0.1");
+    assert!((6..=58).contains(&any), "{any} of {rounds} families below 0.1");
 }
 
 /// How often, of `rounds`, the part is among those named, is named alone, and a wrong part is named alone.
@@ -197,26 +165,10 @@ type Change = (&'static str, Vec<(Column, f64)>, Hypothesis);
 
 fn changes() -> [Change; 4] {
     [
-        (
-            "base 0.2 mm along x",
-            vec![(base(Axis::X), 0.2)],
-            Hypothesis::Base,
-        ),
-        (
-            "target 0.1 mm along x",
-            vec![(target(Axis::X), 0.1)],
-            Hypothesis::Target,
-        ),
-        (
-            "joint 3 by 50 µrad",
-            vec![(theta(3), 50e-6)],
-            Hypothesis::JointOffset(3),
-        ),
-        (
-            "joint 3 by 150 µrad",
-            vec![(theta(3), 150e-6)],
-            Hypothesis::JointOffset(3),
-        ),
+        ("base 0.2 mm along x", vec![(base(Axis::X), 0.2)], Hypothesis::Base),
+        ("target 0.1 mm along x", vec![(target(Axis::X), 0.1)], Hypothesis::Target),
+        ("joint 3 by 50 µrad", vec![(theta(3), 50e-6)], Hypothesis::JointOffset(3)),
+        ("joint 3 by 150 µrad", vec![(theta(3), 150e-6)], Hypothesis::JointOffset(3)),
     ]
 }
 
@@ -243,12 +195,7 @@ pub fn figures(estimate: Estimate) -> SessionFigures {
         settings: name(),
         model: name(),
     };
-    SessionFigures {
-        noticed: None,
-        basis,
-        estimate,
-        accuracy: Vec::new(),
-    }
+    SessionFigures { noticed: None, basis, estimate, accuracy: Vec::new() }
 }
 
 /// Sessions measured one after another, with what `change` makes of the cell and the arm.
@@ -271,10 +218,7 @@ fn measured(
 
 pub fn told(judged: &[Judged]) {
     for (session, judged) in judged.iter().enumerate() {
-        let all = judged
-            .asked
-            .iter()
-            .find(|asked| asked.hypothesis == Hypothesis::Anything);
+        let all = judged.asked.iter().find(|asked| asked.hypothesis == Hypothesis::Anything);
         let all = all.map(|asked| (asked.alone.statistic, asked.alone.freedom));
         eprintln!(
             "{session} against {}: {:?} {all:?} settles {:?}",
@@ -307,10 +251,7 @@ fn the_whole_model_finds_what_moved_from_measured_stations() {
         assert_eq!(own.settles, settles, "session {session}");
     }
     // Stated along the base's own axes: the length counts.
-    let along = judged[3]
-        .moved
-        .iter()
-        .filter(|shift| shift.column.unit_name() == "mm");
+    let along = judged[3].moved.iter().filter(|shift| shift.column.unit_name() == "mm");
     let length = along.map(|shift| shift.value.powi(2)).sum::<f64>().sqrt();
     assert!((length - 0.2).abs() < 0.04, "{length}");
 }
@@ -339,9 +280,7 @@ fn a_change_counts_by_its_size_and_many_small_ones_add_up() {
         })
         .collect();
     told(&judged);
-    let first = judged
-        .iter()
-        .position(|own| own.finding != Finding::Nothing);
+    let first = judged.iter().position(|own| own.finding != Finding::Nothing);
     assert!(matches!(first, Some(5..8)), "{first:?}");
     // Before it counts, it is significant.
     assert!(judged[..5].iter().any(|own| !own.small.is_empty()));
@@ -356,22 +295,10 @@ fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segmen
     for session in 0..5 {
         let truth: &[_] = if session == 2 { &moved } else { &[] };
         let judged = session_history.next(&figures(drawing.next(truth)));
-        assert_eq!(
-            judged.finding != Finding::Nothing,
-            session == 2,
-            "session {session}"
-        );
-        assert_eq!(
-            judged.settles,
-            (session == 3).then_some(false),
-            "session {session}"
-        );
+        assert_eq!(judged.finding != Finding::Nothing, session == 2, "session {session}");
+        assert_eq!(judged.settles, (session == 3).then_some(false), "session {session}");
         // The session that moved is left out of the pool again.
-        assert_eq!(
-            judged.against,
-            [0, 1, 2, 2, 3][session],
-            "session {session}"
-        );
+        assert_eq!(judged.against, [0, 1, 2, 2, 3][session], "session {session}");
     }
     let mut other = figures(drawing.next(&moved));
     other.basis.settings = "others".to_owned();
@@ -385,10 +312,8 @@ fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segmen
 #[ignore = "minutes: rates over many sessions"]
 fn rates_over_many_sessions() {
     let arm = arm();
-    let of = [
-        ("geometric", geometric(&arm)),
-        ("full", full(&arm, &observations(&arm, 1, |_, _| ()))),
-    ];
+    let of =
+        [("geometric", geometric(&arm)), ("full", full(&arm, &observations(&arm, 1, |_, _| ())))];
     for (name, of) in &of {
         let rounds = 1000;
         let (omnibus, any) = below_a_tenth(of, rounds);
@@ -401,22 +326,13 @@ fn rates_over_many_sessions() {
         }
     }
     let judged = measured(0..40, |_, _, _| ());
-    let alarms = judged
-        .iter()
-        .filter(|judged| judged.finding != Finding::Nothing)
-        .count();
-    let out = judged
-        .iter()
-        .filter(|judged| judged.out_of_control().next().is_some())
-        .count();
+    let alarms = judged.iter().filter(|judged| judged.finding != Finding::Nothing).count();
+    let out = judged.iter().filter(|judged| judged.out_of_control().next().is_some()).count();
     println!("40 measured sessions without a change: {alarms} alarms, {out} out of control");
     let mut ratio: Vec<f64> = judged
         .iter()
         .filter_map(|judged| {
-            judged
-                .asked
-                .iter()
-                .find(|asked| asked.hypothesis == Hypothesis::Anything)
+            judged.asked.iter().find(|asked| asked.hypothesis == Hypothesis::Anything)
         })
         .map(|asked| asked.alone.statistic / asked.alone.freedom as f64)
         .collect();

@@ -95,15 +95,12 @@ fn changes(judged: &Judged) -> Vec<(f64, f64, f64)> {
         _ => None,
     };
     let own = judged.moved.iter();
-    let own: Vec<(f64, f64)> = own
-        .filter_map(|shift| Some((at(&shift.column)?, shift.value)))
-        .collect();
+    let own: Vec<(f64, f64)> =
+        own.filter_map(|shift| Some((at(&shift.column)?, shift.value))).collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
     let found = mean(own.iter().map(|(_, value)| *value).collect());
     let truth = mean(own.iter().map(|(place, _)| change_mm(*place)).collect());
-    own.into_iter()
-        .map(|(place, value)| (place, value - found, change_mm(place) - truth))
-        .collect()
+    own.into_iter().map(|(place, value)| (place, value - found, change_mm(place) - truth)).collect()
 }
 
 #[test]
@@ -112,26 +109,19 @@ fn a_change_of_a_tracks_curve_is_found_with_its_size() {
     told(&judged);
     for (session, own) in (0..).zip(&judged) {
         let parts = own.finding.parts();
-        let expected: &[Hypothesis] = if session == CHANGED {
-            &[Hypothesis::JointCurve(1)]
-        } else {
-            &[]
-        };
+        let expected: &[Hypothesis] =
+            if session == CHANGED { &[Hypothesis::JointCurve(1)] } else { &[] };
         assert_eq!(parts, expected, "session {session}");
     }
     let changes = changes(&judged[usize::try_from(CHANGED).expect("small")]);
     for (place, found, truth) in &changes {
         println!("{place:>6.0} mm: {found:+.3} mm found, {truth:+.3} mm true");
     }
-    let sizes = changes
-        .iter()
-        .map(|(_, found, truth)| (found - truth).powi(2));
+    let sizes = changes.iter().map(|(_, found, truth)| (found - truth).powi(2));
     let off = (sizes.sum::<f64>() / changes.len() as f64).sqrt();
     println!("off by {off:.4} mm rms over {} positions", changes.len());
     let [low, high] = range_mm(CHANGED);
-    let of_both = changes
-        .iter()
-        .all(|(place, ..)| (low..=high).contains(place));
+    let of_both = changes.iter().all(|(place, ..)| (low..=high).contains(place));
     assert!(of_both, "positions that both measured, {low} to {high} mm");
     assert!(changes.len() >= 10 && off < 0.15 * BY_MM, "{off} mm");
     assert_eq!(judged[4].settles, Some(true), "it lasts");
@@ -147,11 +137,7 @@ fn a_track_that_did_not_change_raises_no_alarm() {
             .asked
             .iter()
             .any(|asked| asked.hypothesis == Hypothesis::JointCurve(1) && asked.alone.freedom >= 8);
-        assert_eq!(
-            asks,
-            session > 0,
-            "the track's curve is tested in session {session}"
-        );
+        assert_eq!(asks, session > 0, "the track's curve is tested in session {session}");
     }
 }
 
@@ -168,8 +154,5 @@ fn alarms_over_many_sessions_of_a_track() {
     let alarms = judged.iter().filter(|own| own.finding != Finding::Nothing);
     let alarms = alarms.count();
     println!("15 comparisons of a track that did not change: {below} below 0.1, {alarms} alarms");
-    assert!(
-        alarms == 0 && below <= 5,
-        "{below} below 0.1, {alarms} alarms"
-    );
+    assert!(alarms == 0 && below <= 5, "{below} below 0.1, {alarms} alarms");
 }

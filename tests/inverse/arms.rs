@@ -19,20 +19,12 @@ type Link = ([f64; 4], [f64; 2]);
 
 impl Drawn {
     pub fn new(name: &'static str, arm: Arm) -> Self {
-        Self {
-            name,
-            arm,
-            length: None,
-        }
+        Self { name, arm, length: None }
     }
 
     /// The unit of a joint: 1 rad, or the lever.
     pub fn unit(&self, joint: usize, lever_mm: f64) -> f64 {
-        if self.length == Some(joint) {
-            lever_mm
-        } else {
-            1.0
-        }
+        if self.length == Some(joint) { lever_mm } else { 1.0 }
     }
 
     /// Random joint values, uniform within the limits.
@@ -80,28 +72,14 @@ fn elements(links: &[Link], first: usize) -> Vec<Element> {
     let mut elements = Vec::new();
     for (place, ([a, alpha, d, offset], _)) in links.iter().enumerate() {
         let joint = first + place;
-        let turn = Element::Joint {
-            motion: about(Axis::Z),
-            joint,
-            sign: 1.0,
-        };
+        let turn = Element::Joint { motion: about(Axis::Z), joint, sign: 1.0 };
         let number = joint + 1;
         elements.extend([
             turn,
-            free(
-                about(Axis::Z),
-                offset.to_radians(),
-                number,
-                LinkQuantity::Theta,
-            ),
+            free(about(Axis::Z), offset.to_radians(), number, LinkQuantity::Theta),
             free(along(Axis::Z), *d, number, LinkQuantity::D),
             free(along(Axis::X), *a, number, LinkQuantity::A),
-            free(
-                about(Axis::X),
-                alpha.to_radians(),
-                number,
-                LinkQuantity::Alpha,
-            ),
+            free(about(Axis::X), alpha.to_radians(), number, LinkQuantity::Alpha),
         ]);
     }
     elements
@@ -118,30 +96,18 @@ fn joints(links: &[Link]) -> Vec<Joint> {
 }
 
 fn identity(size: usize) -> Vec<Vec<f64>> {
-    let row = |row| {
-        (0..size)
-            .map(|column| f64::from(u8::from(row == column)))
-            .collect()
-    };
+    let row = |row| (0..size).map(|column| f64::from(u8::from(row == column))).collect();
     (0..size).map(row).collect()
 }
 
 pub fn of_links(name: &str, links: &[Link]) -> Arm {
     let chain = Chain::new(elements(links, 0));
-    Arm::new(
-        name.to_owned(),
-        Convention::StandardDh,
-        joints(links),
-        &identity(links.len()),
-        chain,
-    )
-    .expect("an arm")
+    Arm::new(name.to_owned(), Convention::StandardDh, joints(links), &identity(links.len()), chain)
+        .expect("an arm")
 }
 
 pub fn kr210() -> Arm {
-    of_file(include_str!(
-        "../../pipelines/robots/kr210-r2700-extra.toml"
-    ))
+    of_file(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"))
 }
 
 pub fn ur10() -> Arm {
@@ -195,14 +161,8 @@ pub fn coupled() -> Arm {
     let mut map = identity(6);
     map[2][1] = 1.0;
     let chain = Chain::new(elements(&FANUC, 0));
-    Arm::new(
-        "coupled".to_owned(),
-        Convention::StandardDh,
-        joints(&FANUC),
-        &map,
-        chain,
-    )
-    .expect("an arm")
+    Arm::new("coupled".to_owned(), Convention::StandardDh, joints(&FANUC), &map, chain)
+        .expect("an arm")
 }
 
 /// A six-axis arm whose wrist does not meet in a point: axis 5 is 150 mm beside axis 4.
@@ -222,30 +182,17 @@ pub fn offset_wrist() -> Arm {
 
 /// The links of the coupled arm on a linear track of 3 m along the base's y axis.
 pub fn on_track() -> Arm {
-    let mut own = vec![Element::Joint {
-        motion: Motion::Translation(Axis::Y),
-        joint: 0,
-        sign: 1.0,
-    }];
+    let mut own =
+        vec![Element::Joint { motion: Motion::Translation(Axis::Y), joint: 0, sign: 1.0 }];
     own.extend(elements(&FANUC, 1));
-    let mut all = vec![Joint {
-        name: "track".to_owned(),
-        lower: -1500.0,
-        upper: 1500.0,
-        slides: true,
-    }];
+    let mut all =
+        vec![Joint { name: "track".to_owned(), lower: -1500.0, upper: 1500.0, slides: true }];
     all.extend(joints(&FANUC));
     for (place, joint) in all.iter_mut().enumerate().skip(1) {
         joint.name = format!("j{}", place + 1);
     }
-    Arm::new(
-        "track".to_owned(),
-        Convention::StandardDh,
-        all,
-        &identity(7),
-        Chain::new(own),
-    )
-    .expect("an arm")
+    Arm::new("track".to_owned(), Convention::StandardDh, all, &identity(7), Chain::new(own))
+        .expect("an arm")
 }
 
 /// Five axes: base, three parallel ones, and the roll of the tool.
@@ -264,38 +211,21 @@ pub fn five() -> Arm {
 
 /// Four axes of which the third is a lift: position and one angle.
 pub fn scara() -> Arm {
-    let links = [
-        ([350.0, 0.0, 400.0, 0.0], [-130.0, 130.0]),
-        ([300.0, 0.0, 0.0, 0.0], [-145.0, 145.0]),
-    ];
+    let links =
+        [([350.0, 0.0, 400.0, 0.0], [-130.0, 130.0]), ([300.0, 0.0, 0.0, 0.0], [-145.0, 145.0])];
     let mut own = elements(&links, 0);
-    own.push(Element::Joint {
-        motion: Motion::Translation(Axis::Z),
-        joint: 2,
-        sign: -1.0,
-    });
+    own.push(Element::Joint { motion: Motion::Translation(Axis::Z), joint: 2, sign: -1.0 });
     own.extend(elements(&[([0.0, 180.0, 0.0, 0.0], [-360.0, 360.0])], 3));
     let mut all = joints(&links);
-    all.push(Joint {
-        name: "lift".to_owned(),
-        lower: 0.0,
-        upper: 200.0,
-        slides: true,
-    });
+    all.push(Joint { name: "lift".to_owned(), lower: 0.0, upper: 200.0, slides: true });
     all.push(Joint {
         name: "roll".to_owned(),
         lower: -4.0 * FRAC_PI_2,
         upper: 4.0 * FRAC_PI_2,
         slides: false,
     });
-    Arm::new(
-        "scara".to_owned(),
-        Convention::StandardDh,
-        all,
-        &identity(4),
-        Chain::new(own),
-    )
-    .expect("an arm")
+    Arm::new("scara".to_owned(), Convention::StandardDh, all, &identity(4), Chain::new(own))
+        .expect("an arm")
 }
 
 /// Four joints of a palletiser: parallelograms turn the wrist back by what joints 2 and 3 turn, so the tool stays upright.
@@ -307,41 +237,19 @@ pub fn palletiser() -> Arm {
     ];
     let mut own = elements(&links, 0);
     for passive in [1, 2] {
-        own.push(Element::Joint {
-            motion: Motion::Rotation(Axis::Z),
-            joint: passive,
-            sign: -1.0,
-        });
+        own.push(Element::Joint { motion: Motion::Rotation(Axis::Z), joint: passive, sign: -1.0 });
     }
-    own.extend(
-        elements(&[([0.0, 0.0, 0.0, 0.0], [0.0, 0.0])], 9)[1..]
-            .iter()
-            .cloned(),
-    );
+    own.extend(elements(&[([0.0, 0.0, 0.0, 0.0], [0.0, 0.0])], 9)[1..].iter().cloned());
     own.push(Element::Free {
         motion: Motion::Rotation(Axis::X),
         nominal: FRAC_PI_2,
-        parameter: Parameter::Link {
-            joint: 11,
-            quantity: LinkQuantity::Alpha,
-        },
+        parameter: Parameter::Link { joint: 11, quantity: LinkQuantity::Alpha },
     });
     own.extend(elements(&[([0.0, 0.0, -200.0, 0.0], [0.0, 0.0])], 3));
     let mut all = joints(&links);
-    all.push(Joint {
-        name: "j4".to_owned(),
-        lower: -6.0,
-        upper: 6.0,
-        slides: false,
-    });
-    Arm::new(
-        "palletiser".to_owned(),
-        Convention::StandardDh,
-        all,
-        &identity(4),
-        Chain::new(own),
-    )
-    .expect("an arm")
+    all.push(Joint { name: "j4".to_owned(), lower: -6.0, upper: 6.0, slides: false });
+    Arm::new("palletiser".to_owned(), Convention::StandardDh, all, &identity(4), Chain::new(own))
+        .expect("an arm")
 }
 
 /// Every arm that random poses are taken of.

@@ -44,13 +44,8 @@ fn poses<C>(logs: &[PathBuf], topic: &str) -> PoseSamples<C> {
     let read = messages(logs, topic, |cdr| {
         let position: [f64; 3] = std::array::from_fn(|_| cdr.number() * 1000.0);
         let quaternion: [f64; 4] = std::array::from_fn(|_| cdr.number());
-        let largest = quaternion
-            .iter()
-            .fold(0.0_f64, |largest, x| largest.max(x.abs()));
-        let squares = quaternion
-            .iter()
-            .map(|x| (x / largest).powi(2))
-            .sum::<f64>();
+        let largest = quaternion.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+        let squares = quaternion.iter().map(|x| (x / largest).powi(2)).sum::<f64>();
         (position, quaternion.map(|x| x / (largest * squares.sqrt())))
     });
     let (stamps, poses): (Vec<i64>, Vec<_>) = read.into_iter().unzip();
@@ -71,10 +66,7 @@ fn messages<T>(logs: &[PathBuf], topic: &str, content: impl Fn(&mut Cdr) -> T) -
         let all = MessageStream::new(&bytes).expect("a log");
         let all = all.map(|message| message.expect("a sound recording"));
         for message in all.filter(|message| message.channel.topic == topic) {
-            let mut cdr = Cdr {
-                bytes: message.data[4..].to_vec(),
-                at: 0,
-            };
+            let mut cdr = Cdr { bytes: message.data[4..].to_vec(), at: 0 };
             let (seconds, nanoseconds) = (cdr.word(), cdr.word());
             let _frame = cdr.text();
             let stamp_ns = i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds);

@@ -30,10 +30,7 @@ fn unchunked() -> Vec<u8> {
 /// A log's records of data, with their opcodes, and those of its summary.
 fn parts(log: &[u8]) -> [Vec<(u8, Vec<u8>)>; 2] {
     let all = frames(log);
-    let end = all
-        .iter()
-        .position(|frame| frame.2 == op::DATA_END)
-        .expect("written");
+    let end = all.iter().position(|frame| frame.2 == op::DATA_END).expect("written");
     let of = |frames: &[(usize, usize, u8)]| {
         let record =
             |&(start, end, opcode): &(usize, usize, u8)| (opcode, log[start..end].to_vec());
@@ -43,11 +40,7 @@ fn parts(log: &[u8]) -> [Vec<(u8, Vec<u8>)>; 2] {
 }
 
 fn bytes(records: &[(u8, Vec<u8>)]) -> Vec<u8> {
-    records
-        .iter()
-        .flat_map(|(_, bytes)| bytes)
-        .copied()
-        .collect()
+    records.iter().flat_map(|(_, bytes)| bytes).copied().collect()
 }
 
 /// These records of data, the end of data, and the summary with its checksum.
@@ -87,22 +80,13 @@ fn shown(bytes: &[u8]) -> (Option<i32>, String) {
 /// Every joint state is there as it was written.
 fn is_whole(recording: &WholeSession, what: &str) {
     let rows = 0..recording.joints.stamps.len();
-    assert_eq!(
-        rows.len(),
-        JOINTS as usize,
-        "{what}: {:?}",
-        recording.rejects
-    );
+    assert_eq!(rows.len(), JOINTS as usize, "{what}: {:?}", recording.rejects);
     for (row, i) in rows.zip(0..) {
         assert_eq!(recording.joints.stamps[row].ns(), stamp(i), "{what}");
         let angle = recording.joints.angles.row(row)[0];
         assert_eq!(angle.to_bits(), f64::from(i).to_bits(), "{what}");
     }
-    assert_eq!(
-        recording.readings.stamps.len(),
-        JOINTS as usize / 10,
-        "{what}"
-    );
+    assert_eq!(recording.readings.stamps.len(), JOINTS as usize / 10, "{what}");
 }
 
 /// Joint states from number `first` on and a reading for every tenth; channels come in another order than in a session.
@@ -129,27 +113,18 @@ fn later_part(first: u32, last: u32, compression: Option<Compression>) -> Vec<u8
 #[test]
 fn logs_one_behind_another_are_all_read_each_with_its_own_ids() {
     for compression in [None, Some(Compression::Zstd)] {
-        let (one, two) = (
-            session_log(compression, 100),
-            later_part(100, 200, compression),
-        );
+        let (one, two) = (session_log(compression, 100), later_part(100, 200, compression));
         let both = [&one[..], &two].concat();
         let recording = read(&both).expect("two sound logs");
         is_whole(&recording, "two logs");
         let found = inspected(&both);
-        assert_eq!(
-            (found.read_summary.logs, found.read_summary.messages),
-            (2, ALL)
-        );
+        assert_eq!((found.read_summary.logs, found.read_summary.messages), (2, ALL));
         assert_eq!(found.read_summary.ending, Ending::Sound);
         assert_eq!(found.read_summary.bytes_lost(), 0);
         let [reject] = &found.read_summary.rejects[..] else {
             panic!("{:?}", found.read_summary.rejects)
         };
-        assert_eq!(
-            (reject.byte_start, reject.loss),
-            (one.len() as u64, LossKind::Nothing)
-        );
+        assert_eq!((reject.byte_start, reject.loss), (one.len() as u64, LossKind::Nothing));
         let (code, words) = shown(&both);
         assert_eq!(code, Some(3), "{words}");
         assert!(words.contains("2 logs in one file"), "{words}");
@@ -172,11 +147,7 @@ fn a_log_cut_anywhere_before_another_costs_its_own_messages_only() {
     for tenth in 1..10 {
         let both = [&one[..one.len() * tenth / 10], &two].concat();
         let recording = read(&both).expect("the second is sound");
-        let later = recording
-            .joints
-            .stamps
-            .iter()
-            .filter(|at| at.ns() >= stamp(200));
+        let later = recording.joints.stamps.iter().filter(|at| at.ns() >= stamp(200));
         assert_eq!(later.count(), 100, "{tenth}: {:?}", recording.rejects);
         assert!(!recording.rejects.is_empty(), "{tenth}");
     }
@@ -208,18 +179,13 @@ fn an_end_before_the_last_records_is_reported_and_they_are_read() {
                 ("moved", closed(&before_end, &summary)),
                 ("twice", twice),
                 ("behind a summary", log_of(&summary_first, &summary)),
-                (
-                    "after the closing mark",
-                    [&log_of(one, &summary)[..], &bytes(two)].concat(),
-                ),
+                ("after the closing mark", [&log_of(one, &summary)[..], &bytes(two)].concat()),
             ];
             for (what, bytes) in cases {
                 let recording = read(&bytes).expect("a log");
                 is_whole(&recording, what);
-                let told = recording
-                    .rejects
-                    .iter()
-                    .any(|r| r.reason.contains("its data ends at byte"));
+                let told =
+                    recording.rejects.iter().any(|r| r.reason.contains("its data ends at byte"));
                 assert!(told, "{what}: {:?}", recording.rejects);
                 assert_eq!(inspected(&bytes).read_summary.messages, ALL, "{what}");
                 assert_eq!(shown(&bytes).0, Some(3), "{what}");
@@ -240,10 +206,7 @@ fn without_chunk(data: &[(u8, Vec<u8>)], number: usize) -> Vec<(u8, Vec<u8>)> {
 
 /// With a message whose length takes in so many behind it.
 fn swallowing(data: &[(u8, Vec<u8>)], number: usize, count: usize) -> Vec<(u8, Vec<u8>)> {
-    let messages = data
-        .iter()
-        .enumerate()
-        .filter(|(_, (opcode, _))| *opcode == op::MESSAGE);
+    let messages = data.iter().enumerate().filter(|(_, (opcode, _))| *opcode == op::MESSAGE);
     let first = messages.map(|(place, _)| place).nth(number).expect("there");
     let mut data = data.to_vec();
     let swallowed: Vec<_> = data.drain(first + 1..=first + count).collect();
@@ -258,14 +221,8 @@ fn messages_that_a_sound_summary_counts_and_that_are_not_there_are_lost() {
     let [chunks, of_chunks] = parts(&chunked());
     let [messages, of_messages] = parts(&unchunked());
     let cases = [
-        (
-            "a chunk cut out",
-            log_of(&without_chunk(&chunks, 4), &of_chunks),
-        ),
-        (
-            "a message swallows",
-            log_of(&swallowing(&messages, 100, 39), &of_messages),
-        ),
+        ("a chunk cut out", log_of(&without_chunk(&chunks, 4), &of_chunks)),
+        ("a message swallows", log_of(&swallowing(&messages, 100, 39), &of_messages)),
     ];
     for (what, bytes) in cases {
         let found = inspected(&bytes);
@@ -289,49 +246,32 @@ fn messages_that_a_sound_summary_counts_and_that_are_not_there_are_lost() {
             assert_eq!(lost_of, told, "{what}: {topic}");
         }
         assert_eq!(recording.counts["log.messages_lost"], lost, "{what}");
-        assert_eq!(
-            recording.counts["joints.messages_lost"],
-            200 - read_of[0],
-            "{what}"
-        );
+        assert_eq!(recording.counts["joints.messages_lost"], 200 - read_of[0], "{what}");
         let (code, words) = shown(&bytes);
         assert_eq!(code, Some(3), "{what}: {words}");
-        assert!(
-            words.contains(&format!("{lost} of {ALL} messages lost")),
-            "{what}: {words}"
-        );
+        assert!(words.contains(&format!("{lost} of {ALL} messages lost")), "{what}: {words}");
     }
 }
 
 #[test]
 fn messages_of_a_damaged_chunk_are_counted_once() {
     let log = chunked();
-    let chunks: Vec<_> = frames(&log)
-        .into_iter()
-        .filter(|f| f.2 == op::CHUNK)
-        .collect();
+    let chunks: Vec<_> = frames(&log).into_iter().filter(|f| f.2 == op::CHUNK).collect();
     let mut damaged = log.clone();
     damaged[usize::midpoint(chunks[3].0, chunks[3].1)] ^= 0x10;
     let read_summary = inspected(&damaged).read_summary;
-    let [reject] = &read_summary.rejects[..] else {
-        panic!("{:?}", read_summary.rejects)
-    };
+    let [reject] = &read_summary.rejects[..] else { panic!("{:?}", read_summary.rejects) };
     assert_eq!(reject.messages, Some(ALL - read_summary.messages));
     assert_eq!(read_summary.messages_lost, ALL - read_summary.messages);
     // Beside it a chunk that is cut out: only its messages are told as missing.
     let [mut data, summary] = parts(&log);
     data = without_chunk(&data, 6);
-    let places: Vec<usize> = (0..data.len())
-        .filter(|&i| data[i].0 == op::CHUNK)
-        .collect();
+    let places: Vec<usize> = (0..data.len()).filter(|&i| data[i].0 == op::CHUNK).collect();
     let middle = data[places[3]].1.len() / 2;
     data[places[3]].1[middle] ^= 0x10;
     let read_summary = inspected(&log_of(&data, &summary)).read_summary;
     let sum = |loss| {
-        let of = read_summary
-            .rejects
-            .iter()
-            .filter(move |reject| reject.loss == loss);
+        let of = read_summary.rejects.iter().filter(move |reject| reject.loss == loss);
         of.filter_map(|reject| reject.messages).sum::<u64>()
     };
     let lost = ALL - read_summary.messages;
@@ -341,18 +281,9 @@ fn messages_of_a_damaged_chunk_are_counted_once() {
 }
 
 fn statistics(messages: u64, of_channels: &[(u16, u64)]) -> Vec<u8> {
-    let counts = of_channels
-        .iter()
-        .fold(Body::default(), |body, (id, count)| {
-            body.u16(*id).u64(*count)
-        });
-    let body = Body::default()
-        .u64(messages)
-        .u16(3)
-        .u32(3)
-        .u32(0)
-        .u32(0)
-        .u32(0);
+    let counts =
+        of_channels.iter().fold(Body::default(), |body, (id, count)| body.u16(*id).u64(*count));
+    let body = Body::default().u64(messages).u16(3).u32(3).u32(0).u32(0).u32(0);
     body.u64(0).u64(0).bytes(&counts.0).record(op::STATISTICS)
 }
 
@@ -367,40 +298,19 @@ fn statistics_that_say_nothing_of_a_loss_raise_no_alarm() {
         ("of no channel", Some(statistics(ALL, &[]))),
         ("of one channel", Some(statistics(ALL, &[(1, 200)]))),
         ("zeros", Some(statistics(0, &[(1, 0), (2, 0), (3, 0)]))),
-        (
-            "zeros of channels",
-            Some(statistics(ALL, &[(1, 0), (2, 0), (3, 0)])),
-        ),
+        ("zeros of channels", Some(statistics(ALL, &[(1, 0), (2, 0), (3, 0)]))),
         ("fewer", Some(statistics(100, &[(1, 90), (2, 10)]))),
-        (
-            "the most",
-            Some(statistics(max, &[(1, max), (2, max), (9, max)])),
-        ),
-        (
-            "too long",
-            Some(
-                Body::default()
-                    .u64(ALL)
-                    .raw(&[0; 20])
-                    .record(op::STATISTICS),
-            ),
-        ),
+        ("the most", Some(statistics(max, &[(1, max), (2, max), (9, max)]))),
+        ("too long", Some(Body::default().u64(ALL).raw(&[0; 20]).record(op::STATISTICS))),
     ];
     for (what, record) in cases {
-        let others = summary
-            .iter()
-            .filter(|(opcode, _)| *opcode != op::STATISTICS)
-            .cloned();
+        let others = summary.iter().filter(|(opcode, _)| *opcode != op::STATISTICS).cloned();
         let record = record.map(|bytes| (op::STATISTICS, bytes));
         let summary: Vec<_> = others.chain(record).collect();
         let bytes = log_of(&data, &summary);
         let read_summary = inspected(&bytes).read_summary;
         assert_eq!(read_summary.rejects, [], "{what}");
-        assert_eq!(
-            (read_summary.messages, read_summary.messages_lost),
-            (ALL, 0),
-            "{what}"
-        );
+        assert_eq!((read_summary.messages, read_summary.messages_lost), (ALL, 0), "{what}");
         let (code, words) = shown(&bytes);
         assert_eq!(code, Some(0), "{what}: {words}");
         let noted = words.contains("its writer counted wrongly");
@@ -448,9 +358,7 @@ fn records_of_an_application_are_stepped_over_and_counted() {
     }
     // In a chunk as well.
     let at = u64::try_from(stamp(0)).expect("positive");
-    let state = Cdr::stamped(stamp(0))
-        .joints(&["a", "b"], &[0.0, 0.0])
-        .done();
+    let state = Cdr::stamped(stamp(0)).joints(&["a", "b"], &[0.0, 0.0]).done();
     let (name, text) = crate::build::schema("JointState");
     let records = [
         raw::schema(1, &name, "ros2msg", text.as_bytes()).record(op::SCHEMA),
@@ -463,18 +371,13 @@ fn records_of_an_application_are_stepped_over_and_counted() {
     let read_summary = inspected(&raw::log(&[chunk])).read_summary;
     assert_eq!(read_summary.rejects, []);
     assert_eq!(read_summary.messages, 1);
-    assert_eq!(
-        read_summary.private_records.into_iter().collect::<Vec<_>>(),
-        [(0xc0, 2)]
-    );
+    assert_eq!(read_summary.private_records.into_iter().collect::<Vec<_>>(), [(0xc0, 2)]);
 }
 
 #[test]
 fn a_record_that_one_bit_makes_an_applications_is_not_lost_in_silence() {
     for log in [chunked(), unchunked()] {
-        let contents = frames(&log)
-            .into_iter()
-            .filter(|f| matches!(f.2, op::CHUNK | op::MESSAGE));
+        let contents = frames(&log).into_iter().filter(|f| matches!(f.2, op::CHUNK | op::MESSAGE));
         for (start, _, _) in contents.step_by(5) {
             let mut damaged = log.clone();
             damaged[start] |= 0x80;

@@ -36,16 +36,10 @@ pub fn schema(short: &str) -> (String, String) {
         "Temperature" => "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n",
         other => panic!("no schema for {other}"),
     };
-    let package = if matches!(short, "JointState" | "Temperature") {
-        "sensor_msgs"
-    } else {
-        "geometry_msgs"
-    };
+    let package =
+        if matches!(short, "JointState" | "Temperature") { "sensor_msgs" } else { "geometry_msgs" };
     let covariance = "================\nMSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n";
-    (
-        format!("{package}/msg/{short}"),
-        format!("{fields}{HEADER}{covariance}{POSE}"),
-    )
+    (format!("{package}/msg/{short}"), format!("{fields}{HEADER}{covariance}{POSE}"))
 }
 
 /// A message being serialised as CDR.
@@ -61,43 +55,29 @@ impl Cdr {
     }
 
     pub fn new(little: bool) -> Self {
-        Self {
-            bytes: vec![0, u8::from(little), 0, 0],
-            little,
-        }
+        Self { bytes: vec![0, u8::from(little), 0, 0], little }
     }
 
     pub fn stamp(self, stamp_ns: i64) -> Self {
         let sec = i32::try_from(stamp_ns.div_euclid(1_000_000_000)).expect("small");
         let nanosec = u32::try_from(stamp_ns.rem_euclid(1_000_000_000)).expect("below a second");
-        self.word(u32::from_ne_bytes(sec.to_ne_bytes()))
-            .word(nanosec)
-            .text("base")
+        self.word(u32::from_ne_bytes(sec.to_ne_bytes())).word(nanosec).text("base")
     }
 
     fn align(mut self, size: usize) -> Self {
-        self.bytes
-            .resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
+        self.bytes.resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
         self
     }
 
     pub fn word(self, word: u32) -> Self {
         let mut cdr = self.align(4);
-        cdr.bytes.extend(if cdr.little {
-            word.to_le_bytes()
-        } else {
-            word.to_be_bytes()
-        });
+        cdr.bytes.extend(if cdr.little { word.to_le_bytes() } else { word.to_be_bytes() });
         cdr
     }
 
     pub fn number(self, number: f64) -> Self {
         let mut cdr = self.align(8);
-        cdr.bytes.extend(if cdr.little {
-            number.to_le_bytes()
-        } else {
-            number.to_be_bytes()
-        });
+        cdr.bytes.extend(if cdr.little { number.to_le_bytes() } else { number.to_be_bytes() });
         cdr
     }
 
@@ -106,8 +86,7 @@ impl Cdr {
     }
 
     pub fn sequence(self, numbers: &[f64]) -> Self {
-        self.word(u32::try_from(numbers.len()).expect("few"))
-            .numbers(numbers)
+        self.word(u32::try_from(numbers.len()).expect("few")).numbers(numbers)
     }
 
     pub fn text(self, text: &str) -> Self {
@@ -136,11 +115,7 @@ pub struct Log {
 impl Log {
     /// Small chunks, so that a log of a hundred messages has several.
     pub fn new(compression: Option<Compression>) -> Self {
-        Self::with(
-            WriteOptions::new()
-                .compression(compression)
-                .chunk_size(Some(1500)),
-        )
+        Self::with(WriteOptions::new().compression(compression).chunk_size(Some(1500)))
     }
 
     pub fn with(options: WriteOptions) -> Self {
@@ -165,33 +140,19 @@ impl Log {
         text: &[u8],
         encoding: &str,
     ) -> u16 {
-        let schema = self
-            .writer
-            .add_schema(name, language, text)
-            .expect("in memory");
-        self.writer
-            .add_channel(schema, topic, encoding, &BTreeMap::new())
-            .expect("in memory")
+        let schema = self.writer.add_schema(name, language, text).expect("in memory");
+        self.writer.add_channel(schema, topic, encoding, &BTreeMap::new()).expect("in memory")
     }
 
     pub fn write(&mut self, channel_id: u16, log_time: u64, message: &[u8]) {
-        let header = MessageHeader {
-            channel_id,
-            sequence: 0,
-            log_time,
-            publish_time: log_time + 1,
-        };
-        self.writer
-            .write_to_known_channel(&header, message)
-            .expect("in memory");
+        let header =
+            MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time + 1 };
+        self.writer.write_to_known_channel(&header, message).expect("in memory");
     }
 
     pub fn metadata(&mut self, name: &str, key: &str, value: &str) {
         let metadata = [(key.to_owned(), value.to_owned())].into();
-        let record = mcap::records::Metadata {
-            name: name.to_owned(),
-            metadata,
-        };
+        let record = mcap::records::Metadata { name: name.to_owned(), metadata };
         self.writer.write_metadata(&record).expect("in memory");
     }
 
@@ -214,19 +175,11 @@ pub fn session(log: &mut Log, count: u32) {
     for i in 0..count {
         let (ns, x) = (stamp(i), f64::from(i));
         let log_time = u64::try_from(ns).expect("positive") + 1_000_000_000;
-        log.write(
-            joints,
-            log_time,
-            &Cdr::stamped(ns).joints(&["a", "b"], &[x, -x]).done(),
-        );
+        log.write(joints, log_time, &Cdr::stamped(ns).joints(&["a", "b"], &[x, -x]).done());
         if i % 10 == 0 {
             let pose = Cdr::stamped(ns).numbers(&[x, 1.0, 2.0, 0.0, 0.0, 0.0, 2.0]);
             log.write(command, log_time, &pose.done());
-            log.write(
-                reading,
-                log_time,
-                &Cdr::stamped(ns).numbers(&[3.0, x, 4.0]).done(),
-            );
+            log.write(reading, log_time, &Cdr::stamped(ns).numbers(&[3.0, x, 4.0]).done());
         }
     }
 }
@@ -339,12 +292,7 @@ pub fn read_whole(
 ) -> Result<WholeSession, LogError> {
     let (rule, mut collected) = (JoinSettings::default().arm_rule(), Collected::default());
     let read = read_session(logs, mapping, limits, &rule, &mut collected, progress)?;
-    let SessionRead {
-        input,
-        rejects,
-        metadata,
-        counts,
-    } = read;
+    let SessionRead { input, rejects, metadata, counts } = read;
     let JoinInput {
         joints: dwells,
         commands,
@@ -358,10 +306,7 @@ pub fn read_whole(
     angles.append(&collected.angles);
     let stamps = collected.stamps_ns.into_iter().map(Stamp::from_ns);
     Ok(WholeSession {
-        joints: JointSamples {
-            stamps: stamps.collect(),
-            angles,
-        },
+        joints: JointSamples { stamps: stamps.collect(), angles },
         dwells,
         commands: commands.read(0..commands.count()).expect("spilled before"),
         readings: readings.read(0..readings.count()).expect("spilled before"),

@@ -82,13 +82,9 @@ impl Content {
             Self::OneSchemalessMessage => {
                 vec![Chunks, ChunkIndex, MessageIndex, RepeatedChannels]
             }
-            Self::OneMessage | Self::TenMessages => vec![
-                Chunks,
-                ChunkIndex,
-                MessageIndex,
-                RepeatedChannels,
-                RepeatedSchemas,
-            ],
+            Self::OneMessage | Self::TenMessages => {
+                vec![Chunks, ChunkIndex, MessageIndex, RepeatedChannels, RepeatedSchemas]
+            }
         });
         all
     }
@@ -145,9 +141,7 @@ impl Variant {
     fn name(&self) -> String {
         let mut short: Vec<_> = self.features.iter().map(|f| f.short()).collect();
         short.sort_unstable();
-        short
-            .iter()
-            .fold(format!("{:?}", self.content), |name, f| name + "-" + f)
+        short.iter().fold(format!("{:?}", self.content), |name, f| name + "-" + f)
     }
 
     /// A record with what a later version might add to it.
@@ -172,11 +166,7 @@ impl Variant {
         let offsets = self.offsets(start, &groups);
         let [summary_start, offset_start] = [
             if groups.is_empty() { 0 } else { start },
-            if offsets.is_empty() {
-                0
-            } else {
-                file.len() as u64
-            },
+            if offsets.is_empty() { 0 } else { file.len() as u64 },
         ];
         file.extend(offsets);
         // The checksum reaches over the footer, up to itself.
@@ -191,9 +181,7 @@ impl Variant {
     fn data(&self, start: u64) -> (Vec<u8>, Vec<(u8, Vec<u8>)>) {
         let placed = |data: Vec<u8>, feature, opcode, index: &dyn Fn(u64) -> Body| {
             let length = data.len() as u64;
-            let index = self
-                .has(feature)
-                .then(|| (opcode, self.record(index(length), opcode)));
+            let index = self.has(feature).then(|| (opcode, self.record(index(length), opcode)));
             (data, index.into_iter().collect())
         };
         match self.content {
@@ -203,12 +191,9 @@ impl Variant {
                 let body = name(Body::default().u64(2).u64(1)).u64(3).raw(&[1, 2, 3]);
                 let crc = crc32fast::hash(&body.0);
                 let attachment = self.record(body.u32(crc), op::ATTACHMENT);
-                placed(
-                    attachment,
-                    AttachmentIndex,
-                    op::ATTACHMENT_INDEX,
-                    &|length| name(Body::default().u64(start).u64(length).u64(2).u64(1).u64(3)),
-                )
+                placed(attachment, AttachmentIndex, op::ATTACHMENT_INDEX, &|length| {
+                    name(Body::default().u64(start).u64(length).u64(2).u64(1).u64(3))
+                })
             }
             Content::OneMetadata => {
                 let body = Body::default().text("myMetadata").map(&[("foo", "bar")]);
@@ -240,21 +225,14 @@ impl Variant {
     fn chunk(&self, start: u64) -> (Vec<u8>, Vec<(u8, Vec<u8>)>) {
         let schema = self.content.schema().map(|body| body.record(op::SCHEMA));
         let channel = self.content.channel().map(|body| body.record(op::CHANNEL));
-        let mut records = [schema, channel]
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>()
-            .concat();
+        let mut records = [schema, channel].into_iter().flatten().collect::<Vec<_>>().concat();
         let mut entries = Vec::new();
         for (message, (_, log, _)) in self.messages().zip(self.content.messages()) {
             entries.push((log, records.len() as u64));
             records.extend(message);
         }
         let times = entries.iter().map(|(log, _)| *log);
-        let times = (
-            times.clone().min().expect("messages"),
-            times.max().expect("messages"),
-        );
+        let times = (times.clone().min().expect("messages"), times.max().expect("messages"));
         let mut data = raw::chunk(times, &records, Packing::None).record(op::CHUNK);
         let chunk_length = data.len() as u64;
         let mut offsets = Body::default();
@@ -273,10 +251,7 @@ impl Variant {
             .u64(records.len() as u64)
             .u64(records.len() as u64);
         let index = (op::CHUNK_INDEX, self.record(index, op::CHUNK_INDEX));
-        (
-            data,
-            self.has(ChunkIndex).then_some(index).into_iter().collect(),
-        )
+        (data, self.has(ChunkIndex).then_some(index).into_iter().collect())
     }
 
     /// Groups of the summary, each with its opcode.
@@ -340,20 +315,15 @@ fn variants() -> Vec<Variant> {
                 .collect(),
         })
     };
-    CONTENTS
-        .into_iter()
-        .flat_map(of)
-        .filter(Variant::is_in_the_set)
-        .collect()
+    CONTENTS.into_iter().flat_map(of).filter(Variant::is_in_the_set).collect()
 }
 
 /// The smallest and the largest file of each content.
 pub fn samples() -> Vec<Vec<u8>> {
     let most = |content: Content| content.features().len();
     let variants = variants();
-    let ends = variants
-        .iter()
-        .filter(|v| v.features.is_empty() || v.features.len() == most(v.content));
+    let ends =
+        variants.iter().filter(|v| v.features.is_empty() || v.features.len() == most(v.content));
     ends.map(Variant::build).collect()
 }
 
@@ -380,13 +350,7 @@ impl Visitor for Everything {
     }
 
     fn message(&self, (): &(), m: &MessageRecord<'_>, part: &mut Self::Part) {
-        part.push((
-            m.channel_id,
-            m.sequence,
-            m.log_time,
-            m.publish_time,
-            m.payload.to_vec(),
-        ));
+        part.push((m.channel_id, m.sequence, m.log_time, m.publish_time, m.payload.to_vec()));
     }
 
     fn clear(&self, part: &mut Self::Part) {
@@ -413,11 +377,8 @@ fn expected(content: Content) -> Everything {
         topic: "example".to_owned(),
         encoding: encoding.to_owned(),
     };
-    let schema = Schema {
-        name: "Example".to_owned(),
-        encoding: "c".to_owned(),
-        definition: vec![4, 5, 6],
-    };
+    let schema =
+        Schema { name: "Example".to_owned(), encoding: "c".to_owned(), definition: vec![4, 5, 6] };
     let messages = content.messages().into_iter();
     Everything {
         channels: match content {
@@ -442,25 +403,15 @@ fn every_file_of_the_set_is_read_with_its_records() {
         let (found, read_summary) = read(&folder, &variant.build());
         assert_eq!(found, expected(variant.content), "{name}");
         assert_eq!(read_summary.rejects, [], "{name}");
-        let has_summary = variant
-            .features
-            .iter()
-            .any(|f| !matches!(f, Chunks | MessageIndex | Padding));
-        let ending = if has_summary {
-            Ending::Sound
-        } else {
-            Ending::NoSummary
-        };
+        let has_summary =
+            variant.features.iter().any(|f| !matches!(f, Chunks | MessageIndex | Padding));
+        let ending = if has_summary { Ending::Sound } else { Ending::NoSummary };
         assert_eq!(read_summary.ending, ending, "{name}");
         let chunks: u64 = read_summary.chunks.values().sum();
         assert_eq!(chunks, u64::from(variant.has(Chunks)), "{name}");
         let metadata = [("myMetadata".to_owned(), "foo".to_owned(), "bar".to_owned())];
         let has_metadata = variant.content == Content::OneMetadata;
-        assert_eq!(
-            read_summary.metadata,
-            metadata[..usize::from(has_metadata)],
-            "{name}"
-        );
+        assert_eq!(read_summary.metadata, metadata[..usize::from(has_metadata)], "{name}");
     }
 }
 
@@ -468,31 +419,16 @@ fn every_file_of_the_set_is_read_with_its_records() {
 fn the_files_are_those_of_the_set() {
     // Checksums of data section and summary, as the set's expected records state them.
     for (name, data_crc, summary_crc) in [
-        (
-            "TenMessages-ch-chx-mx-pad-rch-rsh-st-sum",
-            Some(3_282_868_494),
-            829_723_996,
-        ),
-        (
-            "OneSchemalessMessage-ch-chx-mx-pad-rch-st-sum",
-            Some(3_715_123_221),
-            239_768_738,
-        ),
+        ("TenMessages-ch-chx-mx-pad-rch-rsh-st-sum", Some(3_282_868_494), 829_723_996),
+        ("OneSchemalessMessage-ch-chx-mx-pad-rch-st-sum", Some(3_715_123_221), 239_768_738),
         ("OneMetadata-mdx-pad-st-sum", None, 1_149_090_039),
         ("OneMessage-pad", None, 1_875_167_664),
     ] {
         let variants = variants();
-        let variant = variants
-            .iter()
-            .find(|v| v.name() == name)
-            .expect("in the set");
+        let variant = variants.iter().find(|v| v.name() == name).expect("in the set");
         let file = variant.build();
         let tail = &file[file.len() - 12..file.len() - 8];
-        assert_eq!(
-            u32::from_le_bytes(tail.try_into().expect("four")),
-            summary_crc,
-            "{name}"
-        );
+        assert_eq!(u32::from_le_bytes(tail.try_into().expect("four")), summary_crc, "{name}");
         let (data, _) = variant.data(0);
         // Magic and header, 28 bytes with their padding, stand before the data.
         let found = crc32fast::hash(&file[..28 + data.len()]);

@@ -49,10 +49,7 @@ fn homes(log: &[u8]) -> BTreeMap<u32, (usize, usize)> {
             && header.channel_id == 1
         {
             let ns = i64::try_from(header.log_time).expect("small") - 1_000_000_000;
-            homes.insert(
-                u32::try_from((ns - stamp(0)) / 10_000_000).expect("small"),
-                home,
-            );
+            homes.insert(u32::try_from((ns - stamp(0)) / 10_000_000).expect("small"), home);
         }
     };
     for (start, end, opcode) in frames(log) {
@@ -71,26 +68,16 @@ fn homes(log: &[u8]) -> BTreeMap<u32, (usize, usize)> {
 /// Numbers of the joint states that were decoded; each must be what was written.
 fn decoded(recording: &WholeSession) -> Vec<u32> {
     let joints = &recording.joints;
-    let trusted = !recording
-        .rejects
-        .iter()
-        .any(|reject| reject.reason.contains("checksum of all records"));
+    let trusted =
+        !recording.rejects.iter().any(|reject| reject.reason.contains("checksum of all records"));
     let numbers = joints
         .stamps
         .iter()
         .map(|at| u32::try_from((at.ns() - stamp(0)) / 10_000_000).unwrap_or(u32::MAX));
     let numbers: Vec<_> = numbers.collect();
     for (row, &i) in numbers.iter().enumerate().filter(|_| trusted) {
-        assert_eq!(
-            joints.angles.row(row)[0].to_bits(),
-            f64::from(i).to_bits(),
-            "row {row}"
-        );
-        assert_eq!(
-            joints.angles.row(row)[1].to_bits(),
-            (-f64::from(i)).to_bits(),
-            "row {row}"
-        );
+        assert_eq!(joints.angles.row(row)[0].to_bits(), f64::from(i).to_bits(), "row {row}");
+        assert_eq!(joints.angles.row(row)[1].to_bits(), (-f64::from(i)).to_bits(), "row {row}");
     }
     numbers
 }
@@ -110,10 +97,8 @@ fn all_accounted(log: &[u8], homes: &BTreeMap<u32, (usize, usize)>, length: usiz
         Err(error) => panic!("{case}: {error}"),
     };
     let decoded = decoded(&recording);
-    let checksum = recording
-        .rejects
-        .iter()
-        .any(|reject| reject.reason.contains("checksum of all records"));
+    let checksum =
+        recording.rejects.iter().any(|reject| reject.reason.contains("checksum of all records"));
     for (i, &(start, end)) in homes {
         let lost = recording.rejects.iter().any(|reject| {
             let reaches_end = reject.byte_end == length as u64 && start >= length;
@@ -144,14 +129,10 @@ fn missing_empty_and_foreign_files_are_named() {
     ];
     let read = |path: &std::path::Path| read_file(path, Limits::default());
     for (name, bytes, expected) in cases {
-        let error = read(&folder.file(name, bytes))
-            .expect_err("refused")
-            .to_string();
+        let error = read(&folder.file(name, bytes)).expect_err("refused").to_string();
         assert!(error.contains(name) && error.contains(expected), "{error}");
     }
-    let error = read(&folder.path().join("absent.mcap"))
-        .expect_err("refused")
-        .to_string();
+    let error = read(&folder.path().join("absent.mcap")).expect_err("refused").to_string();
     assert!(error.contains("absent.mcap"), "{error}");
     let error = read(folder.path()).expect_err("refused").to_string();
     assert!(
@@ -173,31 +154,21 @@ fn magic_alone_is_a_log_without_topics() {
 fn a_log_cut_at_ten_places_is_read_up_to_there() {
     for (storage, log) in storages() {
         let homes = homes(&log);
-        let data_end = frames(&log)
-            .iter()
-            .find(|f| f.2 == mcap::records::op::DATA_END)
-            .expect("written")
-            .0;
+        let data_end =
+            frames(&log).iter().find(|f| f.2 == mcap::records::op::DATA_END).expect("written").0;
         for tenth in 1..=10 {
             let length = data_end * tenth / 10;
             let cut = &log[..length];
             let case = format!("{storage} cut to {length} of {}", log.len());
             all_accounted(cut, &homes, length, &case);
             let Ok(recording) = read(cut) else {
-                assert!(
-                    tenth < 4,
-                    "{case}: definitions and first messages are there"
-                );
+                assert!(tenth < 4, "{case}: definitions and first messages are there");
                 continue;
             };
             let lost = recording.rejects.last().expect("the cut is told");
             assert_eq!(lost.byte_end, length as u64, "{case}");
             let whole = homes.values().filter(|home| home.1 <= length).count();
-            assert_eq!(
-                recording.joints.stamps.len(),
-                whole,
-                "{case}: all that is whole is read"
-            );
+            assert_eq!(recording.joints.stamps.len(), whole, "{case}: all that is whole is read");
         }
     }
 }
@@ -206,10 +177,8 @@ fn a_log_cut_at_ten_places_is_read_up_to_there() {
 fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
     for (storage, log) in storages().into_iter().take(3) {
         let homes = homes(&log);
-        let chunks: Vec<_> = frames(&log)
-            .into_iter()
-            .filter(|f| f.2 == mcap::records::op::CHUNK)
-            .collect();
+        let chunks: Vec<_> =
+            frames(&log).into_iter().filter(|f| f.2 == mcap::records::op::CHUNK).collect();
         assert!(chunks.len() > 5, "{storage}: {} chunks", chunks.len());
         let (start, end, _) = chunks[3];
         let mut damaged = log.clone();
@@ -218,15 +187,9 @@ fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
         let [reject] = &recording.rejects[..] else {
             panic!("{storage}: one chunk is lost: {:?}", recording.rejects)
         };
-        assert_eq!(
-            (reject.byte_start, reject.byte_end),
-            (start as u64, end as u64)
-        );
-        let lost: Vec<_> = homes
-            .iter()
-            .filter(|(_, home)| home.0 == start)
-            .map(|(i, _)| *i)
-            .collect();
+        assert_eq!((reject.byte_start, reject.byte_end), (start as u64, end as u64));
+        let lost: Vec<_> =
+            homes.iter().filter(|(_, home)| home.0 == start).map(|(i, _)| *i).collect();
         let span = reject.time_span_ns.expect("the chunk's header tells");
         let log_time = |i: u32| stamp(i) + 1_000_000_000;
         assert_eq!(span, (log_time(lost[0]), log_time(lost[lost.len() - 1])));
@@ -246,9 +209,7 @@ fn a_flipped_byte_outside_chunks_is_noticed_by_the_checksum_of_all() {
     damaged[start + 9 + 22 + 4] ^= 1;
     let recording = read(&damaged).expect("still decodes");
     assert!(
-        recording.rejects[0]
-            .reason
-            .contains("checksum of all records"),
+        recording.rejects[0].reason.contains("checksum of all records"),
         "{:?}",
         recording.rejects
     );
@@ -257,36 +218,23 @@ fn a_flipped_byte_outside_chunks_is_noticed_by_the_checksum_of_all() {
 #[test]
 fn a_message_that_cannot_be_used_does_not_hide_another_that_is_damaged() {
     let (_, log) = storages().remove(3);
-    let messages: Vec<_> = frames(&log)
-        .into_iter()
-        .filter(|f| f.2 == mcap::records::op::MESSAGE)
-        .collect();
+    let messages: Vec<_> =
+        frames(&log).into_iter().filter(|f| f.2 == mcap::records::op::MESSAGE).collect();
     let mut damaged = log;
     // One message whose encapsulation is none, and one whose stamp is another: 22 bytes of header stand before them.
     for (place, offset) in [(40, 1), (50, 4)] {
         damaged[messages[place].0 + 9 + 22 + offset] ^= 0x40;
     }
     let recording = read(&damaged).expect("still decodes");
-    let told = |text: &str| {
-        recording
-            .rejects
-            .iter()
-            .any(|reject| reject.reason.contains(text))
-    };
-    assert!(
-        told("encapsulation") && told("checksum of all records"),
-        "{:?}",
-        recording.rejects
-    );
+    let told = |text: &str| recording.rejects.iter().any(|reject| reject.reason.contains(text));
+    assert!(told("encapsulation") && told("checksum of all records"), "{:?}", recording.rejects);
 }
 
 #[test]
 fn channels_defined_in_a_lost_chunk_are_known_from_the_summary() {
     let log = session_log(Some(Compression::Zstd), MESSAGES);
-    let (start, end, _) = *frames(&log)
-        .iter()
-        .find(|f| f.2 == mcap::records::op::CHUNK)
-        .expect("chunked");
+    let (start, end, _) =
+        *frames(&log).iter().find(|f| f.2 == mcap::records::op::CHUNK).expect("chunked");
     let mut damaged = log.clone();
     damaged[usize::midpoint(start, end)] ^= 1;
     let recording = read(&damaged).expect("the summary repeats what the first chunk defines");
@@ -393,12 +341,7 @@ fn every_cut_is_accounted_for() {
         let homes = homes(&log);
         for _ in 0..60 {
             let length = chance.below(log.len());
-            all_accounted(
-                &log[..length],
-                &homes,
-                length,
-                &format!("{storage} cut to {length}"),
-            );
+            all_accounted(&log[..length], &homes, length, &format!("{storage} cut to {length}"));
         }
     }
 }
@@ -406,10 +349,8 @@ fn every_cut_is_accounted_for() {
 #[test]
 fn sizes_that_a_log_states_are_not_believed() {
     let log = session_log(Some(Compression::Zstd), MESSAGES);
-    let (start, end, _) = *frames(&log)
-        .iter()
-        .find(|f| f.2 == mcap::records::op::CHUNK)
-        .expect("chunked");
+    let (start, end, _) =
+        *frames(&log).iter().find(|f| f.2 == mcap::records::op::CHUNK).expect("chunked");
     // uncompressed_size stands 16 bytes into the body.
     let field = start + 9 + 16;
     for stated in [u64::MAX, 1 << 40, 200 << 20, 1, 0] {

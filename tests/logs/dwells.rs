@@ -33,9 +33,7 @@ fn states() -> Vec<State> {
         (station as f64 + share * share * (3.0 - 2.0 * share)) * 0.02 + noise
     };
     let stamp = |i: usize| 100_000_000_000 + i64::try_from(i).expect("few") * 2_000_000;
-    (0..SAMPLES)
-        .map(|i| (stamp(i), [angle(i), -0.5 * angle(i)]))
-        .collect()
+    (0..SAMPLES).map(|i| (stamp(i), [angle(i), -0.5 * angle(i)])).collect()
 }
 
 /// A log of these joint states, with one command and one reading.
@@ -56,9 +54,8 @@ fn log_with<const N: usize>(
     reading_type: &str,
     readings: &[(i64, [f64; N])],
 ) -> Vec<u8> {
-    let options = WriteOptions::new()
-        .compression(Some(Compression::Zstd))
-        .chunk_size(Some(100_000));
+    let options =
+        WriteOptions::new().compression(Some(Compression::Zstd)).chunk_size(Some(100_000));
     let mut log = Log::with(options);
     let joints = log.channel("/joints", "JointState");
     let command = log.channel("/command", "PoseStamped");
@@ -128,10 +125,7 @@ fn check_counts(found: &WholeSession, stream: &str, stamps_ns: &[i64]) {
 
 /// Reads the files, and writes the table of their samples; what was found, and how many files were begun.
 fn read(parts: &[PathBuf]) -> (Result<WholeSession, LogError>, usize) {
-    let logs = SessionLogs {
-        controller: parts.to_vec(),
-        tracker: parts.to_vec(),
-    };
+    let logs = SessionLogs { controller: parts.to_vec(), tracker: parts.to_vec() };
     let begun = Begun::default();
     let found = consistent(&logs, Limits::default(), &begun);
     if found.is_ok() {
@@ -145,9 +139,7 @@ fn read(parts: &[PathBuf]) -> (Result<WholeSession, LogError>, usize) {
 fn by_time(files: &[&[State]]) -> (Vec<State>, u64) {
     let all: Vec<State> = files.concat();
     let backward = all.windows(2).filter(|pair| pair[1].0 < pair[0].0).count();
-    let numbers = all
-        .into_iter()
-        .filter(|state| state.1.iter().all(|x| x.is_finite()));
+    let numbers = all.into_iter().filter(|state| state.1.iter().all(|x| x.is_finite()));
     let mut kept: Vec<State> = numbers.collect();
     kept.sort_by_key(|state| state.0);
     (kept, backward as u64)
@@ -159,9 +151,7 @@ fn check_joints(parts: &[PathBuf], states: &[&[State]]) -> (usize, usize) {
     let found = found.expect("sound");
     let (expected, backward) = by_time(states);
     let joints = found.joints.stamps.iter().zip(found.joints.angles.rows());
-    let joints: Vec<State> = joints
-        .map(|(stamp, row)| (stamp.ns(), [row[0], row[1]]))
-        .collect();
+    let joints: Vec<State> = joints.map(|(stamp, row)| (stamp.ns(), [row[0], row[1]])).collect();
     assert!(joints == expected, "other samples than were written");
     assert_eq!(found.counts["joints.backward_stamps"], backward);
     (begun, found.dwells.stretches.len())
@@ -190,9 +180,7 @@ fn a_sound_log_is_read_once() {
 fn disorder_within_reach_repeats_and_angles_that_are_none_change_nothing() {
     let mut states = states();
     // Blocks of 97 backwards, a stretch of 3000 samples 5000 places late, stamps twice, angles that are no numbers.
-    states[10_000..30_000]
-        .chunks_mut(97)
-        .for_each(<[State]>::reverse);
+    states[10_000..30_000].chunks_mut(97).for_each(<[State]>::reverse);
     states[40_000..48_000].rotate_left(3000);
     for place in (55_000..60_000).step_by(10) {
         states[place].0 = states[place - 1].0;
@@ -261,19 +249,13 @@ fn a_split_recording_is_read_once_if_its_parts_are_given_in_order() {
     let folder = Folder::new();
     // Cut within a dwell; the parts overlap by 40 samples.
     let (first, second) = (&states[..50_120], &states[50_080..]);
-    let mut parts = [
-        folder.file("0.mcap", &log(first)),
-        folder.file("1.mcap", &log(second)),
-    ];
+    let mut parts = [folder.file("0.mcap", &log(first)), folder.file("1.mcap", &log(second))];
     assert_eq!(check_joints(&parts, &[first, second]), (2, DWELLS));
     parts.reverse();
     assert_eq!(check_joints(&parts, &[first, second]), (4, DWELLS));
     // Parts that fit into the buffer are put in order there.
     let (first, second) = (&states[..7000], &states[7000..14_000]);
-    let parts = [
-        folder.file("3.mcap", &log(second)),
-        folder.file("2.mcap", &log(first)),
-    ];
+    let parts = [folder.file("3.mcap", &log(second)), folder.file("2.mcap", &log(first))];
     assert_eq!(check_joints(&parts, &[first, second]), (2, 28));
 }
 
@@ -383,10 +365,9 @@ fn poses_of_which_none_can_be_used_are_refused() {
         pose.1[0] = f64::NAN;
     }
     let one = [command(&states())];
-    for (topic, (found, begun)) in [
-        ("/reading", read_poses(&one, &none)),
-        ("/command", read_poses(&none, &one)),
-    ] {
+    for (topic, (found, begun)) in
+        [("/reading", read_poses(&one, &none)), ("/command", read_poses(&none, &one))]
+    {
         let error = found.expect_err("of no use").to_string();
         let expected =
             format!("topic \"{topic}\" has no usable message: 100 decoded, all rejected");

@@ -115,14 +115,8 @@ fn joint_state_2(ns: i64, i: f64) -> Vec<u8> {
     let words: Vec<u8> = [sec, nanosec, 1, 0].into_iter().flat_map(word).collect();
     let names: Vec<u8> = [20, 2].into_iter().flat_map(word).collect();
     let names = [&names[..], &word(2), b"b\0\0\0", &word(2), b"a\0\0\0"].concat();
-    let numbers = [
-        &word(2)[..],
-        &(-i).to_le_bytes(),
-        &i.to_le_bytes(),
-        &word(0),
-        &word(0),
-    ]
-    .concat();
+    let numbers =
+        [&word(2)[..], &(-i).to_le_bytes(), &i.to_le_bytes(), &word(0), &word(0)].concat();
     [&[0, 7, 0, 0][..], &words, &names, &numbers].concat()
 }
 
@@ -141,11 +135,7 @@ fn controller_state(ns: i64, i: f64) -> Vec<u8> {
     let names = Cdr::stamped(ns).word(2).text("a").text("b");
     // The desired point comes first and says something else.
     let desired = names.sequence(&[9.0, 9.0]).sequence(&[]).word(5).word(6);
-    let actual = desired
-        .sequence(&[i, -i])
-        .sequence(&[1.0, 1.0])
-        .word(5)
-        .word(6);
+    let actual = desired.sequence(&[i, -i]).sequence(&[1.0, 1.0]).word(5).word(6);
     actual.done()
 }
 
@@ -156,29 +146,17 @@ fn foxglove_joints(ns: i64, i: f64) -> Vec<u8> {
     let (sec, nanosec) = seconds_and_nanoseconds(ns);
     let word = |n| u32::try_from(n).expect("small");
     let head = Cdr::new(true).word(word(sec)).word(word(nanosec)).word(2);
-    head.text("a")
-        .number(i)
-        .number(0.5)
-        .text("b")
-        .number(-i)
-        .number(0.5)
-        .done()
+    head.text("a").number(i).number(0.5).text("b").number(-i).number(0.5).done()
 }
 
 fn joint_states_protobuf(ns: i64, i: f64) -> Vec<u8> {
     let joint = |name: &str, position| {
-        Proto::default()
-            .bytes(1, name.as_bytes())
-            .double(2, position)
-            .double(3, 0.5)
+        Proto::default().bytes(1, name.as_bytes()).double(2, position).double(3, 0.5)
     };
     // Fields in another order than they are defined in, and a field that the schema does not have.
     Proto::default()
         .message(2, &joint("b", -i))
-        .group(
-            99,
-            &Proto::default().varint(1, 7).group(2, &Proto::default()),
-        )
+        .group(99, &Proto::default().varint(1, 7).group(2, &Proto::default()))
         .message(1, &proto::timestamp(ns))
         .message(2, &joint("a", i))
         .0
@@ -238,11 +216,7 @@ fn joint_forms() -> Vec<Form> {
         idl(joint_state),
         idl(joint_state_2),
         idl(joint_state_delimited),
-        of_ros(
-            "sensor_msgs/JointState",
-            &schema("JointState").1,
-            joint_state_2,
-        ),
+        of_ros("sensor_msgs/JointState", &schema("JointState").1, joint_state_2),
         of_ros(state_name, &humble, controller_state),
         of_ros(state_name, &jazzy, controller_state),
         of_ros("foxglove_msgs/msg/JointStates", foxglove, foxglove_joints),
@@ -260,25 +234,16 @@ fn point(ns: i64, i: f64) -> Vec<u8> {
 fn foxglove_point(ns: i64, i: f64) -> Vec<u8> {
     let (sec, nanosec) = seconds_and_nanoseconds(ns);
     let word = |n| u32::try_from(n).expect("small");
-    let head = Cdr::new(false)
-        .word(word(sec))
-        .word(word(nanosec))
-        .text("tracker");
+    let head = Cdr::new(false).word(word(sec)).word(word(nanosec)).text("tracker");
     head.numbers(&[3.0, i, 4.0]).done()
 }
 
 fn point_protobuf(ns: i64, i: f64) -> Vec<u8> {
     let point = Proto::default().double(1, 3.0).double(3, 4.0);
-    let message = Proto::default()
-        .message(1, &proto::timestamp(ns))
-        .bytes(2, b"tracker")
-        .message(3, &point);
+    let message =
+        Proto::default().message(1, &proto::timestamp(ns)).bytes(2, b"tracker").message(3, &point);
     // 0 is not written, and what is given twice is merged.
-    if i == 0.0 {
-        message.0
-    } else {
-        message.message(3, &Proto::default().double(2, i)).0
-    }
+    if i == 0.0 { message.0 } else { message.message(3, &Proto::default().double(2, i)).0 }
 }
 
 fn point_json(ns: i64, i: f64) -> Vec<u8> {
@@ -304,11 +269,7 @@ fn reading_forms() -> Vec<Form> {
     let foxglove =
         "builtin_interfaces/Time timestamp\nstring frame_id\ngeometry_msgs/Point point\n";
     vec![
-        of_ros(
-            "geometry_msgs/PointStamped",
-            &text.replace('\n', "\r\n"),
-            point,
-        ),
+        of_ros("geometry_msgs/PointStamped", &text.replace('\n', "\r\n"), point),
         of_ros("foxglove_msgs/msg/Point3InFrame", foxglove, foxglove_point),
         of_protobuf("foxglove.Point3InFrame", point_protobuf),
         of_json("foxglove.Point3InFrame", point_json),
@@ -319,13 +280,7 @@ fn reading_forms() -> Vec<Form> {
 fn recording(joints: &Form, readings: &Form) -> WholeSession {
     let mut log = Log::new(None);
     let mut channel = |topic, form: &Form| {
-        log.channel_of(
-            topic,
-            form.type_name,
-            form.language,
-            &form.definition,
-            form.encoding,
-        )
+        log.channel_of(topic, form.type_name, form.language, &form.definition, form.encoding)
     };
     let (joint_channel, reading_channel) =
         (channel("/joints", joints), channel("/reading", readings));
@@ -366,13 +321,9 @@ fn every_encoding_gives_the_same_recording() {
 fn poses_come_with_their_orientation_in_every_encoding() {
     let protobuf = |ns: i64, i: f64| {
         let position = Proto::default().double(1, 3.0).double(2, i).double(3, 4.0);
-        let pose = Proto::default()
-            .message(1, &position)
-            .message(2, &Proto::default().double(4, 1.0));
-        Proto::default()
-            .message(1, &proto::timestamp(ns))
-            .message(3, &pose)
-            .0
+        let pose =
+            Proto::default().message(1, &position).message(2, &Proto::default().double(4, 1.0));
+        Proto::default().message(1, &proto::timestamp(ns)).message(3, &pose).0
     };
     let json = |ns: i64, i: f64| {
         let (sec, nsec) = seconds_and_nanoseconds(ns);
@@ -383,10 +334,7 @@ fn poses_come_with_their_orientation_in_every_encoding() {
         .into_bytes()
     };
     let transform = |ns: i64, i: f64| {
-        Cdr::stamped(ns)
-            .text("target")
-            .numbers(&[3.0, i, 4.0, 0.0, 0.0, 0.0, 1.0])
-            .done()
+        Cdr::stamped(ns).text("target").numbers(&[3.0, i, 4.0, 0.0, 0.0, 0.0, 1.0]).done()
     };
     let text = format!(
         "std_msgs/Header header\nstring child_frame_id\nTransform transform\n{HEADER}================\n\

@@ -96,12 +96,7 @@ fn change_log(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
 /// Makes the summary count otherwise, and its checksum fit.
 fn set_statistics(bytes: &mut [u8], chance: &mut Chance) {
     let places = record_places(bytes);
-    let of = |opcode| {
-        places
-            .iter()
-            .find(|&&at| bytes.get(at) == Some(&opcode))
-            .copied()
-    };
+    let of = |opcode| places.iter().find(|&&at| bytes.get(at) == Some(&opcode)).copied();
     let (Some(counts), Some(footer)) = (of(op::STATISTICS), of(op::FOOTER)) else {
         return;
     };
@@ -112,13 +107,9 @@ fn set_statistics(bytes: &mut [u8], chance: &mut Chance) {
         return;
     };
     place.copy_from_slice(&number);
-    let start = bytes
-        .get(footer + 9..footer + 17)
-        .and_then(|b| b.first_chunk());
+    let start = bytes.get(footer + 9..footer + 17).and_then(|b| b.first_chunk());
     let start = start.map_or(0, |start| u64::from_le_bytes(*start));
-    let covered = usize::try_from(start)
-        .ok()
-        .and_then(|start| bytes.get(start..footer + 25));
+    let covered = usize::try_from(start).ok().and_then(|start| bytes.get(start..footer + 25));
     if let Some(crc) = covered.map(crc32fast::hash)
         && let Some(place) = bytes.get_mut(footer + 25..footer + 29)
     {
@@ -132,11 +123,7 @@ fn read_log(path: &Path) -> String {
     match inspect(path, LIMITS, &Quiet) {
         Err(error) => outcome += &error.to_string(),
         Ok(found) => {
-            let counted: u64 = found
-                .channels
-                .iter()
-                .map(|channel| channel.traffic.messages)
-                .sum();
+            let counted: u64 = found.channels.iter().map(|channel| channel.traffic.messages).sum();
             assert!(counted <= found.read_summary.messages);
             summaries = Some(found.read_summary.clone());
             for reject in &found.read_summary.rejects {
@@ -170,15 +157,8 @@ fn logs() -> Vec<Vec<u8>> {
     );
     seeds.extend(conformance::samples());
     let private = Body(vec![7; 40]).record(0x91);
-    seeds.push(raw::log(&[
-        private.clone(),
-        raw::data_end(0).record(op::DATA_END),
-        private,
-    ]));
-    let both = [
-        session_log(None, 10),
-        session_log(Some(Compression::Zstd), 20),
-    ];
+    seeds.push(raw::log(&[private.clone(), raw::data_end(0).record(op::DATA_END), private]));
+    let both = [session_log(None, 10), session_log(Some(Compression::Zstd), 20)];
     seeds.push(both.concat());
     seeds
 }
@@ -186,9 +166,7 @@ fn logs() -> Vec<Vec<u8>> {
 #[test]
 fn log_file() {
     let folder = Folder::new();
-    fuzz("log_file", logs(), change_log, |bytes| {
-        read_log(&folder.file("log.mcap", bytes))
-    });
+    fuzz("log_file", logs(), change_log, |bytes| read_log(&folder.file("log.mcap", bytes)));
 }
 
 #[test]
@@ -196,18 +174,12 @@ fn log_file_in_zstd() {
     let folder = Folder::new();
     let packed = |log: Vec<u8>| zstd::stream::encode_all(&log[..], 1).expect("memory");
     let seeds = logs().into_iter().map(packed).collect();
-    fuzz("log_file_in_zstd", seeds, change, |bytes| {
-        read_log(&folder.file("log.mcap.zst", bytes))
-    });
+    fuzz("log_file_in_zstd", seeds, change, |bytes| read_log(&folder.file("log.mcap.zst", bytes)));
 }
 
 /// Encodings of messages with the languages of their schemas.
-const FORMS: [(&str, &str); 4] = [
-    ("cdr", "ros2msg"),
-    ("cdr", "ros2idl"),
-    ("protobuf", "protobuf"),
-    ("json", "jsonschema"),
-];
+const FORMS: [(&str, &str); 4] =
+    [("cdr", "ros2msg"), ("cdr", "ros2idl"), ("protobuf", "protobuf"), ("json", "jsonschema")];
 
 /// Which form, length of the type's name, length of the schema; then name, schema and message.
 fn packed_form(form: u8, name: &str, schema: &[u8], message: &[u8]) -> Vec<u8> {
@@ -257,18 +229,15 @@ fn read_message(bytes: &[u8]) -> String {
     let mut row = Row::default();
     let read = reader.read(message, &mut row);
     let values: Vec<_> = match read {
-        Ok(()) => (0..paths.len())
-            .map(|slot| row.value(message, slot).integer().is_some())
-            .collect(),
+        Ok(()) => {
+            (0..paths.len()).map(|slot| row.value(message, slot).integer().is_some()).collect()
+        }
         Err(_) => Vec::new(),
     };
     let mut noise = Noise(message.iter().map(|&byte| u64::from(byte)).sum());
     let wanted = (&reader, paths.len());
     compare(wanted, (message, 20), &mut noise, &mut Seen::default());
-    format!(
-        "{encoding} {language} {read:?} {values:?} {}",
-        suggested.is_some()
-    )
+    format!("{encoding} {language} {read:?} {values:?} {}", suggested.is_some())
 }
 
 #[test]
@@ -276,12 +245,7 @@ fn schema_and_message() {
     let seed = |sample: encodings::Sample| {
         let form = FORMS.iter().position(|form| *form == sample.form)?;
         let form = u8::try_from(form).ok()?;
-        Some(packed_form(
-            form,
-            sample.type_name,
-            &sample.definition,
-            &sample.message,
-        ))
+        Some(packed_form(form, sample.type_name, &sample.definition, &sample.message))
     };
     let seeds: Vec<_> = encodings::samples().into_iter().filter_map(seed).collect();
     assert!(seeds.len() >= 4, "{} of the forms", seeds.len());
@@ -296,10 +260,7 @@ fn cell() -> Folder {
     for log in ["controller.mcap", "tracker.mcap"] {
         fs::write(session.join(log), b"").expect("writable");
     }
-    folder.file(
-        "robot.toml",
-        &toml_file("pipelines/robots/kr210-r2700-extra.toml"),
-    );
+    folder.file("robot.toml", &toml_file("pipelines/robots/kr210-r2700-extra.toml"));
     folder
 }
 
@@ -329,17 +290,10 @@ fn pipeline_file() {
     let folder = cell();
     let whole = pipeline_text();
     let path = folder.file("pipeline.toml", whole.as_bytes());
-    assert!(
-        Configuration::load(&path, &Overrides::default()).is_ok(),
-        "{}",
-        planned(&path)
-    );
-    fuzz(
-        "pipeline_file",
-        vec![whole.into_bytes()],
-        change_text,
-        |bytes| planned(&folder.file("pipeline.toml", bytes)),
-    );
+    assert!(Configuration::load(&path, &Overrides::default()).is_ok(), "{}", planned(&path));
+    fuzz("pipeline_file", vec![whole.into_bytes()], change_text, |bytes| {
+        planned(&folder.file("pipeline.toml", bytes))
+    });
 }
 
 #[test]

@@ -15,11 +15,7 @@ fn inspect(files: &[&std::path::Path]) -> (i32, String, String) {
         .output()
         .expect("runs");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
-    (
-        output.status.code().expect("an exit code"),
-        text(output.stdout),
-        text(output.stderr),
-    )
+    (output.status.code().expect("an exit code"), text(output.stdout), text(output.stderr))
 }
 
 #[test]
@@ -29,30 +25,15 @@ fn a_sound_log_is_described_with_a_snippet_that_reads_it() {
         inspect(&[&folder.file("log.mcap", &session_log(Some(Compression::Zstd), 101))]);
     assert_eq!(code, 0, "{out}");
     // 101 messages, 10 ms apart, logged 1 s after their stamps.
-    assert!(
-        out.contains("101 messages over 1.000 s, 100.00 Hz"),
-        "{out}"
-    );
-    assert!(
-        out.contains("sensor_msgs/msg/JointState (cdr, schema in ros2msg)"),
-        "{out}"
-    );
-    assert!(
-        out.contains("log time less header stamp: 1.000000 to 1.000000 s"),
-        "{out}"
-    );
-    assert!(
-        out.contains("joints a, b") && out.contains("no damage"),
-        "{out}"
-    );
+    assert!(out.contains("101 messages over 1.000 s, 100.00 Hz"), "{out}");
+    assert!(out.contains("sensor_msgs/msg/JointState (cdr, schema in ros2msg)"), "{out}");
+    assert!(out.contains("log time less header stamp: 1.000000 to 1.000000 s"), "{out}");
+    assert!(out.contains("joints a, b") && out.contains("no damage"), "{out}");
     let snippet = &out[out.find("[controller]").expect("a snippet")..];
     let sections: toml::Table = toml::from_str(snippet).expect("sound TOML");
     let section = |name: &str| sections[name].clone();
     let controller: ControllerSettings = section("controller").try_into().expect("complete");
-    assert_eq!(
-        (controller.topic.as_str(), controller.time),
-        ("/joints", TimeSource::Header)
-    );
+    assert_eq!((controller.topic.as_str(), controller.time), ("/joints", TimeSource::Header));
     let commanded: CommandedSettings = section("commanded").try_into().expect("complete");
     assert_eq!(commanded.topic, "/command");
     let tracker: TrackerSettings = section("tracker").try_into().expect("complete");
@@ -73,23 +54,14 @@ fn damage_and_unreadable_files_have_their_exit_codes() {
     let sound = folder.file("sound.mcap", &log);
     let (code, out, err) = inspect(&[&folder.file("text.mcap", b"hello"), &cut, &sound]);
     assert_eq!(code, 1, "unreadable outranks damaged");
-    assert!(
-        err.contains("text.mcap") && out.contains("sound.mcap"),
-        "{err}{out}"
-    );
+    assert!(err.contains("text.mcap") && out.contains("sound.mcap"), "{err}{out}");
 }
 
 #[test]
 fn names_from_the_file_do_not_reach_the_terminal_as_they_are() {
     let mut log = Log::new(None);
     let joints = log.channel("/evil\u{1b}]0;title\u{7}", "JointState");
-    log.write(
-        joints,
-        0,
-        &Cdr::stamped(stamp(0))
-            .joints(&["a\u{1b}[2J"], &[0.0])
-            .done(),
-    );
+    log.write(joints, 0, &Cdr::stamped(stamp(0)).joints(&["a\u{1b}[2J"], &[0.0]).done());
     log.metadata("m", "k", "v\r\u{1b}[0m");
     let (code, out, _) = inspect(&[&Folder::new().file("log.mcap", &log.done())]);
     assert_eq!(code, 0);
@@ -141,14 +113,9 @@ fn a_log_cut_behind_its_data_is_damaged_and_a_log_without_summary_is_not() {
         out.contains("no closing mark at its end") && out.contains("no message is lost"),
         "{out}"
     );
-    assert!(
-        out.contains("0 of") && out.contains("bytes lost (0.00 %)"),
-        "{out}"
-    );
+    assert!(out.contains("0 of") && out.contains("bytes lost (0.00 %)"), "{out}");
     let mut plain = Log::with(
-        mcap::WriteOptions::new()
-            .emit_summary_records(false)
-            .emit_summary_offsets(false),
+        mcap::WriteOptions::new().emit_summary_records(false).emit_summary_offsets(false),
     );
     crate::build::session(&mut plain, 50);
     let (code, out, _) = inspect(&[&folder.file("plain.mcap", &plain.done())]);
@@ -227,8 +194,5 @@ fn a_log_in_zstd_without_room_to_decompress_it_is_reported() {
         .expect("runs");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(
-        told.contains("log.mcap.zst") && told.contains("TMPDIR"),
-        "{told}"
-    );
+    assert!(told.contains("log.mcap.zst") && told.contains("TMPDIR"), "{told}");
 }

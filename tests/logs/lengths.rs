@@ -87,23 +87,15 @@ fn topics_of_one_and_of_several_lengths_are_read_in_their_units() {
     };
     assert!(is_told("/wire", "not a finite number"), "{told:?}");
     assert!(is_told("/box", "no value at \"c[1]\""), "{told:?}");
-    assert!(
-        is_told("/box", "value at \"c[0]\" is no number"),
-        "{told:?}"
-    );
+    assert!(is_told("/box", "value at \"c[0]\" is no number"), "{told:?}");
 }
 
 #[test]
 fn a_topic_that_is_missing_or_of_another_type_is_named() {
-    let log = log(
-        &[1.0],
-        &[r#"{"taken": {"sec": 100, "nanosec": 5}, "c": [1, 2]}"#],
-    );
+    let log = log(&[1.0], &[r#"{"taken": {"sec": 100, "nanosec": 5}, "c": [1, 2]}"#]);
     let told = |from: &str, to: &str| {
         let mapping = with_lengths(&LENGTHS.replace(from, to));
-        read_as(&log, &mapping)
-            .expect_err("no such lengths")
-            .to_string()
+        read_as(&log, &mapping).expect_err("no such lengths").to_string()
     };
     let missing = told("/wire", "/rope");
     assert!(missing.contains("no topic \"/rope\""), "{missing}");

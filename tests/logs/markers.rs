@@ -13,11 +13,7 @@ const MARKER: &str = "================\nMSG: aruco_msgs/Marker\nstd_msgs/Header 
     ================\nMSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n";
 
 fn target(name: &str, topic: Option<&str>, is: Option<TargetName>) -> LoggedTarget {
-    LoggedTarget {
-        name: name.to_owned(),
-        topic: topic.map(str::to_owned),
-        is,
-    }
+    LoggedTarget { name: name.to_owned(), topic: topic.map(str::to_owned), is }
 }
 
 fn two_by_number() -> Vec<LoggedTarget> {
@@ -45,19 +41,12 @@ fn marker_log(messages: &[&[(u32, f64)]]) -> Vec<u8> {
     let mut log = Log::new(None);
     session(&mut log, 100);
     let text = format!("std_msgs/Header header\nMarker[] markers\n{HEADER}{MARKER}{POSE}");
-    let channel = log.channel_of(
-        "/markers",
-        "aruco_msgs/msg/MarkerArray",
-        "ros2msg",
-        text.as_bytes(),
-        "cdr",
-    );
+    let channel =
+        log.channel_of("/markers", "aruco_msgs/msg/MarkerArray", "ros2msg", text.as_bytes(), "cdr");
     for (i, markers) in messages.iter().enumerate() {
         let ns = stamp(u32::try_from(i).expect("few"));
         let cdr = Cdr::stamped(ns).word(u32::try_from(markers.len()).expect("few"));
-        let cdr = markers
-            .iter()
-            .fold(cdr, |cdr, (id, x)| marker(cdr, ns, *id, *x));
+        let cdr = markers.iter().fold(cdr, |cdr, (id, x)| marker(cdr, ns, *id, *x));
         log.write(channel, u64::try_from(ns).expect("positive"), &cdr.done());
     }
     log.done()
@@ -101,16 +90,9 @@ fn x(readings: &posegrid::ingest::TargetReadings) -> Vec<f64> {
 fn check_counts(found: &WholeSession) {
     let count = |name: &str| found.counts.get(name).copied().unwrap_or(0);
     let rows = found.readings.stamps.len()
-        + found
-            .others
-            .iter()
-            .map(|own| own.stamps.len())
-            .sum::<usize>();
+        + found.others.iter().map(|own| own.stamps.len()).sum::<usize>();
     assert_eq!(count("readings.kept"), rows as u64);
-    assert_eq!(
-        count("readings.messages"),
-        count("readings.kept") + count("readings.rejected")
-    );
+    assert_eq!(count("readings.messages"), count("readings.kept") + count("readings.rejected"));
 }
 
 #[test]
@@ -193,10 +175,7 @@ fn fields_that_are_no_markers_are_named() {
     let mut wrong = by_path(false);
     wrong.x = Some("markers[].pose.pose.position.w".to_owned());
     let error = read_as(&marker_log(&SEEN), &of_markers(wrong)).expect_err("no such field");
-    assert!(
-        error.to_string().contains("markers[].pose.pose.position.w"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("markers[].pose.pose.position.w"), "{error}");
 }
 
 /// Transforms that name their child frame.
@@ -218,14 +197,8 @@ fn transform_log(names: &[&str]) -> Vec<u8> {
     for (i, name) in names.iter().enumerate() {
         let ns = stamp(u32::try_from(i).expect("few"));
         let x = i as f64 + 1.0;
-        let message = Cdr::stamped(ns)
-            .text(name)
-            .numbers(&[x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-        log.write(
-            channel,
-            u64::try_from(ns).expect("positive"),
-            &message.done(),
-        );
+        let message = Cdr::stamped(ns).text(name).numbers(&[x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        log.write(channel, u64::try_from(ns).expect("positive"), &message.done());
     }
     log.done()
 }
@@ -238,10 +211,8 @@ fn targets_are_told_by_a_name_in_the_message() {
     });
     "/tf".clone_into(&mut mapping.tracker.topic);
     let named = |name: &str| Some(TargetName::Text(name.to_owned()));
-    mapping.tracker.targets = vec![
-        target("a", None, named("SMR 1")),
-        target("b", None, named("SMR 2")),
-    ];
+    mapping.tracker.targets =
+        vec![target("a", None, named("SMR 1")), target("b", None, named("SMR 2"))];
     let log = transform_log(&["SMR 1", "SMR 2", "SMR 3", "SMR 1"]);
     let found = read_as(&log, &mapping).expect("sound");
     assert_eq!(x(&found.readings), [1000.0, 4000.0]);
@@ -262,28 +233,16 @@ fn targets_are_told_by_topic() {
     let mut log = Log::new(None);
     session(&mut log, 100);
     let second = log.channel("/second", "PointStamped");
-    log.write(
-        second,
-        1,
-        &Cdr::stamped(stamp(4)).numbers(&[8.0, 9.0, 10.0]).done(),
-    );
+    log.write(second, 1, &Cdr::stamped(stamp(4)).numbers(&[8.0, 9.0, 10.0]).done());
     let found = read_as(&log.done(), &mapping).expect("sound");
-    assert_eq!(
-        (
-            found.readings.positions.len(),
-            found.others[0].positions.len()
-        ),
-        (10, 1)
-    );
+    assert_eq!((found.readings.positions.len(), found.others[0].positions.len()), (10, 1));
     assert_eq!(found.others[0].positions[0], [8.0, 9.0, 10.0]);
     check_counts(&found);
     // A topic that is not there is named.
     mapping.tracker.targets[1].topic = Some("/third".to_owned());
     let mut log = Log::new(None);
     session(&mut log, 100);
-    let error = read_as(&log.done(), &mapping)
-        .expect_err("no such topic")
-        .to_string();
+    let error = read_as(&log.done(), &mapping).expect_err("no such topic").to_string();
     assert!(error.contains("/third"), "{error}");
 }
 
@@ -294,9 +253,8 @@ fn damaged_arrays_of_markers_are_counted_and_never_trusted() {
     let sound = marker_log(&seen);
     let mut state = 11_u64;
     let mut next = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         usize::try_from(state >> 33).expect("31 bits")
     };
     let mut read = 0;
@@ -329,9 +287,8 @@ fn array_log(messages: &[&[f64]]) -> Vec<u8> {
     for (i, markers) in (0..).zip(messages) {
         let ns = stamp(i);
         let cdr = Cdr::stamped(ns).word(u32::try_from(markers.len()).expect("few"));
-        let cdr = markers.iter().fold(cdr, |cdr, x| {
-            cdr.numbers(&[*x, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0])
-        });
+        let cdr =
+            markers.iter().fold(cdr, |cdr, x| cdr.numbers(&[*x, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0]));
         log.write(channel, u64::try_from(ns).expect("positive"), &cdr.done());
     }
     log.done()

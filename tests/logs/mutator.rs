@@ -81,10 +81,7 @@ fn mutants(log: &Log) -> Vec<Mutant> {
     for field in fields(bytes, 8..bytes.len() - 8) {
         let changed = field.at..field.at + field.width;
         let frames = field.name.ends_with("opcode") || field.name.ends_with("record length");
-        let in_chunk = log
-            .chunks
-            .iter()
-            .any(|chunk| chunk.place.contains(&field.at));
+        let in_chunk = log.chunks.iter().any(|chunk| chunk.place.contains(&field.at));
         let told = log.has_data_crc || frames || in_chunk;
         for value in wrong_values(&field, field.value(bytes), bytes.len()) {
             found.push(Mutant {
@@ -113,11 +110,7 @@ fn mutants_in_chunks(log: &Log) -> Vec<Mutant> {
                         ),
                         bytes: log.with_chunk(chunk, &records, keep_crc),
                         changed: chunk.place.clone(),
-                        excused: if keep_crc {
-                            NOTHING
-                        } else {
-                            chunk.place.clone()
-                        },
+                        excused: if keep_crc { NOTHING } else { chunk.place.clone() },
                     });
                 }
             }
@@ -138,11 +131,7 @@ fn hostile(log: &Log) -> Vec<Mutant> {
             excused: NOTHING,
         })
         .collect();
-    for chunk in log
-        .chunks
-        .iter()
-        .filter(|chunk| chunk.packing != Packing::None)
-    {
+    for chunk in log.chunks.iter().filter(|chunk| chunk.packing != Packing::None) {
         // The frame's own header: its window and its content size.
         for at in 0..16 {
             for value in [0x00, 0x7f, 0x80, 0xff] {
@@ -188,11 +177,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
     let seen = inspect(&path, LIMITS, &Quiet);
     let recording = read_file(&path, LIMITS)?;
     let seen = seen.unwrap_or_else(|error| panic!("{what}: {error}"));
-    let counted: u64 = seen
-        .channels
-        .iter()
-        .map(|channel| channel.traffic.messages)
-        .sum();
+    let counted: u64 = seen.channels.iter().map(|channel| channel.traffic.messages).sum();
     let unknown: u64 = seen
         .read_summary
         .rejects
@@ -200,11 +185,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
         .filter(|reject| reject.reason.contains("which no record before them"))
         .filter_map(|reject| reject.messages)
         .sum();
-    assert_eq!(
-        counted + unknown,
-        seen.read_summary.messages,
-        "{what}: {seen:#?}"
-    );
+    assert_eq!(counted + unknown, seen.read_summary.messages, "{what}: {seen:#?}");
     for stream in ["joints", "commands", "readings"] {
         let count = |name: &str| recording.counts.get(&format!("{stream}.{name}")).copied();
         let [messages, kept, rejected] =
@@ -213,11 +194,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
     }
     for (i, sound) in &log.homes {
         let home = mutant.place(log, sound);
-        let row = recording
-            .joints
-            .stamps
-            .iter()
-            .position(|at| at.ns() == stamp(*i));
+        let row = recording.joints.stamps.iter().position(|at| at.ns() == stamp(*i));
         let whole = row.is_some_and(|row| {
             recording.joints.angles.row(row)[0].to_bits() == f64::from(*i).to_bits()
         });
@@ -239,9 +216,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
 /// Reads all mutants; how many there were, and of how many the rest could be read.
 fn check_all(log: &Log, mutants: &[Mutant]) -> (usize, usize) {
     let folder = Folder::new();
-    let read = mutants
-        .iter()
-        .filter(|mutant| check(log, mutant, &folder).is_ok());
+    let read = mutants.iter().filter(|mutant| check(log, mutant, &folder).is_ok());
     let read = read.count();
     println!("{} mutants, {read} of them could be read", mutants.len());
     (mutants.len(), read)
@@ -281,21 +256,14 @@ fn every_field_of_a_log_without_checksums_can_lie() {
 fn cuts_and_compressed_lies_lose_nothing_in_silence() {
     let log = Log::new(true);
     let (all, read) = check_all(&log, &hostile(&log));
-    assert!(
-        all > 150 && read * 10 > all * 7,
-        "{read} of {all} mutants could be read"
-    );
+    assert!(all > 150 && read * 10 > all * 7, "{read} of {all} mutants could be read");
 }
 
 /// The largest memory that this process ever held, bytes; where the system tells.
 fn peak() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    line.split_whitespace()
-        .nth(1)?
-        .parse::<u64>()
-        .ok()
-        .map(|kb| kb * 1024)
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kb| kb * 1024)
 }
 
 /// Not a test of its own: reads what the test below wrote, in a process of its own whose memory it tells.
@@ -321,10 +289,7 @@ fn hostile_logs_stay_within_the_memory_that_is_configured() {
     let folder = Folder::new();
     let log = Log::new(false);
     let in_chunks = mutants_in_chunks(&log).into_iter();
-    let all = mutants(&log)
-        .into_iter()
-        .chain(in_chunks)
-        .chain(hostile(&log));
+    let all = mutants(&log).into_iter().chain(in_chunks).chain(hostile(&log));
     let long = all.filter(|mutant| {
         let values = ["0xff", "0x7f", "0x80", "0x100000", "states"];
         values.iter().any(|value| mutant.what.contains(value))
@@ -339,27 +304,13 @@ fn hostile_logs_stay_within_the_memory_that_is_configured() {
     }
     assert!(count > 500, "{count}");
     let output = Command::new(std::env::current_exe().expect("this test"))
-        .args([
-            "--ignored",
-            "--exact",
-            "mutator::child",
-            "--nocapture",
-            "--test-threads",
-            "1",
-        ])
+        .args(["--ignored", "--exact", "mutator::child", "--nocapture", "--test-threads", "1"])
         .env("POSEGRID_MUTANTS", folder.path())
         .output()
         .expect("started");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(
-        output.status.success(),
-        "{text}{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    let told = text
-        .lines()
-        .find_map(|line| line.split_once("peak "))
-        .expect("told");
+    assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    let told = text.lines().find_map(|line| line.split_once("peak ")).expect("told");
     let peak: u64 = told.1.trim().parse().expect("a number");
     if peak == 0 {
         eprintln!("NOT TESTED: this system does not tell a process's peak memory");
@@ -369,8 +320,5 @@ fn hostile_logs_stay_within_the_memory_that_is_configured() {
     let channels = 65_535 * 512;
     let limit = LIMITS.chunk_bytes + LIMITS.batch_bytes + (64 << 20) + channels;
     println!("{count} mutants: {peak} bytes at the most, {limit} are allowed");
-    assert!(
-        peak < limit,
-        "{peak} bytes at the most, {limit} are allowed"
-    );
+    assert!(peak < limit, "{peak} bytes at the most, {limit} are allowed");
 }

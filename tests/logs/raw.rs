@@ -31,8 +31,7 @@ impl Body {
 
     /// Four bytes of length and the bytes.
     pub fn bytes(self, bytes: &[u8]) -> Self {
-        self.u32(u32::try_from(bytes.len()).expect("short"))
-            .raw(bytes)
+        self.u32(u32::try_from(bytes.len()).expect("short")).raw(bytes)
     }
 
     pub fn text(self, text: &str) -> Self {
@@ -41,9 +40,8 @@ impl Body {
 
     /// A map of texts.
     pub fn map(self, pairs: &[(&str, &str)]) -> Self {
-        let pairs = pairs.iter().fold(Self::default(), |map, (key, value)| {
-            map.text(key).text(value)
-        });
+        let pairs =
+            pairs.iter().fold(Self::default(), |map, (key, value)| map.text(key).text(value));
         self.bytes(&pairs.0)
     }
 
@@ -59,29 +57,15 @@ pub fn header(profile: &str, library: &str) -> Body {
 }
 
 pub fn schema(id: u16, name: &str, encoding: &str, definition: &[u8]) -> Body {
-    Body::default()
-        .u16(id)
-        .text(name)
-        .text(encoding)
-        .bytes(definition)
+    Body::default().u16(id).text(name).text(encoding).bytes(definition)
 }
 
 pub fn channel(id: u16, schema: u16, topic: &str, encoding: &str, pairs: &[(&str, &str)]) -> Body {
-    Body::default()
-        .u16(id)
-        .u16(schema)
-        .text(topic)
-        .text(encoding)
-        .map(pairs)
+    Body::default().u16(id).u16(schema).text(topic).text(encoding).map(pairs)
 }
 
 pub fn message(channel: u16, sequence: u32, log: u64, publish: u64, payload: &[u8]) -> Body {
-    Body::default()
-        .u16(channel)
-        .u32(sequence)
-        .u64(log)
-        .u64(publish)
-        .raw(payload)
+    Body::default().u16(channel).u32(sequence).u64(log).u64(publish).raw(payload)
 }
 
 /// How a chunk is stored.
@@ -106,9 +90,7 @@ impl Packing {
             Self::None => records.to_vec(),
             Self::Zstd => zstd::bulk::compress(records, 1).expect("memory"),
             Self::Lz4 => {
-                let mut encoder = lz4::EncoderBuilder::new()
-                    .build(Vec::new())
-                    .expect("memory");
+                let mut encoder = lz4::EncoderBuilder::new().build(Vec::new()).expect("memory");
                 encoder.write_all(records).expect("memory");
                 encoder.finish().0
             }
@@ -130,9 +112,8 @@ pub fn chunk(times: (u64, u64), records: &[u8], packing: Packing) -> Body {
 
 /// Log time and place in the chunk of each message of a channel.
 pub fn message_index(channel: u16, entries: &[(u64, u64)]) -> Body {
-    let entries = entries.iter().fold(Body::default(), |body, (time, place)| {
-        body.u64(*time).u64(*place)
-    });
+    let entries =
+        entries.iter().fold(Body::default(), |body, (time, place)| body.u64(*time).u64(*place));
     Body::default().u16(channel).bytes(&entries.0)
 }
 
@@ -152,9 +133,6 @@ pub fn file(records: &[Vec<u8>]) -> Vec<u8> {
 /// The records of a data section as a whole file without summary.
 pub fn log(records: &[Vec<u8>]) -> Vec<u8> {
     let head = header("ros2", "tests").record(op::HEADER);
-    let end = [
-        data_end(0).record(op::DATA_END),
-        footer(0, 0, 0).record(op::FOOTER),
-    ];
+    let end = [data_end(0).record(op::DATA_END), footer(0, 0, 0).record(op::FOOTER)];
     file(&[&[head][..], records, &end].concat())
 }

@@ -13,32 +13,17 @@ use crate::build::{WholeSession, read_whole};
 
 /// The folder of a recording; `None` where it is not there, which must not happen in CI.
 pub fn recording(name: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared/recordings")
-        .join(name);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/recordings").join(name);
     if folder.is_dir() {
         return Some(folder);
     }
-    eprintln!(
-        "NOT TESTED: the recording {} is not there",
-        folder.display()
-    );
-    assert!(
-        std::env::var_os("CI").is_none(),
-        "recordings must be there in CI"
-    );
+    eprintln!("NOT TESTED: the recording {} is not there", folder.display());
+    assert!(std::env::var_os("CI").is_none(), "recordings must be there in CI");
     None
 }
 
 pub fn mapping(time: TimeSource) -> Mapping {
-    let joints = [
-        "shoulder_pan",
-        "shoulder_lift",
-        "elbow",
-        "wrist_1",
-        "wrist_2",
-        "wrist_3",
-    ];
+    let joints = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
     Mapping {
         controller: ControllerSettings {
             topic: "/joint_states".to_owned(),
@@ -110,32 +95,17 @@ fn random_a_agrees_with_an_independent_reader() {
     }
     assert_eq!(found.commands.stamps[i].ns(), 1_605_000_899_000_000_000);
     // m → mm
-    for (found, expected) in found.commands.positions[i]
-        .iter()
-        .zip([-259.057, -424.643, 863.592])
-    {
+    for (found, expected) in found.commands.positions[i].iter().zip([-259.057, -424.643, 863.592]) {
         assert!(near(*found, expected));
     }
     assert_eq!(found.readings.stamps[i].ns(), 1_605_000_063_232_309_000);
-    let expected = [
-        196.103_424_403_792_8,
-        -2_917.283_114_714_932,
-        -123.786_717_360_878_05,
-    ];
+    let expected = [196.103_424_403_792_8, -2_917.283_114_714_932, -123.786_717_360_878_05];
     for (found, expected) in found.readings.positions[i].iter().zip(expected) {
         assert!(near(*found, expected));
     }
-    let orientations = found
-        .readings
-        .orientations
-        .as_ref()
-        .expect("a 6-DoF target");
-    let expected = [
-        -0.467_883_963_210_061_8,
-        -0.559_413_924_875_536,
-        -0.432_511_066_966_864,
-        0.530_165_4,
-    ];
+    let orientations = found.readings.orientations.as_ref().expect("a 6-DoF target");
+    let expected =
+        [-0.467_883_963_210_061_8, -0.559_413_924_875_536, -0.432_511_066_966_864, 0.530_165_4];
     for (found, expected) in orientations[i].iter().zip(expected) {
         assert!((found - expected).abs() < 1e-6);
     }
@@ -161,11 +131,7 @@ fn the_time_source_is_the_one_named() {
 
 #[test]
 fn every_recording_is_read_whole() {
-    for (name, commands) in [
-        ("ur10-grid", 615),
-        ("ur10-random-b", 700),
-        ("ur10-joint", 1495),
-    ] {
+    for (name, commands) in [("ur10-grid", 615), ("ur10-random-b", 700), ("ur10-joint", 1495)] {
         let Some(folder) = recording(name) else {
             return;
         };

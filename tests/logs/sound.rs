@@ -18,42 +18,21 @@ use crate::build::{
 fn every_storage_gives_the_same_recording() {
     let expected = read(&session_log(Some(Compression::Zstd), 100)).expect("sound");
     assert_eq!(expected.rejects, []);
-    assert_eq!(
-        expected.joints.angles.row(7)[1].to_bits(),
-        (-7.0_f64).to_bits()
-    );
+    assert_eq!(expected.joints.angles.row(7)[1].to_bits(), (-7.0_f64).to_bits());
     assert_eq!(expected.commands.positions[3], [30_000.0, 1000.0, 2000.0]); // m → mm
-    assert_eq!(
-        expected.commands.orientations.as_ref().expect("poses")[0],
-        [0.0, 0.0, 0.0, 1.0]
-    ); // norm 2 → 1
+    assert_eq!(expected.commands.orientations.as_ref().expect("poses")[0], [0.0, 0.0, 0.0, 1.0]); // norm 2 → 1
     assert_eq!(expected.counts["commands.quaternions_not_unit"], 10);
     assert_eq!(expected.readings.positions[3], [3.0, 30.0, 4.0]); // mm stay mm
     assert_eq!(expected.readings.orientations, None);
     let options = [
-        (
-            "lz4",
-            WriteOptions::new()
-                .compression(Some(Compression::Lz4))
-                .chunk_size(Some(900)),
-        ),
-        (
-            "uncompressed",
-            WriteOptions::new().compression(None).chunk_size(Some(3000)),
-        ),
+        ("lz4", WriteOptions::new().compression(Some(Compression::Lz4)).chunk_size(Some(900))),
+        ("uncompressed", WriteOptions::new().compression(None).chunk_size(Some(3000))),
         ("unchunked", WriteOptions::new().use_chunks(false)),
         (
             "no checksums",
-            WriteOptions::new()
-                .calculate_chunk_crcs(false)
-                .calculate_data_section_crc(false),
+            WriteOptions::new().calculate_chunk_crcs(false).calculate_data_section_crc(false),
         ),
-        (
-            "no summary",
-            WriteOptions::new()
-                .emit_summary_records(false)
-                .emit_message_indexes(false),
-        ),
+        ("no summary", WriteOptions::new().emit_summary_records(false).emit_message_indexes(false)),
     ];
     for (name, options) in options {
         let mut log = Log::with(options);
@@ -70,10 +49,7 @@ fn every_storage_gives_the_same_recording() {
 fn the_number_of_threads_changes_nothing() {
     let log = session_log(Some(Compression::Lz4), 400);
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .expect("threads");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         format!("{:?}", pool.install(|| read(&log).expect("sound")).joints)
     };
     assert_eq!(with(1), with(7));
@@ -86,10 +62,7 @@ fn an_unknown_topic_lists_the_topics() {
     let error = read_as(&session_log(None, 20), &mapping).expect_err("refused");
     assert!(matches!(error, LogError::UnknownTopic { .. }));
     let text = error.to_string();
-    assert!(
-        text.contains("\"/joints\", \"/command\", \"/reading\""),
-        "{text}"
-    );
+    assert!(text.contains("\"/joints\", \"/command\", \"/reading\""), "{text}");
 }
 
 #[test]
@@ -116,11 +89,8 @@ fn joints_are_found_by_name_in_each_message() {
     let found = read(&log.done()).expect("sound");
     assert_eq!(found.joints.angles.of_joint(0), [0.0, 10.0, 1.0, 5.0]);
     assert_eq!(found.joints.angles.of_joint(1), [0.0, 20.0, 2.0, 6.0]);
-    let mut reasons: Vec<_> = found
-        .rejects
-        .iter()
-        .map(|r| (r.messages, r.reason.as_str()))
-        .collect();
+    let mut reasons: Vec<_> =
+        found.rejects.iter().map(|r| (r.messages, r.reason.as_str())).collect();
     reasons.sort_unstable();
     assert_eq!(
         reasons,
@@ -129,17 +99,11 @@ fn joints_are_found_by_name_in_each_message() {
             (Some(1), "joint \"a\" is missing from the message"),
             (Some(1), "joint \"a\" is twice in the message"),
             (Some(1), "joint \"b\" is missing from the message"),
-            (
-                Some(1),
-                "the message has another number of positions than of joint names"
-            ),
+            (Some(1), "the message has another number of positions than of joint names"),
         ]
     );
     assert_eq!(found.counts["joints.messages"], 9);
-    assert_eq!(
-        (found.counts["joints.kept"], found.counts["joints.rejected"]),
-        (4, 5)
-    );
+    assert_eq!((found.counts["joints.kept"], found.counts["joints.rejected"]), (4, 5));
 }
 
 #[test]
@@ -147,15 +111,9 @@ fn a_topic_whose_messages_are_all_rejected_is_an_error_with_the_reason() {
     let mut mapping = mapping();
     mapping.joints.push("c".to_owned());
     let error = read_as(&session_log(None, 20), &mapping).expect_err("refused");
-    assert!(
-        matches!(error, LogError::Ingest(IngestError::NoSamples { .. })),
-        "{error}"
-    );
+    assert!(matches!(error, LogError::Ingest(IngestError::NoSamples { .. })), "{error}");
     let text = error.to_string();
-    assert!(
-        text.contains("/joints") && text.contains("joint \"c\" is missing"),
-        "{text}"
-    );
+    assert!(text.contains("/joints") && text.contains("joint \"c\" is missing"), "{text}");
 }
 
 #[test]
@@ -166,20 +124,11 @@ fn samples_are_in_the_order_of_the_time_source() {
     for (i, header) in [3, 1, 2, 2].into_iter().enumerate() {
         let logged = 200_000_000_000 + i as u64;
         let x = i as f64;
-        log.write(
-            1,
-            logged,
-            &Cdr::stamped(stamp(header))
-                .joints(&["a", "b"], &[x, x])
-                .done(),
-        );
+        log.write(1, logged, &Cdr::stamped(stamp(header)).joints(&["a", "b"], &[x, x]).done());
     }
     let log = log.done();
     let by_header = read(&log).expect("sound");
-    assert_eq!(
-        by_header.joints.angles.of_joint(0),
-        [0.0, 1.0, 2.0, 3.0, 0.0]
-    );
+    assert_eq!(by_header.joints.angles.of_joint(0), [0.0, 1.0, 2.0, 3.0, 0.0]);
     assert_eq!(by_header.counts["joints.backward_stamps"], 1);
     assert_eq!(by_header.counts["joints.duplicate_stamps"], 1);
     let mut mapping = mapping();
@@ -222,11 +171,7 @@ fn every_common_type_is_read_in_both_byte_orders() {
             .numbers(&[1.0, 2.0, 3.0, 0.0, 0.6, 0.0, 0.8])
             .numbers(&covariance);
         log.write(pose, 5, &message.done());
-        log.write(
-            temperature,
-            6,
-            &Cdr::new(little).stamp(7).numbers(&[21.5, 0.0]).done(),
-        );
+        log.write(temperature, 6, &Cdr::new(little).stamp(7).numbers(&[21.5, 0.0]).done());
         let mut mapping = mapping();
         mapping.tracker.topic = "/pose_with_covariance".to_owned();
         mapping.tracker.temperature = Some("/temperature".to_owned());
@@ -234,16 +179,10 @@ fn every_common_type_is_read_in_both_byte_orders() {
         let found = read_as(&log.done(), &mapping).expect("sound");
         assert_eq!(found.readings.stamps[0].ns(), -1);
         assert_eq!(found.readings.positions[0], [1000.0, 2000.0, 3000.0]);
-        assert_eq!(
-            found.readings.orientations.expect("poses")[0],
-            [0.0, 0.6, 0.0, 0.8]
-        );
+        assert_eq!(found.readings.orientations.expect("poses")[0], [0.0, 0.6, 0.0, 0.8]);
         // xx xy xz yy yz zz of the row-major 6 × 6 matrix, m² → mm²; rows x y z, columns of rotations, m·rad → mm·rad; rad².
         let at = |places: &[usize], unit: f64| -> Vec<f64> {
-            places
-                .iter()
-                .map(|place| covariance[*place] * unit)
-                .collect()
+            places.iter().map(|place| covariance[*place] * unit).collect()
         };
         let own = found.readings.covariances.expect("stated")[0];
         let turn = own.turn.expect("stated");
@@ -252,14 +191,8 @@ fn every_common_type_is_read_in_both_byte_orders() {
             found.len() == expected.len()
                 && pairs.into_iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-12)
         };
-        assert!(near(
-            &own.position.expect("stated"),
-            &at(&[0, 1, 2, 7, 8, 14], 1e6)
-        ));
-        assert!(near(
-            &turn.with_position,
-            &at(&[3, 4, 5, 9, 10, 11, 15, 16, 17], 1e3)
-        ));
+        assert!(near(&own.position.expect("stated"), &at(&[0, 1, 2, 7, 8, 14], 1e6)));
+        assert!(near(&turn.with_position, &at(&[3, 4, 5, 9, 10, 11, 15, 16, 17], 1e3)));
         assert!(near(&turn.own, &at(&[21, 22, 23, 28, 29, 35], 1.0)));
         assert_eq!(found.counts["readings.orientation_covariances"], 1);
         assert_eq!(found.temperatures.celsius, [21.5]);
@@ -273,11 +206,7 @@ fn missing_reflectors_are_kept_and_bad_orientations_rejected() {
     session(&mut log, 1);
     let pose = log.channel("/pose", "PoseStamped");
     let mut write = |i: u32, numbers: &[f64]| {
-        log.write(
-            pose,
-            u64::from(i),
-            &Cdr::stamped(stamp(i)).numbers(numbers).done(),
-        );
+        log.write(pose, u64::from(i), &Cdr::stamped(stamp(i)).numbers(numbers).done());
     };
     write(1, &[0.0; 7]);
     write(2, &[1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
@@ -294,12 +223,7 @@ fn missing_reflectors_are_kept_and_bad_orientations_rejected() {
         [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0]]
     );
     assert_eq!(found.counts["readings.rejected"], 3);
-    assert!(
-        found
-            .rejects
-            .iter()
-            .any(|reject| reject.reason.contains("ignore_orientation"))
-    );
+    assert!(found.rejects.iter().any(|reject| reject.reason.contains("ignore_orientation")));
     mapping.tracker.ignore_orientation = true;
     let found = read_as(&log, &mapping).expect("sound");
     assert_eq!(found.readings.positions.len(), 4);
@@ -333,17 +257,10 @@ fn header_stamps_that_nobody_sets_are_an_error() {
     log.channel("/command", "PoseStamped");
     log.channel("/reading", "PointStamped");
     for i in 0..3 {
-        log.write(
-            joints,
-            i,
-            &Cdr::stamped(0).joints(&["a", "b"], &[0.0, 0.0]).done(),
-        );
+        log.write(joints, i, &Cdr::stamped(0).joints(&["a", "b"], &[0.0, 0.0]).done());
     }
     let error = read(&log.done()).expect_err("refused").to_string();
-    assert!(
-        error.contains("header stamp 0") && error.contains("time = \"log\""),
-        "{error}"
-    );
+    assert!(error.contains("header stamp 0") && error.contains("time = \"log\""), "{error}");
 }
 
 #[test]
@@ -359,39 +276,22 @@ fn metadata_of_both_logs_is_kept() {
     let (controller, tracker) = (write("c.mcap", "r1"), write("t.mcap", "r2"));
     let logs = SessionLogs::of_two(&controller, &tracker);
     let found = read_whole(&logs, &mapping(), Limits::default(), &Quiet).expect("sound");
-    let metadata: Vec<_> = found
-        .metadata
-        .iter()
-        .map(|(k, v)| (k.as_str(), v.as_str()))
-        .collect();
+    let metadata: Vec<_> = found.metadata.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
     assert_eq!(
         metadata,
-        [
-            ("session.robot", "r1"),
-            ("session.robot (tracker)", "r2"),
-            ("session.site", "hall 3")
-        ]
+        [("session.robot", "r1"), ("session.robot (tracker)", "r2"), ("session.site", "hall 3")]
     );
 }
 
 #[test]
 fn conventions_have_no_default() {
     use posegrid::ingest::{ControllerSettings, TrackerSettings};
-    let refusal = |text| {
-        toml::from_str::<ControllerSettings>(text)
-            .expect_err("refused")
-            .to_string()
-    };
+    let refusal =
+        |text| toml::from_str::<ControllerSettings>(text).expect_err("refused").to_string();
     let no_unit = refusal("topic = \"/j\"\ntime = \"header\"");
-    assert!(
-        no_unit.contains("`unit`") && no_unit.contains("\"rad\" or \"deg\""),
-        "{no_unit}"
-    );
+    assert!(no_unit.contains("`unit`") && no_unit.contains("\"rad\" or \"deg\""), "{no_unit}");
     let no_time = refusal("topic = \"/j\"\nunit = \"rad\"");
-    assert!(
-        no_time.contains("\"header\"") && no_time.contains("\"publish\""),
-        "{no_time}"
-    );
+    assert!(no_time.contains("\"header\"") && no_time.contains("\"publish\""), "{no_time}");
     let wrong = refusal("topic = \"/j\"\nunit = \"grad\"\ntime = \"header\"");
     assert!(wrong.contains("rad") && wrong.contains("deg"), "{wrong}");
     assert!(

@@ -84,13 +84,7 @@ fn rows(of: &WholeSession) -> impl Iterator<Item = Row> {
     let temperatures = (0..).zip(temperatures).map(|(sample, (stamp, &celsius))| {
         let mut numbers = [None; 14];
         numbers[13] = Some(celsius);
-        Row {
-            source: "temperature",
-            sample,
-            stamp_ns: stamp.ns(),
-            joints_rad: None,
-            numbers,
-        }
+        Row { source: "temperature", sample, stamp_ns: stamp.ns(), joints_rad: None, numbers }
     });
     joints
         .chain(rows_of_poses("command", &of.commands))
@@ -109,13 +103,7 @@ fn rows_of_poses<C>(source: &'static str, of: &PoseSamples<C>) -> impl Iterator<
             let position = covariances[row].position;
             numbers[7..13].copy_from_slice(&position.map_or([None; 6], |own| own.map(Some)));
         }
-        Row {
-            source,
-            sample,
-            stamp_ns: of.stamps[row].ns(),
-            joints_rad: None,
-            numbers,
-        }
+        Row { source, sample, stamp_ns: of.stamps[row].ns(), joints_rad: None, numbers }
     })
 }
 
@@ -184,10 +172,7 @@ fn the_table_of_a_damaged_log_holds_what_is_left() {
         let mut flipped = whole.clone();
         flipped[whole.len() * place / 10] ^= 0x10;
         let flipped = left("flipped.mcap", &flipped);
-        assert!(
-            (3000..3600).contains(&flipped),
-            "a chunk is lost: {flipped}"
-        );
+        assert!((3000..3600).contains(&flipped), "a chunk is lost: {flipped}");
         let cut = left("cut.mcap", &whole[..whole.len() * place / 10]);
         assert!((1..3600).contains(&cut), "{cut}");
     }
@@ -216,11 +201,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     assert_eq!(files(), 0);
     // Whole, but the run comes to nothing.
     let table = LogTable::new(&run, "session").finish(&read.input);
-    run.keep(
-        table
-            .expect("room on the disk")
-            .expect("commands and readings"),
-    );
+    run.keep(table.expect("room on the disk").expect("commands and readings"));
     assert_eq!(files(), 1, "under a temporary name");
     drop(run);
     assert_eq!(files(), 0);

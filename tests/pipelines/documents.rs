@@ -25,11 +25,7 @@ fn pieces() -> Vec<Piece> {
         let document = fs::read_to_string(&file).expect("text");
         let after = document.split("```toml\n").skip(1);
         let text = after.map(|after| after.split("```").next().expect("fenced").to_owned());
-        text.map(|text| Piece {
-            file: file.clone(),
-            text,
-        })
-        .collect::<Vec<_>>()
+        text.map(|text| Piece { file: file.clone(), text }).collect::<Vec<_>>()
     };
     files.into_iter().flat_map(of_file).collect()
 }
@@ -74,11 +70,7 @@ fn read(piece: &str) -> Result<(), Box<dyn std::error::Error>> {
         file.arm()?;
     } else {
         let of_tables = piece.contains("[stations");
-        let file = if of_tables {
-            "stations-wam"
-        } else {
-            "plan-kr210"
-        };
+        let file = if of_tables { "stations-wam" } else { "plan-kr210" };
         let _: PipelineFile = with(&format!("pipelines/{file}.toml"), piece)?.try_into()?;
     }
     Ok(())

@@ -24,11 +24,7 @@ use super::{chosen, settings, small_of};
 #[derive(Debug)]
 enum Ended {
     /// It stopped after so many poses: what it promised, and the bound of fresh poses of another session, mm.
-    Stopped {
-        poses: usize,
-        promised: f64,
-        found: f64,
-    },
+    Stopped { poses: usize, promised: f64, found: f64 },
     /// It had all its poses and was not enough.
     NotEnough,
 }
@@ -42,9 +38,7 @@ fn session(trial: &Trial<'_>, designs: &Designs, sizes: &[usize], number: usize)
     let mut robot = Robot::draw(trial.arm, settings, number);
     let measured = stations(robot.session(&poses));
     for &size in sizes {
-        let fitted = robot
-            .fit(&measured[..size], settings, &settings.full)
-            .expect("enough poses");
+        let fitted = robot.fit(&measured[..size], settings, &settings.full).expect("enough poses");
         let model = fitted.models.full.as_ref().expect("a full error model");
         let promise = enough::promised(model, 0, &region, settings);
         if promise.holds() {
@@ -67,23 +61,13 @@ fn session(trial: &Trial<'_>, designs: &Designs, sizes: &[usize], number: usize)
 fn check(planning: &Planning, sizes: &[usize], robots: usize) -> (usize, usize, usize) {
     let Planning { arm, settings, .. } = planning;
     let placer = Placer::new(arm, settings).expect("a box in reach");
-    let trial = Trial {
-        arm,
-        placer: &placer,
-        settings,
-        progress: &Quiet,
-    };
+    let trial = Trial { arm, placer: &placer, settings, progress: &Quiet };
     let designs = Designs::new(&trial).expect("enough candidates");
     let of = |number: usize| session(&trial, &designs, sizes, 5000 + number);
     let ended: Vec<Ended> = (0..robots).into_par_iter().map(of).collect();
     let (mut stopped, mut kept, mut within, mut taken) = (0, 0, 0, Vec::new());
     for one in &ended {
-        if let Ended::Stopped {
-            poses,
-            promised,
-            found,
-        } = one
-        {
+        if let Ended::Stopped { poses, promised, found } = one {
             stopped += 1;
             kept += usize::from(found <= promised);
             within += usize::from(*found <= settings.tolerance.mm);
@@ -106,9 +90,7 @@ fn check(planning: &Planning, sizes: &[usize], robots: usize) -> (usize, usize, 
          {promised:.3}, found {found:.3} mm on average; {kept} kept what they promised ({low:.3} to {high:.3}), {within} the \
          tolerance",
         settings.tolerance.mm,
-        taken
-            .first()
-            .map(|first| (first, taken[taken.len() / 2], taken[taken.len() - 1])),
+        taken.first().map(|first| (first, taken[taken.len() / 2], taken[taken.len() - 1])),
     );
     (stopped, kept, within)
 }
@@ -119,10 +101,7 @@ fn a_session_stops_when_it_is_enough_and_keeps_what_it_promised() {
     let mut planning = small_of("pipelines/plan-kr210.toml", lake.path());
     planning.settings.poses = vec![50];
     planning.settings.tolerance.mm = 0.35;
-    planning.settings.robots_meet = Coverage {
-        share: 0.95,
-        confidence: 0.95,
-    };
+    planning.settings.robots_meet = Coverage { share: 0.95, confidence: 0.95 };
     let (stopped, kept, _) = check(&planning, &[15, 20, 25, 30, 40, 50], 8);
     assert!(stopped >= 4, "{stopped} of 8");
     // Of 8 at 95 % fewer than 6 are rarer than one in 150.
@@ -153,14 +132,7 @@ fn from_commands(model: &FullModel, b: &[Observation]) -> Vec<f64> {
         .iter()
         .filter_map(|o| {
             let short = o.settling_error.as_ref()?.sent()?;
-            Some((
-                o,
-                o.axes
-                    .iter()
-                    .zip(short)
-                    .map(|(axis, short)| axis + short)
-                    .collect(),
-            ))
+            Some((o, o.axes.iter().zip(short).map(|(axis, short)| axis + short).collect()))
         })
         .collect();
     let predicted: Vec<_> = sent
@@ -207,9 +179,6 @@ fn on_a_real_arm_what_a_session_so_far_promises_holds_in_another_session() {
             promise.mean_bound_mm.expect("arms"),
             Figures::of(&left).expect("stations").mean
         );
-        assert!(
-            found <= promised,
-            "{count}: {found} mm, {promised} promised"
-        );
+        assert!(found <= promised, "{count}: {found} mm, {promised} promised");
     }
 }

@@ -34,10 +34,8 @@ fn past(planning: &Planning, count: usize) -> FullModel {
 }
 
 pub(super) fn random(placer: &Placer<'_>, settings: &PlanSettings, count: usize) -> Vec<Commanded> {
-    let region = posegrid::plan::Region {
-        cone_rad: settings.candidate_cone_rad,
-        ..settings.region
-    };
+    let region =
+        posegrid::plan::Region { cone_rad: settings.candidate_cone_rad, ..settings.region };
     let mut stream = Stream::new(77, Ingredient::Poses);
     let found = placer.random(&region, count, &mut stream, &|_| Ok(()));
     found.expect("poses in reach").0
@@ -50,22 +48,11 @@ fn known(planning: &Planning, past: &FullModel, moved: bool) -> KnownArm {
     let base = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     let mounting = Mounting {
         session: 0,
-        sources: vec![if moved {
-            Placed::Moved(Transform::claim(base))
-        } else {
-            Placed::Same
-        }],
+        sources: vec![if moved { Placed::Moved(Transform::claim(base)) } else { Placed::Same }],
         targets: vec![Mounted::Again { sd_mm: 0.05 }],
     };
-    KnownArm::new(
-        &planning.arm,
-        past,
-        mounting,
-        60,
-        &settings.full,
-        settings.up,
-    )
-    .expect("a positive covariance")
+    KnownArm::new(&planning.arm, past, mounting, 60, &settings.full, settings.up)
+        .expect("a positive covariance")
 }
 
 pub(super) fn few_harmonics(lake: &std::path::Path) -> Planning {
@@ -210,19 +197,12 @@ fn of_a_known_arm_few_poses_promise_what_many_do_of_an_unknown_one() {
     let bounds = |planning: &Planning, sizes: &[usize]| {
         let Planning { arm, settings, .. } = planning;
         let placer = Placer::new(arm, settings).expect("a box in reach");
-        let trial = Trial {
-            arm,
-            placer: &placer,
-            settings,
-            progress: &Quiet,
-        };
+        let trial = Trial { arm, placer: &placer, settings, progress: &Quiet };
         let pool = fresh_poses(&placer, &settings.region, settings).expect("poses in reach");
         let designs = Designs::new(&trial).expect("enough candidates");
         let sizes: Vec<_> = sizes.iter().map(|&n| (Kind::GreedyVariance, n)).collect();
         let rows = compare::judge_sizes(&trial, &designs, &pool, &sizes);
-        let figures = rows
-            .iter()
-            .map(|row| (row.outcomes.mean.expect("judged").p95, row.expected));
+        let figures = rows.iter().map(|row| (row.outcomes.mean.expect("judged").p95, row.expected));
         figures.collect::<Vec<_>>()
     };
     let unknown = bounds(&planning, &[12, 30]);
@@ -230,10 +210,7 @@ fn of_a_known_arm_few_poses_promise_what_many_do_of_an_unknown_one() {
     planning.settings.known = Some(Arc::new(known));
     let known = bounds(&planning, &[6, 12, 30]);
     println!("unknown 12, 30: {unknown:?}\nknown 6, 12, 30: {known:?}");
-    assert!(
-        known[0].0 < unknown[0].0,
-        "6 of a known arm, 12 of an unknown one"
-    );
+    assert!(known[0].0 < unknown[0].0, "6 of a known arm, 12 of an unknown one");
     assert!(known[1].0 < 0.9 * unknown[0].0, "12 of both");
     let expected = |place: usize, all: &[(f64, Option<compare::Expected>)]| {
         all[place].1.expect("a chosen design").share_mm
@@ -244,10 +221,8 @@ fn of_a_known_arm_few_poses_promise_what_many_do_of_an_unknown_one() {
 /// Poses of `session` in the order in which a design takes them that starts from `known`.
 fn chosen_from(known: &FullModel, session: &[Observation], count: usize) -> Vec<usize> {
     let poses: Vec<Vec<f64>> = session.iter().map(|o| o.axes.clone()).collect();
-    let candidate = |o: &Observation| Candidate {
-        axes: o.axes.clone(),
-        noise: known.noise(o, o.session),
-    };
+    let candidate =
+        |o: &Observation| Candidate { axes: o.axes.clone(), noise: known.noise(o, o.session) };
     let candidates: Vec<Candidate> = session.iter().map(candidate).collect();
     let mut design = Design::new(known, &candidates, &poses);
     for _ in 0..count {
@@ -282,10 +257,8 @@ fn known_before(
     a: &[Observation],
 ) -> Option<(FullModel, Mounting)> {
     let fit: FitSettings = settings();
-    let before: Vec<Observation> = observed(before, arm, &NOISE)?
-        .into_iter()
-        .step_by(every)
-        .collect();
+    let before: Vec<Observation> =
+        observed(before, arm, &NOISE)?.into_iter().step_by(every).collect();
     let past = trained(arm, &before, 1, &fit);
     let frames = start::frames(arm, a, 1, &fit).expect("a session");
     let stands = *frames[0].tracker_from_base(SourceId::ONLY);
@@ -331,10 +304,8 @@ fn figures_of_a_known_real_arm() {
     };
     for count in [25, 50, 100] {
         let judged = |places: &[usize]| super::judged(&arm, &a, &b, &places[..count]);
-        let (chosen, drawn) = (
-            judged(&without),
-            random.iter().map(|r| judged(r)).collect::<Vec<_>>(),
-        );
+        let (chosen, drawn) =
+            (judged(&without), random.iter().map(|r| judged(r)).collect::<Vec<_>>());
         println!(
             "{count} poses, nothing known: chosen {:.4} (largest {:.3}), random {:.4} ({:.3})",
             chosen.mean,

@@ -33,11 +33,7 @@ impl<'a> Remounted<'a> {
         let fitted = robot
             .fitted(&random(&placer, settings, 60), settings, &settings.full)
             .expect("enough poses");
-        Self {
-            models: fitted.models,
-            planning,
-            robot,
-        }
+        Self { models: fitted.models, planning, robot }
     }
 
     /// The plan of `count` poses for it.
@@ -61,11 +57,7 @@ impl<'a> Remounted<'a> {
             flange_from_tool: Some(settings.flange_from_target),
         };
         let mut observations = fit::observations(0, &stations, arm, &settings.noise);
-        fit::add_commands(
-            &mut observations,
-            &stations,
-            &commanded(&stations, arm, &frames),
-        );
+        fit::add_commands(&mut observations, &stations, &commanded(&stations, arm, &frames));
         observations
     }
 
@@ -81,18 +73,11 @@ impl<'a> Remounted<'a> {
             purpose: Purpose::Published,
             rivals: false,
         };
-        let locate = Locate {
-            by,
-            stations: Some(12),
-            target: LocateTarget::Own,
-        };
+        let locate = Locate { by, stations: Some(12), target: LocateTarget::Own };
         let locator = Locator::new(&self.models, arm, locate, &train);
         let located = locator.located(&self.models, session);
         assert_eq!(located.finders.len(), 12);
-        let stations = Stations {
-            session: "tuesday",
-            observations: session,
-        };
+        let stations = Stations { session: "tuesday", observations: session };
         let sets = unseen_session(&self.models, stations, &locator, &located).expect("one of each");
         let set = sets.iter().find(|set| {
             let subject = &set.subject;
@@ -102,11 +87,7 @@ impl<'a> Remounted<'a> {
         let set = set.expect("stations span space");
         let taken = set.residuals.iter().filter(|r| r.used_for_refit);
         assert_eq!(taken.count(), 12);
-        assert!(
-            set.residuals
-                .iter()
-                .all(|r: &Residual| r.covariance.is_some())
-        );
+        assert!(set.residuals.iter().all(|r: &Residual| r.covariance.is_some()));
         let of = accuracy(set, &settings.tolerance, 0.0);
         let mean = of.figures.expect("stations judge").mean;
         (mean, of.coverage.expect("covariances").inside)
@@ -132,9 +113,7 @@ fn around_the_first(poses: &[Commanded]) -> Vec<Commanded> {
 /// Means of means and shares.
 fn mean(all: &[(f64, f64)]) -> (f64, f64) {
     let count = all.len() as f64;
-    let sum = all
-        .iter()
-        .fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+    let sum = all.iter().fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
     (sum.0 / count, sum.1 / count)
 }
 

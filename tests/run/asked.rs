@@ -49,10 +49,7 @@ fn small() -> Cell {
 
 /// Corrects a target in the middle of the table by the robot's current run.
 fn compensate(cell: &Cell) -> Ended {
-    let table = lake(cell).read(
-        "compensation",
-        &RunKey::new("kr210-demo", "mon", current(cell)),
-    );
+    let table = lake(cell).read("compensation", &RunKey::new("kr210-demo", "mon", current(cell)));
     let table = table.expect("readable");
     let middle = (table.rows() / 2..table.rows()).find(|row| table.text("refused").is_null(*row));
     let [x, y, z] =
@@ -66,9 +63,7 @@ fn compensate(cell: &Cell) -> Ended {
 
 #[test]
 fn a_tolerance_that_comes_back_is_current_again_for_all_who_read_the_lake() {
-    let cell = Cell::new()
-        .with("mm = 0.5", "mm = 0.1")
-        .with_quickstart("mon");
+    let cell = Cell::new().with("mm = 0.5", "mm = 0.1").with_quickstart("mon");
     cell.run(&[]).expect(3, &["0 of 1 within 0.1 mm"]);
     let strict = current(&cell);
     compensate(&cell).expect(2, &["does not meet"]);
@@ -92,11 +87,7 @@ fn a_tolerance_that_comes_back_is_current_again_for_all_who_read_the_lake() {
     for flags in [&[][..], &["--fresh"]] {
         let again = cell.run(flags);
         again.expect(3, &["done-before"]);
-        assert!(
-            !again.results.contains("current again"),
-            "{}",
-            again.results
-        );
+        assert!(!again.results.contains("current again"), "{}", again.results);
     }
     let some = |run: &String| Some(run.clone());
     let all = [
@@ -107,16 +98,10 @@ fn a_tolerance_that_comes_back_is_current_again_for_all_who_read_the_lake() {
     assert_eq!(requests(&cell), all);
     // By month it is the same, and a further request is added to it.
     let compact = |cell: &Cell| ended(posegrid().arg("compact").arg(cell.path("lake")));
-    compact(&cell).expect(
-        0,
-        &["state 1: 2 runs, 2 new", "compact/asked: 1 files, 3 rows"],
-    );
+    compact(&cell).expect(0, &["state 1: 2 runs, 2 new", "compact/asked: 1 files, 3 rows"]);
     let cell = cell.with("mm = 0.1", "mm = 0.5");
     cell.run(&[]).expect(0, &["is current again"]);
-    compact(&cell).expect(
-        0,
-        &["state 2: 2 runs, 0 new", "compact/asked: 1 files, 4 rows"],
-    );
+    compact(&cell).expect(0, &["state 2: 2 runs, 0 new", "compact/asked: 1 files, 4 rows"]);
 }
 
 #[test]
@@ -128,12 +113,7 @@ fn a_robot_file_that_is_edited_and_restored_is_current_again() {
     cell.run(&[]).expect(3, &["1 done, 0 done before"]);
     let first = current(&cell);
     fs::write(&robot, [&as_it_was[..], b"\n# edited\n"].concat()).expect("writable");
-    cell.run(&[]).expect(
-        3,
-        &[&format!(
-            "takes the place of run {first}: another robot file"
-        )],
-    );
+    cell.run(&[]).expect(3, &[&format!("takes the place of run {first}: another robot file")]);
     let edited = current(&cell);
     assert_ne!(edited, first);
     // The index knows both by their files, and only the current one is told without more.
@@ -143,11 +123,7 @@ fn a_robot_file_that_is_edited_and_restored_is_current_again() {
     cell.run(&[]).expect(3, &["done-before", &told]);
     assert_eq!(current(&cell), first);
     let again = cell.run(&[]);
-    assert!(
-        !again.results.contains("is current again"),
-        "{}",
-        again.results
-    );
+    assert!(!again.results.contains("is current again"), "{}", again.results);
 }
 
 #[test]
@@ -168,11 +144,7 @@ fn a_request_that_was_stopped_is_repeated_and_a_lake_without_requests_goes_by_it
     assert_eq!(requests(&cell)[1], (2, second.clone(), Some(first.clone())));
     // As an earlier version leaves it.
     fs::remove_dir_all(cell.path("lake/asked")).expect("there");
-    assert_eq!(
-        current(&cell),
-        second,
-        "it is the one that no other replaces"
-    );
+    assert_eq!(current(&cell), second, "it is the one that no other replaces");
     let cell = cell.with("mm = 0.4", "mm = 0.5");
     let told = format!("run {first} is current again, in place of run {second}");
     cell.run(&[]).expect(3, &["done-before", &told]);
@@ -199,9 +171,7 @@ fn two_tasks_at_once_have_a_request_each_and_the_later_one_is_current() {
         serde_json::from_str(&done.results).expect("a line of JSON")
     };
     let runs: Vec<Value> = thread::scope(|scope| {
-        let ends = both
-            .each_ref()
-            .map(|(pipeline, task)| scope.spawn(|| done(pipeline, task)));
+        let ends = both.each_ref().map(|(pipeline, task)| scope.spawn(|| done(pipeline, task)));
         ends.map(|own| own.join().expect("it ends")).into()
     });
     let [first, second] = &requests(&cell)[..] else {
@@ -210,14 +180,8 @@ fn two_tasks_at_once_have_a_request_each_and_the_later_one_is_current() {
     assert_eq!((first.0, second.0), (1, 2));
     assert_eq!(second.2.as_ref(), Some(&first.1));
     assert_eq!(current(&cell), second.1);
-    let of = |run: &String| {
-        runs.iter()
-            .position(|own| own["run"] == **run)
-            .expect("one of both")
-    };
-    let words = runs[of(&second.1)]["took_place"]
-        .as_str()
-        .expect("it took the place");
+    let of = |run: &String| runs.iter().position(|own| own["run"] == **run).expect("one of both");
+    let words = runs[of(&second.1)]["took_place"].as_str().expect("it took the place");
     assert!(words.contains(&first.1), "{words}");
     // The other is to be done again, by whoever lists it, and is current then.
     let (pipeline, id) = &both[of(&first.1)];
@@ -225,11 +189,7 @@ fn two_tasks_at_once_have_a_request_each_and_the_later_one_is_current() {
     assert_eq!(task(both[of(&second.1)].0), "");
     let again = done(pipeline, id);
     assert_eq!(again["ended"], "done-before");
-    assert!(
-        again["took_place"]
-            .as_str()
-            .is_some_and(|own| own.contains("is current again"))
-    );
+    assert!(again["took_place"].as_str().is_some_and(|own| own.contains("is current again")));
     assert_eq!(current(&cell), first.1);
     assert_eq!(task(pipeline), "");
 }
@@ -245,15 +205,10 @@ fn verify_names_requests_that_are_missing_or_changed() {
     let sound = verify(&cell, &["mon"]);
     assert!(!sound.results.contains("asked: "), "{}", sound.results);
     let file = |number: u64| cell.path(REQUESTS).join(format!("{number:08}.parquet"));
-    let (second, third) = (
-        fs::read(file(2)).expect("there"),
-        fs::read(file(3)).expect("there"),
-    );
+    let (second, third) = (fs::read(file(2)).expect("there"), fs::read(file(3)).expect("there"));
     fs::remove_file(file(2)).expect("there");
-    let told = format!(
-        "asked: {}: the request before it, number 2, was removed",
-        file(3).display()
-    );
+    let told =
+        format!("asked: {}: the request before it, number 2, was removed", file(3).display());
     verify(&cell, &["mon"]).expect(3, &[&told]);
     fs::write(file(2), &third).expect("writable");
     let told = format!("asked: {} does not hold the request", file(2).display());
@@ -261,11 +216,8 @@ fn verify_names_requests_that_are_missing_or_changed() {
     fs::write(file(2), second).expect("writable");
     // A run that is gone from `runs` was asked for.
     let run = requests(&cell)[1].1.clone();
-    fs::remove_file(
-        cell.path("lake/runs/kr210-demo/mon")
-            .join(format!("{run}.parquet")),
-    )
-    .expect("there");
+    fs::remove_file(cell.path("lake/runs/kr210-demo/mon").join(format!("{run}.parquet")))
+        .expect("there");
     let told = format!("its run {run} has no row in runs");
     verify(&cell, &[]).expect(3, &[&told]);
 }

@@ -30,10 +30,7 @@ fn a_missing_log_of_a_session_is_reported_and_the_others_have_their_result() {
     let cell = small().with_simulated("tue", &["--random", "7"]);
     fs::remove_file(cell.session("tue").join("controller.mcap")).expect("was there");
     // 12 stations cannot show 95 %: 3, and not 1.
-    let texts = [
-        "waits        tue: it has no controller.mcap yet",
-        "0 without a result",
-    ];
+    let texts = ["waits        tue: it has no controller.mcap yet", "0 without a result"];
     cell.run(&[]).expect(3, &texts);
     cell.run(&["tue"]).expect(0, &texts[..1]);
 }
@@ -53,11 +50,7 @@ fn a_file_that_is_no_log_is_reported() {
 #[test]
 fn an_unknown_topic_is_reported_with_those_there_are() {
     let cell = small().with("\"/tracker/point\"", "\"/tracker/pose\"");
-    let topics = [
-        "no topic \"/tracker/pose\"",
-        "\"/tracker/point\"",
-        "\"/tracker/temperature\"",
-    ];
+    let topics = ["no topic \"/tracker/pose\"", "\"/tracker/point\"", "\"/tracker/temperature\""];
     no_result(&cell, &topics);
 }
 
@@ -93,11 +86,8 @@ fn a_flat_box_of_the_pipeline_file_is_reported_before_a_log_is_opened() {
 #[test]
 fn steps_larger_than_the_measured_box_make_one_cell_and_are_judged_once() {
     let flags = ["--random", "12", "--size", "250,250,250"];
-    let cell = Cell::new()
-        .with_simulated("mon", &flags)
-        .with("360]", "360, 4000]");
-    cell.run(&[])
-        .expect(3, &["not shown to be within tolerance"]);
+    let cell = Cell::new().with_simulated("mon", &flags).with("360]", "360, 4000]");
+    cell.run(&[]).expect(3, &["not shown to be within tolerance"]);
     let steps = cell.table("grid_steps", "mon");
     let is = |row: &usize, step_mm: f64| {
         steps.text("source").value(*row) == "model"
@@ -106,10 +96,7 @@ fn steps_larger_than_the_measured_box_make_one_cell_and_are_judged_once() {
     let mut told = 0;
     for row in (0..steps.rows()).filter(|row| is(row, 4000.0)) {
         let reason = steps.text("reason").value(row);
-        assert!(
-            reason.contains("the same pitches as the step of"),
-            "{reason}"
-        );
+        assert!(reason.contains("the same pitches as the step of"), "{reason}");
         assert_eq!(steps.i64("nodes").value(row), 0);
         assert!(steps.f64("pitch_x_mm").value(row) < 251.0);
         told += 1;
@@ -140,19 +127,13 @@ fn a_session_in_a_plane_has_an_identified_arm_and_no_table() {
 #[test]
 fn too_few_stations_are_reported_with_both_numbers() {
     let cell = Cell::new().with_simulated("mon", &["--random", "5"]);
-    no_result(
-        &cell,
-        &["session mon: join: controller log: 5 dwells", "needs 6"],
-    );
+    no_result(&cell, &["session mon: join: controller log: 5 dwells", "needs 6"]);
 }
 
 #[test]
 fn few_stations_have_a_result_that_shows_nothing() {
     let ended = small().run(&[]);
-    ended.expect(
-        3,
-        &["not shown to be within tolerance", "59 poses are needed"],
-    );
+    ended.expect(3, &["not shown to be within tolerance", "59 poses are needed"]);
 }
 
 #[test]
@@ -172,10 +153,7 @@ fn stations_on_a_line_are_reported() {
     ended.expect(1, &["1 without a result", "mon: no result"]);
     // The session as joined is sound, and the next run starts from it; of the run there is nothing.
     let lake = cell.lake();
-    let tables: Vec<&str> = lake
-        .keys()
-        .filter_map(|path| path.split('/').next())
-        .collect();
+    let tables: Vec<&str> = lake.keys().filter_map(|path| path.split('/').next()).collect();
     assert_eq!(tables, ["joined_sessions", "readings"]);
 }
 
@@ -187,10 +165,7 @@ fn a_bad_session_does_not_stop_the_others() {
         |_| Vec::new(),
     );
     let ended = cell.run(&["--jobs", "2"]);
-    ended.expect(
-        1,
-        &["mon: no result", "sun: not shown", "1 without a result"],
-    );
+    ended.expect(1, &["mon: no result", "sun: not shown", "1 without a result"]);
     assert_eq!(cell.table("runs", "sun").rows(), 1);
     assert_eq!(cell.table("stations", "sun").rows(), 12);
     assert!(cell.lake().keys().all(|path| !path.contains("/mon/")));
@@ -212,11 +187,7 @@ fn a_name_that_no_lake_takes_is_reported_by_check_and_by_run_alike() {
     // 61 letters of two bytes, three characters a byte: 366 of 180.
     let name = "ü".repeat(61);
     let cell = small().with("name = \"kr210-demo\"", &format!("name = \"{name}\""));
-    let texts = [
-        "[robot] name",
-        "takes 366 bytes as a folder's name",
-        "shorter robot name",
-    ];
+    let texts = ["[robot] name", "takes 366 bytes as a folder's name", "shorter robot name"];
     bad_usage(&cell, &texts);
     checked(&cell).expect(2, &texts);
     let cell = small();
@@ -231,20 +202,14 @@ fn a_name_that_no_lake_takes_is_reported_by_check_and_by_run_alike() {
 fn files_that_are_none_and_files_without_an_end_are_reported_at_once() {
     let cell = small();
     let robot = fs::read_to_string(cell.pipeline()).expect("readable");
-    let robot = robot
-        .lines()
-        .find_map(|line| line.strip_prefix("file = "))
-        .expect("a robot file");
+    let robot = robot.lines().find_map(|line| line.strip_prefix("file = ")).expect("a robot file");
     let robot = robot.trim_matches('"').to_owned();
     let pipe = cell.path("pipe.toml");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     assert!(made.expect("mkfifo").success());
     for (file, told) in [
         ("/dev/zero", "it is a device, and only files are read"),
-        (
-            &*pipe.to_string_lossy(),
-            "it is a pipe (FIFO), and only files are read",
-        ),
+        (&*pipe.to_string_lossy(), "it is a pipe (FIFO), and only files are read"),
         (&*cell.path("").to_string_lossy(), "it is a folder"),
     ] {
         ended(posegrid().arg("check").arg(file))
@@ -255,10 +220,7 @@ fn files_that_are_none_and_files_without_an_end_are_reported_at_once() {
     let large = cell.path("large.toml");
     let sparse = fs::File::create(&large).expect("writable");
     sparse.set_len(6 << 30).expect("no room is taken");
-    let told = [
-        "large.toml",
-        "6442450944 bytes, more than the limit of 1048576",
-    ];
+    let told = ["large.toml", "6442450944 bytes, more than the limit of 1048576"];
     ended(posegrid().arg("check").arg(&large)).expect(2, &told);
     // What drove a session is bounded by the pipeline file.
     let drove = cell.session("mon").join("corrected.csv");
@@ -266,10 +228,6 @@ fn files_that_are_none_and_files_without_an_end_are_reported_at_once() {
     sparse.set_len(6 << 30).expect("no room is taken");
     no_result(
         &cell,
-        &[
-            "corrected.csv",
-            "more than the limit of 67108864",
-            "file_bytes in [limits]",
-        ],
+        &["corrected.csv", "more than the limit of 67108864", "file_bytes in [limits]"],
     );
 }

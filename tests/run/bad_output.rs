@@ -13,10 +13,7 @@ fn mounting_is_allowed() -> bool {
     if probe.is_ok_and(|probe| probe.status.success()) {
         return true;
     }
-    assert!(
-        std::env::var_os("CI").is_none(),
-        "unshare -rm is refused: CI must allow it"
-    );
+    assert!(std::env::var_os("CI").is_none(), "unshare -rm is refused: CI must allow it");
     eprintln!("SKIPPED: unshare -rm is refused, so this test has shown nothing");
     false
 }
@@ -28,10 +25,7 @@ fn run_on(cell: &Cell, options: &str) -> Ended {
     let script = "mount -t tmpfs -o \"$1\" none \"$2\" && \"$3\" run \"$4\"; code=$?; find \"$2\" -type f; exit $code";
     let output = Command::new("unshare")
         .args(["-rm", "sh", "-c", script, "sh", options])
-        .args([
-            lake.as_path(),
-            Path::new(assert_cmd::cargo::cargo_bin!("posegrid")),
-        ])
+        .args([lake.as_path(), Path::new(assert_cmd::cargo::cargo_bin!("posegrid"))])
         .arg(cell.pipeline())
         .output();
     Ended::from(output.expect("started"))

@@ -68,10 +68,8 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
     // Under the run's own name, in a folder of the same session, where its row names no such file.
     let named = format!("history/{ROBOT}/mon/{run}.parquet");
     let named = plant(&cell, &own, &named);
-    let told = format!(
-        "foreign: {}: the row of run {run} in runs does not name it",
-        named.display()
-    );
+    let told =
+        format!("foreign: {}: the row of run {run} in runs does not name it", named.display());
     verify(&cell, &["mon"]).expect(3, &[&told]);
     fs::remove_file(&named).expect("there");
     fs::remove_file(&forged).expect("there");
@@ -93,10 +91,7 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
         &[
             &place(others[0]),
             &place(others[1]),
-            &format!(
-                "{}, a folder of 2 files",
-                place("accuracy/kr210-demo/mon/copies")
-            ),
+            &format!("{}, a folder of 2 files", place("accuracy/kr210-demo/mon/copies")),
             &place("figures"),
             "5 foreign",
         ],
@@ -145,21 +140,14 @@ fn every_column_of_a_row_is_sealed() {
         verify(&cell, &["mon"]).expect(3, &told);
         fs::write(&row, &sound).expect("writable");
     }
-    rewrite(&row, |own, array| {
-        (own == "cpu_features").then(|| texts(array, str::to_uppercase))
-    });
+    rewrite(&row, |own, array| (own == "cpu_features").then(|| texts(array, str::to_uppercase)));
     verify(&cell, &["mon"]).expect(3, &told);
     list(&cell, &[]).expect(3, &["its content has the digest "]);
     // The same content, written anew by another program.
     fs::write(&row, &sound).expect("writable");
     rewrite(&row, |_, _| None);
-    verify(&cell, &["mon"]).expect(
-        3,
-        &[
-            "row of runs altered",
-            "is not what posegrid writes for this content",
-        ],
-    );
+    verify(&cell, &["mon"])
+        .expect(3, &["row of runs altered", "is not what posegrid writes for this content"]);
 }
 
 #[test]
@@ -190,13 +178,7 @@ fn a_flipped_bit_anywhere_in_a_row_is_reported() {
     let file = fs::File::options().write(true).open(&row).expect("there");
     file.set_len(100).expect("writable");
     let ended = verify(&cell, &[]);
-    ended.expect(
-        3,
-        &[
-            "row of runs not readable",
-            "14 of runs whose rows cannot be read",
-        ],
-    );
+    ended.expect(3, &["row of runs not readable", "14 of runs whose rows cannot be read"]);
     assert!(!ended.results.contains("foreign"), "{}", ended.results);
 }
 
@@ -211,9 +193,7 @@ fn a_row_that_was_replaced_is_reported_when_it_is_changed_with_all_its_digests()
     let by_digests = || ended(posegrid().arg("verify").arg(&lake).arg("mon"));
     let sound = by_digests();
     assert!(!sound.results.contains("altered"), "{}", sound.results);
-    rewrite(&row, |column, _| {
-        (column == "platform").then(|| same_text("aarch64-linux", 1))
-    });
+    rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
     seal_row(&row);
     let told = by_digests();
     told.expect(
@@ -238,10 +218,7 @@ fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
     for session in ["mon", "tue"] {
         let row = cell.table("runs", session);
         let [run, digest] = ["run", "row_digest"].map(|column| row.text(column).value(0));
-        assert!(
-            lines.contains(&&*format!("{run} {digest} {ROBOT}/{session}")),
-            "{text}"
-        );
+        assert!(lines.contains(&&*format!("{run} {digest} {ROBOT}/{session}")), "{text}");
     }
     assert_eq!(list(&cell, &["mon"]).results.lines().count(), 1);
     let expect = |names: &[&str]| verify(&cell, &[&["--expect", &kept], names].concat());
@@ -255,9 +232,7 @@ fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
     let row = cell.table_file("runs", "tue");
     let run = run_of(&cell, "tue");
     let sound = fs::read(&row).expect("there");
-    rewrite(&row, |column, _| {
-        (column == "platform").then(|| same_text("aarch64-linux", 1))
-    });
+    rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
     seal_row(&row);
     verify(&cell, &["tue"]).expect(0, &["computed on aarch64-linux"]);
     let changed = format!("expected: the row of run {run} of {ROBOT}/tue has the digest ");
@@ -284,10 +259,7 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     let digest = list(&cell, &["mon"]).results;
     verify(&cell, &[]).expect(
         0,
-        &[
-            "written before rows carried a digest (version 1 of the table)",
-            "2 runs: 2 the same",
-        ],
+        &["written before rows carried a digest (version 1 of the table)", "2 runs: 2 the same"],
     );
     // The next run replaces one, and has the digest of its content: from then on a change of it is told.
     let row = cell.table_file("runs", "mon");
@@ -303,9 +275,7 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     });
     let found = digests.next().expect("of the later one");
     assert!(digest.contains(&found), "{digest} has {found}");
-    rewrite(&row, |column, _| {
-        (column == "platform").then(|| same_text("aarch64-linux", 1))
-    });
+    rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
     let lake = cell.path("lake");
     ended(posegrid().arg("verify").arg(&lake).arg("mon"))
         .expect(1, &["row of runs altered", "which took its place, states"]);
@@ -331,14 +301,9 @@ fn a_table_that_is_not_what_its_run_wrote_corrects_nothing() {
     sound.expect(0, &["1 targets: 1 corrected"]);
     let bytes = fs::read(&table).expect("there");
     let before = digest_of(&table);
-    rewrite(&table, |column, array| {
-        (column == "error_x_mm").then(|| five_more(array))
-    });
+    rewrite(&table, |column, array| (column == "error_x_mm").then(|| five_more(array)));
     let told = compensate(&table);
-    told.expect(
-        2,
-        &["is not as it was written: its content has the digest "],
-    );
+    told.expect(2, &["is not as it was written: its content has the digest "]);
     assert!(told.results.is_empty());
     // With the digest in it changed along, the lake's row still tells; outside the lake nothing can.
     seal(&table, "compensation");
@@ -363,23 +328,13 @@ fn a_table_that_is_not_what_its_run_wrote_corrects_nothing() {
     let elsewhere = plant(&cell, &table, "compensation/kr210-demo/tue/zz.parquet");
     compensate(&elsewhere).expect(2, &["whose file in the lake", "is another one"]);
     fs::remove_file(cell.table_file("runs", "mon")).expect("there");
-    compensate(&table).expect(
-        2,
-        &[
-            "has no row of run",
-            "deleted, or the run was never committed",
-        ],
-    );
+    compensate(&table).expect(2, &["has no row of run", "deleted, or the run was never committed"]);
     // Outside it is as good as ever, and says nothing of it.
     fs::copy(&table, &outside).expect("copied");
     let copy = compensate(&outside);
     copy.expect(0, &[]);
     assert_eq!(copy.results, sound.results);
-    assert!(
-        !copy.messages.contains("nothing shows"),
-        "{}",
-        copy.messages
-    );
+    assert!(!copy.messages.contains("nothing shows"), "{}", copy.messages);
     // A table without a digest is read, and that nothing vouches for it is told; in its lake the row does.
     unsealed(&outside);
     let old = compensate(&outside);
@@ -392,9 +347,5 @@ fn a_table_that_is_not_what_its_run_wrote_corrects_nothing() {
     claim_digest(&cell, "compensation", "mon", &before);
     let in_lake = compensate(&table);
     in_lake.expect(0, &[]);
-    assert!(
-        !in_lake.messages.contains("nothing shows"),
-        "{}",
-        in_lake.messages
-    );
+    assert!(!in_lake.messages.contains("nothing shows"), "{}", in_lake.messages);
 }

@@ -17,10 +17,7 @@ use posegrid::io::table::{self, Table};
 const CHANGES: [(&str, &str); 5] = [
     ("\"../tests/recordings\"", "\"sessions\""),
     ("sessions = [\"quickstart\"]", "# sessions"),
-    (
-        "steps_mm = [60, 90, 120, 180, 240, 360, 720]",
-        "steps_mm = [180, 240, 360]",
-    ),
+    ("steps_mm = [60, 90, 120, 180, 240, 360, 720]", "steps_mm = [180, 240, 360]"),
     ("[grid]", "[fit.full]\nharmonics = 12\n\n[grid]"),
     ("lake = \"../lake\"", "lake = \"lake\""),
 ];
@@ -52,14 +49,8 @@ impl Cell {
         let robots = cell.path("robots");
         fs::create_dir(&robots).expect("writable");
         let robot = "kr210-r2700-extra.toml";
-        fs::copy(
-            Path::new("pipelines/robots").join(robot),
-            robots.join(robot),
-        )
-        .expect("copied");
-        CHANGES
-            .iter()
-            .fold(cell, |cell, (from, to)| cell.with(from, to))
+        fs::copy(Path::new("pipelines/robots").join(robot), robots.join(robot)).expect("copied");
+        CHANGES.iter().fold(cell, |cell, (from, to)| cell.with(from, to))
     }
 
     /// The same cell with a text of its pipeline file replaced.
@@ -86,14 +77,7 @@ impl Cell {
         let made = ended(
             posegrid()
                 .args(["simulate", "pipelines/robots/kr210-r2700-extra.toml"])
-                .args([
-                    "--seed",
-                    "3",
-                    "--home",
-                    "0,-75,100,25,55,-15",
-                    "--session",
-                    name,
-                ])
+                .args(["--seed", "3", "--home", "0,-75,100,25,55,-15", "--session", name])
                 .arg("--out")
                 .arg(self.session(name))
                 .args(flags),
@@ -120,10 +104,7 @@ impl Cell {
         let path = self.session(session).join(log);
         let bytes = fs::read(&path).expect("a log");
         fs::write(&path, change(bytes)).expect("writable");
-        let file = fs::File::options()
-            .write(true)
-            .open(&path)
-            .expect("written");
+        let file = fs::File::options().write(true).open(&path).expect("written");
         let hour_ago = SystemTime::now() - Duration::from_hours(1);
         file.set_modified(hour_ago).expect("writable");
         self
@@ -180,11 +161,7 @@ impl Cell {
 
     /// The only file of a table of a session in the cell's lake.
     pub fn table_file(&self, table: &str, session: &str) -> PathBuf {
-        let folder = self
-            .path("lake")
-            .join(table)
-            .join("kr210-demo")
-            .join(session);
+        let folder = self.path("lake").join(table).join("kr210-demo").join(session);
         let files: Vec<_> = files(&folder).into_keys().collect();
         assert_eq!(files.len(), 1, "{files:?} in {}", folder.display());
         folder.join(&files[0])
@@ -270,11 +247,7 @@ pub fn in_time(mut child: Child) -> Output {
     };
     let joined = |read: JoinHandle<Vec<u8>>| read.join().expect("read");
     let (stdout, stderr) = (joined(stdout), joined(stderr));
-    Output {
-        status,
-        stdout,
-        stderr,
-    }
+    Output { status, stdout, stderr }
 }
 
 fn all_of(stream: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
@@ -292,10 +265,7 @@ impl From<Output> for Ended {
         let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
         let messages = text(&output.stderr);
         Self {
-            code: output
-                .status
-                .code()
-                .unwrap_or_else(|| panic!("ended by a signal: {messages}")),
+            code: output.status.code().unwrap_or_else(|| panic!("ended by a signal: {messages}")),
             results: text(&output.stdout),
             messages,
         }
@@ -320,11 +290,7 @@ pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     };
     for entry in entries {
         let path = entry.expect("readable").path();
-        let name = path
-            .file_name()
-            .expect("named")
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().expect("named").to_string_lossy().into_owned();
         if path.is_dir() {
             let below = files(&path).into_iter();
             found.extend(below.map(|(below, bytes)| (format!("{name}/{below}"), bytes)));

@@ -19,11 +19,7 @@ pub fn every_one() -> Cell {
         let session = convention.word();
         cell = cell.with_quickstart(session);
         let ended = cell.run(&[session]);
-        assert!(
-            [0, 3].contains(&ended.code),
-            "{convention:?}: {}",
-            ended.messages
-        );
+        assert!([0, 3].contains(&ended.code), "{convention:?}: {}", ended.messages);
         means.push(held_out_mean(&cell, session));
     }
     // Each convention has the weak prior on parameters of its own.

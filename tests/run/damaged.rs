@@ -70,27 +70,19 @@ fn a_flipped_bit_in_a_chunk_is_placed_and_the_rest_is_read() {
         .filter(|&row| start.value(row) <= place && place < end.value(row))
         .collect();
     assert_eq!(holding.len(), 1, "one chunk holds byte {place}");
-    assert!(
-        rejects
-            .text("file")
-            .value(holding[0])
-            .ends_with("controller.mcap")
-    );
+    assert!(rejects.text("file").value(holding[0]).ends_with("controller.mcap"));
     assert_eq!(rejects.text("stage").value(holding[0]), "ingest");
 }
 
 #[test]
 fn damage_beyond_the_limit_of_the_pipeline_file_fails_the_session() {
     let half = |bytes: Vec<u8>| bytes[..bytes.len() / 2].to_vec();
-    let cell = tolerant()
-        .with("max_lost_share = 1.0", "max_lost_share = 0.001")
-        .with_log("mon", "controller.mcap", half);
-    let texts = [
-        "session mon",
-        "bytes were lost",
-        "max_lost_share = 0.001",
-        "inspect",
-    ];
+    let cell = tolerant().with("max_lost_share = 1.0", "max_lost_share = 0.001").with_log(
+        "mon",
+        "controller.mcap",
+        half,
+    );
+    let texts = ["session mon", "bytes were lost", "max_lost_share = 0.001", "inspect"];
     cell.run(&[]).expect(1, &texts);
     assert!(cell.lake().is_empty());
 }
@@ -127,11 +119,7 @@ fn a_chunk_cut_out_cleanly_is_lost_messages_that_the_limit_sees() {
     let cell = tolerant().with_log("mon", "controller.mcap", |log| without_a_chunk(&log));
     let run = cell.run(&[]);
     assert!([0, 3].contains(&run.code), "{}", run.messages);
-    assert!(
-        run.results.contains("messages were lost"),
-        "{}",
-        run.results
-    );
+    assert!(run.results.contains("messages were lost"), "{}", run.results);
     let rejects = cell.table("rejects", "mon");
     let (kind, topic) = (rejects.text("kind"), rejects.text("topic"));
     let (number, reason) = (rejects.i64("number"), rejects.text("reason"));
@@ -141,22 +129,15 @@ fn a_chunk_cut_out_cleanly_is_lost_messages_that_the_limit_sees() {
             && topic.value(row) == "/joint_states"
     });
     let row = told.expect("a row of its own");
-    assert_eq!(
-        (kind.value(row), topic.value(row)),
-        ("messages", "/joint_states")
-    );
+    assert_eq!((kind.value(row), topic.value(row)), ("messages", "/joint_states"));
     assert!(number.value(row) > 100, "{}", number.value(row));
-    let inspected = ended(
-        posegrid()
-            .arg("inspect")
-            .arg(cell.session("mon").join("controller.mcap")),
-    );
+    let inspected =
+        ended(posegrid().arg("inspect").arg(cell.session("mon").join("controller.mcap")));
     inspected.expect(3, &["messages lost"]);
     // The default limit.
     let cell = cell.with("max_lost_share = 1.0", "max_lost_share = 0.01");
     let _ = fs::remove_dir_all(cell.path("lake"));
-    cell.run(&[])
-        .expect(1, &["messages were lost", "max_lost_share = 0.01"]);
+    cell.run(&[]).expect(1, &["messages were lost", "max_lost_share = 0.01"]);
 }
 
 /// The log with one joint state in ten cut short.
@@ -206,10 +187,6 @@ fn inspect_exits_with_0_on_a_sound_log_and_with_3_on_a_damaged_one() {
     });
     let damaged = inspect();
     damaged.expect(3, &["tracker.mcap", "/tracker/point"]);
-    assert!(
-        !damaged.results.contains("no damage"),
-        "{}",
-        damaged.results
-    );
+    assert!(!damaged.results.contains("no damage"), "{}", damaged.results);
     drop(cell);
 }

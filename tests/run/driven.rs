@@ -32,16 +32,7 @@ pub fn driven() -> Cell {
             .arg(&corrected),
     );
     assert!(corrected.exists(), "{}", done.messages);
-    let flags = [
-        "--arm",
-        "3",
-        "--seed",
-        "4",
-        "--session",
-        "tue",
-        "--home",
-        HOME,
-    ];
+    let flags = ["--arm", "3", "--seed", "4", "--session", "tue", "--home", HOME];
     let made = ended(
         posegrid()
             .args(["simulate", "pipelines/robots/kr210-r2700-extra.toml"])
@@ -82,33 +73,20 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
         "the table HOLDS",
         "not contradicted",
     ] {
-        assert!(
-            run.results.contains(text),
-            "{text:?} is not in:\n{}",
-            run.results
-        );
+        assert!(run.results.contains(text), "{text:?} is not in:\n{}", run.results);
     }
     let accuracy = cell.table("accuracy", "tue");
-    let (evidence, name, value) = (
-        accuracy.text("evidence"),
-        accuracy.text("name"),
-        accuracy.f64("value"),
-    );
+    let (evidence, name, value) =
+        (accuracy.text("evidence"), accuracy.text("name"), accuracy.f64("value"));
     let mean = |wanted: &str, model: &str| {
         let row = (0..accuracy.rows()).find(|&row| {
-            (
-                evidence.value(row),
-                name.value(row),
-                accuracy.text("model").value(row),
-            ) == (wanted, "mean", model)
+            (evidence.value(row), name.value(row), accuracy.text("model").value(row))
+                == (wanted, "mean", model)
                 && accuracy.text("split").value(row) == "session"
         });
         value.value(row.unwrap_or_else(|| panic!("no mean of {model}, {wanted}")))
     };
-    let (before, after) = (
-        mean("measured", "raw_command"),
-        mean("measured_after", "table"),
-    );
+    let (before, after) = (mean("measured", "raw_command"), mean("measured_after", "table"));
     assert!(after < 0.15 && after < before / 2.0, "{before} → {after}");
     let stations = cell.table("stations", "tue");
     assert_eq!(stations.text("table_id").value(0), mon);
@@ -127,34 +105,19 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
             .arg("--pipeline")
             .arg(cell.pipeline()),
     );
-    assert_eq!(
-        verified.code, 0,
-        "{}{}",
-        verified.results, verified.messages
-    );
+    assert_eq!(verified.code, 0, "{}{}", verified.results, verified.messages);
 }
 
 fn page(cell: &Cell) -> std::path::PathBuf {
     let folder = cell.path("lake/report/kr210-demo/tue");
-    let mut pages = fs::read_dir(folder)
-        .expect("a folder")
-        .map(|entry| entry.expect("readable").path());
+    let mut pages =
+        fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("readable").path());
     pages.next().expect("a page")
 }
 
 #[test]
 fn a_file_that_says_nothing_of_a_table_is_reported() {
     let cell = Cell::new().with_quickstart("mon");
-    fs::write(
-        cell.session("mon").join("corrected.csv"),
-        "target,x_mm\nA,1\n",
-    )
-    .expect("writable");
-    cell.run(&[]).expect(
-        1,
-        &[
-            "session mon: corrected targets: cannot read",
-            "corrected.csv",
-        ],
-    );
+    fs::write(cell.session("mon").join("corrected.csv"), "target,x_mm\nA,1\n").expect("writable");
+    cell.run(&[]).expect(1, &["session mon: corrected targets: cannot read", "corrected.csv"]);
 }

@@ -12,9 +12,7 @@ use super::same_work::assert_same;
 /// The estimates of a cell's lake.
 fn estimates(cell: &Cell) -> Vec<String> {
     let files = cell.lake().into_keys();
-    files
-        .filter(|path| path.starts_with("estimates/"))
-        .collect()
+    files.filter(|path| path.starts_with("estimates/")).collect()
 }
 
 fn verified(cell: &Cell, names: &[&str]) -> Ended {
@@ -35,16 +33,10 @@ fn a_run_from_an_estimate_has_the_bytes_of_one_that_trains() {
             "1 of 1 estimates: 1 now, 0 before",
         ],
     );
-    assert_eq!(
-        cell.lake().len(),
-        4,
-        "a session as joined, an estimate and its errors"
-    );
-    cell.run(&["--until", "estimate"])
-        .expect(0, &["done-before  mon: ", "0 now, 1 before"]);
+    assert_eq!(cell.lake().len(), 4, "a session as joined, an estimate and its errors");
+    cell.run(&["--until", "estimate"]).expect(0, &["done-before  mon: ", "0 now, 1 before"]);
     fs::remove_dir_all(cell.path("sessions")).expect("writable");
-    cell.run(&["--from", "table"])
-        .expect(0, &["1 of 1 within 0.5 mm"]);
+    cell.run(&["--from", "table"]).expect(0, &["1 of 1 within 0.5 mm"]);
     let mut expected = undisturbed().lake();
     expected.retain(|path, _| path.contains("/mon/"));
     assert_same(&cell.lake(), &expected);
@@ -67,8 +59,7 @@ fn what_comes_after_the_fit_starts_from_the_same_estimate() {
     assert_eq!(first.len(), 1);
     // Steps, tolerance, a judging session: the same trainings.
     let cell = cell.with("mm = 0.5", "mm = 0.4");
-    cell.run(&["--from", "table"])
-        .expect(0, &["1 of 1 within 0.4 mm"]);
+    cell.run(&["--from", "table"]).expect(0, &["1 of 1 within 0.4 mm"]);
     let cell = cell.with_judge("tue", "18", "130");
     cell.run(&["mon", "--test", "tue"]).expect(0, &["0.4 mm"]);
     assert_eq!(estimates(&cell), first);
@@ -94,10 +85,8 @@ fn an_estimate_that_was_changed_is_trained_again_or_refused() {
     bytes[middle] ^= 1;
     fs::write(&file, &bytes).expect("writable");
     verified(&cell, &[]).expect(3, &["estimates: 1 in the lake, 0 as written, 1 changed"]);
-    cell.run(&["--from", "table"])
-        .expect(1, &["mon", "the estimate", "cannot be used"]);
-    cell.run(&[])
-        .expect(0, &["1 of 1 within 0.5 mm", "it is trained again"]);
+    cell.run(&["--from", "table"]).expect(1, &["mon", "the estimate", "cannot be used"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "it is trained again"]);
 }
 
 #[test]
@@ -110,16 +99,13 @@ fn a_pool_from_its_estimate_has_the_bytes_of_one_that_trains() {
     let first = cell.run(&[]);
     let whole = cell.lake();
     assert!(
-        whole
-            .keys()
-            .any(|path| path.starts_with("estimates/kr210-demo/pooled/")),
+        whole.keys().any(|path| path.starts_with("estimates/kr210-demo/pooled/")),
         "{:?}",
         first.messages
     );
     errors_are_those_of_the_run(&cell);
     fs::rename(cell.path("lake"), cell.path("whole")).expect("writable");
-    cell.run(&["--until", "estimate"])
-        .expect(0, &["1 of 1 estimates: 1 now, 0 before"]);
+    cell.run(&["--until", "estimate"]).expect(0, &["1 of 1 estimates: 1 now, 0 before"]);
     cell.run(&["--from", "table"]).expect(first.code, &[]);
     assert_same(&cell.lake(), &whole);
 }
@@ -135,8 +121,7 @@ fn errors_are_those_of_the_run(cell: &Cell) {
     let held_out = |session: &str| {
         let own = own.iter().filter(|row| row.of_session == session);
         let own = own.filter(|row| row.model == Model::Full && row.split == Split::Blocks);
-        own.filter(|row| row.fold.is_some() && row.predicted_cov_mm2.is_some())
-            .count()
+        own.filter(|row| row.fold.is_some() && row.predicted_cov_mm2.is_some()).count()
     };
     assert!(held_out("mon") >= 40 && held_out("tue") >= 40);
     assert!(own.iter().any(|row| row.split == Split::Session));

@@ -17,12 +17,7 @@ fn file(table: &str) -> PathBuf {
 }
 
 fn export(table: &str, format: &str) -> Ended {
-    ended(
-        posegrid()
-            .arg("export")
-            .arg(file(table))
-            .args(["--format", format]),
-    )
+    ended(posegrid().arg("export").arg(file(table)).args(["--format", format]))
 }
 
 #[test]
@@ -30,27 +25,17 @@ fn nodes_as_csv_are_the_table_to_the_nanometre() {
     let exported = export("compensation", "csv");
     exported.expect(0, &[]);
     let table = undisturbed().table("compensation", "mon");
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_reader(exported.results.as_bytes());
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(exported.results.as_bytes());
     let headers = reader.headers().unwrap().clone();
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
     assert_eq!(rows.len(), table.rows());
-    for column in [
-        "x_mm",
-        "y_mm",
-        "z_mm",
-        "error_x_mm",
-        "error_y_mm",
-        "error_z_mm",
-        "error_cov_xy_mm2",
-    ] {
+    for column in
+        ["x_mm", "y_mm", "z_mm", "error_x_mm", "error_y_mm", "error_z_mm", "error_cov_xy_mm2"]
+    {
         let place = headers.iter().position(|name| name == column).unwrap();
         for (row, record) in rows.iter().enumerate() {
-            let (was, is) = (
-                table.f64(column).value(row),
-                record[place].parse::<f64>().unwrap(),
-            );
+            let (was, is) = (table.f64(column).value(row), record[place].parse::<f64>().unwrap());
             assert!((was - is).abs() <= 0.5e-6, "{column} {row}: {was} {is}");
         }
     }
@@ -61,36 +46,21 @@ fn nodes_as_csv_are_the_table_to_the_nanometre() {
         .lines()
         .filter_map(|line| line.strip_prefix("# ")?.split_once(": "))
         .collect();
-    assert_eq!(
-        said["table_id"],
-        format!("{:?}", table.text("table_id").value(0))
-    );
+    assert_eq!(said["table_id"], format!("{:?}", table.text("table_id").value(0)));
     assert_eq!(said["tool"], "\"reflector holder\"");
     assert_eq!(said["payload_kg"], "null");
     // The units of joints are null where all turn.
-    let columns = posegrid::io::schema::find("compensation")
-        .unwrap()
-        .columns
-        .iter();
+    let columns = posegrid::io::schema::find("compensation").unwrap().columns.iter();
     for column in columns.filter(|column| column.name != "joint_units") {
         let of_nodes =
             headers.iter().any(|name| name == column.name) || column.name == "joints_rad";
-        assert!(
-            of_nodes != said.contains_key(column.name.as_str()),
-            "{}",
-            column.name
-        );
+        assert!(of_nodes != said.contains_key(column.name.as_str()), "{}", column.name);
     }
 }
 
 /// The numbers of an array.
 fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|n| n.as_f64().unwrap())
-        .collect()
+    value.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
 }
 
 #[test]
@@ -105,17 +75,12 @@ fn joint_curves_of_either_table_are_the_published_ones() {
         assert_eq!(curves["valid_for"].is_null(), from == "joint_errors");
         let mut row = 0;
         for joint in curves["joints"].as_array().unwrap() {
-            for (key, column) in [
-                ("angle_rad", "angle_rad"),
-                ("error_rad", "error_rad"),
-                ("sd_rad", "sd_rad"),
-            ] {
+            for (key, column) in
+                [("angle_rad", "angle_rad"), ("error_rad", "error_rad"), ("sd_rad", "sd_rad")]
+            {
                 for (place, is) in numbers(&joint[key]).into_iter().enumerate() {
                     let was = table.f64(column).value(row + place);
-                    assert!(
-                        (was - is).abs() <= within,
-                        "{from} {key} {row} {place}: {was} {is}"
-                    );
+                    assert!((was - is).abs() <= within, "{from} {key} {row} {place}: {was} {is}");
                     let measured = joint["measured"][place].as_bool().unwrap();
                     assert_eq!(measured, table.bool("measured").value(row + place));
                     assert_eq!(joint["name"], table.text("joint_name").value(row + place));
@@ -141,10 +106,7 @@ struct UrdfJoint {
 }
 
 fn three(text: &str) -> Vector3<f64> {
-    let numbers: Vec<f64> = text
-        .split_whitespace()
-        .map(|n| n.parse().unwrap())
-        .collect();
+    let numbers: Vec<f64> = text.split_whitespace().map(|n| n.parse().unwrap()).collect();
     Vector3::from_column_slice(&numbers)
 }
 
@@ -160,10 +122,7 @@ fn turn(axis: usize, angle: f64) -> Matrix3<f64> {
 
 fn urdf_joints(text: &str) -> Vec<UrdfJoint> {
     let document = roxmltree::Document::parse(text).unwrap();
-    let joints = document
-        .root_element()
-        .children()
-        .filter(|node| node.has_tag_name("joint"));
+    let joints = document.root_element().children().filter(|node| node.has_tag_name("joint"));
     let joint = |node: roxmltree::Node<'_, '_>| {
         let of = |tag: &str, attribute: &str| {
             let child = node.children().find(|child| child.has_tag_name(tag))?;
@@ -205,9 +164,7 @@ fn forward(joints: &[UrdfJoint], link: &str, q: &BTreeMap<String, f64>) -> Matri
     let joint = joints.iter().find(|joint| joint.child == link).unwrap();
     let mut turned = Matrix4::<f64>::identity();
     if let Some(axis) = joint.axis {
-        turned
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&about(&axis, q[&joint.name]));
+        turned.fixed_view_mut::<3, 3>(0, 0).copy_from(&about(&axis, q[&joint.name]));
     }
     forward(joints, &joint.parent, q) * joint.origin * turned
 }
@@ -222,12 +179,7 @@ fn the_urdf_stands_where_the_identified_geometry_does() {
     assert_eq!(arm.model.model, Model::Geometric);
     let error_frame = arm.error_frame();
     let errors = ToolErrors::new(&*arm.model.predicts, arm.model.session, &error_frame);
-    let names: Vec<&str> = arm
-        .arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.as_str())
-        .collect();
+    let names: Vec<&str> = arm.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let mut largest: f64 = 0.0;
     for number in 1..500_u32 {
         // An irrational rotation per joint covers the limits evenly without randomness.
@@ -236,11 +188,7 @@ fn the_urdf_stands_where_the_identified_geometry_does() {
             limits.lower + share * (limits.upper - limits.lower)
         });
         let q: Vec<f64> = spread.collect();
-        let named = names
-            .iter()
-            .map(|name| (*name).to_owned())
-            .zip(q.iter().copied())
-            .collect();
+        let named = names.iter().map(|name| (*name).to_owned()).zip(q.iter().copied()).collect();
         let tool = forward(&joints, "tool", &named) * Vector4::new(0.0, 0.0, 0.0, 1.0) * 1000.0;
         let nominal: Isometry3<f64> = error_frame.nominal_tool(&q);
         let error = errors.error(&q).unwrap();
@@ -249,37 +197,26 @@ fn the_urdf_stands_where_the_identified_geometry_does() {
         assert!(apart < 1e-9, "{q:?}: {apart} mm");
         largest = largest.max(error.norm());
     }
-    assert!(
-        largest > 0.1,
-        "the identified arm is not the nominal one: {largest} mm"
-    );
+    assert!(largest > 0.1, "the identified arm is not the nominal one: {largest} mm");
     for (joint, own) in joints.iter().zip(arm.arm.joints()) {
         assert_eq!(
             (joint.name.as_str(), joint.limits),
             (own.name.as_str(), Some([own.lower, own.upper]))
         );
     }
-    assert!(
-        exported
-            .results
-            .contains(&format!("by posegrid run {}", published.key.run))
-    );
+    assert!(exported.results.contains(&format!("by posegrid run {}", published.key.run)));
 }
 
 #[test]
 fn a_format_is_made_of_its_own_tables_and_nothing_is_written_over() {
-    export("stations", "csv").expect(
-        2,
-        &["holds table \"stations\"; csv is made of table \"compensation\""],
-    );
+    export("stations", "csv")
+        .expect(2, &["holds table \"stations\"; csv is made of table \"compensation\""]);
     export("compensation", "urdf").expect(2, &["urdf is made of table \"calibrations\""]);
     let out = undisturbed().path("nodes.csv");
     let once = || {
         let mut command = posegrid();
-        let command = command
-            .arg("export")
-            .arg(file("compensation"))
-            .args(["--format", "csv", "--out"]);
+        let command =
+            command.arg("export").arg(file("compensation")).args(["--format", "csv", "--out"]);
         ended(command.arg(&out))
     };
     once().expect(0, &[]);
@@ -321,10 +258,7 @@ fn vector(value: &Value) -> Vector3<f64> {
 fn exported_residuals(name: &str) -> Vec<u8> {
     let out = undisturbed().path(name);
     let command = &mut posegrid();
-    let command = command
-        .arg("export")
-        .arg(file("residuals"))
-        .args(["--format", "mcap", "--out"]);
+    let command = command.arg("export").arg(file("residuals")).args(["--format", "mcap", "--out"]);
     ended(command.arg(&out)).expect(0, &[]);
     fs::read(&out).unwrap()
 }
@@ -336,12 +270,7 @@ fn residuals_as_mcap_have_every_row_at_its_stations_time() {
     let residuals = undisturbed().table("residuals", "mon");
     let stations = undisturbed().table("stations", "mon");
     let starts: BTreeMap<i64, i64> = (0..stations.rows())
-        .map(|row| {
-            (
-                stations.i64("station").value(row),
-                stations.i64("start_ns").value(row),
-            )
-        })
+        .map(|row| (stations.i64("station").value(row), stations.i64("start_ns").value(row)))
         .collect();
     let all = messages(&log);
     let rows: Vec<&(String, u64, Value)> = all.iter().filter(|m| m.0.ends_with("/error")).collect();
@@ -349,11 +278,7 @@ fn residuals_as_mcap_have_every_row_at_its_stations_time() {
     let mut found = BTreeMap::new();
     for (topic, log_time, body) in &rows {
         let station = body["station"].as_i64().unwrap();
-        assert_eq!(
-            i64::try_from(*log_time).unwrap(),
-            starts[&station],
-            "{topic} {station}"
-        );
+        assert_eq!(i64::try_from(*log_time).unwrap(), starts[&station], "{topic} {station}");
         assert_eq!(ns(&body["timestamp"]), *log_time);
         let is_before = topic.starts_with("/before/");
         assert_eq!(body["moment"], if is_before { "before" } else { "after" });
@@ -395,19 +320,13 @@ fn arrows_of_residuals_are_the_errors_as_often_as_the_file_says() {
             let at = |part: &str| arrow[part].as_f64().unwrap();
             let long = 1000.0 * (at("shaft_length") + at("head_length"));
             let error = row["error_mm"].as_f64().unwrap();
-            assert!(
-                (long - ARROW_SCALE * error).abs() < 1e-9,
-                "{topic}: {long} of {error}"
-            );
+            assert!((long - ARROW_SCALE * error).abs() < 1e-9, "{topic}: {long} of {error}");
             // The arrow begins where the target was predicted.
             let start = 1000.0 * vector(&arrow["pose"]["position"]);
             let end = vector(&row["attained_mm"]) - vector(&row["error_vector_mm"]);
             assert!((start - end).norm() < 1e-9);
             let moment = topic.split('/').nth(1).unwrap().to_owned();
-            colours
-                .entry(moment)
-                .or_insert_with(Vec::new)
-                .push(arrow["color"].to_string());
+            colours.entry(moment).or_insert_with(Vec::new).push(arrow["color"].to_string());
             arrows += 1;
         }
     }
@@ -438,11 +357,7 @@ fn residuals_outside_their_lake_ask_for_the_times_of_the_same_run() {
         }
         // What is written is no text: only how it ends is looked at.
         let output = command.output().unwrap();
-        (
-            output.status.code().unwrap(),
-            String::from_utf8(output.stderr).unwrap(),
-            output.stdout,
-        )
+        (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap(), output.stdout)
     };
     let (code, told, _) = export(&[]);
     assert_eq!(code, 2, "{told}");
@@ -455,10 +370,7 @@ fn residuals_outside_their_lake_ask_for_the_times_of_the_same_run() {
     assert_eq!(code, 2, "{told}");
     assert!(told.contains("take the file of the same run"), "{told}");
     let mut csv = posegrid();
-    let csv = csv
-        .arg("export")
-        .arg(file("compensation"))
-        .args(["--format", "csv", "--stations"]);
+    let csv = csv.arg("export").arg(file("compensation")).args(["--format", "csv", "--stations"]);
     ended(csv.arg(file("stations"))).expect(2, &["csv has none: leave it out"]);
 }
 
@@ -481,12 +393,7 @@ fn identified_flanges(poses: &[Vec<f64>]) -> Vec<Matrix4<f64>> {
     let exported = export("calibrations", "urdf");
     exported.expect(0, &[]);
     let joints = urdf_joints(&exported.results);
-    let names = |q: &Vec<f64>| {
-        (1..)
-            .zip(q)
-            .map(|(n, q)| (format!("joint_a{n}"), *q))
-            .collect()
-    };
+    let names = |q: &Vec<f64>| (1..).zip(q).map(|(n, q)| (format!("joint_a{n}"), *q)).collect();
     let flange = |q: &Vec<f64>| in_mm(forward(&joints, "flange", &names(q)));
     poses.iter().map(flange).collect()
 }
@@ -504,10 +411,7 @@ fn apart(one: &[Matrix4<f64>], other: &[Matrix4<f64>]) -> (f64, f64) {
     let both = one.iter().zip(other).map(|(one, other)| one - other);
     both.fold((0.0, 0.0), |(mm, rad): (f64, f64), off| {
         let shift: Vector3<f64> = off.fixed_view::<3, 1>(0, 3).into();
-        (
-            mm.max(shift.norm()),
-            rad.max(off.fixed_view::<3, 3>(0, 0).abs().max()),
-        )
+        (mm.max(shift.norm()), rad.max(off.fixed_view::<3, 3>(0, 0).abs().max()))
     })
 }
 
@@ -518,15 +422,9 @@ fn motion(name: &str, amount: f64) -> Matrix4<f64> {
         "x" => motion[(0, 3)] = amount,
         "y" => motion[(1, 3)] = amount,
         "z" => motion[(2, 3)] = amount,
-        "rx" => motion
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&turn(0, amount)),
-        "ry" => motion
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&turn(1, amount)),
-        "rz" => motion
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&turn(2, amount)),
+        "rx" => motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn(0, amount)),
+        "ry" => motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn(1, amount)),
+        "rz" => motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn(2, amount)),
         other => panic!("{other}"),
     }
     motion
@@ -545,9 +443,7 @@ fn placement(stated: Option<&toml::Value>) -> Matrix4<f64> {
     assert_eq!(stated["euler_order"].as_str(), Some("fixed-xyz"));
     let shift = motion("x", at[0]) * motion("y", at[1]) * motion("z", at[2]);
     let turned = [("rz", angles[2]), ("ry", angles[1]), ("rx", angles[0])];
-    turned.iter().fold(shift, |end, (name, deg)| {
-        end * motion(name, deg.to_radians())
-    })
+    turned.iter().fold(shift, |end, (name, deg)| end * motion(name, deg.to_radians()))
 }
 
 /// Parameters of a convention: `parameter` → identified value, mm or rad, and the nominal arm that the file states.
@@ -559,9 +455,8 @@ fn parameters(convention: &str) -> (BTreeMap<String, f64>, toml::Value) {
         convention,
     ]));
     exported.expect(0, &[]);
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_reader(exported.results.as_bytes());
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(exported.results.as_bytes());
     let mut values = BTreeMap::new();
     for row in reader.deserialize::<BTreeMap<String, String>>() {
         let row = row.unwrap();
@@ -574,10 +469,7 @@ fn parameters(convention: &str) -> (BTreeMap<String, f64>, toml::Value) {
         };
         values.insert(row["parameter"].clone(), value);
     }
-    let nominal = exported
-        .results
-        .lines()
-        .filter_map(|line| line.strip_prefix("#   "));
+    let nominal = exported.results.lines().filter_map(|line| line.strip_prefix("#   "));
     let nominal = nominal.collect::<Vec<_>>().join("\n");
     let nominal = if nominal.is_empty() {
         fs::read_to_string("pipelines/robots/kr210-r2700-extra.toml").unwrap()
@@ -592,11 +484,9 @@ fn by_formula(convention: &str, poses: &[Vec<f64>]) -> Vec<Matrix4<f64>> {
     let (values, nominal) = parameters(convention);
     let value = |name: &str| values.get(name).copied();
     let whole = |of: &str| -> Matrix4<f64> {
-        ["x", "y", "z", "rx", "ry", "rz"]
-            .iter()
-            .fold(Matrix4::<f64>::identity(), |end, name| {
-                end * motion(name, value(&format!("{of}_{name}")).unwrap_or(0.0))
-            })
+        ["x", "y", "z", "rx", "ry", "rz"].iter().fold(Matrix4::<f64>::identity(), |end, name| {
+            end * motion(name, value(&format!("{of}_{name}")).unwrap_or(0.0))
+        })
     };
     let joints = nominal["joint"].as_array().unwrap();
     let flange = |q: &Vec<f64>| {
@@ -606,9 +496,7 @@ fn by_formula(convention: &str, poses: &[Vec<f64>]) -> Vec<Matrix4<f64>> {
             let stated = |key: &str| joint.get(key).map_or(0.0, |n| n.as_float().unwrap());
             let of =
                 |name: &str, nominal: f64| value(&format!("{name}_{number}")).unwrap_or(nominal);
-            let sign = joint
-                .get("sign")
-                .map_or(1, |sign| sign.as_integer().unwrap()) as f64;
+            let sign = joint.get("sign").map_or(1, |sign| sign.as_integer().unwrap()) as f64;
             let theta = of("theta", stated("offset_deg").to_radians()) + sign * q;
             let d = of("d", stated("d_mm"));
             let a = motion("x", of("a", stated("a_mm")));
@@ -657,9 +545,8 @@ fn by_formula(convention: &str, poses: &[Vec<f64>]) -> Vec<Matrix4<f64>> {
                         ("ry", "ry"),
                         ("rz", "theta"),
                     ];
-                    let small = small
-                        .iter()
-                        .fold(Matrix4::<f64>::identity(), |end, (name, of_it)| {
+                    let small =
+                        small.iter().fold(Matrix4::<f64>::identity(), |end, (name, of_it)| {
                             end * motion(name, of(of_it, 0.0))
                         });
                     link * small * motion("rz", sign * q)
@@ -678,14 +565,8 @@ fn z_to(direction: &Vector3<f64>) -> Matrix4<f64> {
     let to = direction.normalize();
     let across = Vector3::z().cross(&to);
     let angle = across.norm().atan2(to.z);
-    let axis = if across.norm() > 0.0 {
-        across
-    } else {
-        Vector3::x()
-    };
-    turned
-        .fixed_view_mut::<3, 3>(0, 0)
-        .copy_from(&about(&axis, angle));
+    let axis = if across.norm() > 0.0 { across } else { Vector3::x() };
+    turned.fixed_view_mut::<3, 3>(0, 0).copy_from(&about(&axis, angle));
     turned
 }
 
@@ -703,28 +584,17 @@ fn parameters_in_every_convention_are_the_identified_arm_by_its_own_formula() {
 #[test]
 fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
     let accuracy = undisturbed().table("accuracy", "mon");
-    let texts = [
-        "split", "role", "model", "angles", "moment", "quantity", "name",
-    ];
+    let texts = ["split", "role", "model", "angles", "moment", "quantity", "name"];
     let figure = |model: &str, angles: &str| {
-        let wanted = [
-            "blocks",
-            "held-out",
-            model,
-            angles,
-            "after",
-            "position-error",
-            "mean",
-        ];
+        let wanted = ["blocks", "held-out", model, angles, "after", "position-error", "mean"];
         let is_it = |row: &usize| {
             texts
                 .iter()
                 .zip(wanted)
                 .all(|(column, word)| accuracy.text(column).value(*row).replace('_', "-") == word)
         };
-        let row = (0..accuracy.rows())
-            .find(is_it)
-            .unwrap_or_else(|| panic!("no figure of {model}"));
+        let row =
+            (0..accuracy.rows()).find(is_it).unwrap_or_else(|| panic!("no figure of {model}"));
         accuracy.f64("value").value(row)
     };
     let cost = format!(
@@ -735,15 +605,8 @@ fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
     for format in ["urdf", "parameters", "xacro"] {
         let exported = export("calibrations", format);
         exported.expect(0, &[]);
-        assert!(
-            exported.results.contains(&cost),
-            "{format}: {cost}\n{}",
-            exported.results
-        );
-        assert!(
-            exported.results.contains("Not in it: joint curves"),
-            "{format}"
-        );
+        assert!(exported.results.contains(&cost), "{format}: {cost}\n{}", exported.results);
+        assert!(exported.results.contains("Not in it: joint curves"), "{format}");
     }
     corrected("base", "tool0").expect_messages(&[&cost]);
 }
@@ -784,10 +647,7 @@ fn what_is_not_identified_is_named_in_the_file_and_on_standard_error() {
 #[test]
 fn a_file_outside_its_lake_says_that_its_limits_are_not_beside_it() {
     let alone = ended(
-        posegrid()
-            .arg("export")
-            .arg(super::cell::alone("calibrations"))
-            .args(["--format", "urdf"]),
+        posegrid().arg("export").arg(super::cell::alone("calibrations")).args(["--format", "urdf"]),
     );
     alone.expect(0, &[]);
     for table in ["accuracy", "parameters"] {
@@ -806,10 +666,7 @@ fn corrected_file(urdf: &std::path::Path, base: &str, tip: &str, format: &str) -
     let mut command = posegrid();
     let command = command.arg("export").arg(file("calibrations"));
     ended(
-        command
-            .args(["--format", format, "--urdf"])
-            .arg(urdf)
-            .args(["--base", base, "--tip", tip]),
+        command.args(["--format", format, "--urdf"]).arg(urdf).args(["--base", base, "--tip", tip]),
     )
 }
 
@@ -817,11 +674,7 @@ impl Ended {
     fn expect_messages(&self, texts: &[&str]) {
         assert_eq!(self.code, 0, "{}", self.messages);
         for text in texts {
-            assert!(
-                self.messages.contains(text),
-                "{text:?} in {}",
-                self.messages
-            );
+            assert!(self.messages.contains(text), "{text:?} in {}", self.messages);
         }
     }
 }
@@ -830,10 +683,8 @@ impl Ended {
 fn tips(urdf: &str, poses: &[Vec<f64>], tip: &str) -> Vec<Matrix4<f64>> {
     let joints = urdf_joints(urdf);
     let tip = |q: &Vec<f64>| {
-        let named: BTreeMap<String, f64> = (1..)
-            .zip(q)
-            .map(|(n, q)| (format!("joint_{n}"), *q))
-            .collect();
+        let named: BTreeMap<String, f64> =
+            (1..).zip(q).map(|(n, q)| (format!("joint_{n}"), *q)).collect();
         let base = forward(&joints, "base", &named);
         in_mm(base.try_inverse().unwrap() * forward(&joints, tip, &named))
     };
@@ -849,24 +700,15 @@ fn a_corrected_urdf_is_the_file_with_other_origins_and_the_identified_arm() {
     ]);
     let before = fs::read_to_string(OWN_URDF).unwrap();
     let poses = poses();
-    let (mm, rad) = apart(
-        &tips(&exported.results, &poses, "tool0"),
-        &identified_flanges(&poses),
-    );
+    let (mm, rad) = apart(&tips(&exported.results, &poses, "tool0"), &identified_flanges(&poses));
     assert!(mm < 1e-6, "{mm} mm");
     assert!(rad < 1e-9, "{rad}");
     let (mm, _) = apart(&tips(&before, &poses, "tool0"), &identified_flanges(&poses));
-    assert!(
-        mm > 0.1,
-        "the identified arm is not the nominal one: {mm} mm"
-    );
+    assert!(mm > 0.1, "the identified arm is not the nominal one: {mm} mm");
     // Put the old numbers back in the place of the new ones, and the file is what it was.
     let mut back = exported.results.clone();
     for (old, name) in [
-        (
-            "rpy='0 0 3.14159265358979'\n            xyz=\"0  0\t0.775\"",
-            "joint_1",
-        ),
+        ("rpy='0 0 3.14159265358979'\n            xyz=\"0  0\t0.775\"", "joint_1"),
         ("xyz=\"0.350 0 0\"", "joint_2"),
         ("rpy=\"0 0 0\" xyz=\"1.150 0 0\"", "joint_3"),
         ("xyz=\"0 0 -0.041\" rpy=\"0 0 0\"", "joint_4"),
@@ -875,14 +717,9 @@ fn a_corrected_urdf_is_the_file_with_other_origins_and_the_identified_arm() {
         ("xyz=\"0 0 0\" rpy=\"0 0 0\"", "joint_6-flange"),
     ] {
         let document = roxmltree::Document::parse(&back).unwrap();
-        let joint = document
-            .descendants()
-            .find(|node| node.attribute("name") == Some(name))
-            .unwrap();
-        let origin = joint
-            .children()
-            .find(|child| child.has_tag_name("origin"))
-            .unwrap();
+        let joint =
+            document.descendants().find(|node| node.attribute("name") == Some(name)).unwrap();
+        let origin = joint.children().find(|child| child.has_tag_name("origin")).unwrap();
         let attributes: Vec<_> = origin.attributes().map(|own| own.range()).collect();
         let place = attributes[0].start..attributes.last().unwrap().end;
         let place = if old.is_empty() {
@@ -931,10 +768,7 @@ fn a_urdf_whose_last_joint_is_the_tip_says_what_it_cannot_hold() {
     let (mm, rad) = apart(&ends, &identified_flanges(&poses));
     assert!(mm < 1e-6, "{mm} mm");
     assert!(rad < 1e-9, "{rad}");
-    assert!(
-        at.z.abs() < 1e-9,
-        "what goes along the last axis is in the last origin"
-    );
+    assert!(at.z.abs() < 1e-9, "what goes along the last axis is in the last origin");
 }
 
 #[test]
@@ -942,50 +776,20 @@ fn a_urdf_that_is_not_the_nominal_arm_is_refused_with_the_reason() {
     let urdf = fs::read_to_string(OWN_URDF).unwrap();
     let path = undisturbed().path("other.urdf");
     for (from, to, base, texts) in [
-        (
-            "1.150 0 0",
-            "1.350 0 0",
-            "base",
-            ["200.0", "joint_2 = joint_a2"],
-        ),
-        (
-            "0 1 0",
-            "0 -1 0",
-            "base",
-            ["is not the nominal arm", "joint_1 = joint_a1"],
-        ),
+        ("1.150 0 0", "1.350 0 0", "base", ["200.0", "joint_2 = joint_a2"]),
+        ("0 1 0", "0 -1 0", "base", ["is not the nominal arm", "joint_1 = joint_a1"]),
         ("", "", "base_link", ["another base", "--base"]),
         ("", "", "elbow", ["has no link \"elbow\"", "tool0"]),
-        (
-            "0.350 0 0",
-            "${l1} 0 0",
-            "base",
-            ["expand it first", "line"],
-        ),
-        (
-            "0.350 0 0",
-            "0.350 0",
-            "base",
-            ["joint \"joint_2\"", "not three numbers"],
-        ),
-        (
-            "type=\"continuous\"",
-            "type=\"floating\"",
-            "base",
-            ["joint \"joint_4\"", "floating"],
-        ),
+        ("0.350 0 0", "${l1} 0 0", "base", ["expand it first", "line"]),
+        ("0.350 0 0", "0.350 0", "base", ["joint \"joint_2\"", "not three numbers"]),
+        ("type=\"continuous\"", "type=\"floating\"", "base", ["joint \"joint_4\"", "floating"]),
         (
             "type=\"continuous\"",
             "type=\"fixed\"",
             "base",
             ["5 joints that move", "the run's arm 6"],
         ),
-        (
-            "<link name=\"tool0\"/>",
-            "",
-            "base",
-            ["has no link \"tool0\"", "link_6"],
-        ),
+        ("<link name=\"tool0\"/>", "", "base", ["has no link \"tool0\"", "link_6"]),
         ("</robot>", "", "base", ["is not XML", "other.urdf"]),
     ] {
         fs::write(&path, urdf.replace(from, to)).unwrap();
@@ -1003,15 +807,9 @@ fn a_urdf_that_is_not_the_nominal_arm_is_refused_with_the_reason() {
 fn xacro_properties_are_the_origins_of_the_corrected_urdf() {
     let properties = |text: &str| -> BTreeMap<String, String> {
         let document = roxmltree::Document::parse(text).unwrap();
-        let all = document
-            .root_element()
-            .children()
-            .filter(roxmltree::Node::is_element);
+        let all = document.root_element().children().filter(roxmltree::Node::is_element);
         let property = |node: roxmltree::Node<'_, '_>| {
-            assert_eq!(
-                node.tag_name().namespace(),
-                Some("http://www.ros.org/wiki/xacro")
-            );
+            assert_eq!(node.tag_name().namespace(), Some("http://www.ros.org/wiki/xacro"));
             let of = |name: &str| node.attribute(name).unwrap().to_owned();
             (of("name"), of("value"))
         };
@@ -1019,14 +817,9 @@ fn xacro_properties_are_the_origins_of_the_corrected_urdf() {
     };
     let origins = |urdf: &str, name: &str| -> [String; 2] {
         let document = roxmltree::Document::parse(urdf).unwrap();
-        let joint = document
-            .descendants()
-            .find(|node| node.attribute("name") == Some(name))
-            .unwrap();
-        let origin = joint
-            .children()
-            .find(|child| child.has_tag_name("origin"))
-            .unwrap();
+        let joint =
+            document.descendants().find(|node| node.attribute("name") == Some(name)).unwrap();
+        let origin = joint.children().find(|child| child.has_tag_name("origin")).unwrap();
         ["xyz", "rpy"].map(|part| origin.attribute(part).unwrap().to_owned())
     };
     let own = export("calibrations", "xacro");
@@ -1036,18 +829,8 @@ fn xacro_properties_are_the_origins_of_the_corrected_urdf() {
     given.expect(0, &[]);
     let theirs = corrected("base", "tool0").results;
     for (text, urdf, names, last) in [
-        (
-            &own.results,
-            &urdf,
-            "joint_a",
-            ["flange_joint", "tool_joint"],
-        ),
-        (
-            &given.results,
-            &theirs,
-            "joint_",
-            ["joint_6", "joint_6-flange"],
-        ),
+        (&own.results, &urdf, "joint_a", ["flange_joint", "tool_joint"]),
+        (&given.results, &theirs, "joint_", ["joint_6", "joint_6-flange"]),
     ] {
         let properties = properties(text);
         let numbered = (1..=6).map(|n| format!("{names}{n}"));
@@ -1065,18 +848,10 @@ fn ur_cell() -> Cell {
     let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/pipelines/robots/ur10e.toml");
     let cell = Cell::new().with("robots/kr210-r2700-extra.toml", robot);
     let mut simulate = posegrid();
-    let simulate = simulate.args([
-        "simulate",
-        robot,
-        "--robot-name",
-        "kr210-demo",
-        "--session",
-        "ur",
-    ]);
+    let simulate =
+        simulate.args(["simulate", robot, "--robot-name", "kr210-demo", "--session", "ur"]);
     let simulate = simulate.args(["--home", "0,-70,100,-120,-90,0", "--size", "400,400,400"]);
-    let made = simulate
-        .args(["--seed", "3", "--random", "80", "--out"])
-        .arg(cell.session("ur"));
+    let made = simulate.args(["--seed", "3", "--random", "80", "--out"]).arg(cell.session("ur"));
     ended(made).expect(0, &[]);
     let ran = cell.run(&[]);
     assert!([0, 3].contains(&ran.code), "{}", ran.messages);
@@ -1088,30 +863,16 @@ fn the_calibration_of_a_ur_is_the_identified_arm_but_for_what_it_says() {
     let cell = ur_cell();
     let table = cell.table_file("calibrations", "ur");
     let export = |format: &str| {
-        let ended = ended(
-            posegrid()
-                .arg("export")
-                .arg(&table)
-                .args(["--format", format]),
-        );
+        let ended = ended(posegrid().arg("export").arg(&table).args(["--format", format]));
         ended.expect(0, &[]);
         ended.results
     };
     let (yaml, urdf) = (export("ur-calibration"), urdf_joints(&export("urdf")));
     let mut frames = Vec::new();
-    for link in [
-        "shoulder",
-        "upper_arm",
-        "forearm",
-        "wrist_1",
-        "wrist_2",
-        "wrist_3",
-    ] {
+    for link in ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"] {
         let (_, of) = yaml.split_once(&format!("  {link}:\n")).unwrap();
         let number = |key: &str| -> f64 {
-            let line = of
-                .lines()
-                .find_map(|line| line.strip_prefix(&format!("    {key}: ")));
+            let line = of.lines().find_map(|line| line.strip_prefix(&format!("    {key}: ")));
             line.unwrap().parse().unwrap()
         };
         let at = ["x", "y", "z"].map(|key| 1000.0 * number(key));
@@ -1125,10 +886,7 @@ fn the_calibration_of_a_ur_is_the_identified_arm_but_for_what_it_says() {
                 * motion("rx", number("roll")),
         );
     }
-    let rest = yaml
-        .lines()
-        .find(|line| line.contains("tool0 to flange"))
-        .unwrap();
+    let rest = yaml.lines().find(|line| line.contains("tool0 to flange")).unwrap();
     let numbers: Vec<&str> = rest.split('"').collect();
     let (at, rpy) = (three(numbers[1]) * 1000.0, three(numbers[3]));
     let rest = motion("x", at.x)
@@ -1137,10 +895,7 @@ fn the_calibration_of_a_ur_is_the_identified_arm_but_for_what_it_says() {
         * motion("rz", rpy.z)
         * motion("ry", rpy.y)
         * motion("rx", rpy.x);
-    assert!(
-        at.z.abs() < 1e-9 && rpy.z.abs() < 1e-6,
-        "only what stands across axis 6: {at} {rpy}"
-    );
+    assert!(at.z.abs() < 1e-9 && rpy.z.abs() < 1e-6, "only what stands across axis 6: {at} {rpy}");
     let names = [
         "shoulder_pan_joint",
         "shoulder_lift_joint",
@@ -1157,9 +912,7 @@ fn the_calibration_of_a_ur_is_the_identified_arm_but_for_what_it_says() {
         let end = frames
             .iter()
             .zip(&q)
-            .fold(Matrix4::<f64>::identity(), |end, (frame, q)| {
-                end * frame * motion("rz", *q)
-            });
+            .fold(Matrix4::<f64>::identity(), |end, (frame, q)| end * frame * motion("rz", *q));
         own.push(end * rest);
         let named = names.iter().map(|name| (*name).to_owned()).zip(q).collect();
         wanted.push(in_mm(forward(&urdf, "flange", &named)));

@@ -15,16 +15,13 @@ fn two_robots() -> Cell {
         "[[robots]]\nname = \"{FIRST}\"\n\n[[robots]]\nname = \"second\"\nfolder = \"line/2\"\ntolerance = {{ mm = 0.4 }}\n\
          robot = {{ valid_for = {{ tool = \"other holder\" }} }}\n\n[output]"
     );
-    Cell::new()
-        .with("name = \"kr210-demo\"\n", "")
-        .with("[output]", &robots)
+    Cell::new().with("name = \"kr210-demo\"\n", "").with("[output]", &robots)
 }
 
 /// The files of one robot in a cell's lake.
 fn of(cell: &Cell, robot: &str) -> BTreeMap<String, Vec<u8>> {
     let lake = cell.lake().into_iter();
-    lake.filter(|(path, _)| path.split('/').nth(1) == Some(robot))
-        .collect()
+    lake.filter(|(path, _)| path.split('/').nth(1) == Some(robot)).collect()
 }
 
 fn check(cell: &Cell, arguments: &[&str]) -> Ended {
@@ -66,17 +63,11 @@ fn each_robot_has_the_bytes_of_a_pipeline_file_of_its_own() {
         .with_quickstart("mon");
     alone.run(&[]).expect(0, &["1 of 1 within 0.4 mm"]);
     assert_same(&of(&cell, "second"), &of(&alone, "second"));
-    cell.run(&["--robot", "second"])
-        .expect(0, &["1 of 1 within 0.4 mm", "1 done before"]);
-    cell.run(&["--from", "table"])
-        .expect(0, &["done-before  second/mon", "3 done before"]);
+    cell.run(&["--robot", "second"]).expect(0, &["1 of 1 within 0.4 mm", "1 done before"]);
+    cell.run(&["--from", "table"]).expect(0, &["done-before  second/mon", "3 done before"]);
     let lake = cell.path("lake");
-    let verified = posegrid()
-        .arg("verify")
-        .arg(&lake)
-        .arg("--pipeline")
-        .arg(cell.pipeline())
-        .output();
+    let verified =
+        posegrid().arg("verify").arg(&lake).arg("--pipeline").arg(cell.pipeline()).output();
     Ended::from(verified.expect("started")).expect(0, &["3 runs: 3 the same"]);
 }
 
@@ -95,30 +86,15 @@ fn what_is_wrong_with_one_robot_stays_with_it() {
             "1 failed",
         ],
     );
-    cell.run(&["--robot", "second"])
-        .expect(2, &["robot \"second\" ([[robots]] 2)"]);
-    cell.run(&["--robot", "third"]).expect(
-        2,
-        &["has no robot \"third\"; its robots: kr210-demo, second"],
-    );
+    cell.run(&["--robot", "second"]).expect(2, &["robot \"second\" ([[robots]] 2)"]);
+    cell.run(&["--robot", "third"])
+        .expect(2, &["has no robot \"third\"; its robots: kr210-demo, second"]);
     let without = two_robots().with_quickstart("kr210-demo/mon");
-    without.run(&[]).expect(
-        0,
-        &["waits        second: there is no folder ", "1 waiting"],
-    );
-    Cell::new()
-        .with_quickstart("mon")
-        .run(&["--robot", "a"])
-        .expect(2, &["it is of one robot"]);
+    without.run(&[]).expect(0, &["waits        second: there is no folder ", "1 waiting"]);
+    Cell::new().with_quickstart("mon").run(&["--robot", "a"]).expect(2, &["it is of one robot"]);
     let plan = posegrid().arg("plan").arg(cell.pipeline()).output();
-    Ended::from(plan.expect("started")).expect(
-        2,
-        &[
-            "robot kr210-demo\nno plan: ",
-            "robot second\nno plan: ",
-            "[plan]",
-        ],
-    );
+    Ended::from(plan.expect("started"))
+        .expect(2, &["robot kr210-demo\nno plan: ", "robot second\nno plan: ", "[plan]"]);
 }
 
 /// A cell whose robots stand in a table beside its pipeline file.
@@ -158,11 +134,9 @@ fn robots_of_a_table_are_found_by_file_names() {
     );
     assert_same(&of(&cell, FIRST), &of(undisturbed(), FIRST));
     fs::write(cell.path("robots.csv"), "name,robot.fill\na,b\n").expect("writable");
-    cell.run(&[])
-        .expect(2, &["robot \"a\" (row 2 of robots.csv)", "fill"]);
+    cell.run(&[]).expect(2, &["robot \"a\" (row 2 of robots.csv)", "fill"]);
     fs::write(cell.path("robots.csv"), "names\na\n").expect("writable");
-    cell.run(&[])
-        .expect(2, &["robots.csv", "it has no column `name`"]);
+    cell.run(&[]).expect(2, &["robots.csv", "it has no column `name`"]);
 }
 
 #[test]

@@ -37,11 +37,8 @@ impl Anew {
         let (entries, created_by) = (file.key_value_metadata(), file.created_by());
         let (entries, created_by) = (entries.cloned(), created_by.map(str::to_owned));
         let schema = Arc::clone(reader.schema());
-        let batches: Vec<RecordBatch> = reader
-            .build()
-            .expect("readable")
-            .map(|batch| batch.expect("readable"))
-            .collect();
+        let batches: Vec<RecordBatch> =
+            reader.build().expect("readable").map(|batch| batch.expect("readable")).collect();
         let mut entries = entries.unwrap_or_default();
         // The writer adds its own.
         entries.retain(|entry| entry.key != "ARROW:schema");
@@ -125,9 +122,7 @@ pub fn seal(path: &Path, name: &str) {
 /// Gives a changed row of `runs` the digests of what it says now; one of this version as this version writes it.
 pub fn seal_row(path: &Path) {
     let digest = row_digest(&opened(path, "runs").table);
-    rewrite(path, |column, _| {
-        (column == "row_digest").then(|| same_text(&digest, 1))
-    });
+    rewrite(path, |column, _| (column == "row_digest").then(|| same_text(&digest, 1)));
     seal(path, "runs");
     let row = opened(path, "runs").table;
     if row.text("version").value(0) == posegrid::manifest::VERSION {
@@ -179,9 +174,7 @@ pub fn claim_digest(cell: &Cell, table: &str, session: &str, before: &str) {
 
 /// BLAKE3 of a file.
 pub fn digest_of(path: &Path) -> String {
-    digest(File::open(path).expect("there"))
-        .expect("readable")
-        .0
+    digest(File::open(path).expect("there")).expect("readable").0
 }
 
 /// A column of one list of texts, each changed.

@@ -21,13 +21,10 @@ fn grids(cell: &Cell) -> Vec<String> {
 #[test]
 fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
     let cell = Cell::new().with_quickstart("mon");
-    cell.run(&["--from", "report"])
-        .expect(2, &["no session to learn from"]);
+    cell.run(&["--from", "report"]).expect(2, &["no session to learn from"]);
     cell.run(&["--until", "estimate"]).expect(0, &[]);
-    cell.run(&["--from", "report"]).expect(
-        1,
-        &["mon", "the lake has no grids of it", "--until table first"],
-    );
+    cell.run(&["--from", "report"])
+        .expect(1, &["mon", "the lake has no grids of it", "--until table first"]);
     let made = cell.run(&["--until", "table"]);
     made.expect(
         0,
@@ -43,11 +40,9 @@ fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
         6,
         "a session as joined, an estimate and its errors, grids and theirs"
     );
-    cell.run(&["--until", "table"])
-        .expect(0, &["done-before  mon: ", "0 now, 1 before"]);
+    cell.run(&["--until", "table"]).expect(0, &["done-before  mon: ", "0 now, 1 before"]);
     fs::remove_dir_all(cell.path("sessions")).expect("writable");
-    cell.run(&["--from", "report"])
-        .expect(0, &["1 of 1 within 0.5 mm"]);
+    cell.run(&["--from", "report"]).expect(0, &["1 of 1 within 0.5 mm"]);
     let mut expected = undisturbed().lake();
     expected.retain(|path, _| path.contains("/mon/"));
     assert_same(&cell.lake(), &expected);
@@ -65,23 +60,19 @@ fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
 
 #[test]
 fn another_tolerance_rule_or_judge_starts_from_the_same_grids() {
-    let cell = Cell::new()
-        .with_quickstart("mon")
-        .with_judge("tue", "18", "130");
+    let cell = Cell::new().with_quickstart("mon").with_judge("tue", "18", "130");
     cell.run(&["mon"]).expect(0, &[]);
     let first = grids(&cell);
     assert_eq!(first.len(), 1);
-    let cell = cell
-        .with("mm = 0.5", "mm = 0.4")
-        .with("[grid]", "[grid]\nchoose = \"fewest-nodes\"");
+    let cell =
+        cell.with("mm = 0.5", "mm = 0.4").with("[grid]", "[grid]\nchoose = \"fewest-nodes\"");
     cell.run(&["mon", "--from", "report", "--test", "tue"])
         .expect(2, &["tue", "does not have it as joined"]);
     cell.run(&["mon", "--test", "tue"]).expect(0, &["0.4 mm"]);
     assert_eq!(grids(&cell), first);
     // What the lake's run has is what one has that finds everything by itself; it replaced another one, which its row says.
     let elsewhere = cell.path("elsewhere").to_string_lossy().into_owned();
-    cell.run(&["mon", "--test", "tue", "--lake", &elsewhere])
-        .expect(0, &[]);
+    cell.run(&["mon", "--test", "tue", "--lake", &elsewhere]).expect(0, &[]);
     let mut expected = published(elsewhere.as_ref());
     expected.retain(|path, _| !path.starts_with("runs/") && !path.starts_with('.'));
     let mut own = cell.lake();
@@ -89,8 +80,7 @@ fn another_tolerance_rule_or_judge_starts_from_the_same_grids() {
     assert_same(&own, &expected);
     // Other steps: other grids.
     let cell = cell.with("steps_mm = [", "steps_mm = [300, ");
-    cell.run(&["mon", "--from", "report"])
-        .expect(1, &["the lake has no grids"]);
+    cell.run(&["mon", "--from", "report"]).expect(1, &["the lake has no grids"]);
     cell.run(&["mon", "--from", "table"]).expect(0, &[]);
     assert_eq!(grids(&cell).len(), 2);
 }
@@ -108,10 +98,8 @@ fn grids_that_were_changed_are_made_again_or_refused() {
     bytes[middle] ^= 1;
     fs::write(&errors, &bytes).expect("writable");
     verified().expect(3, &["/mon grids ", "grid_errors: ", "1 changed"]);
-    cell.run(&["--from", "report"])
-        .expect(1, &["mon", "the grids", "cannot be used"]);
-    cell.run(&[])
-        .expect(0, &["1 of 1 within 0.5 mm", "they are made again"]);
+    cell.run(&["--from", "report"]).expect(1, &["mon", "the grids", "cannot be used"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "they are made again"]);
 }
 
 #[test]
@@ -135,9 +123,7 @@ fn errors_of_the_grids_give_the_figures_of_the_run() {
                 && row.step_mm.to_bits() == step.step_mm.to_bits()
         };
         let left = answers.iter().filter(is_own);
-        let left: Vec<f64> = left
-            .map(|row| away(&measured[&row.station], &row.error_mm))
-            .collect();
+        let left: Vec<f64> = left.map(|row| away(&measured[&row.station], &row.error_mm)).collect();
         assert_eq!(left.len(), step.errors, "{} mm", step.step_mm);
         let mean = left.iter().sum::<f64>() / left.len() as f64;
         let largest = left.iter().copied().fold(0.0, f64::max);

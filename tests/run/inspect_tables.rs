@@ -47,10 +47,7 @@ fn shared(name: &str) -> Option<PathBuf> {
         "{} is absent: CI must have the tables",
         file.display()
     );
-    eprintln!(
-        "SKIPPED: {} is absent, so this test has shown nothing",
-        file.display()
-    );
+    eprintln!("SKIPPED: {} is absent, so this test has shown nothing", file.display());
     None
 }
 
@@ -85,20 +82,13 @@ fn stations(folder: &Path, printed: &str, robot: &str, session: &str) -> usize {
     }
     let mut command = posegrid();
     let ran = ended(command.arg("run").arg(folder.join("pipeline.toml")));
-    assert!(
-        [0, 3].contains(&ran.code),
-        "{}{}",
-        ran.results,
-        ran.messages
-    );
+    assert!([0, 3].contains(&ran.code), "{}{}", ran.results, ran.messages);
     ran.no_defect();
     let files = fs::read_dir(folder.join("lake/stations/arm").join(session))
         .expect("stations of the session");
     let file = files.flatten().next().expect("a file").path();
     let schema = schema::find("stations").expect("a published table");
-    table::read(&file, schema)
-        .expect("a table by its schema")
-        .rows()
+    table::read(&file, schema).expect("a table by its schema").rows()
 }
 
 /// One file of the six: what its inspection has to say, and its number of rows.
@@ -114,16 +104,8 @@ fn comes_in(name: &str, robot: &str, told: &[&str], rows: usize) {
     });
     let found = inspected(folder.path(), &file, named.as_deref());
     found.expect(0, told);
-    let session = file
-        .file_stem()
-        .expect("a name")
-        .to_string_lossy()
-        .into_owned();
-    assert_eq!(
-        stations(folder.path(), &found.results, robot, &session),
-        rows,
-        "{name}"
-    );
+    let session = file.file_stem().expect("a name").to_string_lossy().into_owned();
+    assert_eq!(stations(folder.path(), &found.results, robot, &session), rows, "{name}");
 }
 
 const UR10: [&str; 6] = [
@@ -140,12 +122,7 @@ fn the_ur10s_tables_come_in_by_the_printed_section() {
     comes_in("ur10-grid.csv", "ur10", &UR10, 615);
     let turned = "order = \"moving-xyz\", unit = \"deg\", sd = [\"measurement_std_rx\"";
     for name in ["ur10-random-a.csv", "ur10-random-b.csv"] {
-        comes_in(
-            name,
-            "ur10",
-            &[&UR10[..], &[turned]].concat(),
-            rows_of(name),
-        );
+        comes_in(name, "ur10", &[&UR10[..], &[turned]].concat(), rows_of(name));
     }
 }
 
@@ -153,10 +130,7 @@ fn the_ur10s_tables_come_in_by_the_printed_section() {
 fn rows_of(name: &str) -> usize {
     let text = shared(name).map(|file| fs::read_to_string(file).expect("readable"));
     text.map_or(0, |text| {
-        text.lines()
-            .filter(|line| !line.trim().is_empty())
-            .count()
-            .saturating_sub(1)
+        text.lines().filter(|line| !line.trim().is_empty()).count().saturating_sub(1)
     })
 }
 
@@ -205,17 +179,8 @@ fn names_of_columns_are_harmless_and_rows_that_are_left_out_are_told() {
     let found = ended(posegrid().arg("inspect").arg(&path));
     found.expect(3, &["1 row is LEFT OUT", "line 14", "no\\u{1b}[2Jte"]);
     assert!(!found.results.contains('\u{1b}'));
-    ended(
-        posegrid()
-            .arg("inspect")
-            .arg(&path)
-            .args(["--robot", "nosuch"]),
-    )
-    .expect(2, &["nosuch", "posegrid robot --list"]);
-    ended(
-        posegrid()
-            .arg("inspect")
-            .arg(folder.path().join("absent.csv")),
-    )
-    .expect(1, &["absent.csv"]);
+    ended(posegrid().arg("inspect").arg(&path).args(["--robot", "nosuch"]))
+        .expect(2, &["nosuch", "posegrid robot --list"]);
+    ended(posegrid().arg("inspect").arg(folder.path().join("absent.csv")))
+        .expect(1, &["absent.csv"]);
 }

@@ -34,9 +34,7 @@ fn a_killed_run_is_finished_by_the_next_one_with_the_same_bytes() {
 #[test]
 fn samples_stand_under_a_temporary_name_until_their_run_has_a_result() {
     let samples = "lake = \"lake\"\nlogs = true";
-    let cell = Cell::new()
-        .with("lake = \"lake\"", samples)
-        .with_quickstart("mon");
+    let cell = Cell::new().with("lake = \"lake\"", samples).with_quickstart("mon");
     // While the logs are read, or right behind it: long before the first table.
     killed(&cell, |_, files| files >= 1);
     let left: Vec<String> = cell.lake().into_keys().collect();
@@ -54,9 +52,7 @@ fn a_session_without_a_result_leaves_no_samples() {
         .with("lake = \"lake\"", "lake = \"lake\"\nlogs = true")
         .with("# sessions", "max_lost_share = 0.001")
         .with_quickstart("mon")
-        .with_log("mon", "controller.mcap", |bytes| {
-            bytes[..bytes.len() / 2].to_vec()
-        });
+        .with_log("mon", "controller.mcap", |bytes| bytes[..bytes.len() / 2].to_vec());
     cell.run(&[]).expect(1, &["max_lost_share = 0.001"]);
     assert!(cell.lake().is_empty());
 }

@@ -29,14 +29,10 @@ pub fn poses() -> String {
             14.0 * (1.7 * number as f64 * (joint as f64 + 2.0).sqrt()).sin()
         })
     };
-    let all = (1..=OTHERS)
-        .map(other)
-        .chain((0..CYCLES).flat_map(|_| FIVE));
+    let all = (1..=OTHERS).map(other).chain((0..CYCLES).flat_map(|_| FIVE));
     let line = |(number, offsets): (usize, [f64; 6])| {
-        let joints = HOME
-            .iter()
-            .zip(offsets)
-            .map(|(home, offset)| format!(",{:.6}", home + offset));
+        let joints =
+            HOME.iter().zip(offsets).map(|(home, offset)| format!(",{:.6}", home + offset));
         format!("p{number}{}\n", joints.collect::<String>())
     };
     let lines: String = all.enumerate().map(line).collect();
@@ -82,13 +78,7 @@ fn repeated_visits_give_the_figures_of_the_arm_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("poses.csv");
     fs::write(&file, poses()).unwrap();
-    let exact = [
-        "--no-tracker-noise",
-        "--outlier-share",
-        "0",
-        "--six-dof",
-        "--poses",
-    ];
+    let exact = ["--no-tracker-noise", "--outlier-share", "0", "--six-dof", "--poses"];
     let flags: Vec<&str> = exact.into_iter().chain(file.to_str()).collect();
     let cell = Cell::new()
         .with("/tracker/point", "/tracker/pose")
@@ -107,21 +97,12 @@ fn repeated_visits_give_the_figures_of_the_arm_as_it_is() {
             let text = |column: &str| table.text(column).value(row).to_owned();
             let poses = table.i64("pose");
             let pose = poses.is_valid(row).then(|| poses.value(row));
-            (
-                (text("model"), text("name"), pose),
-                table.f64("value").value(row),
-            )
+            ((text("model"), text("name"), pose), table.f64("value").value(row))
         })
         .collect();
     let figure = |model: &str, name: &str, pose: usize| {
-        let key = (
-            model.to_owned(),
-            name.to_owned(),
-            Some(i64::try_from(pose).unwrap()),
-        );
-        *figures
-            .get(&key)
-            .unwrap_or_else(|| panic!("{key:?} in {:?}", figures.keys()))
+        let key = (model.to_owned(), name.to_owned(), Some(i64::try_from(pose).unwrap()));
+        *figures.get(&key).unwrap_or_else(|| panic!("{key:?} in {:?}", figures.keys()))
     };
     for of_five in 0..FIVE.len() {
         let (pose, truth) = (OTHERS + of_five, truth(&cell, of_five));
@@ -143,10 +124,7 @@ fn repeated_visits_give_the_figures_of_the_arm_as_it_is() {
         }
         let first = truth.turns[0];
         for (axis, name) in ["RP_a", "RP_b", "RP_c"].into_iter().enumerate() {
-            let about = truth
-                .turns
-                .iter()
-                .map(|turn| (turn * first.inverse()).scaled_axis()[axis]);
+            let about = truth.turns.iter().map(|turn| (turn * first.inverse()).scaled_axis()[axis]);
             let found = figure("base_target", name, pose);
             let expected = 3.0 * deviation(about).1;
             assert!(
@@ -155,17 +133,12 @@ fn repeated_visits_give_the_figures_of_the_arm_as_it_is() {
             );
         }
     }
-    let all: Vec<_> = figures
-        .keys()
-        .filter(|(_, _, pose)| pose.is_some_and(|pose| pose < 40))
-        .collect();
+    let all: Vec<_> =
+        figures.keys().filter(|(_, _, pose)| pose.is_some_and(|pose| pose < 40)).collect();
     assert!(all.is_empty(), "poses visited once have no figure: {all:?}");
     let page = page(&cell, "again");
     for value in figures.values() {
-        assert!(
-            page.contains(&format!("value=\"{value}\"")),
-            "{value} is not on the page"
-        );
+        assert!(page.contains(&format!("value=\"{value}\"")), "{value} is not on the page");
     }
 }
 
@@ -179,13 +152,9 @@ fn page(cell: &Cell, session: &str) -> String {
 #[test]
 fn a_session_without_repeated_poses_says_so() {
     let table = undisturbed().table("accuracy", "mon");
-    let rows: Vec<usize> = (0..table.rows())
-        .filter(|&row| table.text("quantity").value(row) == "iso_9283")
-        .collect();
-    let names: Vec<&str> = rows
-        .iter()
-        .map(|&row| table.text("name").value(row))
-        .collect();
+    let rows: Vec<usize> =
+        (0..table.rows()).filter(|&row| table.text("quantity").value(row) == "iso_9283").collect();
+    let names: Vec<&str> = rows.iter().map(|&row| table.text("name").value(row)).collect();
     assert_eq!(names, ["AP_p", "RP_l"]);
     let reason = "no pose was commanded twice: 637 stations went to as many poses";
     for row in rows {

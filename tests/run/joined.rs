@@ -14,9 +14,7 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
     let first = cell.run(&["--lake", &stepwise, "--until", "session"]);
     first.expect(0, &[" sessions joined: "]);
     fs::rename(cell.path("sessions"), cell.path("archived")).expect("writable");
-    let estimated = cell.run(&[
-        "--lake", &stepwise, "--from", "estimate", "--until", "estimate",
-    ]);
+    let estimated = cell.run(&["--lake", &stepwise, "--from", "estimate", "--until", "estimate"]);
     estimated.expect(0, &[" estimates: "]);
     let gridded = cell.run(&["--lake", &stepwise, "--from", "table", "--until", "table"]);
     gridded.expect(0, &[" grids: "]);
@@ -32,50 +30,33 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
 fn a_run_from_sessions_as_joined_has_the_bytes_of_one_from_logs() {
     let cell = Cell::new().with_quickstart("mon");
     let joined = cell.run(&["--until", "session"]);
-    joined.expect(
-        0,
-        &[
-            "joined       mon: ",
-            "1 of 1 sessions joined: 1 now, 0 before",
-        ],
-    );
+    joined.expect(0, &["joined       mon: ", "1 of 1 sessions joined: 1 now, 0 before"]);
     let files: Vec<String> = cell.lake().into_keys().collect();
     assert_eq!(files.len(), 2, "{files:?}");
-    cell.run(&["--until", "session"])
-        .expect(0, &["done-before  mon: ", "0 now, 1 before"]);
+    cell.run(&["--until", "session"]).expect(0, &["done-before  mon: ", "0 now, 1 before"]);
     // Without any log.
     fs::remove_dir_all(cell.path("sessions")).expect("writable");
-    cell.run(&["--from", "estimate"])
-        .expect(0, &["1 of 1 within 0.5 mm"]);
+    cell.run(&["--from", "estimate"]).expect(0, &["1 of 1 within 0.5 mm"]);
     let mut expected = undisturbed().lake();
     expected.retain(|path, _| path.contains("/mon/"));
     assert_same(&cell.lake(), &expected);
     // What comes after the join may change; what comes before may not.
     let cell = cell.with("mm = 0.5", "mm = 0.4");
-    cell.run(&["--from", "estimate"])
-        .expect(0, &["1 of 1 within 0.4 mm"]);
+    cell.run(&["--from", "estimate"]).expect(0, &["1 of 1 within 0.4 mm"]);
     let cell = cell.with("[tolerance]", "[join]\nmin_readings = 4\n\n[tolerance]");
-    cell.run(&["--from", "estimate"]).expect(
-        2,
-        &[
-            "mon",
-            "of other settings of ingest and join",
-            "run it from its files",
-        ],
-    );
+    cell.run(&["--from", "estimate"])
+        .expect(2, &["mon", "of other settings of ingest and join", "run it from its files"]);
 }
 
 #[test]
 fn the_whole_is_not_left_to_what_is_there_as_joined() {
     let cell = Cell::new().with_quickstart("mon");
-    cell.run(&["--from", "estimate"])
-        .expect(2, &["no session to learn from", "joined_sessions"]);
+    cell.run(&["--from", "estimate"]).expect(2, &["no session to learn from", "joined_sessions"]);
     cell.run(&["--until", "session"]).expect(0, &[]);
     cell.run(&["tue", "--from", "estimate"])
         .expect(2, &["tue", "the lake does not have it as joined"]);
     let cell = cell.with("lake = \"lake\"", "lake = \"lake\"\nlogs = true");
-    cell.run(&["--from", "estimate"])
-        .expect(2, &["[output] logs", "reads none"]);
+    cell.run(&["--from", "estimate"]).expect(2, &["[output] logs", "reads none"]);
 }
 
 #[test]
@@ -89,12 +70,9 @@ fn readings_that_were_changed_are_read_from_the_logs_again_or_refused() {
     fs::write(&readings, &bytes).expect("writable");
     let lake = cell.path("lake").to_string_lossy().into_owned();
     ended(posegrid().args(["verify", &lake])).expect(3, &["mon as joined", "1 changed"]);
-    cell.run(&["--from", "estimate"]).expect(
-        1,
-        &["mon", "its result of ingest and join", "cannot be used"],
-    );
-    cell.run(&[])
-        .expect(0, &["1 of 1 within 0.5 mm", "its files are read again"]);
+    cell.run(&["--from", "estimate"])
+        .expect(1, &["mon", "its result of ingest and join", "cannot be used"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "its files are read again"]);
 }
 
 #[test]
@@ -131,14 +109,11 @@ fn a_session_whose_name_begins_anothers_path_has_one_result_in_a_pool_and_alone(
     }
     let first = cell.run(&[]);
     first.expect(first.code, &["done", "pooled"]);
-    cell.run(&["--until", "session"]).expect(
-        0,
-        &["done-before  a: ", "done-before  a/b: ", "0 now, 2 before"],
-    );
+    cell.run(&["--until", "session"])
+        .expect(0, &["done-before  a: ", "done-before  a/b: ", "0 now, 2 before"]);
     // The pool from what the lake has of them is the same work.
     fs::remove_dir_all(cell.path("sessions")).expect("writable");
     let before = cell.lake();
-    cell.run(&["--from", "table"])
-        .expect(first.code, &["done-before  pooled"]);
+    cell.run(&["--from", "table"]).expect(first.code, &["done-before  pooled"]);
     assert_same(&cell.lake(), &before);
 }

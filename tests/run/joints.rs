@@ -78,10 +78,7 @@ const RADIANS: &str = "q1_rad,q2_rad,q3_rad,q4_rad,q5_rad,q6_rad";
 const DEGREES: &str = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg";
 
 fn list(values: &[f64], scale: f64) -> String {
-    let texts: Vec<String> = values
-        .iter()
-        .map(|value| format!("{:.12}", value * scale))
-        .collect();
+    let texts: Vec<String> = values.iter().map(|value| format!("{:.12}", value * scale)).collect();
     texts.join(",")
 }
 
@@ -96,13 +93,7 @@ impl Run {
     fn of(name: &str, table: &Path, text: &str, flags: &[&str]) -> Self {
         let targets: PathBuf = undisturbed().path(&format!("{name}.csv"));
         fs::write(&targets, text).expect("writable");
-        let ended = ended(
-            posegrid()
-                .arg("compensate")
-                .arg(table)
-                .arg(&targets)
-                .args(flags),
-        );
+        let ended = ended(posegrid().arg("compensate").arg(table).arg(&targets).args(flags));
         let mut reader = csv::Reader::from_reader(ended.results.as_bytes());
         let headers = reader.headers().expect("a first line").clone();
         Self {
@@ -160,25 +151,15 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
     let by_pose = Run::of(
         "node-poses",
         &arm_file(),
-        &format!(
-            "target,{POSITION},qx,qy,qz,qw,configuration\n{}",
-            poses.concat()
-        ),
+        &format!("target,{POSITION},qx,qy,qz,qw,configuration\n{}", poses.concat()),
         &[],
     );
-    let by_joints = Run::of(
-        "node-joints",
-        &arm_file(),
-        &format!("target,{DEGREES}\n{}", angles.concat()),
-        &[],
-    );
+    let by_joints =
+        Run::of("node-joints", &arm_file(), &format!("target,{DEGREES}\n{}", angles.concat()), &[]);
     let by_table = Run::of(
         "node-table",
         &alone("compensation"),
-        &format!(
-            "target,{POSITION},qx,qy,qz,qw,configuration\n{}",
-            poses.concat()
-        ),
+        &format!("target,{POSITION},qx,qy,qz,qw,configuration\n{}", poses.concat()),
         &[],
     );
     for run in [&by_pose, &by_joints] {
@@ -211,10 +192,7 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
         let survey_mm = (3.0 * 0.02_f64.powi(2) + 2.0 * turned_mm.powi(2)).sqrt();
         for run in [&by_joints, &by_table] {
             let [of_frame] = run.numbers(row, ["correction_frame_sd_mm"]);
-            assert!(
-                (of_frame - survey_mm).abs() < 2e-6,
-                "{of_frame} {survey_mm}"
-            );
+            assert!((of_frame - survey_mm).abs() < 2e-6, "{of_frame} {survey_mm}");
             assert!(own > of_frame, "the arm's own share is not lost");
         }
     }
@@ -238,33 +216,19 @@ fn joint_angles_that_were_not_measured_are_refused_by_how_much_unless_allowed() 
         list(&singular, 1.0)
     );
     let run = Run::of("unmeasured", &arm_file(), &rows, &[]);
-    run.ended
-        .expect(3, &["1 joint_limits, 1 joint_range, 1 singularity"]);
-    for (row, word) in ["", "joint_range", "joint_limits", "singularity"]
-        .iter()
-        .enumerate()
-    {
+    run.ended.expect(3, &["1 joint_limits, 1 joint_range, 1 singularity"]);
+    for (row, word) in ["", "joint_range", "joint_limits", "singularity"].iter().enumerate() {
         assert_eq!(run.text(row, "refused"), *word);
         assert_eq!(run.text(row, "q1_rad").is_empty(), !word.is_empty());
     }
     let reason = run.text(1, "reason");
-    assert!(
-        reason.contains("\"joint_a1\" at ") && reason.contains("° beyond the "),
-        "{reason}"
-    );
+    assert!(reason.contains("\"joint_a1\" at ") && reason.contains("° beyond the "), "{reason}");
     let allowed = Run::of("allowed", &arm_file(), &rows, &["--allow", "joint-range"]);
-    allowed
-        .ended
-        .expect(3, &["1 targets were corrected by an exception"]);
+    allowed.ended.expect(3, &["1 targets were corrected by an exception"]);
     assert_eq!(allowed.text(1, "allowed"), "joint_range");
     assert_eq!(allowed.text(0, "allowed"), "");
     let sd = |row| allowed.numbers(row, ["correction_sd_mm"])[0];
-    assert!(
-        sd(1) > 1.5 * sd(0),
-        "the model says that it knows less there: {} {}",
-        sd(1),
-        sd(0)
-    );
+    assert!(sd(1) > 1.5 * sd(0), "the model says that it knows less there: {} {}", sd(1), sd(0));
 }
 
 #[test]
@@ -285,29 +249,18 @@ fn targets_that_say_too_little_or_two_things_are_refused() {
     );
     let run = Run::of("too-little", &arm_file(), &rows, &[]);
     run.ended.expect(3, &["position 16.6", " mm from where"]);
-    for (row, word) in [
-        "no_orientation",
-        "configuration",
-        "configuration",
-        "apart",
-        "",
-    ]
-    .iter()
-    .enumerate()
+    for (row, word) in
+        ["no_orientation", "configuration", "configuration", "apart", ""].iter().enumerate()
     {
         assert_eq!(run.text(row, "refused"), *word, "{:?}", run.rows[row]);
     }
     let table = alone("compensation");
     let rows = format!("target,{RADIANS}\nA,{joints}\n");
     let by_table = Run::of("joints-on-table", &table, &rows, &[]);
-    by_table
-        .ended
-        .expect(1, &["table `calibrations` of the same run"]);
+    by_table.ended.expect(1, &["table `calibrations` of the same run"]);
     assert_eq!(by_table.text(0, "refused"), "no_position");
     let short = Run::of("short", &arm_file(), "target,q1_rad\nA,0\n", &[]);
-    short
-        .ended
-        .expect(1, &["has 1 joint angles, the arm has joints joint_a1, "]);
+    short.ended.expect(1, &["has 1 joint angles, the arm has joints joint_a1, "]);
 }
 
 #[test]
@@ -316,10 +269,7 @@ fn a_table_that_corrects_nothing_is_refused() {
     let targets = undisturbed().path("nothing.csv");
     fs::write(&targets, format!("target,{RADIANS}\nA,0,0,0,0,0,0\n")).expect("writable");
     let run = ended(posegrid().arg("compensate").arg(stations).arg(&targets));
-    run.expect(
-        2,
-        &["holds table \"stations\"", "\"calibrations\" of a run"],
-    );
+    run.expect(2, &["holds table \"stations\"", "\"calibrations\" of a run"]);
 }
 
 #[test]

@@ -21,11 +21,7 @@ fn text<'t>(table: &'t Table, column: &str, row: usize) -> &'t str {
 
 /// The rows in which these columns have these words.
 fn rows(table: &Table, words: &[(&str, &str)]) -> Vec<usize> {
-    let is = |row: &usize| {
-        words
-            .iter()
-            .all(|(column, word)| text(table, column, *row) == *word)
-    };
+    let is = |row: &usize| words.iter().all(|(column, word)| text(table, column, *row) == *word);
     (0..table.rows()).filter(is).collect()
 }
 
@@ -42,12 +38,8 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
     let steps = cell.table("grid_steps", "mon");
     let chosen = (0..steps.rows()).find(|&row| steps.bool("chosen").value(row));
     let accuracy = cell.table("accuracy", "mon");
-    let of_table = [
-        ("model", "table"),
-        ("split", "blocks"),
-        ("name", "bound"),
-        ("point", "tool_point"),
-    ];
+    let of_table =
+        [("model", "table"), ("split", "blocks"), ("name", "bound"), ("point", "tool_point")];
     let stated = [
         (&runs, 0),
         (&steps, chosen.expect("a chosen step")),
@@ -61,21 +53,13 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
         let reasons = table.text("reason");
         assert_eq!(reasons.is_null(row), reason.is_empty(), "{name}");
         for part in reason {
-            assert!(
-                reasons.value(row).contains(part),
-                "{name}: {}",
-                reasons.value(row)
-            );
+            assert!(reasons.value(row).contains(part), "{name}: {}", reasons.value(row));
         }
     }
     let compensation = cell.table("compensation", "mon");
     assert_eq!(text(&compensation, "verdict", 0), verdict);
     for part in reason {
-        assert!(
-            ended.results.contains(part),
-            "{part:?} is not in {}",
-            ended.results
-        );
+        assert!(ended.results.contains(part), "{part:?} is not in {}", ended.results);
         assert!(page.contains(part), "{part:?} is not on the page");
     }
     let (line, tolerance) = match verdict {
@@ -106,13 +90,7 @@ fn everywhere(cell: &Cell, ended: &Ended, verdict: &str, reason: &[&str]) {
 fn a_test_session_of_this_arm_agrees() {
     let cell = monday().with_judge("tue", "3", "130");
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
-    ended.expect(
-        0,
-        &[
-            "judged by held-out blocks of mon: met",
-            "judged by test session tue: met",
-        ],
-    );
+    ended.expect(0, &["judged by held-out blocks of mon: met", "judged by test session tue: met"]);
     assert!(!ended.results.contains("another arm"), "{}", ended.results);
     everywhere(&cell, &ended, "met", &[]);
     // Twelve chosen stations find the base; of the others the table answers for those in its box.
@@ -138,18 +116,14 @@ fn a_test_session_of_this_arm_agrees() {
     let of_table = steps.f64("mean_mm").value(tue);
     assert!(of_table < 2.0 * of_model, "{of_table} {of_model}");
     let again = cell.run(&["mon", "--test", "tue"]);
-    again.expect(
-        0,
-        &["done-before  mon: within tolerance by the compensation table, run"],
-    );
+    again.expect(0, &["done-before  mon: within tolerance by the compensation table, run"]);
 }
 
 #[test]
 fn a_base_from_chosen_stations_is_said_everywhere_and_they_do_not_judge() {
-    let cell = monday().with_judge("tue", "3", "130").with(
-        "[output]",
-        "[report]\nlocate = { by = \"chosen\", target = \"own\" }\n\n[output]",
-    );
+    let cell = monday()
+        .with_judge("tue", "3", "130")
+        .with("[output]", "[report]\nlocate = { by = \"chosen\", target = \"own\" }\n\n[output]");
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     let words = "base and target from 12 stations chosen by their poses";
     ended.expect(0, &["judged by test session tue: met", words]);
@@ -185,10 +159,7 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
     let ended = cell.run(&["mon", "--test", "wed", "--verbose"]);
     ended.expect(
         3,
-        &[
-            "judged by held-out blocks of mon: met",
-            "judged by test session wed: not met",
-        ],
+        &["judged by held-out blocks of mon: met", "judged by test session wed: not met"],
     );
     let reason = [
         "test session wed: ",
@@ -210,14 +181,9 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
 fn a_reflector_that_was_put_on_again_is_said_and_no_other_arm_is_blamed() {
     // The reflector of Monday stands 0.1 mm off (standard deviation) from where the controller has it, Tuesday's ten times as far.
     let turned = |size: &'static str| ["--size", size, "--cone-deg", "40", "--random", "150"];
-    let again = [
-        &["--arm", "3", "--target-sd-mm", "1"],
-        &turned("600,1200,600")[..],
-    ]
-    .concat();
-    let cell = Cell::new()
-        .with_simulated("mon", &turned("720,1440,720"))
-        .with_simulated("tue", &again);
+    let again = [&["--arm", "3", "--target-sd-mm", "1"], &turned("600,1200,600")[..]].concat();
+    let cell =
+        Cell::new().with_simulated("mon", &turned("720,1440,720")).with_simulated("tue", &again);
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     let said = [
         "its stations say that the reflector was put on again or moved",
@@ -232,16 +198,10 @@ fn a_reflector_that_was_put_on_again_is_said_and_no_other_arm_is_blamed() {
     let page = String::from_utf8(page.expect("a page")).unwrap();
     assert!(page.contains(said[0]));
     // Who says that it stayed is told too.
-    let cell = cell.with(
-        "[output]",
-        "[report]\nlocate = { by = \"chosen\", target = \"known\" }\n\n[output]",
-    );
+    let cell = cell
+        .with("[output]", "[report]\nlocate = { by = \"chosen\", target = \"known\" }\n\n[output]");
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
-    for text in [
-        said[0],
-        "[report] locate has target = \"known\"",
-        "base from 12 stations",
-    ] {
+    for text in [said[0], "[report] locate has target = \"known\"", "base from 12 stations"] {
         assert!(ended.results.contains(text), "{}", ended.results);
     }
 }
@@ -249,9 +209,7 @@ fn a_reflector_that_was_put_on_again_is_said_and_no_other_arm_is_blamed() {
 #[test]
 fn a_judge_that_trained_under_another_name_is_refused() {
     // Both are made by one seed: the same stations in the same clocks.
-    let cell = Cell::new()
-        .with_judge("mon", "3", "80")
-        .with_judge("tue", "3", "80");
+    let cell = Cell::new().with_judge("mon", "3", "80").with_judge("tue", "3", "80");
     cell.run(&["mon", "--test", "tue"]).expect(
         1,
         &[
@@ -274,15 +232,10 @@ fn a_test_session_of_few_stations_shows_nothing() {
     let ended = cell.run(&["mon", "--test", "thu", "--verbose"]);
     ended.expect(
         3,
-        &[
-            "judged by held-out blocks of mon: met",
-            "judged by test session thu: not shown",
-        ],
+        &["judged by held-out blocks of mon: met", "judged by test session thu: not shown"],
     );
-    let reason = [
-        "32 poses held out; 59 poses are needed",
-        "8 stations find the base ([report] locate)",
-    ];
+    let reason =
+        ["32 poses held out; 59 poses are needed", "8 stations find the base ([report] locate)"];
     everywhere(&cell, &ended, "not_shown", &reason);
 }
 
@@ -299,10 +252,7 @@ fn thirty(rounds: usize) -> String {
         let joints = row.iter().skip(first).take(6);
         joints.map(str::to_owned).collect()
     };
-    let poses: Vec<Vec<String>> = file
-        .records()
-        .map(|row| pose(row.expect("a row")))
-        .collect();
+    let poses: Vec<Vec<String>> = file.records().map(|row| pose(row.expect("a row"))).collect();
     assert_eq!(poses.len(), 30);
     let line = |visit: usize| format!("p{visit},{}\n", poses[visit % 30].join(","));
     let lines: String = (0..30 * rounds).map(line).collect();
@@ -323,40 +273,21 @@ fn visits_of_one_pose_count_once() {
     // Thirty poses show nothing, however often they are visited.
     assert_eq!(ended.code, 3, "{}{}", ended.results, ended.messages);
     assert_eq!(text(&cell.table("runs", "mon"), "verdict", 0), "not_shown");
-    assert!(
-        ended.results.contains("(30 poses in 1"),
-        "{}",
-        ended.results
-    );
+    assert!(ended.results.contains("(30 poses in 1"), "{}", ended.results);
     let accuracy = cell.table("accuracy", "mon");
-    let bounds = rows(
-        &accuracy,
-        &[
-            ("name", "bound"),
-            ("split", "blocks"),
-            ("point", "measured_point"),
-        ],
-    );
+    let bounds =
+        rows(&accuracy, &[("name", "bound"), ("split", "blocks"), ("point", "measured_point")]);
     assert!(bounds.len() >= 3, "{bounds:?}");
     for row in bounds {
-        let (n, visits) = (
-            accuracy.i64("n").value(row),
-            accuracy.i64("visits").value(row),
-        );
+        let (n, visits) = (accuracy.i64("n").value(row), accuracy.i64("visits").value(row));
         // A beam is lost now and then.
-        assert!(
-            n == 30 && (150..=180).contains(&visits),
-            "{n} poses, {visits} visits"
-        );
+        assert!(n == 30 && (150..=180).contains(&visits), "{n} poses, {visits} visits");
         assert!(accuracy.f64("value").is_null(row));
         assert_eq!(text(&accuracy, "verdict", row), "not_shown");
     }
     let steps = cell.table("grid_steps", "mon");
     for row in 0..steps.rows() {
-        let (n, visits) = (
-            steps.i64("held_out").value(row),
-            steps.i64("visits").value(row),
-        );
+        let (n, visits) = (steps.i64("held_out").value(row), steps.i64("visits").value(row));
         assert!(n <= 30 && visits <= 6 * n, "{n} poses, {visits} visits");
         assert_eq!(text(&steps, "verdict", row), "not_shown");
     }
@@ -367,19 +298,9 @@ fn visits_of_one_pose_count_once() {
 fn one_fold_a_pose(cell: &Cell) {
     let residuals = cell.table("residuals", "mon");
     let mut folds: BTreeMap<i64, BTreeSet<i64>> = BTreeMap::new();
-    for row in rows(
-        &residuals,
-        &[
-            ("split", "blocks"),
-            ("model", "full"),
-            ("angles", "weighted"),
-        ],
-    ) {
+    for row in rows(&residuals, &[("split", "blocks"), ("model", "full"), ("angles", "weighted")]) {
         let station = residuals.i64("station").value(row);
-        folds
-            .entry(station % 30)
-            .or_default()
-            .insert(residuals.i64("fold").value(row));
+        folds.entry(station % 30).or_default().insert(residuals.i64("fold").value(row));
     }
     assert_eq!(folds.len(), 30);
     assert!(folds.values().all(|own| own.len() == 1), "{folds:?}");
@@ -389,10 +310,8 @@ fn one_fold_a_pose(cell: &Cell) {
 
 #[test]
 fn visits_of_one_pose_in_a_test_session_count_once_and_never_where_they_found_the_base() {
-    let cell = with_thirty(monday(), "tue", 6).with(
-        "[output]",
-        "[report]\nlocate = { by = \"first\", stations = 10 }\n\n[output]",
-    );
+    let cell = with_thirty(monday(), "tue", 6)
+        .with("[output]", "[report]\nlocate = { by = \"first\", stations = 10 }\n\n[output]");
     let ended = cell.run(&["mon", "--test", "tue", "--verbose"]);
     ended.expect(3, &["judged by test session tue: not shown"]);
     let accuracy = cell.table("accuracy", "mon");
@@ -405,14 +324,8 @@ fn visits_of_one_pose_in_a_test_session_count_once_and_never_where_they_found_th
     ];
     let bound = row(&accuracy, &words);
     // Ten of the thirty find the base.
-    let (n, visits) = (
-        accuracy.i64("n").value(bound),
-        accuracy.i64("visits").value(bound),
-    );
-    assert!(
-        n == 20 && (100..=120).contains(&visits),
-        "{n} poses, {visits} visits"
-    );
+    let (n, visits) = (accuracy.i64("n").value(bound), accuracy.i64("visits").value(bound));
+    assert!(n == 20 && (100..=120).contains(&visits), "{n} poses, {visits} visits");
     let reason = text(&accuracy, "reason", bound);
     assert!(
         reason.contains("10 stations find the base")

@@ -72,13 +72,8 @@ fn a_superseded_run_is_found_by_its_name_and_may_go_but_for_its_row() {
 
     let own = files_of(&cell, &first);
     remove(&own[..1]);
-    verify(&cell, &[&first]).expect(
-        3,
-        &[
-            "outputs missing",
-            "missing, and cited by its run's row and page",
-        ],
-    );
+    verify(&cell, &[&first])
+        .expect(3, &["outputs missing", "missing, and cited by its run's row and page"]);
     let history = || ended(posegrid().arg("history").arg(cell.path("lake")));
     let before = history();
     remove(&own[1..]);
@@ -86,11 +81,7 @@ fn a_superseded_run_is_found_by_its_name_and_may_go_but_for_its_row() {
     fs::remove_dir_all(cell.path("lake/.history")).expect("there");
     let after = history();
     assert_eq!((after.code, &after.results), (before.code, &before.results));
-    assert!(
-        before.results.contains("1 replaced by another run"),
-        "{}",
-        before.results
-    );
+    assert!(before.results.contains("1 replaced by another run"), "{}", before.results);
     verify(&cell, &[]).expect(
         0,
         &[
@@ -109,9 +100,7 @@ fn a_superseded_run_is_found_by_its_name_and_may_go_but_for_its_row() {
     verify(&cell, &[&second]).expect(3, &["outputs missing"]);
     fs::write(&current[0], bytes).expect("writable");
     // Nor may a row.
-    let row = cell
-        .path("lake/runs/kr210-demo/mon")
-        .join(format!("{first}.parquet"));
+    let row = cell.path("lake/runs/kr210-demo/mon").join(format!("{first}.parquet"));
     fs::remove_file(row).expect("there");
     verify(&cell, &[]).expect(
         3,
@@ -130,10 +119,8 @@ fn logs_may_be_archived_and_what_came_of_them_is_still_checked() {
         blake3::hash(&bytes).to_hex().to_string()
     };
     let (controller, tracker) = (digest("controller.mcap"), digest("tracker.mcap"));
-    let sound = format!(
-        "its {} files have the digests that its row states",
-        files_of(&cell, &run).len()
-    );
+    let sound =
+        format!("its {} files have the digests that its row states", files_of(&cell, &run).len());
     let told = [
         "not recomputed, inputs missing",
         "input mon/controller: gone",
@@ -241,12 +228,6 @@ fn a_plan_stays_verified_when_the_run_that_it_starts_from_is_superseded() {
     let told = format!(
         "cites run {mon}, whose arm it starts from: its calibrations/mon missing; it cannot be planned again"
     );
-    verify(&cell, &["plan"]).expect(
-        1,
-        &[
-            "not recomputed, inputs missing",
-            "input calibrations: gone",
-            &told,
-        ],
-    );
+    verify(&cell, &["plan"])
+        .expect(1, &["not recomputed, inputs missing", "input calibrations: gone", &told]);
 }

@@ -25,11 +25,8 @@ fn fleet(robots: usize, sessions: usize) -> Cell {
         .with("# sessions", "robots = \"robots.csv\"");
     let names: Vec<String> = (0..robots).map(|robot| format!("kr{robot:03}")).collect();
     let rows: Vec<String> = names.iter().map(|name| format!("{name},0.5")).collect();
-    fs::write(
-        cell.path("robots.csv"),
-        format!("name,tolerance.mm\n{}\n", rows.join("\n")),
-    )
-    .expect("writable");
+    fs::write(cell.path("robots.csv"), format!("name,tolerance.mm\n{}\n", rows.join("\n")))
+        .expect("writable");
     for (place, (robot, session)) in names
         .iter()
         .flat_map(|robot| (0..sessions).map(move |session| (robot, session)))

@@ -7,10 +7,8 @@ use super::joined::assert_two_steps_as_one;
 use super::tabled;
 
 /// Anchors with their offsets and standard deviations, and a plane, mm.
-const DISTANCES: [[f64; 5]; 2] = [
-    [2600.0, 1500.0, 300.0, 20.0, 0.05],
-    [900.0, -2400.0, 500.0, -15.0, 0.02],
-];
+const DISTANCES: [[f64; 5]; 2] =
+    [[2600.0, 1500.0, 300.0, 20.0, 0.05], [900.0, -2400.0, 500.0, -15.0, 0.02]];
 const HEIGHT: [f64; 5] = [0.0, 0.0, 1.0, -400.0, 0.03];
 
 /// A simulated session of the arm with this seed: the text of its table of stations.
@@ -33,10 +31,7 @@ fn simulated(cell: &Cell, seed: &str) -> String {
 
 /// The section that the head of a table shows.
 pub fn section(table: &str) -> String {
-    let head = table
-        .lines()
-        .skip(1)
-        .map_while(|line| line.strip_prefix("# "));
+    let head = table.lines().skip(1).map_while(|line| line.strip_prefix("# "));
     head.fold(String::new(), |text, line| text + line + "\n")
 }
 
@@ -118,23 +113,14 @@ fn anchors(cell: &Cell) -> Vec<[f64; 4]> {
     let own = (0..table.rows()).filter(|&row| {
         table.text("model").value(row) == "full" && table.text("reads").value(row) == "distance"
     });
-    let names = [
-        "anchor_x_mm",
-        "anchor_y_mm",
-        "anchor_z_mm",
-        "anchor_offset_mm",
-    ];
-    own.map(|row| names.map(|name| table.f64(name).value(row)))
-        .collect()
+    let names = ["anchor_x_mm", "anchor_y_mm", "anchor_z_mm", "anchor_offset_mm"];
+    own.map(|row| names.map(|name| table.f64(name).value(row))).collect()
 }
 
 /// The rows of a table with `by_mm` added to a column from a row on.
 fn slipped(table: &str, column: &str, from: usize, by_mm: f64) -> String {
     let whole = blanked(table, |_| false);
-    let place = whole
-        .lines()
-        .next()
-        .and_then(|head| head.split(',').position(|own| own == column));
+    let place = whole.lines().next().and_then(|head| head.split(',').position(|own| own == column));
     let place = place.expect("a column of the table");
     let line = |(row, line): (usize, &str)| {
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
@@ -156,23 +142,14 @@ fn behind_a_slip_an_instrument_counts_as_another() {
     let slipped = slipped(&table, "L1", 70, 6.0);
     fs::write(cell.session("mon").join("measured.csv"), slipped).expect("writable");
     let said = "they count as another instrument, \"L1, from station 70\"";
-    cell.run(&[]).expect(
-        0,
-        &["L1 slipped between stations 69 and 70", "off by +", said],
-    );
+    cell.run(&[]).expect(0, &["L1 slipped between stations 69 and 70", "off by +", said]);
     // Both sides have the anchor, and offsets that are 6 mm apart.
     let found = anchors(&cell);
     let [before, _, behind] = &found[..] else {
         panic!("{found:?}");
     };
-    let away = (0..3)
-        .map(|axis| (before[axis] - behind[axis]).powi(2))
-        .sum::<f64>()
-        .sqrt();
-    assert!(
-        away < 5.0 && (behind[3] - before[3] - 6.0).abs() < 5.0,
-        "{found:?}"
-    );
+    let away = (0..3).map(|axis| (before[axis] - behind[axis]).powi(2)).sum::<f64>().sqrt();
+    assert!(away < 5.0 && (behind[3] - before[3] - 6.0).abs() < 5.0, "{found:?}");
 }
 
 /// Every reading of one length has a row in training and one held out for each model, and those held out have the size that `sources`
@@ -186,9 +163,8 @@ fn assert_left_row_by_row(cell: &Cell, sources: &[Row]) {
             (word("model", *row), word("source", *row)) == (own.model.clone(), own.source.clone())
         };
         let all: Vec<usize> = (0..table.rows()).filter(is_own).collect();
-        let (held_out, trained): (Vec<usize>, Vec<usize>) = all
-            .into_iter()
-            .partition(|&row| word("role", row) == "held_out");
+        let (held_out, trained): (Vec<usize>, Vec<usize>) =
+            all.into_iter().partition(|&row| word("role", row) == "held_out");
         assert_eq!(held_out.len(), trained.len(), "{own:?}");
         assert_eq!(i64::try_from(trained.len()), Ok(own.readings), "{own:?}");
         let squares = |of: &dyn Fn(usize) -> f64| -> f64 {
@@ -200,16 +176,10 @@ fn assert_left_row_by_row(cell: &Cell, sources: &[Row]) {
         let sd = table.f64("predicted_sd_mm");
         if own.model == "full" {
             let size = squares(&|row| residual(row) / sd.value(row)).sqrt();
-            assert!(
-                (0.5..1.6).contains(&size),
-                "{own:?}: {size} standard deviations"
-            );
+            assert!((0.5..1.6).contains(&size), "{own:?}: {size} standard deviations");
             println!("{}: {rms_mm} mm, {size} standard deviations", own.source);
         } else {
-            assert_eq!(
-                arrow::array::Array::null_count(sd),
-                sd.len() - full_held_out(&table)
-            );
+            assert_eq!(arrow::array::Array::null_count(sd), sd.len() - full_held_out(&table));
         }
     }
 }
@@ -225,12 +195,7 @@ fn full_held_out(table: &posegrid::io::table::Table) -> usize {
 #[test]
 fn a_tracker_and_three_instruments_of_lengths_train_together() {
     let (cell, run) = judged(|_| false, |_| false);
-    assert!(
-        run.code == 0 || run.code == 1,
-        "{}{}",
-        run.results,
-        run.messages
-    );
+    assert!(run.code == 0 || run.code == 1, "{}{}", run.results, run.messages);
     let sources = sources(&cell);
     let names: Vec<(&str, &str)> = sources
         .iter()
@@ -239,24 +204,13 @@ fn a_tracker_and_three_instruments_of_lengths_train_together() {
         .collect();
     assert_eq!(
         names,
-        [
-            ("tracker", "point"),
-            ("L1", "distance"),
-            ("L2", "distance"),
-            ("L3", "height")
-        ]
+        [("tracker", "point"), ("L1", "distance"), ("L2", "distance"), ("L3", "height")]
     );
     assert_two_steps_as_one(&cell, run.code);
-    let shares: f64 = sources
-        .iter()
-        .filter(|own| own.model == "geometric")
-        .filter_map(|own| own.share)
-        .sum();
+    let shares: f64 =
+        sources.iter().filter(|own| own.model == "geometric").filter_map(|own| own.share).sum();
     assert!(shares > 0.5 && shares <= 1.0, "{sources:?}");
-    for own in sources
-        .iter()
-        .filter(|own| own.model == "full" && own.source != "tracker")
-    {
+    for own in sources.iter().filter(|own| own.model == "full" && own.source != "tracker") {
         let held_out_mm = own.held_out_mm.expect("held out");
         assert!(own.factor.is_some() && held_out_mm < 0.3, "{own:?}");
     }
@@ -275,26 +229,15 @@ fn a_tracker_and_three_instruments_of_lengths_train_together() {
     assert!(run.results.contains("judged by tue"), "{}", run.results);
     let page = fs::read_dir(cell.path("lake/report/kr210-demo/mon")).expect("a page");
     let page = page.map(|file| fs::read_to_string(file.expect("a page").path()).expect("text"));
-    assert!(
-        page.collect::<String>().contains(named),
-        "the page names the sources"
-    );
+    assert!(page.collect::<String>().contains(named), "the page names the sources");
 }
 
 #[test]
 fn lengths_alone_train_and_a_tracker_judges() {
     let (cell, run) = judged(of_tracker, of_lengths);
-    assert!(
-        run.results.contains("judged by tue: 120 stations"),
-        "{}{}",
-        run.results,
-        run.messages
-    );
+    assert!(run.results.contains("judged by tue: 120 stations"), "{}{}", run.results, run.messages);
     let sources = sources(&cell);
-    assert!(
-        sources.iter().all(|own| own.source != "tracker"),
-        "{sources:?}"
-    );
+    assert!(sources.iter().all(|own| own.source != "tracker"), "{sources:?}");
     let full = sources.iter().filter(|own| own.model == "full");
     for own in full {
         assert!(own.held_out_mm.expect("held out") < 0.5, "{own:?}");
@@ -306,8 +249,7 @@ fn lengths_alone_judge_nothing() {
     let (_, run) = judged(|_| false, of_tracker);
     assert_eq!(run.code, 1, "{}{}", run.results, run.messages);
     assert!(
-        run.messages
-            .contains("tue judges, but its stations have readings of one length alone"),
+        run.messages.contains("tue judges, but its stations have readings of one length alone"),
         "{}",
         run.messages
     );
@@ -350,10 +292,7 @@ fn lengths_in_a_log_are_those_of_the_table_of_the_session() {
     for (own, other) in of_logs.iter().zip(&of_table) {
         assert_eq!((&own.source, &own.reads), (&other.source, &other.reads));
         // A log has no lost station that its table has not.
-        assert!(
-            own.readings.abs_diff(other.readings) <= 1,
-            "{own:?} {other:?}"
-        );
+        assert!(own.readings.abs_diff(other.readings) <= 1, "{own:?} {other:?}");
         let (Some(own_mm), Some(other_mm)) = (own.held_out_mm, other.held_out_mm) else {
             continue;
         };
@@ -379,27 +318,15 @@ fn sections_of_lengths_that_cannot_be_are_refused() {
         ended.messages
     };
     for (from, to, words) in [
-        (
-            "/lengths/L2",
-            "/lengths/L1",
-            "a `field` of each where several share a topic",
-        ),
-        (
-            "/lengths/L2",
-            "/tracker/point",
-            "which is read for positions or temperatures",
-        ),
+        ("/lengths/L2", "/lengths/L1", "a `field` of each where several share a topic"),
+        ("/lengths/L2", "/tracker/point", "which is read for positions or temperatures"),
         ("name = \"L2\"", "name = \"L1\"", "\"L1\" twice"),
         (
             "unit = \"m\"\nsd_mm = 0.05",
             "unit = \"m\"\nsd_mm = 0",
             "a standard deviation above zero",
         ),
-        (
-            "sd_mm = 0.03",
-            "sd_mm = 0.03\ntarget = \"tip\"",
-            "the log has one target",
-        ),
+        ("sd_mm = 0.03", "sd_mm = 0.03\ntarget = \"tip\"", "the log has one target"),
         (
             "sd_mm = 0.03",
             "sd_mm = 0.03\noffset = { mm = 1, sd_mm = 1 }",

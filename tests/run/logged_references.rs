@@ -75,14 +75,8 @@ fn cell_of_table(flags: &[&str]) -> Cell {
 /// Shift and rotation of each station's look, mm and rad, and whether something happened there.
 fn motions(cell: &Cell) -> Vec<(Vec<f64>, bool)> {
     let motion = cell.table("reference_motion", "mon");
-    let names = [
-        "shift_x_mm",
-        "shift_y_mm",
-        "shift_z_mm",
-        "turn_x_rad",
-        "turn_y_rad",
-        "turn_z_rad",
-    ];
+    let names =
+        ["shift_x_mm", "shift_y_mm", "shift_z_mm", "turn_x_rad", "turn_y_rad", "turn_z_rad"];
     let columns = names.map(|name| motion.f64(name).clone());
     let event = motion.text("event");
     let station = motion.i64("station");
@@ -119,10 +113,7 @@ fn log_and_table_of_a_session_give_the_same_course_and_the_bump() {
         // References are read to some 0.02 mm in the table, at half a metre from their middle.
         let shift_mm = x.max(*y).max(*z);
         assert!(shift_mm < 0.06, "look {look}: {shift_mm} mm");
-        assert!(
-            turns.iter().all(|turn| *turn < 2e-4),
-            "look {look}: {turns:?}"
-        );
+        assert!(turns.iter().all(|turn| *turn < 2e-4), "look {look}: {turns:?}");
     }
     crate::verify::verify(&logs, &[]).expect(0, &[]);
 }
@@ -154,8 +145,7 @@ fn a_silent_reference_is_told() {
     let cell = logged(&BUMPED).with("is = \"B3\"", "is = \"B9\"");
     let said = "reference \"B3\" on the base has no reading in this session: the other 2 tell no rotations";
     // Two references cannot tie the parts before and after the bump together: half of the session is left, too few to judge.
-    cell.run(&[])
-        .expect(3, &[said, "only the larger is used", "59 poses are needed"]);
+    cell.run(&[]).expect(3, &[said, "only the larger is used", "59 poses are needed"]);
 }
 
 #[test]
@@ -171,10 +161,7 @@ fn a_wrong_section_of_references_is_explained() {
         .run(&[])
         .expect(2, &["[tracker] targets", "\"B1\" twice"]);
     cell()
-        .with(
-            "topic = \"/tracker/references\"\nis = \"B3\"",
-            "is = \"B3\"",
-        )
+        .with("topic = \"/tracker/references\"\nis = \"B3\"", "is = \"B3\"")
         .run(&[])
         .expect(2, &["\"B3\" on the topic of another"]);
     cell()
@@ -220,16 +207,12 @@ fn held_out_mm(cell: &Cell) -> f64 {
     let mut rows = (0..table.rows()).filter(|&row| {
         is(row, "name", "mean") && is(row, "model", "full") && is(row, "role", "held_out")
     });
-    table
-        .f64("value")
-        .value(rows.next().expect("a held-out mean"))
+    table.f64("value").value(rows.next().expect("a held-out mean"))
 }
 
 #[test]
 fn motion_of_the_tracker_is_taken_out_by_references_on_the_floor() {
-    let followed = Cell::new()
-        .with_simulated("mon", &MOVED)
-        .with("[fit]\n", &on_floor());
+    let followed = Cell::new().with_simulated("mon", &MOVED).with("[fit]\n", &on_floor());
     followed.run(&[]).expect(0, &["was bumped between station"]);
     let still = Cell::new().with_simulated("mon", &MOVED[..5]);
     still.run(&[]).expect(0, &[]);

@@ -10,9 +10,7 @@ use super::cell::{Cell, Ended};
 /// A cell with sessions of 12 random poses, all alike but for their names.
 fn with_sessions(names: &[&str]) -> Cell {
     let cell = Cell::new().with("harmonics = 12", "enabled = false");
-    names.iter().fold(cell, |cell, name| {
-        cell.with_simulated(name, &["--random", "12"])
-    })
+    names.iter().fold(cell, |cell, name| cell.with_simulated(name, &["--random", "12"]))
 }
 
 /// Cuts a log in the middle, now: as a recorder leaves it while it writes.
@@ -38,21 +36,12 @@ fn a_session_that_is_still_written_waits_and_is_done_once_it_is_whole() {
     let whole = fs::read(&log).expect("a log");
     cut(&log);
     let first = cell.run(&[]);
-    first.expect(
-        3,
-        &[
-            "waits        mon: tracker.mcap has no end and changed ",
-            "1 waiting",
-        ],
-    );
+    first.expect(3, &["waits        mon: tracker.mcap has no end and changed ", "1 waiting"]);
     assert_eq!(states(&first), ["waits mon", "done tue"]);
     fs::write(&log, whole).expect("writable");
     let second = cell.run(&[]);
     assert_eq!(states(&second), ["done mon", "done-before tue"]);
-    assert_eq!(
-        states(&cell.run(&[])),
-        ["done-before mon", "done-before tue"]
-    );
+    assert_eq!(states(&cell.run(&[])), ["done-before mon", "done-before tue"]);
 }
 
 #[test]
@@ -69,13 +58,7 @@ fn nothing_but_waiting_is_no_failure() {
     let cell = with_sessions(&["mon"]);
     fs::remove_file(cell.session("mon").join("controller.mcap")).expect("was there");
     let ended = cell.run(&[]);
-    ended.expect(
-        0,
-        &[
-            "waits        mon: it has no controller.mcap yet",
-            "0 of 0 within",
-        ],
-    );
+    ended.expect(0, &["waits        mon: it has no controller.mcap yet", "0 of 0 within"]);
     assert!(cell.lake().is_empty(), "{:?}", cell.lake().keys());
 }
 
@@ -90,13 +73,8 @@ fn a_pool_learns_without_a_session_that_waits_and_again_when_it_is_there() {
     dry.expect(0, &learns);
     dry.expect(0, &["waits        tue: ", "the pool learns without it"]);
     fs::write(&log, whole).expect("writable");
-    cell.run(&["--dry-run"]).expect(
-        0,
-        &[
-            "tue: learns from mon, tue",
-            "wed: learns from mon, tue, wed",
-        ],
-    );
+    cell.run(&["--dry-run"])
+        .expect(0, &["tue: learns from mon, tue", "wed: learns from mon, tue, wed"]);
 }
 
 #[test]
@@ -115,14 +93,7 @@ fn a_pool_goes_on_without_a_bad_session_and_that_is_no_success() {
         let runs = cell.table("runs", last);
         let learnt = runs.list("sessions").value(0);
         assert_eq!(
-            format!(
-                "{:?}",
-                learnt
-                    .as_string::<i32>()
-                    .iter()
-                    .flatten()
-                    .collect::<Vec<_>>()
-            ),
+            format!("{:?}", learnt.as_string::<i32>().iter().flatten().collect::<Vec<_>>()),
             "[\"mon\", \"wed\"]"
         );
     }
@@ -133,34 +104,19 @@ fn those_that_a_waiting_session_judges_wait_too() {
     let cell = with_sessions(&["mon", "tue"]);
     cut(&cell.session("tue").join("controller.mcap"));
     let ended = cell.run(&["--test", "tue"]);
-    ended.expect(
-        0,
-        &["waits        mon: tue judges it: controller.mcap has no end"],
-    );
-    cell.run(&["--test", "wed"]).expect(
-        1,
-        &["failed       mon: no result: wed judges it: there is no such folder"],
-    );
+    ended.expect(0, &["waits        mon: tue judges it: controller.mcap has no end"]);
+    cell.run(&["--test", "wed"])
+        .expect(1, &["failed       mon: no result: wed judges it: there is no such folder"]);
 }
 
 #[test]
 fn bad_sessions_of_every_kind_stop_no_other() {
     let cell = with_sessions(&["mon", "pooled", "sun"])
         .with_log("mon", "tracker.mcap", |_| b"time,x,y,z\n".to_vec())
-        .with(
-            "# sessions",
-            "sessions = [\"mon\", \"sat\", \"pooled\", \"sun\"]",
-        );
+        .with("# sessions", "sessions = [\"mon\", \"sat\", \"pooled\", \"sun\"]");
     let ended = cell.run(&["--jobs", "2"]);
-    assert_eq!(
-        states(&ended),
-        ["failed mon", "failed sat", "failed pooled", "done sun"]
-    );
-    let reasons = [
-        "not an MCAP log",
-        "there is no such folder",
-        "rename the session",
-    ];
+    assert_eq!(states(&ended), ["failed mon", "failed sat", "failed pooled", "done sun"]);
+    let reasons = ["not an MCAP log", "there is no such folder", "rename the session"];
     ended.expect(1, &reasons);
     ended.expect(
         1,
@@ -184,23 +140,14 @@ fn in_one_folder(cell: &Cell, names: &[(&str, &str, &str)]) -> PathBuf {
 fn sessions_are_found_by_the_names_of_their_files() {
     let by = "sessions_by = \"file_name\"\ncontroller = \"{session}_arm.mcap\"\ntracker = \"{session}_laser.mcap\"";
     let cell = with_sessions(&["mon", "tue"]).with("# sessions", by);
-    let names = [
-        ("mon", "mon_arm.mcap", "mon_laser.mcap"),
-        ("tue", "tue_arm.mcap", "tue_laser.mcap"),
-    ];
+    let names =
+        [("mon", "mon_arm.mcap", "mon_laser.mcap"), ("tue", "tue_arm.mcap", "tue_laser.mcap")];
     let folder = in_one_folder(&cell, &names);
     fs::rename(folder.join("tue_laser.mcap"), folder.join("wed_laser.mcap")).expect("moved");
     let ended = cell.run(&[]);
     assert_eq!(states(&ended), ["done mon", "waits tue", "waits wed"]);
-    ended.expect(
-        3,
-        &[
-            "tue: there is no tue_laser.mcap yet",
-            "wed: there is no wed_arm.mcap yet",
-        ],
-    );
-    cell.run(&["thu"])
-        .expect(2, &["\"thu\"", "no file names it", "mon, tue, wed"]);
+    ended.expect(3, &["tue: there is no tue_laser.mcap yet", "wed: there is no wed_arm.mcap yet"]);
+    cell.run(&["thu"]).expect(2, &["\"thu\"", "no file names it", "mon, tue, wed"]);
 }
 
 #[test]
@@ -220,10 +167,7 @@ fn sessions_are_found_by_what_their_logs_say() {
     assert_eq!(states(&ended), ["done mon", "failed tue", "done wed"]);
     ended.expect(
         1,
-        &[
-            "a2.mcap, a4.mcap all state",
-            "l2.mcap is no session: it has no metadata record",
-        ],
+        &["a2.mcap, a4.mcap all state", "l2.mcap is no session: it has no metadata record"],
     );
     let rows = cell.table("stations", "wed").rows();
     assert_eq!(rows, 12);

@@ -64,18 +64,10 @@ impl Places {
     /// Reads what a run published.
     fn read(cell: &Cell, ended: Ended, tolerance_mm: f64, has_test: bool) -> Self {
         ended.no_defect();
-        assert!(
-            matches!(ended.code, 0 | 3),
-            "{}{}",
-            ended.results,
-            ended.messages
-        );
+        assert!(matches!(ended.code, 0 | 3), "{}{}", ended.results, ended.messages);
         let page = files(&cell.path("lake/report")).into_values().next();
         let page = String::from_utf8(page.expect("a page")).expect("UTF-8");
-        let options = ParsingOptions {
-            allow_dtd: true,
-            ..ParsingOptions::default()
-        };
+        let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
         let page = Document::parse_with_options(&page, options).expect("a page that is XML");
         let texts = page.descendants().filter(roxmltree::Node::is_text);
         Self {
@@ -119,10 +111,7 @@ impl Places {
         assert!(reason.is_none_or(|reason| reason == why), "{statement}");
         let held_out = self.runs.i64("held_out");
         let counted = format!("{} poses", held_out.value(0));
-        assert!(
-            why.contains(&counted) || word == "not_shown",
-            "{counted}: {why}"
-        );
+        assert!(why.contains(&counted) || word == "not_shown", "{counted}: {why}");
         if let (Some(bound), false) = (number(&self.runs, "bound_mm", 0), word == "not_shown") {
             assert!(why.contains(&format!("bound {bound:.3} mm")), "{why}");
             let is_within = bound <= self.tolerance_mm;
@@ -138,20 +127,12 @@ impl Places {
         let (state, headline) = match word {
             "met" => ("within tolerance", "Tolerance met"),
             "not_met" => ("not within tolerance", "Tolerance not met"),
-            _ => (
-                "not shown to be within tolerance",
-                "Not shown to meet the tolerance",
-            ),
+            _ => ("not shown to be within tolerance", "Not shown to meet the tolerance"),
         };
         let line = format!("done         mon: {state} by the {}", name(of));
-        let line = reason.map_or_else(
-            || format!("{line}, run "),
-            |why| format!("{line}: {why}, run "),
-        );
-        assert!(
-            results.starts_with(&line),
-            "{line:?} does not begin {results}"
-        );
+        let line =
+            reason.map_or_else(|| format!("{line}, run "), |why| format!("{line}: {why}, run "));
+        assert!(results.starts_with(&line), "{line:?} does not begin {results}");
         let page = &self.page;
         self.what_to_do_is_one_command(of, word);
         let headline = format!("{headline} by the {}", name(of));
@@ -169,12 +150,7 @@ impl Places {
 
     /// The summary is ten lines, and both it and the page end in the command that corrects by what the verdict is of.
     fn what_to_do_is_one_command(&self, of: &str, word: &str) {
-        let paragraph = self
-            .ended
-            .results
-            .split("\n\n")
-            .nth(1)
-            .expect("a paragraph");
+        let paragraph = self.ended.results.split("\n\n").nth(1).expect("a paragraph");
         let warnings = paragraph.matches("  warning: ").count();
         let lines = paragraph.lines().count() - warnings;
         assert!(lines <= 10, "{lines} lines: {paragraph}");
@@ -190,21 +166,14 @@ impl Places {
         let typed = format!("posegrid compensate {file}");
         assert!(self.page.contains(&typed), "{typed:?} is not on the page");
         let judged = self.runs.i64("held_out").value(0) > 0;
-        assert!(
-            !judged || paragraph.contains("before → after, predicted: mean "),
-            "{paragraph}"
-        );
+        assert!(!judged || paragraph.contains("before → after, predicted: mean "), "{paragraph}");
     }
 
     /// `grid_steps`, `compensation` and `accuracy` have one verdict of the table, which is that of the run where it is of the table.
     fn of_the_table(&self, of: &str, stated: (&str, Option<&str>)) {
         let chosen = (0..self.steps.rows()).find(|&row| self.steps.bool("chosen").value(row));
-        let bound = [
-            ("model", "table"),
-            ("split", "blocks"),
-            ("name", "bound"),
-            ("point", "tool_point"),
-        ];
+        let bound =
+            [("model", "table"), ("split", "blocks"), ("name", "bound"), ("point", "tool_point")];
         let figure = row(&self.accuracy, &bound).expect("the table's bound");
         let of_figure = verdict(&self.accuracy, figure);
         let Some(chosen) = chosen else {
@@ -250,21 +219,13 @@ impl Places {
         let models = ["full", "geometric"];
         let found =
             models.map(|model| Some((model, row(&self.calibrations, &[("model_kind", model)])?)));
-        let (model, best) = found
-            .into_iter()
-            .flatten()
-            .next()
-            .expect("an identified arm");
+        let (model, best) = found.into_iter().flatten().next().expect("an identified arm");
         let of_best = verdict(&self.calibrations, best);
         assert_eq!(of_best.1.is_none(), of_best.0 == Some("met"));
         if of == "calibrations" {
             assert_eq!(of_best, (Some(stated.0), stated.1));
         }
-        let angles = if model == "full" {
-            "commanded"
-        } else {
-            "reported"
-        };
+        let angles = if model == "full" { "commanded" } else { "reported" };
         let bound = [
             ("model", model),
             ("angles", angles),
@@ -307,24 +268,14 @@ fn expected(verdict: &str, of: &str) -> (String, String) {
 
 /// Random poses in the quickstart's box, so many.
 fn random(count: &str) -> Cell {
-    let flags = [
-        "--size",
-        "600,1200,600",
-        "--cone-deg",
-        "30",
-        "--random",
-        count,
-    ];
+    let flags = ["--size", "600,1200,600", "--cone-deg", "30", "--random", count];
     Cell::new().with_simulated("mon", &flags)
 }
 
 #[test]
 fn the_quickstart_as_it_stands() {
     let cell = Cell::new().with_quickstart("mon");
-    assert_eq!(
-        agreed(&cell, &["mon"], 0.5),
-        expected("met", "compensation")
-    );
+    assert_eq!(agreed(&cell, &["mon"], 0.5), expected("met", "compensation"));
 }
 
 #[test]
@@ -335,13 +286,8 @@ fn the_quickstart_without_its_target() {
 
 #[test]
 fn a_tolerance_that_nothing_meets() {
-    let cell = Cell::new()
-        .with_quickstart("mon")
-        .with("mm = 0.5", "mm = 0.05");
-    assert_eq!(
-        agreed(&cell, &["mon"], 0.05),
-        expected("not_met", "compensation")
-    );
+    let cell = Cell::new().with_quickstart("mon").with("mm = 0.5", "mm = 0.05");
+    assert_eq!(agreed(&cell, &["mon"], 0.05), expected("not_met", "compensation"));
 }
 
 #[test]
@@ -358,16 +304,7 @@ fn too_few_stations_show_nothing() {
 
 #[test]
 fn a_test_session_of_another_arm() {
-    let flags = [
-        "--arm",
-        "5",
-        "--size",
-        "600,1200,600",
-        "--cone-deg",
-        "30",
-        "--random",
-        "130",
-    ];
+    let flags = ["--arm", "5", "--size", "600,1200,600", "--cone-deg", "30", "--random", "130"];
     let cell = random("150").with_simulated("wed", &flags);
     let (word, of) = agreed(&cell, &["mon", "--test", "wed"], 0.5);
     assert_eq!((&*word, &*of), ("not_met", "calibrations"));
@@ -375,14 +312,7 @@ fn a_test_session_of_another_arm() {
 
 #[test]
 fn a_tracker_that_is_wrong_by_a_thousandth() {
-    let flags = [
-        "--size",
-        "720,1440,720",
-        "--grid-step",
-        "240",
-        "--tracker-scale-ppm",
-        "1000",
-    ];
+    let flags = ["--size", "720,1440,720", "--grid-step", "240", "--tracker-scale-ppm", "1000"];
     let cell = Cell::new().with_simulated("mon", &flags);
     let (word, _) = agreed(&cell, &["mon"], 0.5);
     assert_eq!(word, "not_shown");
@@ -391,23 +321,9 @@ fn a_tracker_that_is_wrong_by_a_thousandth() {
 /// What is measured in the many runs.
 const MEASURED: [&[&str]; 5] = [
     &["--size", "720,1440,720", "--grid-step", "240"],
-    &[
-        "--size",
-        "600,1200,600",
-        "--cone-deg",
-        "30",
-        "--random",
-        "110",
-    ],
+    &["--size", "600,1200,600", "--cone-deg", "30", "--random", "110"],
     &["--size", "600,600,600", "--cone-deg", "3", "--random", "90"],
-    &[
-        "--size",
-        "600,600,600",
-        "--cone-deg",
-        "30",
-        "--random",
-        "50",
-    ],
+    &["--size", "600,600,600", "--cone-deg", "30", "--random", "50"],
     &["--random-joints", "100", "--spread-deg", "20"],
 ];
 
@@ -420,10 +336,7 @@ const CHANGED: [&[(&str, &str)]; 8] = [
     &[("steps_mm = [180, 240, 360]", "steps_mm = [4000]")],
     &[("[fit.full]", "[fit.full]\nenabled = false")],
     &[("share = 0.95", "share = 0.99")],
-    &[
-        (TARGET, ""),
-        ("target_is_tool = true", "target_is_tool = false"),
-    ],
+    &[(TARGET, ""), ("target_is_tool = true", "target_is_tool = false")],
 ];
 
 /// Tolerances, mm.
@@ -445,15 +358,11 @@ fn two_hundred_runs_have_one_verdict_each() {
                 let cell = Cell::new().with_simulated("mon", &flags);
                 let tolerance_line = format!("mm = {tolerance}");
                 let cell = cell.with("mm = 0.5", &tolerance_line);
-                let cell = changed
-                    .iter()
-                    .fold(cell, |cell, (from, to)| cell.with(from, to));
+                let cell = changed.iter().fold(cell, |cell, (from, to)| cell.with(from, to));
                 let ended = cell.run(&["mon"]);
                 if ended.code == 1 {
                     println!("no result: {measured:?} {changed:?}: {}", ended.results);
-                    *counted
-                        .entry(("no result".to_owned(), String::new()))
-                        .or_default() += 1;
+                    *counted.entry(("no result".to_owned(), String::new())).or_default() += 1;
                     continue;
                 }
                 println!("{measured:?} {changed:?} {tolerance} mm, arm {arm}");
@@ -466,15 +375,9 @@ fn two_hundred_runs_have_one_verdict_each() {
     println!("{counted:?}");
     assert_eq!(runs, 200);
     let without = counted.iter().filter(|((word, _), _)| word == "no result");
-    assert!(
-        without.map(|(_, count)| count).sum::<usize>() < 40,
-        "{counted:?}"
-    );
+    assert!(without.map(|(_, count)| count).sum::<usize>() < 40, "{counted:?}");
     for word in ["met", "not_met", "not_shown"] {
         let of = counted.iter().filter(|((own, _), _)| own == word);
-        assert!(
-            of.map(|(_, count)| count).sum::<usize>() >= 10,
-            "{word}: {counted:?}"
-        );
+        assert!(of.map(|(_, count)| count).sum::<usize>() >= 10, "{word}: {counted:?}");
     }
 }

@@ -26,9 +26,7 @@ drift_check_every = 0
 
 /// A cell with a plan, and the lake of the undisturbed one.
 pub fn planning() -> Cell {
-    let cell = Cell::new()
-        .with("steps_mm = [180, 240, 360]", BOX)
-        .with("[tolerance]", PLAN);
+    let cell = Cell::new().with("steps_mm = [180, 240, 360]", BOX).with("[tolerance]", PLAN);
     for (name, bytes) in undisturbed().lake() {
         let path = cell.path("lake").join(name);
         fs::create_dir_all(path.parent().expect("in a lake")).expect("writable");
@@ -43,9 +41,8 @@ fn plan(cell: &Cell, arguments: &[&str]) -> Ended {
 
 #[test]
 fn a_past_run_takes_the_place_of_the_prior() {
-    let cell = planning()
-        .with("# of the past", "session = \"mon\"")
-        .with("poses = [12]", "poses = [5]");
+    let cell =
+        planning().with("# of the past", "session = \"mon\"").with("poses = [12]", "poses = [5]");
     plan(&cell, &[]).expect(3, &["greedy variance       5", "plan "]);
     let runs = cell.table("runs", "plan");
     let inputs = runs.list("input_names").value(0);
@@ -82,23 +79,13 @@ fn plans_of_all_robots_are_made_at_once_or_as_tasks() {
     };
     let tasks = listed();
     assert_eq!(tasks.len(), 2, "{tasks:?}");
-    let task = tasks
-        .iter()
-        .find(|task| task.contains("\"robot\":\"second\""));
+    let task = tasks.iter().find(|task| task.contains("\"robot\":\"second\""));
     let task = task.expect("one of the two").clone() + "\n";
     let done = || {
         let mut command = posegrid();
-        ended(
-            command
-                .arg("task")
-                .arg(cell.pipeline())
-                .write_stdin(task.clone()),
-        )
+        ended(command.arg("task").arg(cell.pipeline()).write_stdin(task.clone()))
     };
-    done().expect(
-        0,
-        &["\"ended\":\"done\"", "\"session\":\"plan\"", "\"met\":"],
-    );
+    done().expect(0, &["\"ended\":\"done\"", "\"session\":\"plan\"", "\"met\":"]);
     done().expect(0, &["\"ended\":\"done-before\""]);
     assert_eq!(listed().len(), 1, "one is left");
     let one_file = cell.path("poses.csv").to_string_lossy().into_owned();
@@ -125,37 +112,20 @@ fn plans_of_all_robots_are_made_at_once_or_as_tasks() {
 fn what_cannot_take_the_place_of_the_prior_is_reported() {
     let with = |known: &str| planning().with("# of the past", known);
     let wrong = |cell: &Cell, texts: &[&str]| plan(cell, &[]).expect(2, texts);
-    wrong(
-        &planning(),
-        &["[plan.known] names neither", "give either calibrations"],
-    );
-    wrong(
-        &with("session = \"mon\"\ncalibrations = \"x\""),
-        &["[plan.known] names both"],
-    );
+    wrong(&planning(), &["[plan.known] names neither", "give either calibrations"]);
+    wrong(&with("session = \"mon\"\ncalibrations = \"x\""), &["[plan.known] names both"]);
     wrong(
         &with("session = \"wed\""),
-        &[
-            "session = \"wed\"",
-            "has no run of it for robot \"kr210-demo\"",
-        ],
+        &["session = \"wed\"", "has no run of it for robot \"kr210-demo\""],
     );
-    wrong(
-        &with("calibrations = \"no.parquet\""),
-        &["[plan.known]", "no.parquet"],
-    );
+    wrong(&with("calibrations = \"no.parquet\""), &["[plan.known]", "no.parquet"]);
     let cell = with("session = \"mon\"");
     let stations = cell.table_file("stations", "mon");
     let named = format!("calibrations = {stations:?}");
+    wrong(&cell.with("session = \"mon\"", &named), &["[plan.known]", "stations"]);
     wrong(
-        &cell.with("session = \"mon\"", &named),
-        &["[plan.known]", "stations"],
-    );
-    wrong(
-        &with("session = \"mon\"").with(
-            "target = { xyz_mm = [25, -40, 100]",
-            "target = { xyz_mm = [25, -40, 160]",
-        ),
+        &with("session = \"mon\"")
+            .with("target = { xyz_mm = [25, -40, 100]", "target = { xyz_mm = [25, -40, 160]"),
         &["the target of ", "60.", "say target = \"other\""],
     );
     let cell = with("session = \"mon\"");
@@ -165,13 +135,7 @@ fn what_cannot_take_the_place_of_the_prior_is_reported() {
     let named = format!("calibrations = {calibrations:?}");
     let cell = cell.with("session = \"mon\"", &named);
     let cell = cell.with("name = \"kr210-demo\"", "name = \"kr210-other\"");
-    wrong(
-        &cell,
-        &[
-            "is of robot \"kr210-demo\"",
-            "the plan is for \"kr210-other\"",
-        ],
-    );
+    wrong(&cell, &["is of robot \"kr210-demo\"", "the plan is for \"kr210-other\""]);
     let cell = cell.with("name = \"kr210-other\"", "name = \"kr210-demo\"");
     fs::write(&robot, text.replacen("1150", "1100", 1)).expect("writable");
     wrong(&cell, &["the nominal arm of ", "lengths or angles differ"]);
@@ -181,10 +145,8 @@ fn what_cannot_take_the_place_of_the_prior_is_reported() {
         "home_deg = [0.0, -90.0, 90.0, 0.0, 0.0]",
     );
     fs::write(&robot, five).expect("writable");
-    let cell = cell.with(
-        "home_deg = [0, -75, 100, 25, 55, -15]",
-        "home_deg = [0, -75, 100, 25, 55]",
-    );
+    let cell =
+        cell.with("home_deg = [0, -75, 100, 25, 55, -15]", "home_deg = [0, -75, 100, 25, 55]");
     wrong(&cell, &["has 6 joints", "has 5"]);
 }
 
@@ -193,13 +155,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     let cell = planning().with("[plan.known]\n# of the past\n", "");
     plan(&cell, &["--measured", "wed"]).expect(1, &["has no plan", "make it first"]);
     let csv = cell.path("poses.csv");
-    let made = ended(
-        posegrid()
-            .arg("plan")
-            .arg(cell.pipeline())
-            .arg("--csv")
-            .arg(&csv),
-    );
+    let made = ended(posegrid().arg("plan").arg(cell.pipeline()).arg("--csv").arg(&csv));
     made.expect(3, &["12 poses to identify, 4 to verify"]);
     let all = fs::read_to_string(&csv).expect("poses");
     let lines: Vec<&str> = all.lines().collect();
@@ -207,12 +163,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     let part = cell.path("part.csv");
     fs::write(&part, lines[..9].join("\n")).expect("writable");
     let poses = |path: &std::path::Path| path.to_str().expect("UTF-8").to_owned();
-    let identify = |lines: &[&str]| {
-        lines
-            .iter()
-            .filter(|line| line.contains("identify"))
-            .count()
-    };
+    let identify = |lines: &[&str]| lines.iter().filter(|line| line.contains("identify")).count();
     let of = identify(&lines[..9]);
     let cell = cell
         .with_simulated("wed", &["--poses", &poses(&part), "--lost-share", "0"])
@@ -228,23 +179,11 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
         ],
     );
     // What is left of the plan is named, nothing that was measured is.
-    let named: Vec<&str> = so_far
-        .results
-        .rsplit_once(": ")
-        .expect("poses")
-        .1
-        .split_whitespace()
-        .collect();
+    let named: Vec<&str> =
+        so_far.results.rsplit_once(": ").expect("poses").1.split_whitespace().collect();
     let measured = |name: &&&str| name[1..].parse::<usize>().expect("a place") < 8;
-    assert!(
-        !named.is_empty() && named.iter().filter(measured).count() == 0,
-        "{named:?}"
-    );
+    assert!(!named.is_empty() && named.iter().filter(measured).count() == 0, "{named:?}");
     let whole = plan(&cell, &["--measured", "thu"]);
-    assert!(
-        whole
-            .results
-            .contains("12 stations to identify (12 poses are planned), 4 to verify")
-    );
+    assert!(whole.results.contains("12 stations to identify (12 poses are planned), 4 to verify"));
     whole.no_defect();
 }

@@ -10,11 +10,7 @@ const ASKED: &str = "steps_mm = [240, 360]\nrivals = true";
 
 /// A cell whose stations are dense beside joint curves, with geometry alone where `full` is not asked for, judged by another session.
 fn cell(full: bool) -> Cell {
-    let curves = if full {
-        "harmonics = 12"
-    } else {
-        "enabled = false"
-    };
+    let curves = if full { "harmonics = 12" } else { "enabled = false" };
     Cell::new()
         .with("harmonics = 12", curves)
         .with("steps_mm = [180, 240, 360]", ASKED)
@@ -55,19 +51,14 @@ fn a_table_is_of_a_rival_where_it_wins_and_is_asked_for() {
     let ended = cell.run(&["mon", "--test", "wed"]);
     ended.no_defect();
     let won = figures(&cell, "mean_difference_after_choice", "blocks");
-    let [(winner, value, width)] = &won[..] else {
-        panic!("one rival is chosen: {won:?}")
-    };
+    let [(winner, value, width)] = &won[..] else { panic!("one rival is chosen: {won:?}") };
     assert!(value + width < 0.0, "{won:?}");
     assert!(gridded(&cell).iter().eq([winner]), "{winner}");
     let lake = cell.lake().into_iter();
     let mut pages = lake.filter(|(path, _)| path.starts_with("report/"));
     let (_, page) = pages.next().expect("a page");
     let page = String::from_utf8(page).expect("text");
-    assert!(
-        page.contains("node values are of a rival"),
-        "the page says so"
-    );
+    assert!(page.contains("node values are of a rival"), "the page says so");
     assert!(page.contains("; it wins."), "and who won");
     // Each rival is judged on both splits, with its coverage, on a session that took no part too.
     assert_eq!(figures(&cell, "mean_difference", "blocks").len(), 3);
@@ -86,18 +77,12 @@ fn the_full_error_model_keeps_the_table_where_no_rival_wins() {
     cell.run(&["mon", "--test", "wed"]).no_defect();
     let beside = figures(&cell, "mean_difference", "blocks");
     assert_eq!(beside.len(), 3);
-    assert!(
-        beside.iter().all(|(_, value, _)| *value > 0.0),
-        "{beside:?}"
-    );
+    assert!(beside.iter().all(|(_, value, _)| *value > 0.0), "{beside:?}");
     assert_eq!(gridded(&cell), ["full"]);
 }
 
 #[test]
 fn a_table_of_rivals_needs_rivals() {
-    let cell = Cell::new()
-        .with("steps_mm = [180, 240, 360]", ASKED)
-        .with_quickstart("mon");
-    cell.run(&[])
-        .expect(2, &["[grid] rivals", "[report] rivals = true"]);
+    let cell = Cell::new().with("steps_mm = [180, 240, 360]", ASKED).with_quickstart("mon");
+    cell.run(&[]).expect(2, &["[grid] rivals", "[report] rivals = true"]);
 }

@@ -24,45 +24,16 @@ fn urdf() -> String {
     let mut parent = "base_link".to_owned();
     for (number, joint) in (1..).zip(&file.joint) {
         let child = format!("link_{number}");
-        let axis = joint
-            .axis
-            .expect("a URDF's")
-            .map(|x| x * f64::from(joint.sign.unwrap_or(1)));
+        let axis = joint.axis.expect("a URDF's").map(|x| x * f64::from(joint.sign.unwrap_or(1)));
         let [lower, upper] = joint.limits_deg.expect("revolute").map(f64::to_radians);
-        let inside = format!(
-            "<axis xyz=\"{}\"/><limit lower=\"{lower}\" upper=\"{upper}\"/>",
-            three(axis)
-        );
-        push(
-            &mut urdf,
-            &format!("a{number}"),
-            "revolute",
-            [&parent, &child],
-            joint,
-            &inside,
-        );
+        let inside =
+            format!("<axis xyz=\"{}\"/><limit lower=\"{lower}\" upper=\"{upper}\"/>", three(axis));
+        push(&mut urdf, &format!("a{number}"), "revolute", [&parent, &child], joint, &inside);
         parent = child;
     }
-    let flange = JointFile {
-        origin: file.flange,
-        ..JointFile::default()
-    };
-    push(
-        &mut urdf,
-        "to_tool",
-        "fixed",
-        [&parent, "tool0"],
-        &flange,
-        "",
-    );
-    push(
-        &mut urdf,
-        "to_camera",
-        "fixed",
-        [&parent, "camera"],
-        &flange,
-        "",
-    );
+    let flange = JointFile { origin: file.flange, ..JointFile::default() };
+    push(&mut urdf, "to_tool", "fixed", [&parent, "tool0"], &flange, "");
+    push(&mut urdf, "to_camera", "fixed", [&parent, "camera"], &flange, "");
     urdf + "</robot>\n"
 }
 
@@ -119,12 +90,7 @@ impl Folder {
         let ended = self.robot(&[arguments, &["--at", "poses.csv"]].concat());
         ended.expect(0, &["x_mm,y_mm,z_mm,qx,qy,qz,qw\n"]);
         let rows = ended.results.lines().skip(1);
-        rows.map(|row| {
-            row.split(',')
-                .map(|x| x.parse().expect("a number"))
-                .collect()
-        })
-        .collect()
+        rows.map(|row| row.split(',').map(|x| x.parse().expect("a number")).collect()).collect()
     }
 }
 
@@ -139,20 +105,12 @@ fn largest_difference(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
 #[test]
 fn ready_robots_are_listed_and_printed_as_they_are() {
     let folder = Folder::new();
-    folder.robot(&["--list"]).expect(
-        0,
-        &[
-            "name  ",
-            "kr210-r2700-extra         6",
-            "Universal Robots UR10e",
-        ],
-    );
+    folder
+        .robot(&["--list"])
+        .expect(0, &["name  ", "kr210-r2700-extra         6", "Universal Robots UR10e"]);
     let printed = folder.robot(&["kr210-r2700-extra"]);
     printed.expect(0, &[]);
-    assert_eq!(
-        printed.results,
-        fs::read_to_string(KR210).expect("readable")
-    );
+    assert_eq!(printed.results, fs::read_to_string(KR210).expect("readable"));
 }
 
 #[test]
@@ -199,16 +157,10 @@ fn what_is_no_robot_file_is_reported_with_what_to_do() {
             &["kr210.urdf", "--tip", "tool0", "--joints", "a,b"],
             &["joints names 2 joints, but the controller reports 6"],
         ),
-        (
-            &["kr210-r2700-extra", "--tip", "tool0"],
-            &["this robot file is TOML"],
-        ),
+        (&["kr210-r2700-extra", "--tip", "tool0"], &["this robot file is TOML"]),
         (
             &["kr210.urdf", "--tip", "tool0", "--at", "poses.csv"],
-            &[
-                "poses.csv: the first line names the columns \"joint_a1\"",
-                "\"a6\"",
-            ],
+            &["poses.csv: the first line names the columns \"joint_a1\"", "\"a6\""],
         ),
         (&["poses.csv"], &["poses.csv: line 1, column 9"]),
         (&[], &["required"]),
@@ -228,13 +180,7 @@ fn a_run_takes_a_urdf_and_its_links_are_part_of_its_settings() {
     let names: Vec<String> = NAMES.split(',').map(|name| format!("{name:?}")).collect();
     let joints = format!("joints = [{}]", names.join(", "));
     let cell = cell.with(file, &format!("file = \"robots/kr210.urdf\"\n{joints}"));
-    cell.run(&[]).expect(
-        2,
-        &[
-            "kr210.urdf: several links",
-            "tip = \"LINK\" beside [robot] file",
-        ],
-    );
+    cell.run(&[]).expect(2, &["kr210.urdf: several links", "tip = \"LINK\" beside [robot] file"]);
     let cell = cell.with("joints = ", "tip = \"tool0\"\njoints = ");
     cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm"]);
     let settings = cell.table("runs", "mon");

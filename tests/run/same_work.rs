@@ -15,12 +15,7 @@ fn a_run_gives_every_table_and_page_of_every_session() {
     for session in ["mon", "tue"] {
         let folder = format!("/kr210-demo/{session}/");
         let tables = lake.keys().filter(|path| path.contains(&folder));
-        assert_eq!(
-            tables.count(),
-            FILES + BEFORE,
-            "{session}: {:?}",
-            lake.keys()
-        );
+        assert_eq!(tables.count(), FILES + BEFORE, "{session}: {:?}", lake.keys());
     }
     assert_eq!(lake.len(), 2 * (FILES + BEFORE), "{:?}", lake.keys());
 }

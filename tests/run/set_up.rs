@@ -17,11 +17,7 @@ const MISTAKES: [(&str, &str, &str); 6] = [
         "flange_from_tool = { xyz_mm = [25, -40, 180], quaternion_xyzw = [0, 0, 0, 1] }",
         "[commanded] flange_from_tool is off by [0.0, 0.0, -80.0] mm",
     ),
-    (
-        "148.9690267]",
-        "-31.0309733]",
-        "[tracker] tracker_from_base is turned by 180° about z",
-    ),
+    ("148.9690267]", "-31.0309733]", "[tracker] tracker_from_base is turned by 180° about z"),
     (
         "unit = \"rad\"",
         "unit = \"deg\"",
@@ -44,29 +40,17 @@ fn a_wrong_set_up_has_no_result_and_is_named() {
     for (stated, wrong, named) in MISTAKES {
         let cell = Cell::new().with_quickstart("mon").with(stated, wrong);
         let ended = cell.run(&[]);
-        assert_eq!(
-            ended.code, 1,
-            "{named}: {}{}",
-            ended.results, ended.messages
-        );
+        assert_eq!(ended.code, 1, "{named}: {}{}", ended.results, ended.messages);
         let said = ended.results + &ended.messages;
-        let first = said
-            .split("the logs cannot separate")
-            .next()
-            .unwrap_or_default();
+        let first = said.split("the logs cannot separate").next().unwrap_or_default();
         assert!(first.contains(named), "{named}: {said}");
-        assert!(
-            files(&cell.path("lake/runs")).is_empty(),
-            "{named}: a run was published"
-        );
+        assert!(files(&cell.path("lake/runs")).is_empty(), "{named}: a run was published");
     }
 }
 
 #[test]
 fn logs_of_two_sessions_are_not_blamed_on_the_set_up() {
-    let cell = Cell::new()
-        .with_quickstart("mon")
-        .with_simulated("tue", &["--random", "80"]);
+    let cell = Cell::new().with_quickstart("mon").with_simulated("tue", &["--random", "80"]);
     let from = cell.session("tue").join("tracker.mcap");
     std::fs::copy(from, cell.session("mon").join("tracker.mcap")).expect("copied");
     let ended = cell.run(&["mon"]);
@@ -80,31 +64,16 @@ fn a_small_disagreement_is_published_with_a_warning() {
     let off = "flange_from_tool = { xyz_mm = [25, -40, 104], quaternion_xyzw = [0, 0, 0, 1] }";
     let cell = Cell::new().with_quickstart("mon").with(TOOL, off);
     let ended = cell.run(&[]);
-    assert!(
-        matches!(ended.code, 0 | 3),
-        "{}{}",
-        ended.results,
-        ended.messages
-    );
+    assert!(matches!(ended.code, 0 | 3), "{}{}", ended.results, ended.messages);
     let named = "[commanded] flange_from_tool is off by [0.0, 0.0, -4.0] mm";
     assert!(ended.results.contains(named), "{}", ended.results);
     // It comes before what is to be done with the result, in the summary and on the page.
     let first = "heck the set-up first, as the warning says";
-    assert!(
-        ended.results.contains(&format!("now: c{first}")),
-        "{}",
-        ended.results
-    );
-    let page = files(&cell.path("lake/report"))
-        .into_values()
-        .next()
-        .expect("a page");
+    assert!(ended.results.contains(&format!("now: c{first}")), "{}", ended.results);
+    let page = files(&cell.path("lake/report")).into_values().next().expect("a page");
     let page = String::from_utf8(page).expect("UTF-8");
     assert!(page.contains(named), "the page does not warn");
-    assert!(
-        page.contains(&format!("C{first}")),
-        "the page goes on as if nothing were"
-    );
+    assert!(page.contains(&format!("C{first}")), "the page goes on as if nothing were");
 }
 
 #[test]
@@ -122,21 +91,7 @@ fn check_shows_where_the_nominal_flange_is_and_what_the_file_contradicts() {
         "{}",
         ended.results
     );
-    assert!(
-        ended.results.contains("flange at zero (0, 0, 0, 0, 0, 0°)"),
-        "{}",
-        ended.results
-    );
-    assert!(
-        ended.results.contains("outside the limits of joint_a2"),
-        "{}",
-        ended.results
-    );
-    assert!(
-        ended
-            .results
-            .contains("are 80.0 mm apart, but target_is_tool"),
-        "{}",
-        ended.results
-    );
+    assert!(ended.results.contains("flange at zero (0, 0, 0, 0, 0, 0°)"), "{}", ended.results);
+    assert!(ended.results.contains("outside the limits of joint_a2"), "{}", ended.results);
+    assert!(ended.results.contains("are 80.0 mm apart, but target_is_tool"), "{}", ended.results);
 }

@@ -66,9 +66,7 @@ fn all_but_one_reflector(name: &str) -> bool {
 }
 
 fn all_reflectors(name: &str) -> bool {
-    ["T1_", "T2_", "T3_"]
-        .iter()
-        .any(|own| name.starts_with(own))
+    ["T1_", "T2_", "T3_"].iter().any(|own| name.starts_with(own))
 }
 
 /// A cell with these sessions; the session `judge`, with all readings, only judges.
@@ -76,27 +74,17 @@ fn nights(nights: &[Night]) -> Cell {
     let cell = Cell::new();
     let judge: Night = ("judge", nothing, 0.0);
     let all: Vec<&Night> = nights.iter().chain([&judge]).collect();
-    let tables: Vec<String> = (0..all.len())
-        .map(|night| simulated(&cell, 50 + night))
-        .collect();
+    let tables: Vec<String> = (0..all.len()).map(|night| simulated(&cell, 50 + night)).collect();
     let pipeline = fs::read_to_string("pipelines/quickstart.toml").expect("readable");
-    let commands = pipeline
-        .split("\n\n")
-        .find(|own| own.starts_with("[commanded]"));
-    let survey = pipeline
-        .lines()
-        .find(|own| own.starts_with("tracker_from_base"));
+    let commands = pipeline.split("\n\n").find(|own| own.starts_with("[commanded]"));
+    let survey = pipeline.lines().find(|own| own.starts_with("tracker_from_base"));
     let cell = tabled::cell_with(cell, &without_commands(&section(&tables[0])))
-        .with(
-            "folder = \"sessions\"",
-            "folder = \"sessions\"\ntest = [\"judge\"]",
-        )
+        .with("folder = \"sessions\"", "folder = \"sessions\"\ntest = [\"judge\"]")
         .with("target = { xyz_mm = [25, -40, 100], sd_mm = 0.2 }", TARGETS)
         .with(survey.expect("a survey"), "");
-    let commands = commands.expect("a section").replace(
-        "topic = \"/commanded_pose\"\ntime = \"header\"\nunit = \"m\"\n",
-        "",
-    );
+    let commands = commands
+        .expect("a section")
+        .replace("topic = \"/commanded_pose\"\ntime = \"header\"\nunit = \"m\"\n", "");
     let cell = cell.with(&commands, "");
     for ((name, is_blank, by_deg), table) in all.into_iter().zip(tables) {
         fs::create_dir_all(cell.session(name)).expect("writable");
@@ -127,13 +115,7 @@ fn sessions_of_one_arm_are_compared_whatever_measured_them() {
     ]);
     run(&cell);
     let out = cell.path("trend");
-    let history = ended(
-        posegrid()
-            .arg("history")
-            .arg(cell.path("lake"))
-            .arg("--output")
-            .arg(&out),
-    );
+    let history = ended(posegrid().arg("history").arg(cell.path("lake")).arg("--output").arg(&out));
     history.expect(
         3,
         &[
@@ -217,10 +199,7 @@ fn a_plan_starts_from_a_session_of_three_reflectors_and_lengths() {
     // A session of three reflectors and lengths against its plan, and the poses after a remount.
     let so_far = plan(&cell, &["--measured", "2-three"]);
     let told = format!("{}{}", so_far.results, so_far.messages);
-    assert!(
-        told.contains("stations to identify (12 poses are planned)"),
-        "{told}"
-    );
+    assert!(told.contains("stations to identify (12 poses are planned)"), "{told}");
     so_far.no_defect();
     let located = plan(&cell, &["--locate", "6"]);
     let told = format!("{}{}", located.results, located.messages);
@@ -230,16 +209,12 @@ fn a_plan_starts_from_a_session_of_three_reflectors_and_lengths() {
     // From lengths alone: the arm is known, the base in a tracker's frame is not.
     let cell = cell.with("session = \"1-three\"", "session = \"4-lengths\"");
     plan(&cell, &[]).expect(3, &["12 poses to identify, 4 to verify"]);
-    let cell = cell.with(
-        "session = \"4-lengths\"",
-        "session = \"4-lengths\"\nbase = \"same\"",
-    );
+    let cell = cell.with("session = \"4-lengths\"", "session = \"4-lengths\"\nbase = \"same\"");
     plan(&cell, &[]).expect(2, &["read one length each", "say base = \"new\""]);
 
     // Two poses that verify show nothing of a position.
-    let cell = cell
-        .with("base = \"same\"", "base = \"new\"")
-        .with("verify_poses = 4", "verify_poses = 2");
+    let cell =
+        cell.with("base = \"same\"", "base = \"new\"").with("verify_poses = 4", "verify_poses = 2");
     let planned = plan(&cell, &[]);
     planned.expect(3, &["raise [plan] verify_poses"]);
     assert_eq!(row(&planned, "tracker ")[2..], ["-", "-"]);

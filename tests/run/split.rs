@@ -10,10 +10,7 @@ fn halves(log: &[u8]) -> [Vec<u8>; 2] {
         let messages = mcap::MessageStream::new(log).expect("a log");
         messages.map(|message| message.expect("sound").log_time)
     };
-    let middle = times()
-        .min()
-        .expect("messages")
-        .midpoint(times().max().expect("messages"));
+    let middle = times().min().expect("messages").midpoint(times().max().expect("messages"));
     [true, false].map(|late| {
         let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).expect("in memory");
         for message in mcap::MessageStream::new(log).expect("a log") {
@@ -29,9 +26,7 @@ fn halves(log: &[u8]) -> [Vec<u8>; 2] {
 
 /// A cell with a session of twelve stations, whole.
 fn whole() -> Cell {
-    Cell::new()
-        .with("harmonics = 12", "enabled = false")
-        .with_simulated("mon", &["--random", "12"])
+    Cell::new().with("harmonics = 12", "enabled = false").with_simulated("mon", &["--random", "12"])
 }
 
 /// The same session with each log in two files, one of them in zstd as a whole.
@@ -81,8 +76,7 @@ fn a_part_that_is_named_twice_or_not_there_is_reported() {
     let cell = split();
     let folder = cell.session("mon");
     fs::copy(folder.join("arm_0.mcap"), folder.join("arm_2.mcap")).expect("writable");
-    cell.run(&[])
-        .expect(1, &["mon/controller", "hold the same", "arm_2.mcap"]);
+    cell.run(&[]).expect(1, &["mon/controller", "hold the same", "arm_2.mcap"]);
     fs::remove_file(folder.join("laser-a.mcap")).expect("was there");
     let waits = "waits        mon: it has no laser-a.mcap yet";
     cell.run(&[]).expect(0, &[waits, "1 waiting"]);

@@ -61,14 +61,7 @@ fn rows() -> &'static [String] {
             "command_qw",
         ];
         let before = names.map(numbers);
-        let after = [
-            "y_mm",
-            "z_mm",
-            "scatter_x_mm",
-            "scatter_y_mm",
-            "scatter_z_mm",
-        ]
-        .map(numbers);
+        let after = ["y_mm", "z_mm", "scatter_x_mm", "scatter_y_mm", "scatter_z_mm"].map(numbers);
         let x = numbers("x_mm");
         let measured =
             (0..stations.rows()).filter(|&row| stations.text("verdict").value(row) == "paired");
@@ -119,17 +112,12 @@ fn means(cell: &Cell) -> Vec<(String, f64)> {
 #[test]
 fn a_table_of_the_stations_gives_what_their_logs_give() {
     let from_table = with(&table(rows()));
-    from_table
-        .run(&["--verbose"])
-        .expect(0, &["measured, 0 not", "one table"]);
+    from_table.run(&["--verbose"]).expect(0, &["measured, 0 not", "one table"]);
     let (found, expected) = (means(&from_table), means(super::cell::undisturbed()));
     assert!(found.len() > 5, "{found:?}");
     for ((name, found), (other, expected)) in found.iter().zip(&expected) {
         assert_eq!(name, other);
-        assert!(
-            (found - expected).abs() < 2e-3,
-            "{name}: {found} and {expected} mm"
-        );
+        assert!((found - expected).abs() < 2e-3, "{name}: {found} and {expected} mm");
     }
     // Once more: the run is there.
     from_table.run(&[]).expect(0, &["done-before"]);
@@ -165,18 +153,9 @@ fn what_cannot_be_used_is_counted_by_line_and_column() {
         .filter(|&row| !rejects.i64("line").is_null(row))
         .map(|row| {
             let column = rejects.text("column");
-            let column = if column.is_null(row) {
-                ""
-            } else {
-                column.value(row)
-            };
+            let column = if column.is_null(row) { "" } else { column.value(row) };
             let text = |name: &str| rejects.text(name).value(row).to_owned();
-            (
-                rejects.i64("line").value(row),
-                text("kind"),
-                column.to_owned(),
-                text("reason"),
-            )
+            (rejects.i64("line").value(row), text("kind"), column.to_owned(), text("reason"))
         })
         .collect();
     let last = i64::try_from(rows.len()).expect("small") + 1;
@@ -203,15 +182,8 @@ fn what_cannot_be_used_is_counted_by_line_and_column() {
     let counts = counts.text("counts").value(0);
     let read = rows.len();
     for words in [
-        format!(
-            "\"of\":\"table rows\",\"read\":{read},\"kept\":{},",
-            read - 3
-        ),
-        format!(
-            "\"of\":\"readings\",\"read\":{},\"kept\":{},",
-            read - 2,
-            read - 3 - 4
-        ),
+        format!("\"of\":\"table rows\",\"read\":{read},\"kept\":{},", read - 3),
+        format!("\"of\":\"readings\",\"read\":{},\"kept\":{},", read - 2, read - 3 - 4),
     ] {
         assert!(counts.contains(&words), "{words} is not in {counts}");
     }
@@ -221,14 +193,8 @@ fn what_cannot_be_used_is_counted_by_line_and_column() {
 fn rows_of_several_sessions_stand_in_one_table_and_do_not_disturb_each_other() {
     let several = |rows: &[String]| {
         let cell = cell()
-            .with(
-                "stations = \"measured.csv\"",
-                "stations = \"all.csv\"\nsessions_by = \"column\"",
-            )
-            .with(
-                "joint_unit = \"deg\"\n",
-                "joint_unit = \"deg\"\nsession = \"day\"\n",
-            );
+            .with("stations = \"measured.csv\"", "stations = \"all.csv\"\nsessions_by = \"column\"")
+            .with("joint_unit = \"deg\"\n", "joint_unit = \"deg\"\nsession = \"day\"\n");
         fs::create_dir_all(cell.path("sessions")).expect("writable");
         fs::write(cell.path("sessions/all.csv"), table(rows)).expect("writable");
         cell
@@ -302,11 +268,9 @@ fn rows_of_several_robots_stand_in_one_table() {
         "[[robots]]\nname = \"kr210-demo\"\n\n[[robots]]\nname = \"7\"\n\n[output]",
         "[output]",
     );
-    cell.run(&[])
-        .expect(2, &["[robot] name", "[stations] robot names the column"]);
+    cell.run(&[]).expect(2, &["[robot] name", "[stations] robot names the column"]);
     let cell = cell.with("[robot]\n", "[robot]\nname = \"7\"\n");
-    cell.run(&[])
-        .expect(0, &["done-before  mon", "1 of 1 within 0.5 mm"]);
+    cell.run(&[]).expect(0, &["done-before  mon", "1 of 1 within 0.5 mm"]);
 }
 
 /// What the command says of a pipeline file with a change.
@@ -318,18 +282,10 @@ fn told(from: &str, to: &str) -> Ended {
 
 #[test]
 fn a_wrong_section_is_told_with_the_remedy() {
-    told("\"A1\", ", "").expect(
-        2,
-        &[
-            "[stations] joints",
-            "5 columns",
-            "6, one for each reported joint",
-        ],
-    );
-    told("\"A1\", ", "\"A7\", ").expect(
-        1,
-        &["[stations] joints", "\"A7\"", "A1", "posegrid inspect"],
-    );
+    told("\"A1\", ", "")
+        .expect(2, &["[stations] joints", "5 columns", "6, one for each reported joint"]);
+    told("\"A1\", ", "\"A7\", ")
+        .expect(1, &["[stations] joints", "\"A7\"", "A1", "posegrid inspect"]);
     told("joint_unit = \"deg\"", "joint_unit = \"grad\"").expect(2, &["grad"]);
     told("stations = \"measured.csv\"", "").expect(2, &["[input] has no `stations`"]);
     told("[stations]\n", "[stations]\ntopic = \"/x\"\n").expect(2, &["topic"]);

@@ -62,11 +62,7 @@ impl Nodes {
 fn a_command_and_its_error_make_the_target_at_a_node_and_between_nodes() {
     let table = undisturbed().table("compensation", "mon");
     assert_eq!(table.text("interpolation").value(0), "trilinear");
-    assert_eq!(
-        table.text("refused").null_count(),
-        table.rows(),
-        "every node has a value"
-    );
+    assert_eq!(table.text("refused").null_count(), table.rows(), "every node has a value");
     let nodes = Nodes::of(&table);
     let first = nodes.places[nodes.at([0, 0, 0])];
     let between = [0, 1, 2].map(|axis| first[axis] + [0.3, 0.5, 0.6][axis] * nodes.step_mm[axis]);
@@ -84,20 +80,14 @@ fn a_command_and_its_error_make_the_target_at_a_node_and_between_nodes() {
         text(outside)
     );
     let run = compensated("three", &rows);
-    run.0
-        .expect(3, &["target \"outside\" lies 500.0000 mm along −x"]);
-    let [node, cell, refused] = &run.1[..] else {
-        panic!("in = corrected + refused: {:?}", run.1)
-    };
+    run.0.expect(3, &["target \"outside\" lies 500.0000 mm along −x"]);
+    let [node, cell, refused] = &run.1[..] else { panic!("in = corrected + refused: {:?}", run.1) };
     assert_near(node.expect("corrected"), inner);
     let command = cell.expect("corrected");
     let error = nodes.error(command);
     assert_near([0, 1, 2].map(|axis| command[axis] + error[axis]), between);
     let moved = (0..3).map(|axis| (command[axis] - between[axis]).powi(2));
-    assert!(
-        moved.sum::<f64>().sqrt() > 0.05,
-        "a correction worth the name"
-    );
+    assert!(moved.sum::<f64>().sqrt() > 0.05, "a correction worth the name");
     assert_eq!(*refused, None, "nothing is extrapolated");
 }
 
@@ -109,9 +99,7 @@ fn targets_that_all_lie_inside_exit_with_0_and_all_outside_with_1() {
         let [x, y, z] = first.map(|value| value + shift);
         format!("target,x_mm,y_mm,z_mm\nhole-1,{x},{y},{z}\n")
     };
-    compensated("inside", &row(50.0))
-        .0
-        .expect(0, &["1 corrected"]);
+    compensated("inside", &row(50.0)).0.expect(0, &["1 corrected"]);
     compensated("outside", &row(-50.0)).0.expect(1, &["hole-1"]);
 }
 
@@ -127,10 +115,8 @@ fn compensated(name: &str, rows: &str) -> (super::cell::Ended, Vec<Option<[f64; 
     let column = |name: &str| headers.iter().position(|header| header == name);
     let columns = ["x_mm", "y_mm", "z_mm"].map(|name| column(name).expect("a column"));
     let command = |row: csv::StringRecord| -> Option<[f64; 3]> {
-        let values: Vec<f64> = columns
-            .iter()
-            .filter_map(|&column| row[column].parse().ok())
-            .collect();
+        let values: Vec<f64> =
+            columns.iter().filter_map(|&column| row[column].parse().ok()).collect();
         values.try_into().ok()
     };
     let rows = reader.records();

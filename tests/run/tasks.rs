@@ -21,12 +21,7 @@ fn listed(cell: &Cell) -> Vec<String> {
 
 /// Does a task that comes on standard input.
 fn done(cell: &Cell, task: &str) -> Ended {
-    ended(
-        posegrid()
-            .arg("task")
-            .arg(cell.pipeline())
-            .write_stdin(task.to_owned() + "\n"),
-    )
+    ended(posegrid().arg("task").arg(cell.pipeline()).write_stdin(task.to_owned() + "\n"))
 }
 
 fn value(line: &str) -> Value {

@@ -20,38 +20,25 @@ fn text(first: &str) -> String {
 /// A command line of the guide with our own binary and pipeline file in it.
 fn ours(line: &str, cell: &Cell) -> String {
     assert!(line.contains(BINARY) && line.contains(PIPELINE), "{line}");
-    line.replace(
-        BINARY,
-        assert_cmd::cargo::cargo_bin!("posegrid")
-            .to_str()
-            .expect("UTF-8"),
-    )
-    .replace(PIPELINE, cell.pipeline().to_str().expect("UTF-8"))
+    line.replace(BINARY, assert_cmd::cargo::cargo_bin!("posegrid").to_str().expect("UTF-8"))
+        .replace(PIPELINE, cell.pipeline().to_str().expect("UTF-8"))
 }
 
 /// Runs a command line as a scheduler does: with hardly any environment, from `/`.
 fn bare(line: &str) -> Ended {
     let mut command = assert_cmd::Command::new("env");
-    ended(
-        command
-            .args(["-i", "PATH=/usr/bin:/bin", "sh", "-c", line])
-            .current_dir("/"),
-    )
+    ended(command.args(["-i", "PATH=/usr/bin:/bin", "sh", "-c", line]).current_dir("/"))
 }
 
 fn small() -> Cell {
-    Cell::new()
-        .with("harmonics = 12", "enabled = false")
-        .with_simulated("mon", &["--random", "12"])
+    Cell::new().with("harmonics = 12", "enabled = false").with_simulated("mon", &["--random", "12"])
 }
 
 #[test]
 fn the_service_runs_as_it_stands_in_the_guide() {
     let cell = small();
     let service = text("# /etc/systemd/system/posegrid.service");
-    let line = service
-        .lines()
-        .find_map(|line| line.strip_prefix("ExecStart="));
+    let line = service.lines().find_map(|line| line.strip_prefix("ExecStart="));
     let line = ours(line.expect("a command"), &cell);
     bare(&line).expect(3, &["done         mon: not shown", "\"level\":\"INFO\""]);
 }
@@ -60,16 +47,10 @@ fn the_service_runs_as_it_stands_in_the_guide() {
 fn the_cron_line_runs_as_it_stands_in_the_guide() {
     let cell = small();
     let crontab = text("# m h dom mon dow command");
-    let line = crontab
-        .lines()
-        .find(|line| line.contains(BINARY))
-        .expect("a line");
+    let line = crontab.lines().find(|line| line.contains(BINARY)).expect("a line");
     let (when, command) = line.split_at(line.find(BINARY).expect("looked for"));
     assert_eq!(when.split_whitespace().count(), 5, "{line}");
-    assert!(
-        !command.contains('%'),
-        "cron takes it for the end of the line: {command}"
-    );
+    assert!(!command.contains('%'), "cron takes it for the end of the line: {command}");
     bare(&ours(command, &cell)).expect(3, &["done         mon: not shown"]);
 }
 
@@ -77,10 +58,7 @@ fn the_cron_line_runs_as_it_stands_in_the_guide() {
 fn systemd_takes_the_units_as_they_stand_in_the_guide() {
     let probe = Command::new("systemd-analyze").arg("--version").output();
     if !probe.is_ok_and(|probe| probe.status.success()) {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "systemd-analyze is absent: CI must have it"
-        );
+        assert!(std::env::var_os("CI").is_none(), "systemd-analyze is absent: CI must have it");
         eprintln!(
             "SKIPPED: systemd-analyze is absent, so this test has shown nothing (apt-get install systemd)"
         );
@@ -89,18 +67,11 @@ fn systemd_takes_the_units_as_they_stand_in_the_guide() {
     let cell = small();
     for name in ["posegrid.service", "posegrid.timer"] {
         let unit = text(&format!("# /etc/systemd/system/{name}"));
-        let unit = if name.ends_with("service") {
-            ours(&unit, &cell)
-        } else {
-            unit
-        };
+        let unit = if name.ends_with("service") { ours(&unit, &cell) } else { unit };
         fs::write(cell.path(name), unit).expect("writable");
     }
     let units = ["posegrid.service", "posegrid.timer"].map(|name| cell.path(name));
-    let verified = Command::new("systemd-analyze")
-        .arg("verify")
-        .args(units)
-        .output();
+    let verified = Command::new("systemd-analyze").arg("verify").args(units).output();
     let verified = verified.expect("started");
     let told = String::from_utf8_lossy(&verified.stderr).into_owned();
     assert!(verified.status.success(), "{told}");

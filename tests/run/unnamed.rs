@@ -9,11 +9,7 @@ use super::cell::{Cell, Ended};
 use super::tabled;
 
 /// Places at the flange, mm: the tool, and the reflectors beside it.
-const PLACES: [[f64; 3]; 3] = [
-    [25.0, -40.0, 100.0],
-    [135.0, -20.0, 85.0],
-    [55.0, 90.0, 110.0],
-];
+const PLACES: [[f64; 3]; 3] = [[25.0, -40.0, 100.0], [135.0, -20.0, 85.0], [55.0, 90.0, 110.0]];
 const FLAGS: [&str; 12] = [
     "--random-joints",
     "70",
@@ -34,20 +30,15 @@ fn stated(off_mm: f64) -> String {
     let place = |(number, at): (usize, &[f64; 3])| {
         let mut at = *at;
         at[number] += off_mm;
-        format!(
-            "[fit.targets.T{}]\nxyz_mm = {at:?}\nsd_mm = 0.5\n\n",
-            number + 1
-        )
+        format!("[fit.targets.T{}]\nxyz_mm = {at:?}\nsd_mm = 0.5\n\n", number + 1)
     };
     PLACES.iter().enumerate().map(place).collect()
 }
 
 /// A cell whose pipeline file states the places of the reflectors, and geometry alone is fitted.
 fn cell() -> Cell {
-    Cell::new().with(
-        "target = { xyz_mm = [25, -40, 100], sd_mm = 0.2 }",
-        &format!("\n{}", stated(0.4)),
-    )
+    Cell::new()
+        .with("target = { xyz_mm = [25, -40, 100], sd_mm = 0.2 }", &format!("\n{}", stated(0.4)))
 }
 
 /// The session with these flags, read by this text in place of the quickstart's topic.
@@ -68,10 +59,7 @@ const UNNAMED: &str =
 fn as_table(flags: &[&str], change: impl Fn(&str) -> String) -> (Cell, Ended) {
     let made = Cell::new().with_simulated("mon", &[&FLAGS[..], flags].concat());
     let text = fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
-    let head = text
-        .lines()
-        .skip(1)
-        .map_while(|line| line.strip_prefix("# "));
+    let head = text.lines().skip(1).map_while(|line| line.strip_prefix("# "));
     let section = head.fold(String::new(), |text, line| text + line + "\n");
     let cell = tabled::cell_with(cell(), &section);
     fs::create_dir_all(cell.session("mon")).expect("writable");
@@ -108,14 +96,9 @@ fn parameters(cell: &Cell) -> BTreeMap<(String, String), (f64, f64)> {
 /// Largest difference of two sessions' parameters, in standard errors.
 fn apart(one: &Cell, other: &Cell) -> f64 {
     let (one, other) = (parameters(one), parameters(other));
-    assert_eq!(
-        one.keys().collect::<Vec<_>>(),
-        other.keys().collect::<Vec<_>>()
-    );
+    assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
     assert!(one.len() > 20);
-    one.iter()
-        .map(|(name, (offset, se))| (offset - other[name].0).abs() / se)
-        .fold(0.0, f64::max)
+    one.iter().map(|(name, (offset, se))| (offset - other[name].0).abs() / se).fold(0.0, f64::max)
 }
 
 /// Stations that are assigned, and the smallest ratio of a runner-up's distance to that of the assignment.
@@ -124,10 +107,7 @@ fn assigned(cell: &Cell) -> (usize, f64) {
     let (own, other) = (table.f64("assigned_mm"), table.f64("assigned_runner_up_mm"));
     let rows = (0..table.rows()).filter(|&row| own.is_valid(row));
     let ratios: Vec<f64> = rows.map(|row| other.value(row) / own.value(row)).collect();
-    (
-        ratios.len(),
-        ratios.into_iter().fold(f64::INFINITY, f64::min),
-    )
+    (ratios.len(), ratios.into_iter().fold(f64::INFINITY, f64::min))
 }
 
 #[test]
@@ -190,31 +170,20 @@ fn what_cannot_be_assigned_is_named() {
     });
     assert!([0, 3].contains(&ended.code), "{}", ended.messages);
     let rejects = cell.table("rejects", "mon");
-    let reasons: Vec<&str> = (0..rejects.rows())
-        .map(|row| rejects.text("reason").value(row))
-        .collect();
-    assert!(
-        reasons.iter().any(|own| own.contains("of no target: ")),
-        "{reasons:?}"
-    );
+    let reasons: Vec<&str> =
+        (0..rejects.rows()).map(|row| rejects.text("reason").value(row)).collect();
+    assert!(reasons.iter().any(|own| own.contains("of no target: ")), "{reasons:?}");
 
     // Places that are not these reflectors'.
-    let elsewhere = cell
-        .with("[135.0, -19.6, 85.0]", "[25.0, 160.0, 100.0]")
-        .run(&[]);
+    let elsewhere = cell.with("[135.0, -19.6, 85.0]", "[25.0, 160.0, 100.0]").run(&[]);
     assert_eq!(elsewhere.code, 1);
-    assert!(
-        elsewhere.messages.contains("under no assignment"),
-        "{}",
-        elsewhere.messages
-    );
+    assert!(elsewhere.messages.contains("under no assignment"), "{}", elsewhere.messages);
 }
 
 #[test]
 fn what_is_stated_of_unnamed_targets_has_to_be_enough() {
     let few = Cell::new().with("topic = \"/tracker/point\"\n", UNNAMED);
-    few.run(&[])
-        .expect(2, &["targets_by_geometry", "no distance between T1 and T2"]);
+    few.run(&[]).expect(2, &["targets_by_geometry", "no distance between T1 and T2"]);
     let both = cell().with(
         "topic = \"/tracker/point\"\n",
         &format!("{UNNAMED}targets = [{{ name = \"T1\" }}]\n"),

@@ -32,12 +32,9 @@ impl Stream {
     fn open(self) -> Stdio {
         match self {
             Self::Read => Stdio::piped(),
-            Self::Full => Stdio::from(
-                File::options()
-                    .write(true)
-                    .open("/dev/full")
-                    .expect("Linux"),
-            ),
+            Self::Full => {
+                Stdio::from(File::options().write(true).open("/dev/full").expect("Linux"))
+            }
             Self::Gone => Stdio::from(io::pipe().expect("a pipe").1),
             Self::ReadOnly => Stdio::from(File::open("/dev/null").expect("Linux")),
         }
@@ -72,10 +69,7 @@ fn posegrid(arguments: &[&str]) -> Command {
 /// Runs a command to its end with its streams leading there.
 fn told(command: &mut Command, results: Stream, messages: Stream) -> Told {
     let command = command.stdin(Stdio::null());
-    let started = command
-        .stdout(results.open())
-        .stderr(messages.open())
-        .spawn();
+    let started = command.stdout(results.open()).stderr(messages.open()).spawn();
     Told::from(in_time(started.expect("started")))
 }
 
@@ -84,11 +78,7 @@ fn told(command: &mut Command, results: Stream, messages: Stream) -> Told {
 fn holds(arguments: &[&str], has_results: bool) {
     use Stream::{Full, Gone, Read, ReadOnly};
     let usual = told(&mut posegrid(arguments), Read, Read);
-    assert_eq!(
-        usual.results.is_empty(),
-        !has_results,
-        "{arguments:?}: {usual:?}"
-    );
+    assert_eq!(usual.results.is_empty(), !has_results, "{arguments:?}: {usual:?}");
     for messages in [Full, Gone, ReadOnly] {
         for format in ["text", "json"] {
             let mut command = posegrid(arguments);
@@ -106,10 +96,7 @@ fn holds(arguments: &[&str], has_results: bool) {
         let refused = told(&mut posegrid(arguments), results, Read);
         assert_eq!(refused.code, Some(1), "{arguments:?}: {refused:?}");
         for text in [REFUSED, words] {
-            assert!(
-                refused.messages.contains(text),
-                "{arguments:?}: {refused:?}"
-            );
+            assert!(refused.messages.contains(text), "{arguments:?}: {refused:?}");
         }
         assert_eq!(refused.messages.matches(REFUSED).count(), 1, "{refused:?}");
         assert!(!refused.messages.contains("panicked"), "{refused:?}");
@@ -173,21 +160,10 @@ fn a_plan_is_there_whether_or_not_it_can_be_told() {
     let cell = planning().with("# of the past", "session = \"mon\"");
     let cell = cell.with("poses = [12]", "poses = [5]");
     let pipeline = text(&cell.pipeline());
-    let made = told(
-        &mut posegrid(&["plan", &pipeline]),
-        Stream::Full,
-        Stream::Gone,
-    );
+    let made = told(&mut posegrid(&["plan", &pipeline]), Stream::Full, Stream::Gone);
     assert_eq!(made.code, Some(1));
-    let again = told(
-        &mut posegrid(&["plan", &pipeline]),
-        Stream::Read,
-        Stream::Read,
-    );
-    assert!(
-        again.results.contains("the lake has this plan already"),
-        "{again:?}"
-    );
+    let again = told(&mut posegrid(&["plan", &pipeline]), Stream::Read, Stream::Read);
+    assert!(again.results.contains("the lake has this plan already"), "{again:?}");
     holds(&["plan", &pipeline], true);
 }
 
@@ -203,10 +179,7 @@ fn help_and_version_are_results_and_an_error_of_usage_is_a_message() {
         assert_eq!((left.code, left.messages.as_str()), (Some(0), ""));
     }
     for refusing in [Stream::Full, Stream::Gone] {
-        assert_eq!(
-            told(&mut posegrid(&["nonsense"]), refusing, refusing).code,
-            Some(2)
-        );
+        assert_eq!(told(&mut posegrid(&["nonsense"]), refusing, refusing).code, Some(2));
     }
 }
 
@@ -216,15 +189,8 @@ fn a_choice_of_messages_that_cannot_be_read_is_reported_where_that_is_possible()
     command.env("RUST_LOG", "posegrid=loudly");
     let read = told(&mut command, Stream::Read, Stream::Read);
     assert_eq!(read.code, Some(0));
-    assert!(
-        read.messages
-            .contains("RUST_LOG=\"posegrid=loudly\" has no effect"),
-        "{read:?}"
-    );
-    assert_eq!(
-        told(&mut command, Stream::Read, Stream::Full).results,
-        read.results
-    );
+    assert!(read.messages.contains("RUST_LOG=\"posegrid=loudly\" has no effect"), "{read:?}");
+    assert_eq!(told(&mut command, Stream::Read, Stream::Full).results, read.results);
 }
 
 /// The undisturbed lake without its second session.
@@ -247,11 +213,7 @@ fn a_night_without_messages_and_results_is_published_all_the_same() {
         let pipeline = text(&cell.pipeline());
         let mut command = posegrid(&["--log-format", format, "run", &pipeline]);
         let ended = told(&mut command, results, messages);
-        assert_eq!(
-            ended.code,
-            Some(code),
-            "{results:?}, {messages:?}: {ended:?}"
-        );
+        assert_eq!(ended.code, Some(code), "{results:?}, {messages:?}: {ended:?}");
         assert!(cell.lake() == of_monday(), "{results:?}, {messages:?}");
     }
 }
@@ -260,16 +222,9 @@ fn a_night_without_messages_and_results_is_published_all_the_same() {
 fn a_night_whose_words_found_no_room_says_that_its_work_stands() {
     let cell = Cell::new().with_quickstart("mon");
     let pipeline = text(&cell.pipeline());
-    let full = told(
-        &mut posegrid(&["run", &pipeline]),
-        Stream::Full,
-        Stream::Read,
-    );
+    let full = told(&mut posegrid(&["run", &pipeline]), Stream::Full, Stream::Read);
     assert_eq!(full.code, Some(1), "{full:?}");
-    assert!(
-        full.messages.contains("the published files are complete"),
-        "{full:?}"
-    );
+    assert!(full.messages.contains("the published files are complete"), "{full:?}");
     assert!(cell.lake() == of_monday());
     cell.run(&[]).expect(0, &["done-before  mon"]);
 }
@@ -281,9 +236,7 @@ fn closed_streams_change_nothing() {
         let usual = told(&mut posegrid(&arguments), Stream::Read, Stream::Read);
         let mut closed = Command::new("sh");
         closed.args(["-c", "exec \"$@\" 2>&-", "sh"]);
-        closed
-            .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
-            .args(arguments);
+        closed.arg(assert_cmd::cargo::cargo_bin!("posegrid")).args(arguments);
         let found = told(&mut closed, Stream::Read, Stream::Read);
         assert_eq!((found.code, found.results), (usual.code, usual.results));
     }
@@ -295,22 +248,16 @@ fn a_file_that_may_not_grow_refuses_and_does_not_kill() {
     let file = folder.path().join("results");
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -f 0; exec \"$@\"", "sh"]);
-    limited
-        .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
-        .arg("schema");
-    let child = limited
-        .stdout(File::create(&file).expect("writable"))
-        .stderr(Stdio::piped())
-        .spawn();
+    limited.arg(assert_cmd::cargo::cargo_bin!("posegrid")).arg("schema");
+    let child =
+        limited.stdout(File::create(&file).expect("writable")).stderr(Stdio::piped()).spawn();
     let found = Told::from(in_time(child.expect("started")));
     assert_eq!(found.code, Some(1), "{found:?}");
     assert!(found.messages.contains("File too large"), "{found:?}");
     // The same for messages: what is told is told.
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -f 0; exec \"$@\"", "sh"]);
-    limited
-        .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
-        .arg("schema");
+    limited.arg(assert_cmd::cargo::cargo_bin!("posegrid")).arg("schema");
     let child = limited
         .env("RUST_LOG", "posegrid=loudly")
         .stdout(Stdio::piped())
@@ -327,23 +274,11 @@ fn made_files_are_there_whether_or_not_that_can_be_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let trend = text(&folder.path().join("trend"));
     let history = ["history", &lake, "--output", &trend];
-    assert_eq!(
-        told(&mut posegrid(&history), Stream::Full, Stream::Full).code,
-        Some(1)
-    );
+    assert_eq!(told(&mut posegrid(&history), Stream::Full, Stream::Full).code, Some(1));
     let names = ["history.parquet", "drift.parquet", "kr210-demo.html"];
-    assert!(
-        names
-            .iter()
-            .all(|name| Path::new(&trend).join(name).exists())
-    );
+    assert!(names.iter().all(|name| Path::new(&trend).join(name).exists()));
     let session = text(&folder.path().join("session"));
-    let simulate = [
-        "simulate",
-        "pipelines/robots/kr210-r2700-extra.toml",
-        "--out",
-        &session,
-    ];
+    let simulate = ["simulate", "pipelines/robots/kr210-r2700-extra.toml", "--out", &session];
     let poses = ["--home", "0,-75,100,25,55,-15", "--random", "3"];
     let mut command = posegrid(&[&simulate[..], &poses[..]].concat());
     assert_eq!(told(&mut command, Stream::Full, Stream::Full).code, Some(1));

@@ -66,8 +66,7 @@ pub fn verify(cell: &Cell, arguments: &[&str]) -> Ended {
 fn largest(numbers: &Float64Array) -> usize {
     let size = |row: &usize| numbers.value(*row).abs();
     let rows = 0..numbers.len();
-    rows.max_by(|a, b| size(a).total_cmp(&size(b)))
-        .expect("rows")
+    rows.max_by(|a, b| size(a).total_cmp(&size(b))).expect("rows")
 }
 
 /// A column of numbers with the largest of them a thousandth larger.
@@ -84,10 +83,7 @@ fn a_thousandth_more(array: &ArrayRef) -> ArrayRef {
 fn of_version(cell: &Cell, session: &str, version: &str) {
     let claim = Claim::of(&cell.table("runs", session)).expect("a row");
     let mut settings: serde_json::Value = serde_json::from_str(&claim.settings).expect("JSON");
-    let section = settings
-        .as_object_mut()
-        .expect("sections")
-        .remove("similarity");
+    let section = settings.as_object_mut().expect("sections").remove("similarity");
     assert!(section.is_some(), "{}", claim.settings);
     let work = Work {
         robot: claim.key.robot,
@@ -193,33 +189,17 @@ fn a_changed_input_is_reported_by_name_and_a_missing_one_too() {
     let ended = verify(&cell, &["mon"]);
     let inputs = ended.results.matches("\n  input ").count();
     assert_eq!(inputs, 1, "no other input: {}", ended.results);
-    ended.expect(
-        3,
-        &["inputs altered", "input mon/tracker: ", &sound, &altered],
-    );
+    ended.expect(3, &["inputs altered", "input mon/tracker: ", &sound, &altered]);
     fs::remove_file(cell.session("mon").join("tracker.mcap")).expect("there");
     let ended = verify(&cell, &["mon"]);
-    ended.expect(
-        1,
-        &[
-            "not recomputed, inputs missing",
-            "it has no tracker.mcap",
-            &sound,
-        ],
-    );
+    ended.expect(1, &["not recomputed, inputs missing", "it has no tracker.mcap", &sound]);
 }
 
 #[test]
 fn a_changed_setting_is_reported_by_key_with_both_values() {
     let cell = copied().with("mm = 0.5", "mm = 0.4");
     let ended = verify(&cell, &["mon"]);
-    ended.expect(
-        3,
-        &[
-            "settings differ",
-            "setting tolerance.mm: 0.4, the row states 0.5",
-        ],
-    );
+    ended.expect(3, &["settings differ", "setting tolerance.mm: 0.4, the row states 0.5"]);
     let settings = ended.results.matches("\n  setting ").count();
     assert_eq!(settings, 1, "no other setting: {}", ended.results);
 }
@@ -233,9 +213,7 @@ fn a_changed_value_is_reported_by_column_even_when_its_digest_was_changed_with_i
     let offsets = table.f64("offset");
     let offset = offsets.value(largest(offsets));
     // A thousandth more in one row.
-    rewrite(&path, |column, array| {
-        (column == "offset").then(|| a_thousandth_more(array))
-    });
+    rewrite(&path, |column, array| (column == "offset").then(|| a_thousandth_more(array)));
     seal(&path, "parameters");
     claim_digest(&cell, "parameters", "mon", &before);
     let ended = verify(&cell, &["mon"]);
@@ -305,11 +283,7 @@ fn what_cannot_be_verified_is_reported() {
     let lake = cell.path("lake");
     let by = |pipeline: &Path, arguments: &[&str]| {
         let mut command = posegrid();
-        command
-            .arg("verify")
-            .arg(&lake)
-            .arg("--pipeline")
-            .arg(pipeline);
+        command.arg("verify").arg(&lake).arg("--pipeline").arg(pipeline);
         ended(command.args(arguments))
     };
     by(&cell.path("no.toml"), &[]).expect(2, &["no.toml"]);
@@ -332,9 +306,7 @@ fn a_version_that_computes_differently_is_reported_with_the_largest_difference()
     }
     of_version(&cell, "mon", "0.0.9");
     let parameters = cell.table_file("parameters", "tue");
-    rewrite(&parameters, |column, array| {
-        (column == "offset").then(|| a_thousandth_more(array))
-    });
+    rewrite(&parameters, |column, array| (column == "offset").then(|| a_thousandth_more(array)));
     seal(&parameters, "parameters");
     of_version(&cell, "tue", "0.0.9");
     let ended = verify(&cell, &[]);
@@ -356,26 +328,14 @@ fn a_version_that_computes_differently_is_reported_with_the_largest_difference()
 
 #[test]
 fn a_plan_is_verified_like_a_session() {
-    let cell = Cell::new()
-        .with("steps_mm = [180, 240, 360]", BOX)
-        .with("[tolerance]", PLAN);
+    let cell = Cell::new().with("steps_mm = [180, 240, 360]", BOX).with("[tolerance]", PLAN);
     let planned = ended(posegrid().arg("plan").arg(cell.pipeline()));
     planned.expect(3, &["plan ", "tables: "]);
     let same = verify(&cell, &["plan"]);
-    same.expect(
-        0,
-        &[
-            "/plan run ",
-            ": the same\n",
-            " files recomputed, byte for byte the same",
-        ],
-    );
+    same.expect(0, &["/plan run ", ": the same\n", " files recomputed, byte for byte the same"]);
     let cell = cell.with("seed = 4", "seed = 5");
     let other = verify(&cell, &[]);
-    other.expect(
-        3,
-        &["settings differ", "setting plan.seed: 5, the row states 4"],
-    );
+    other.expect(3, &["settings differ", "setting plan.seed: 5, the row states 4"]);
 }
 
 #[test]
@@ -384,14 +344,8 @@ fn what_an_interrupted_verify_leaves_is_removed_by_the_next() {
     fs::create_dir(&temporary).expect("writable");
     let command = || {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
-        command
-            .env("TMPDIR", &temporary)
-            .arg("verify")
-            .arg(undisturbed().path("lake"));
-        command
-            .arg("--pipeline")
-            .arg(undisturbed().pipeline())
-            .arg("mon");
+        command.env("TMPDIR", &temporary).arg("verify").arg(undisturbed().path("lake"));
+        command.arg("--pipeline").arg(undisturbed().pipeline()).arg("mon");
         command.stdout(Stdio::null()).stderr(Stdio::null());
         command
     };
@@ -402,11 +356,7 @@ fn what_an_interrupted_verify_leaves_is_removed_by_the_next() {
     }
     child.kill().expect("killed, or gone");
     child.wait().expect("our own child");
-    assert_eq!(
-        left(),
-        1,
-        "killed in the middle, as soon as its folder was there"
-    );
+    assert_eq!(left(), 1, "killed in the middle, as soon as its folder was there");
     assert!(command().status().expect("started").success());
     assert_eq!(left(), 0);
 }
@@ -416,8 +366,7 @@ fn a_row_that_names_what_its_run_did_not_start_from_is_found() {
     let cell = copied().with("[tolerance]", "[join]\nmin_readings = 4\n\n[tolerance]");
     let own = fs::read_dir(cell.path("lake/joined_sessions/kr210-demo/mon")).expect("there");
     let own = own.last().expect("one").expect("readable").file_name();
-    cell.run(&["mon", "--until", "session"])
-        .expect(0, &["joined       mon: "]);
+    cell.run(&["mon", "--until", "session"]).expect(0, &["joined       mon: "]);
     let both = fs::read_dir(cell.path("lake/joined_sessions/kr210-demo/mon")).expect("there");
     let mut both = both.map(|entry| entry.expect("readable").file_name());
     let other = both.find(|name| *name != own).expect("another result");

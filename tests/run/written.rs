@@ -39,11 +39,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         &["refused_node", "branches", "no_convergence", "too_large"],
         "tests/compensate/main.rs and src/compensation/tests.rs: tables made for it, with a hole, with a jump and with a smaller largest error",
     ),
-    (
-        "joint_errors.joint_unit",
-        &["mm"],
-        "tests/any_arm.rs: an arm on a track",
-    ),
+    ("joint_errors.joint_unit", &["mm"], "tests/any_arm.rs: an arm on a track"),
     (
         "rejects.kind",
         &["rows", "references"],
@@ -86,13 +82,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "grid_steps.model",
-        &[
-            "base_target",
-            "kriging_joints",
-            "idw_joints",
-            "idw_space",
-            "network",
-        ],
+        &["base_target", "kriging_joints", "idw_joints", "idw_space", "network"],
         "no grid goes by base_target: to go from the schema; no rival wins in these cells, tests/run/rivals.rs has one that does",
     ),
     (
@@ -117,13 +107,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "readings.reason",
-        &[
-            "target_moved",
-            "wrong_target",
-            "instrument_moved",
-            "flipped_view",
-            "several_candidates",
-        ],
+        &["target_moved", "wrong_target", "instrument_moved", "flipped_view", "several_candidates"],
         "as of stations.reason; wrong targets and flips are left out by an estimate, after the readings were published",
     ),
     (
@@ -173,13 +157,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "stations.reason",
-        &[
-            "target_moved",
-            "wrong_target",
-            "instrument_moved",
-            "flipped_view",
-            "several_candidates",
-        ],
+        &["target_moved", "wrong_target", "instrument_moved", "flipped_view", "several_candidates"],
         "src/join/fault_tests.rs: readings moved by hand while the arm is stationary; tests/run/tabled/references.rs: a bump; tests/cameras.rs: a camera's flipped views",
     ),
     (
@@ -211,18 +189,9 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
         "estimate_residuals.target",
         "tests/reflectors.rs: these cells have one target, which has no name",
     ),
-    (
-        "residuals.target",
-        "tests/reflectors.rs: these cells have one target, which has no name",
-    ),
-    (
-        "grid_steps.phases",
-        "no grid is decimated: to go from the schema",
-    ),
-    (
-        "calibrations.camera_size",
-        "tests/cameras.rs: these cells have a tracker",
-    ),
+    ("residuals.target", "tests/reflectors.rs: these cells have one target, which has no name"),
+    ("grid_steps.phases", "no grid is decimated: to go from the schema"),
+    ("calibrations.camera_size", "tests/cameras.rs: these cells have a tracker"),
     ("calibrations.joint_units", ALL_TURN),
     ("compensation.joint_units", ALL_TURN),
     ("sampling_plan.joint_units", ALL_TURN),
@@ -267,10 +236,7 @@ impl Written {
         let table = table::read(path, schema).expect("a table by its schema");
         for column in &schema.columns {
             let name = format!("{}.{}", schema.table, column.name);
-            let array = table
-                .batch()
-                .column_by_name(&column.name)
-                .expect("by its schema");
+            let array = table.batch().column_by_name(&column.name).expect("by its schema");
             if array.null_count() < array.len() {
                 self.filled.insert(name.clone());
             }
@@ -289,13 +255,8 @@ impl Written {
             let name = format!("{table}.{}", column.name);
             let found = self.words.get(&name);
             let is_missing = |word: &&String| !found.is_some_and(|found| found.contains(*word));
-            let words: BTreeSet<String> = column
-                .values
-                .iter()
-                .flatten()
-                .filter(is_missing)
-                .cloned()
-                .collect();
+            let words: BTreeSet<String> =
+                column.values.iter().flatten().filter(is_missing).cloned().collect();
             if !words.is_empty() {
                 missing.insert(name, words);
             }
@@ -317,12 +278,7 @@ fn columns() -> impl Iterator<Item = (&'static str, &'static schema::ColumnSchem
     schema::all()
         .iter()
         .filter(|schema| schema.role == Role::Published && schema.table != "benchmark")
-        .flat_map(|schema| {
-            schema
-                .columns
-                .iter()
-                .map(|column| (schema.table.as_str(), column))
-        })
+        .flat_map(|schema| schema.columns.iter().map(|column| (schema.table.as_str(), column)))
 }
 
 #[test]
@@ -356,10 +312,7 @@ fn every_word_and_every_column_is_written_by_some_run() {
     assert!(unknown.is_empty(), "null in every run: {unknown:?}");
     for (begin, reason) in NULL_IN_EVERY_RUN {
         let is_missing = missing.iter().any(|column| column.starts_with(begin));
-        assert!(
-            is_missing,
-            "{begin} has values now; it is listed as null: {reason}"
-        );
+        assert!(is_missing, "{begin} has values now; it is listed as null: {reason}");
     }
 }
 
@@ -381,12 +334,7 @@ const RUNS: &[fn() -> Cell] = &[
 /// Runs the pipeline of a cell, which has a result, good or not.
 fn ran(cell: Cell, arguments: &[&str]) -> Cell {
     let ended = cell.run(arguments);
-    assert!(
-        [0, 3].contains(&ended.code),
-        "{}{}",
-        ended.results,
-        ended.messages
-    );
+    assert!([0, 3].contains(&ended.code), "{}{}", ended.results, ended.messages);
     cell
 }
 
@@ -445,16 +393,7 @@ fn pool() -> Cell {
 
 /// A session that another one judges, which is of another arm, with rivals; its table corrects a data list.
 fn tested() -> Cell {
-    let other = [
-        "--arm",
-        "5",
-        "--size",
-        "600,1200,600",
-        "--cone-deg",
-        "3",
-        "--random",
-        "130",
-    ];
+    let other = ["--arm", "5", "--size", "600,1200,600", "--cone-deg", "3", "--random", "130"];
     let cell = Cell::new()
         .with("[tolerance]", "[report]\nrivals = true\n\n[tolerance]")
         .with_simulated("mon", &["--size", "720,1440,720", "--grid-step", "240"])
@@ -469,9 +408,7 @@ fn tested() -> Cell {
     let list = format!("DEFDAT A\r\nDECL FRAME A={{X {x},Y {y},Z {z}}}\r\nENDDAT\r\n");
     fs::write(cell.path("list.dat"), list).expect("writable");
     let mut command = posegrid();
-    command
-        .arg("compensate")
-        .arg(cell.table_file("compensation", "mon"));
+    command.arg("compensate").arg(cell.table_file("compensation", "mon"));
     command
         .arg(cell.path("list.dat"))
         .arg("--out")
@@ -483,19 +420,9 @@ fn tested() -> Cell {
 
 /// A grid whose stations are the nodes, one of them without a measurement now and then, and geometry alone.
 fn measured_nodes() -> Cell {
-    let flags = [
-        "--size",
-        "480,480,480",
-        "--grid-step",
-        "120",
-        "--lost-share",
-        "0.15",
-    ];
+    let flags = ["--size", "480,480,480", "--grid-step", "120", "--lost-share", "0.15"];
     let cell = Cell::new()
-        .with(
-            "steps_mm = [180, 240, 360]",
-            "steps_mm = [240]\nsources = [\"measured\"]",
-        )
+        .with("steps_mm = [180, 240, 360]", "steps_mm = [240]\nsources = [\"measured\"]")
         .with("harmonics = 12", "enabled = false")
         .with_simulated("mon", &flags);
     ran(cell, &[])
@@ -522,10 +449,7 @@ fn beyond_reach() -> Cell {
 /// Logs with a broken chunk, without one, and cut.
 fn damaged_logs() -> Cell {
     let cell = Cell::new()
-        .with(
-            "# sessions",
-            "max_lost_share = 1.0\nmax_rejected_share = 1.0\nsettle_s = 0",
-        )
+        .with("# sessions", "max_lost_share = 1.0\nmax_rejected_share = 1.0\nsettle_s = 0")
         .with("harmonics = 12", "enabled = false")
         .with_quickstart("mon")
         .with_quickstart("tue")
@@ -534,12 +458,8 @@ fn damaged_logs() -> Cell {
             bytes[100_000] ^= 0x10;
             bytes
         })
-        .with_log("tue", "controller.mcap", |bytes| {
-            damaged::without_a_chunk(&bytes)
-        })
-        .with_log("wed", "tracker.mcap", |bytes| {
-            bytes[..bytes.len() / 2].to_vec()
-        });
+        .with_log("tue", "controller.mcap", |bytes| damaged::without_a_chunk(&bytes))
+        .with_log("wed", "tracker.mcap", |bytes| bytes[..bytes.len() / 2].to_vec());
     ran(cell, &[])
 }
 
@@ -554,10 +474,7 @@ fn plan() -> Cell {
             "drift_check_every = 0",
             "drift_check_every = 5\nrobots_meet = { share = 0.5, confidence = 0.5 }",
         )
-        .with(
-            "steps_mm = [500]",
-            "steps_mm = [500, 1000]\nsources = [\"measured\", \"model\"]",
-        );
+        .with("steps_mm = [500]", "steps_mm = [500, 1000]\nsources = [\"measured\", \"model\"]");
     let ended = ended(posegrid().arg("plan").arg(cell.pipeline()));
     assert!([0, 3].contains(&ended.code), "{}", ended.messages);
     cell
@@ -568,34 +485,21 @@ fn plan() -> Cell {
 fn changes() -> Cell {
     const SAME: usize = 8;
     let same = (0..SAME).map(|place| (format!("s{place}"), ["--arm", "3"]));
-    let changed = [
-        ["--target-sd-mm", "1"],
-        ["--target-sd-mm", "40"],
-        ["--arm", "5"],
-    ];
+    let changed = [["--target-sd-mm", "1"], ["--target-sd-mm", "40"], ["--arm", "5"]];
     let changed = changed.into_iter().enumerate();
     let changed = changed.map(|(place, flags)| (format!("t{place}"), flags));
     let last = [("u0".to_owned(), ["--arm", "3"])];
     let cell = Cell::new().with("sd_mm = 0.2", "sd_mm = 50");
     let cell =
-        same.chain(changed)
-            .chain(last)
-            .enumerate()
-            .fold(cell, |cell, (place, (name, flags))| {
-                let poses = (60 + place).to_string();
-                let flags = [&flags[..], &["--random", &poses]].concat();
-                cell.with_simulated(&name, &flags)
-            });
+        same.chain(changed).chain(last).enumerate().fold(cell, |cell, (place, (name, flags))| {
+            let poses = (60 + place).to_string();
+            let flags = [&flags[..], &["--random", &poses]].concat();
+            cell.with_simulated(&name, &flags)
+        });
     let cell = ran(cell, &[]);
     let cell = ran(cell.with("mm = 0.5", "mm = 0.6"), &["u0"]);
     let (lake, trend) = (cell.path("lake"), cell.path("trend"));
-    let history = ended(
-        posegrid()
-            .arg("history")
-            .arg(lake)
-            .arg("--output")
-            .arg(trend),
-    );
+    let history = ended(posegrid().arg("history").arg(lake).arg("--output").arg(trend));
     assert!([0, 3].contains(&history.code), "{}", history.messages);
     cell
 }
@@ -610,10 +514,7 @@ fn corrected(cell: &Cell, session: &str) {
         let values = columns.iter().map(|column| table.f64(column).value(node));
         listed(&values.collect::<Vec<_>>()) + ","
     };
-    let (place, turn) = (
-        numbers(&["x_mm", "y_mm", "z_mm"]),
-        numbers(&["qx", "qy", "qz", "qw"]),
-    );
+    let (place, turn) = (numbers(&["x_mm", "y_mm", "z_mm"]), numbers(&["qx", "qy", "qz", "qw"]));
     let configuration = table.text("configuration").value(node).to_owned();
     let joints = table.list("joints_rad").value(node);
     let joints = joints.as_primitive::<Float64Type>().values().to_vec();
@@ -643,16 +544,10 @@ fn corrected(cell: &Cell, session: &str) {
     ];
     let columns = "target,x_mm,y_mm,z_mm,qx,qy,qz,qw,configuration,tool";
     let angles = "q1_rad,q2_rad,q3_rad,q4_rad,q5_rad,q6_rad";
-    write(
-        "wrong.csv",
-        &format!("{columns},{angles}\n{}\n", wrong.join("\n")),
-    );
+    write("wrong.csv", &format!("{columns},{angles}\n{}\n", wrong.join("\n")));
     write("short.csv", "target,q1_rad\nA,0\n");
     write("one.csv", &format!("target,{angles}\nA{own}\n"));
-    write(
-        "far.csv",
-        &format!("target,{angles}\nA{}\n", with(0, joints[0] + 1.0)),
-    );
+    write("far.csv", &format!("target,{angles}\nA{}\n", with(0, joints[0] + 1.0)));
     compensated(cell, session);
 }
 
@@ -668,18 +563,8 @@ fn compensated(cell: &Cell, session: &str) {
         (&arm, "one.csv", "one.json", ""),
         (&arm, "far.csv", "range.parquet", "--allow joint-range"),
         (&arm, "one.csv", "tool.parquet", "--allow tool --tool drill"),
-        (
-            &arm,
-            "one.csv",
-            "payload.parquet",
-            "--allow payload --payload-kg 99",
-        ),
-        (
-            &arm,
-            "one.csv",
-            "mounting.parquet",
-            "--allow mounting --mounting wall",
-        ),
+        (&arm, "one.csv", "payload.parquet", "--allow payload --payload-kg 99"),
+        (&arm, "one.csv", "mounting.parquet", "--allow mounting --mounting wall"),
         (&arm, "one.csv", "base.parquet", "--allow base --base other"),
         (
             &arm,
@@ -687,24 +572,9 @@ fn compensated(cell: &Cell, session: &str) {
             "controller.parquet",
             "--allow controller-model --controller-model other",
         ),
-        (
-            &arm,
-            "one.csv",
-            "absolute.parquet",
-            "--allow absolute-accuracy --absolute-accuracy on",
-        ),
-        (
-            &arm,
-            "one.csv",
-            "temperature.parquet",
-            "--allow temperature --temperature-c 60",
-        ),
-        (
-            &arm,
-            "wrong.csv",
-            "configuration.parquet",
-            "--allow configuration",
-        ),
+        (&arm, "one.csv", "absolute.parquet", "--allow absolute-accuracy --absolute-accuracy on"),
+        (&arm, "one.csv", "temperature.parquet", "--allow temperature --temperature-c 60"),
+        (&arm, "wrong.csv", "configuration.parquet", "--allow configuration"),
     ];
     for (table, targets, out, flags) in files {
         let mut command = posegrid();

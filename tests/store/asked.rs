@@ -12,9 +12,7 @@ fn small() -> Option<Remote> {
     let remote = Remote::new(&[])?;
     let local = Cell::new().with_simulated("mon", &["--random", "12"]);
     for (log, bytes) in files(&local.session("mon")) {
-        remote
-            .server
-            .put(&remote.key(&format!("sessions/mon/{log}")), bytes);
+        remote.server.put(&remote.key(&format!("sessions/mon/{log}")), bytes);
     }
     Some(remote)
 }
@@ -35,31 +33,18 @@ fn a_setting_that_comes_back_on_object_storage_is_current_again() {
     let Some(remote) = small() else {
         return;
     };
-    remote
-        .run(&[])
-        .expect(NOT_SHOWN, &["1 done, 0 done before"]);
+    remote.run(&[]).expect(NOT_SHOWN, &["1 done, 0 done before"]);
     let remote = remote.with("mm = 0.5", "mm = 0.4");
     let told = "tolerance.mm 0.5 → 0.4";
-    remote
-        .run(&[])
-        .expect(NOT_SHOWN, &["takes the place of run ", told]);
+    remote.run(&[]).expect(NOT_SHOWN, &["takes the place of run ", told]);
     let remote = remote.with("mm = 0.4", "mm = 0.5");
     let told = "tolerance.mm 0.4 → 0.5";
-    remote.run(&[]).expect(
-        NOT_SHOWN,
-        &["0 done, 1 done before", "is current again", told],
-    );
+    remote.run(&[]).expect(NOT_SHOWN, &["0 done, 1 done before", "is current again", told]);
     assert_eq!(requests(&remote), [FIRST, SECOND, THIRD]);
     let lake = remote.address("lake");
-    let history = remote
-        .command(&["history", &lake])
-        .output()
-        .expect("started");
+    let history = remote.command(&["history", &lake]).output().expect("started");
     Ended::from(history).expect(0, &["1 replaced by another run"]);
-    let verified = remote
-        .command(&["verify", &lake])
-        .output()
-        .expect("started");
+    let verified = remote.command(&["verify", &lake]).output().expect("started");
     assert!(!String::from_utf8_lossy(&verified.stdout).contains("asked: "));
 }
 
@@ -82,8 +67,6 @@ fn two_at_once_on_object_storage_have_a_request_each() {
         own.expect(NOT_SHOWN, &["1 done, 0 done before"]);
     }
     assert_eq!(requests(&remote), [FIRST, SECOND]);
-    let later = ended
-        .iter()
-        .filter(|own| own.results.contains("takes the place of run "));
+    let later = ended.iter().filter(|own| own.results.contains("takes the place of run "));
     assert_eq!(later.count(), 1);
 }

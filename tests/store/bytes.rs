@@ -58,10 +58,7 @@ fn a_lake_on_object_storage_is_verified_planned_for_and_read_by_others() {
     let mut rows = remote.server.rows_by_table(&remote.key("lake"));
     assert_eq!(rows.remove("asked"), Some(1));
     let mut tables = 0;
-    for (name, bytes) in in_folders()
-        .iter()
-        .filter(|(name, _)| name.ends_with(".parquet"))
-    {
+    for (name, bytes) in in_folders().iter().filter(|(name, _)| name.ends_with(".parquet")) {
         let name = name.split('/').next().expect("a table's folder");
         let file = folder.path().join("table");
         std::fs::write(&file, bytes).expect("writable");
@@ -71,19 +68,12 @@ fn a_lake_on_object_storage_is_verified_planned_for_and_read_by_others() {
     }
     assert_eq!(rows.len(), tables);
     // An object that no run wrote is told.
-    let accuracy = in_folders()
-        .iter()
-        .find(|(key, _)| key.starts_with("accuracy/"));
+    let accuracy = in_folders().iter().find(|(key, _)| key.starts_with("accuracy/"));
     let forged = remote.key("lake/accuracy/r/x/zz.parquet");
-    remote
-        .server
-        .put(&forged, accuracy.expect("it is published").1.clone());
+    remote.server.put(&forged, accuracy.expect("it is published").1.clone());
     verify(&[]).expect(
         3,
-        &[
-            "foreign: s3://",
-            "accuracy/r/x/zz.parquet: it states that it is table accuracy of run ",
-        ],
+        &["foreign: s3://", "accuracy/r/x/zz.parquet: it states that it is table accuracy of run "],
     );
     // A table that is altered is told.
     let altered = in_folders().keys().find(|key| key.starts_with("accuracy/"));
@@ -98,12 +88,7 @@ fn of_several_at_once_one_commits_and_the_others_say_so() {
         return;
     };
     let start = |_| {
-        remote
-            .run_command()
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("started")
+        remote.run_command().stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("started")
     };
     let children: Vec<_> = (0..3).map(start).collect();
     let mut committed = 0;
@@ -134,9 +119,7 @@ fn decoded_samples_go_up_in_parts() {
     let (key, bytes) = logs.expect("logs are published");
     assert!(bytes.len() > 8 << 20, "{key} takes {} bytes", bytes.len());
     for (log, bytes) in files(&local.session("long")) {
-        remote
-            .server
-            .put(&remote.key(&format!("sessions/long/{log}")), bytes);
+        remote.server.put(&remote.key(&format!("sessions/long/{log}")), bytes);
     }
     let remote = remote.with("lake = \"s3", "logs = true\nlake = \"s3");
     remote.run(&[]).no_defect();

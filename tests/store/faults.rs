@@ -39,12 +39,8 @@ fn small() -> &'static Small {
     static SMALL: OnceLock<Small> = OnceLock::new();
     SMALL.get_or_init(|| {
         let cell = Cell::new().with_simulated("mon", &["--random", "12"]);
-        cell.run(&[])
-            .expect(UNDISTURBED, &["1 done, 0 done before"]);
-        Small {
-            logs: files(&cell.session("mon")),
-            lake: cell.lake(),
-        }
+        cell.run(&[]).expect(UNDISTURBED, &["1 done, 0 done before"]);
+        Small { logs: files(&cell.session("mon")), lake: cell.lake() }
     })
 }
 
@@ -145,11 +141,7 @@ fn a_request_that_goes_wrong_once_is_asked_again() {
     for (place, fault) in FAULTS.into_iter().enumerate() {
         let elsewhere = place * requests.len() / FAULTS.len();
         for number in [commit, elsewhere] {
-            assert!(
-                survives(fault, number, 1),
-                "{fault:?} of {:?}",
-                requests[number]
-            );
+            assert!(survives(fault, number, 1), "{fault:?} of {:?}", requests[number]);
         }
     }
 }
@@ -166,10 +158,7 @@ fn requests_that_go_wrong_to_the_end_are_reported_and_the_next_run_does_the_work
         (Fault::Lost, put[put.len() / 2]),
         (Fault::Unanswered, put[put.len() - 1]),
     ] {
-        assert!(
-            !survives(fault, number, TO_THE_END),
-            "{fault:?} at {number}"
-        );
+        assert!(!survives(fault, number, TO_THE_END), "{fault:?} at {number}");
     }
     // Without the index of finished work a run has its result all the same.
     let of_index = |line: &String| line.starts_with("PUT ") && line.contains("/lake/.index/");
@@ -187,10 +176,7 @@ fn a_request_that_is_lost_after_its_run_exists_is_repeated() {
     let [asked] = puts(&requests, "asked/")[..] else {
         panic!("one request: {requests:#?}");
     };
-    assert!(
-        asked > puts(&requests, "runs/")[0],
-        "after the row of the run"
-    );
+    assert!(asked > puts(&requests, "runs/")[0], "after the row of the run");
     assert!(!survives(Fault::Lost, asked, TO_THE_END));
     assert!(survives(Fault::Unanswered, asked, 1));
 }
@@ -219,10 +205,7 @@ fn an_upload_in_parts_of_which_any_answer_is_lost_is_there_once() {
     let of_upload = |line: &str| line.contains("uploads=") || line.contains("uploadId=");
     let numbers = (0..requests.len()).filter(|&number| of_upload(&requests[number]));
     let numbers: Vec<usize> = numbers.collect();
-    assert!(
-        numbers.len() >= 4,
-        "begun, two parts, complete: {requests:#?}"
-    );
+    assert!(numbers.len() >= 4, "begun, two parts, complete: {requests:#?}");
     for number in numbers {
         run(number, 1);
     }
@@ -263,9 +246,7 @@ fn an_outage_from_the_first_request_on_is_reported_and_nothing_is_lost() {
         let ended = Ended::from(command.output().expect("started"));
         ended.expect(code, &["503", "run again: nothing half done counts"]);
     }
-    remote
-        .run(&[])
-        .expect(UNDISTURBED, &["1 done, 0 done before"]);
+    remote.run(&[]).expect(UNDISTURBED, &["1 done, 0 done before"]);
     assert!(remote.lake() == small().lake);
 }
 
@@ -279,12 +260,7 @@ fn a_minute_without_an_answer_is_waited_for() {
     let put = puts(&requests, "");
     let read = requests.iter().position(|line| line.contains(".mcap"));
     let read = read.expect("logs are fetched");
-    for number in [
-        read,
-        put[0],
-        put[put.len() / 2],
-        puts(&requests, "runs/")[0],
-    ] {
+    for number in [read, put[0], put[put.len() / 2], puts(&requests, "runs/")[0]] {
         waits(number, Duration::from_mins(1));
     }
 }
@@ -307,9 +283,6 @@ fn any_request_may_go_wrong() {
     for fault in [Fault::Refused("503 Slow Down"), Fault::Lost] {
         let through = |&number: &usize| survives(fault, number, TO_THE_END);
         let count = (0..requests.len()).filter(through).count();
-        println!(
-            "{fault:?} from each request on: {count} of {} runs came through",
-            requests.len()
-        );
+        println!("{fault:?} from each request on: {count} of {} runs came through", requests.len());
     }
 }

@@ -41,9 +41,7 @@ fn history_and_compact_form_are_those_of_a_folder_and_new_sessions_cost_small_ob
     );
     // Nothing of some megabytes is read, and the second time no table at all.
     let large = |line: &String| {
-        ["/calibrations/", "/accuracy/", "/clocks/"]
-            .iter()
-            .any(|own| line.contains(own))
+        ["/calibrations/", "/accuracy/", "/clocks/"].iter().any(|own| line.contains(own))
     };
     assert!(!requests.iter().any(large), "{requests:#?}");
     let (again, requests) = asked(&remote, &["history", &lake]);
@@ -72,9 +70,7 @@ fn history_and_compact_form_are_those_of_a_folder_and_new_sessions_cost_small_ob
     let (again, requests) = asked(&remote, &["compact", &lake]);
     again.expect(0, &["state 1 is up to date: 1 runs"]);
     assert!(
-        !requests
-            .iter()
-            .any(|line| line.contains(".parquet") || line.starts_with("PUT")),
+        !requests.iter().any(|line| line.contains(".parquet") || line.starts_with("PUT")),
         "{requests:#?}"
     );
 }

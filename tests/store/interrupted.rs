@@ -21,12 +21,8 @@ fn a_run_killed_between_uploads_is_finished_by_the_next_with_the_same_objects() 
 
 /// Starts the run and kills it as soon as the lake holds so many objects.
 fn killed(remote: &Remote, objects: usize) {
-    let mut child = remote
-        .run_command()
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("started");
+    let mut child =
+        remote.run_command().stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("started");
     let lake = remote.key("lake");
     // Where the run was faster than we look, it is whole: then the next has nothing to do.
     while child.try_wait().expect("our own child").is_none()

@@ -51,10 +51,7 @@ impl Memory {
     pub fn answering_after(delay: Duration) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let url = format!("http://{}", listener.local_addr().expect("bound"));
-        let held = Arc::new(Held {
-            delay,
-            ..Held::default()
-        });
+        let held = Arc::new(Held { delay, ..Held::default() });
         let shared = Arc::clone(&held);
         thread::spawn(move || {
             for stream in listener.incoming().flatten() {
@@ -99,11 +96,7 @@ impl Held {
         let mut writer = stream;
         while let Some(request) = self.request(&mut reader)? {
             sleep(self.delay);
-            let Answer {
-                status,
-                headers,
-                body,
-            } = self.answer(&request);
+            let Answer { status, headers, body } = self.answer(&request);
             let length = format!("Content-Length: {}\r\n", body.len());
             // The answer to HEAD states the length of what is not sent.
             let (length, body) = match request.method.as_str() {
@@ -150,13 +143,7 @@ impl Held {
         let length = length.map_or(0, |text| text.parse().expect("a length"));
         let mut body = vec![0; length];
         reader.read_exact(&mut body)?;
-        Ok(Some(Request {
-            method: method.to_owned(),
-            key,
-            query,
-            headers,
-            body,
-        }))
+        Ok(Some(Request { method: method.to_owned(), key, query, headers, body }))
     }
 
     fn answer(&self, request: &Request) -> Answer {
@@ -178,9 +165,7 @@ impl Held {
         let objects = self.objects();
         let (mut found, mut folders, mut last) = (String::new(), Vec::new(), None);
         let from = prefix.max(after).to_owned();
-        let mut keys = objects
-            .range(from..)
-            .filter(|(key, _)| key.as_str() > after);
+        let mut keys = objects.range(from..).filter(|(key, _)| key.as_str() > after);
         let mut count = 0;
         let mut is_more = false;
         for (key, bytes) in keys.by_ref().take_while(|(key, _)| key.starts_with(prefix)) {
@@ -247,20 +232,13 @@ impl Held {
         let range = request.headers.get("range");
         let range = range.and_then(|range| range.strip_prefix("bytes=")?.split_once('-'));
         let Some((first, last)) = range else {
-            return Answer {
-                status: "200 OK",
-                headers: common,
-                body: bytes.clone(),
-            };
+            return Answer { status: "200 OK", headers: common, body: bytes.clone() };
         };
         let first: usize = first.parse().expect("a number");
         let last: usize = last.parse().unwrap_or(usize::MAX).min(bytes.len() - 1);
         Answer {
             status: "206 Partial Content",
-            headers: format!(
-                "{common}Content-Range: bytes {first}-{last}/{}\r\n",
-                bytes.len()
-            ),
+            headers: format!("{common}Content-Range: bytes {first}-{last}/{}\r\n", bytes.len()),
             body: bytes[first..=last].to_vec(),
         }
     }
@@ -306,18 +284,11 @@ impl Held {
 }
 
 fn tagged(bytes: &[u8]) -> Answer {
-    Answer {
-        headers: format!("ETag: \"{}\"\r\n", tag(bytes)),
-        ..plain("200 OK")
-    }
+    Answer { headers: format!("ETag: \"{}\"\r\n", tag(bytes)), ..plain("200 OK") }
 }
 
 fn plain(status: &'static str) -> Answer {
-    Answer {
-        status,
-        headers: String::new(),
-        body: Vec::new(),
-    }
+    Answer { status, headers: String::new(), body: Vec::new() }
 }
 
 /// A name for a content.

@@ -9,12 +9,7 @@ use crate::server::{Remote, in_folders};
 
 #[test]
 fn hostile_names_are_names_of_sessions_and_nothing_else() {
-    let names = [
-        "..%2F..%2Fetc",
-        "$(touch owned)",
-        "a\\..\\b ü*[x]?",
-        "robot=7",
-    ];
+    let names = ["..%2F..%2Fetc", "$(touch owned)", "a\\..\\b ü*[x]?", "robot=7"];
     let Some(remote) = Remote::new(&names) else {
         return;
     };
@@ -33,10 +28,7 @@ fn hostile_names_are_names_of_sessions_and_nothing_else() {
         let session = encoded.unwrap_or_else(|| session.to_owned());
         let own = format!("runs/kr210-demo/{session}/");
         let keys = remote.server.keys(&remote.key("lake"));
-        assert!(
-            keys.keys().any(|key| key.starts_with(&own)),
-            "{own}: {keys:?}"
-        );
+        assert!(keys.keys().any(|key| key.starts_with(&own)), "{own}: {keys:?}");
     }
 }
 
@@ -45,12 +37,8 @@ fn a_name_that_leads_elsewhere_is_reported() {
     let Some(remote) = Remote::new(&["mon"]) else {
         return;
     };
-    remote
-        .server
-        .put_raw(&remote.key("sessions//etc/passwd"), b"");
-    remote
-        .run(&[])
-        .expect(2, &["cannot list", "etc/passwd", "name"]);
+    remote.server.put_raw(&remote.key("sessions//etc/passwd"), b"");
+    remote.run(&[]).expect(2, &["cannot list", "etc/passwd", "name"]);
 }
 
 #[test]
@@ -85,16 +73,9 @@ fn errors_of_a_log_name_the_object_and_not_the_copy() {
         return;
     };
     for log in ["controller.mcap", "tracker.mcap"] {
-        remote.server.put(
-            &remote.key(&format!("sessions/mon/{log}")),
-            b"no log".to_vec(),
-        );
+        remote.server.put(&remote.key(&format!("sessions/mon/{log}")), b"no log".to_vec());
     }
     let ended = remote.run(&[]);
     ended.expect(1, &[&remote.address("sessions/mon/controller.mcap")]);
-    assert!(
-        !ended.messages.contains("posegrid-logs"),
-        "{}",
-        ended.messages
-    );
+    assert!(!ended.messages.contains("posegrid-logs"), "{}", ended.messages);
 }

@@ -53,14 +53,7 @@ fn a_bucket_that_is_not_there_is_reported() {
         return;
     };
     let nowhere = remote.run(&["--lake", "s3://no-such-bucket/lake"]);
-    nowhere.expect(
-        1,
-        &[
-            "s3://no-such-bucket/lake",
-            "NoSuchBucket",
-            "make the bucket",
-        ],
-    );
+    nowhere.expect(1, &["s3://no-such-bucket/lake", "NoSuchBucket", "make the bucket"]);
     let verify = |lake: &str| {
         let mut command = remote.command(&["verify", lake]);
         Ended::from(command.output().expect("started"))
@@ -78,12 +71,8 @@ fn sessions_that_are_not_there_are_reported() {
     };
     let sessions = remote.address("sessions");
     remote.run(&[]).expect(2, &[&sessions]);
-    remote
-        .server
-        .put(&remote.key("sessions/mon/controller.mcap"), Vec::new());
-    remote
-        .run(&[])
-        .expect(0, &["waits", "mon: it has no tracker.mcap yet"]);
+    remote.server.put(&remote.key("sessions/mon/controller.mcap"), Vec::new());
+    remote.run(&[]).expect(0, &["waits", "mon: it has no tracker.mcap yet"]);
 }
 
 #[test]
@@ -95,10 +84,7 @@ fn a_dead_endpoint_ends_and_is_worth_another_try() {
     let dead = [("AWS_ENDPOINT_URL", Some("http://127.0.0.1:1"))];
     run_with(&remote, &dead).expect(1, &["no answer", "Connection refused", "check the network"]);
     let silent = Stub::answering(None);
-    let changes = [
-        ("AWS_ENDPOINT_URL", Some(silent.url.as_str())),
-        ("AWS_TIMEOUT", Some("200ms")),
-    ];
+    let changes = [("AWS_ENDPOINT_URL", Some(silent.url.as_str())), ("AWS_TIMEOUT", Some("200ms"))];
     run_with(&remote, &changes).expect(1, &["no answer", "check the network"]);
     assert_eq!(silent.requests(), 4, "tried once, and three times more");
 }
@@ -129,14 +115,8 @@ fn a_clock_that_is_off_is_reported_as_such() {
          </Message></Error>",
     ));
     let changes = [("AWS_ENDPOINT_URL", Some(skewed.url.as_str()))];
-    run_with(&remote, &changes).expect(
-        1,
-        &[
-            "RequestTimeTooSkewed",
-            "set this machine's clock",
-            "run again",
-        ],
-    );
+    run_with(&remote, &changes)
+        .expect(1, &["RequestTimeTooSkewed", "set this machine's clock", "run again"]);
     let mut tasks = remote.command(&["tasks", &remote.cell.pipeline().display().to_string()]);
     tasks.env("AWS_ENDPOINT_URL", &skewed.url);
     Ended::from(tasks.output().expect("started")).expect(75, &["set this machine's clock"]);

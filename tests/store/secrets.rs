@@ -20,23 +20,15 @@ fn a_run_that_tells_everything_tells_no_secret() {
         return;
     };
     let mut command = remote.run_command();
-    command
-        .env("RUST_LOG", "trace")
-        .args(["--log-format", "json"]);
+    command.env("RUST_LOG", "trace").args(["--log-format", "json"]);
     let ended = Ended::from(command.output().expect("started"));
     assert_eq!(ended.code, 0, "{}", ended.messages);
     assert_silent(&remote, &ended);
     let lake = remote.lake();
     assert!(!lake.is_empty());
     for (key, bytes) in lake {
-        for secret in [
-            &remote.server.secret,
-            &remote.server.key,
-            &remote.server.url,
-        ] {
-            let is_there = bytes
-                .windows(secret.len())
-                .any(|part| part == secret.as_bytes());
+        for secret in [&remote.server.secret, &remote.server.key, &remote.server.url] {
+            let is_there = bytes.windows(secret.len()).any(|part| part == secret.as_bytes());
             assert!(!is_there, "{key} holds {secret}");
         }
     }
@@ -59,13 +51,7 @@ fn an_answer_that_quotes_the_request_is_not_repeated() {
         .env("AWS_SESSION_TOKEN", TOKEN)
         .env("RUST_LOG", "trace");
     let ended = Ended::from(command.output().expect("started"));
-    ended.expect(
-        2,
-        &[
-            "SignatureDoesNotMatch, Not for …",
-            "check AWS_ACCESS_KEY_ID",
-        ],
-    );
+    ended.expect(2, &["SignatureDoesNotMatch, Not for …", "check AWS_ACCESS_KEY_ID"]);
     assert_silent(&remote, &ended);
     assert!(quoting.requests() > 0);
 }

@@ -42,11 +42,7 @@ fn open() -> Option<&'static Server> {
 /// The one that lets in its own key only.
 fn strict() -> Option<&'static Server> {
     static SERVER: OnceLock<Option<Server>> = OnceLock::new();
-    told(
-        SERVER
-            .get_or_init(|| Server::start(&["serve", "strict"]))
-            .as_ref(),
-    )
+    told(SERVER.get_or_init(|| Server::start(&["serve", "strict"])).as_ref())
 }
 
 /// Says loudly where there is no Python that has the server; on a CI machine that is a failure.
@@ -142,11 +138,7 @@ impl Server {
     pub fn rows_by_table(&self, lake: &str) -> BTreeMap<String, usize> {
         let mut read = script(&["read", &self.url, lake]);
         let read = read.envs(self.environment()).output().expect("started");
-        assert!(
-            read.status.success(),
-            "{}",
-            String::from_utf8_lossy(&read.stderr)
-        );
+        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
         serde_json::from_slice(&read.stdout).expect("rows as JSON")
     }
 
@@ -203,17 +195,10 @@ impl Remote {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let prefix = format!("cell-{}", NEXT.fetch_add(1, Ordering::Relaxed));
         let cell = Cell::new()
-            .with(
-                "\"sessions\"",
-                &format!("\"s3://{BUCKET}/{prefix}/sessions\""),
-            )
+            .with("\"sessions\"", &format!("\"s3://{BUCKET}/{prefix}/sessions\""))
             .with("\"lake\"", &format!("\"s3://{BUCKET}/{prefix}/lake\""));
         fs::create_dir(cell.path("tmp")).expect("writable");
-        let remote = Self {
-            server,
-            cell,
-            prefix,
-        };
+        let remote = Self { server, cell, prefix };
         for session in sessions {
             remote.put_session(session);
         }
@@ -231,8 +216,7 @@ impl Remote {
         for log in ["controller.mcap", "tracker.mcap"] {
             let from = Path::new("tests/recordings/quickstart").join(log);
             let bytes = fs::read(from).expect("a log");
-            self.server
-                .put(&self.key(&format!("sessions/{name}/{log}")), bytes);
+            self.server.put(&self.key(&format!("sessions/{name}/{log}")), bytes);
         }
     }
 
@@ -272,9 +256,7 @@ impl Remote {
 
     /// Asserts that nothing is left among the temporaries.
     pub fn no_temporaries(&self) {
-        let left: Vec<_> = fs::read_dir(self.cell.path("tmp"))
-            .expect("readable")
-            .collect();
+        let left: Vec<_> = fs::read_dir(self.cell.path("tmp")).expect("readable").collect();
         assert!(left.is_empty(), "{left:?}");
     }
 

@@ -54,12 +54,7 @@ impl Slow {
             }
         }
         fs::write(cell.path("robots.csv"), rows).expect("writable");
-        let slow = Self {
-            cell,
-            memory,
-            robots,
-            sessions,
-        };
+        let slow = Self { cell, memory, robots, sessions };
         // What the lake's index holds depends on the variables of a process, which no test may set for others.
         let own = std::env::current_exe().expect("this test");
         let made = Command::new(own)
@@ -68,21 +63,14 @@ impl Slow {
             .envs(slow.memory.environment())
             .output()
             .expect("started");
-        assert!(
-            made.status.success(),
-            "{}",
-            String::from_utf8_lossy(&made.stdout)
-        );
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stdout));
         slow.memory.asked();
         slow
     }
 
     fn command(&self, name: &str) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
-        command
-            .arg(name)
-            .arg(self.cell.pipeline())
-            .envs(self.memory.environment());
+        command.arg(name).arg(self.cell.pipeline()).envs(self.memory.environment());
         command
     }
 
@@ -120,20 +108,12 @@ fn told(robots: usize, sessions: usize) -> Slow {
         format!("{all} of {all} within 0.5 mm, 0 without a result: 0 done, {all} done before");
     let begun = Instant::now();
     let first = slow.asked_by(&mut slow.command("run"), &[&summary]);
-    println!(
-        "{all} sessions: {:.1} s, {} requests",
-        begun.elapsed().as_secs_f64(),
-        first.len()
-    );
+    println!("{all} sessions: {:.1} s, {} requests", begun.elapsed().as_secs_f64(), first.len());
     slow.is_bounded(&first, sessions);
     // What single tasks did is in the index now.
     let begun = Instant::now();
     let again = slow.asked_by(&mut slow.command("run"), &[&summary]);
-    println!(
-        "and again: {:.1} s, {} requests",
-        begun.elapsed().as_secs_f64(),
-        again.len()
-    );
+    println!("and again: {:.1} s, {} requests", begun.elapsed().as_secs_f64(), again.len());
     slow.is_bounded(&again, 0);
     slow
 }
@@ -180,9 +160,7 @@ fn of_a_process_of_its_own() {
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
         let piece = (own.configuration, own.piece);
-        let state = known
-            .state(own.configuration, own.piece)
-            .expect("it has a tag");
+        let state = known.state(own.configuration, own.piece).expect("it has a tag");
         if done.robot == "kr000" {
             known.keep_alone(&state, piece, &done).expect("writable");
             first.get_or_insert(state);
@@ -191,9 +169,6 @@ fn of_a_process_of_its_own() {
         }
     }
     known.write().expect("writable");
-    fs::write(
-        pipeline.with_file_name("task"),
-        first.expect("a robot with sessions"),
-    )
-    .expect("writable");
+    fs::write(pipeline.with_file_name("task"), first.expect("a robot with sessions"))
+        .expect("writable");
 }

@@ -38,9 +38,7 @@ impl Way {
     /// A way to the server at an address, on which requests go wrong from one number on, counted from 0, so many in a row.
     pub fn to(server: &str, fault: Fault, from: usize, count: usize) -> Self {
         let gone_wrong = from..from + count;
-        Self::with(server, move |number| {
-            gone_wrong.contains(&number).then_some(fault)
-        })
+        Self::with(server, move |number| gone_wrong.contains(&number).then_some(fault))
     }
 
     /// A way to a server that has no time for anybody from the request with this number on, for so long.

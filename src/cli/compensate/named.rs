@@ -128,22 +128,14 @@ fn is_for_the_arm(targets: &Targets) -> bool {
         target.joints.is_some() || (target.orientation.is_some() && has_configuration)
     };
     // Every target takes its own status, so all are asked.
-    targets
-        .targets
-        .iter()
-        .filter(|target| !is_for_it(target))
-        .count()
-        == 0
+    targets.targets.iter().filter(|target| !is_for_it(target)).count() == 0
 }
 
 /// What a folder in the place of a table is told.
 fn table_folder(path: &Path) -> CompensateCommandError {
     let robots = folders_in(&path.join("runs"));
     if !robots.is_empty() {
-        return CompensateCommandError::IsLake {
-            path: path.to_owned(),
-            robots,
-        };
+        return CompensateCommandError::IsLake { path: path.to_owned(), robots };
     }
     let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
     let files = files_in(path, DEPTH, &is_table);
@@ -153,7 +145,5 @@ fn table_folder(path: &Path) -> CompensateCommandError {
 /// The names of the folders in a folder, in order; none where it cannot be read.
 fn folders_in(folder: &Path) -> Vec<String> {
     let folders = entries(folder).into_iter().filter(|path| path.is_dir());
-    folders
-        .filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
-        .collect()
+    folders.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned())).collect()
 }

@@ -83,13 +83,8 @@ impl Recorded {
             return Ok(());
         }
         let digest = digest(targets)?;
-        let known = self
-            .records
-            .iter()
-            .find(|(_, _, own)| own.file_digest == digest);
-        known.map_or(Ok(()), |known| {
-            Err(corrected_already(targets, "the file".to_owned(), known))
-        })
+        let known = self.records.iter().find(|(_, _, own)| own.file_digest == digest);
+        known.map_or(Ok(()), |known| Err(corrected_already(targets, "the file".to_owned(), known)))
     }
 
     /// Checks that no target is a command that was written.
@@ -133,9 +128,7 @@ impl Recorded {
         }
         // A command that equals its target, within the tolerance, is not recorded.
         let moved: Vec<&Corrected> = done().filter(|done| is_moved(done)).collect();
-        let joints = moved
-            .iter()
-            .map(|done| Some(done.joints.as_ref()?.command.clone()));
+        let joints = moved.iter().map(|done| Some(done.joints.as_ref()?.command.clone()));
         let correction = Correction {
             key: by.key.clone(),
             corrected_by: by.table,
@@ -145,10 +138,7 @@ impl Recorded {
             file_digest: blake3::hash(bytes).to_hex().to_string(),
             targets: count(outcomes.len()),
             corrected: count(done().count()),
-            positions: moved
-                .iter()
-                .map(|done| done.command.coords().into())
-                .collect(),
+            positions: moved.iter().map(|done| done.command.coords().into()).collect(),
             joints: joints.collect::<Option<_>>().unwrap_or_default(),
         };
         match lake.record(&correction) {
@@ -167,14 +157,8 @@ fn count(number: usize) -> i64 {
 }
 
 fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
-    let wrong = |source| CompensateCommandError::Digest {
-        path: targets.to_owned(),
-        source,
-    };
-    let bound = Bound {
-        bytes: Bound::TABLE.bytes,
-        ..Bound::TARGETS
-    };
+    let wrong = |source| CompensateCommandError::Digest { path: targets.to_owned(), source };
+    let bound = Bound { bytes: Bound::TABLE.bytes, ..Bound::TARGETS };
     let file = input::open(targets, bound).map_err(wrong)?;
     Ok(manifest::digest(file).map_err(wrong)?.0)
 }
@@ -221,10 +205,7 @@ impl<'r> Commands<'r> {
     fn of(record: &'r Correction) -> Self {
         let positions = record.positions.iter().map(<[f64; 3]>::as_slice);
         let joints = record.joints.iter().map(Vec::as_slice);
-        Self {
-            positions: Near::of(positions, SAME_MM),
-            joints: Near::of(joints, SAME_RAD),
-        }
+        Self { positions: Near::of(positions, SAME_MM), joints: Near::of(joints, SAME_RAD) }
     }
 
     fn has(&self, target: &Target) -> bool {
@@ -254,15 +235,12 @@ impl<'r> Near<'r> {
         let Some(first) = wanted.first() else {
             return false;
         };
-        let from = self
-            .sorted
-            .partition_point(|list| list[0] < first - self.apart);
+        let from = self.sorted.partition_point(|list| list[0] < first - self.apart);
         let near = self.sorted[from..].iter();
-        near.take_while(|list| list[0] <= first + self.apart)
-            .any(|list| {
-                let mut pairs = list.iter().zip(wanted);
-                list.len() == wanted.len() && pairs.all(|(a, b)| (a - b).abs() <= self.apart)
-            })
+        near.take_while(|list| list[0] <= first + self.apart).any(|list| {
+            let mut pairs = list.iter().zip(wanted);
+            list.len() == wanted.len() && pairs.all(|(a, b)| (a - b).abs() <= self.apart)
+        })
     }
 }
 

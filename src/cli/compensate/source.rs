@@ -79,10 +79,9 @@ impl Source {
         allow: &[Exception],
     ) -> Vec<Result<Corrected, Refused>> {
         match self {
-            Self::Table(published) => targets
-                .iter()
-                .map(|target| compensate(&published.table, target))
-                .collect(),
+            Self::Table(published) => {
+                targets.iter().map(|target| compensate(&published.table, target)).collect()
+            }
             Self::Arm(published) => published.arm.compensate(targets, allow),
         }
     }
@@ -128,9 +127,8 @@ impl Source {
         if list.statuses().flatten().next().is_none() {
             return Ok(());
         }
-        let postures = self
-            .postures()
-            .ok_or(CompensateCommandError::Status { what: self.what() })?;
+        let postures =
+            self.postures().ok_or(CompensateCommandError::Status { what: self.what() })?;
         for (target, status) in targets.targets.iter_mut().zip(list.statuses()) {
             target.configuration = status.map(|s| postures.configuration(s).to_string());
         }
@@ -183,19 +181,12 @@ impl Source {
     /// The identity of the correction, which every row of the result repeats.
     pub(super) fn by<'a>(&'a self, joint_names: &'a [String]) -> CorrectedBy<'a> {
         let (key, table_id, table) = match self {
-            Self::Table(own) => (
-                &own.key,
-                &own.table.terms().table_id,
-                CorrectingTable::Compensation,
-            ),
+            Self::Table(own) => {
+                (&own.key, &own.table.terms().table_id, CorrectingTable::Compensation)
+            }
             Self::Arm(own) => (&own.key, &own.arm.table_id, CorrectingTable::Calibrations),
         };
-        CorrectedBy {
-            key,
-            table_id,
-            table,
-            joint_names,
-        }
+        CorrectedBy { key, table_id, table, joint_names }
     }
 
     /// Joint names in the order of corrected joint angles; empty for a compensation table, which knows positions only.

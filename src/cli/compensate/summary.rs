@@ -52,10 +52,8 @@ impl fmt::Display for Compensated {
             self.corrected().count(),
             self.refusals()
         )?;
-        let largest = self
-            .corrected()
-            .map(|corrected| corrected.correction.norm())
-            .fold(0.0, f64::max);
+        let largest =
+            self.corrected().map(|corrected| corrected.correction.norm()).fold(0.0, f64::max);
         write!(f, "; largest correction {largest:.3} mm")
     }
 }
@@ -91,19 +89,11 @@ impl Compensated {
     fn refusals(&self) -> String {
         let mut reasons = BTreeMap::<&str, usize>::new();
         self.refused().for_each(|refused| {
-            *reasons
-                .entry(RefusedFor::from(&refused.reason).word())
-                .or_default() += 1;
+            *reasons.entry(RefusedFor::from(&refused.reason).word()).or_default() += 1;
         });
-        let counted: Vec<String> = reasons
-            .iter()
-            .map(|(reason, count)| format!("{count} {reason}"))
-            .collect();
-        if counted.is_empty() {
-            "none".to_owned()
-        } else {
-            counted.join(", ")
-        }
+        let counted: Vec<String> =
+            reasons.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+        if counted.is_empty() { "none".to_owned() } else { counted.join(", ") }
     }
 }
 
@@ -115,15 +105,10 @@ fn checked(held: &Held) -> Vec<String> {
     };
     let mut lines = Vec::new();
     if !held.within.is_empty() {
-        lines.push(format!(
-            "within what the table is valid for: {}",
-            named(&held.within)
-        ));
+        lines.push(format!("within what the table is valid for: {}", named(&held.within)));
     }
     for outside in &held.outside {
-        lines.push(format!(
-            "outside what the table is valid for, and allowed: {outside}"
-        ));
+        lines.push(format!("outside what the table is valid for, and allowed: {outside}"));
     }
     if !held.not_said.is_empty() {
         lines.push(format!(
@@ -143,29 +128,15 @@ fn checked(held: &Held) -> Vec<String> {
 fn valid_for(validity: &Validity) -> String {
     let conditions = &validity.conditions;
     let parts = [
-        conditions
-            .tool
-            .as_ref()
-            .map(|tool| format!("tool {tool:?}")),
+        conditions.tool.as_ref().map(|tool| format!("tool {tool:?}")),
         conditions.payload_kg.map(|kg| format!("payload {kg} kg")),
-        conditions
-            .mounting
-            .as_ref()
-            .map(|mounting| format!("mounting {mounting:?}")),
-        conditions
-            .base
-            .as_ref()
-            .map(|base| format!("base {base:?}")),
-        conditions
-            .controller_model
-            .as_ref()
-            .map(|model| format!("controller {model:?}")),
+        conditions.mounting.as_ref().map(|mounting| format!("mounting {mounting:?}")),
+        conditions.base.as_ref().map(|base| format!("base {base:?}")),
+        conditions.controller_model.as_ref().map(|model| format!("controller {model:?}")),
         conditions
             .absolute_accuracy_option
             .map(|on| format!("absolute-accuracy option {}", if on { "on" } else { "off" })),
-        validity
-            .temperature_c
-            .map(|[low, high]| format!("{low:.1} to {high:.1} °C")),
+        validity.temperature_c.map(|[low, high]| format!("{low:.1} to {high:.1} °C")),
     ];
     let stated: Vec<String> = parts.into_iter().flatten().collect();
     if stated.is_empty() {

@@ -55,10 +55,7 @@ impl UsedWithArgs {
             controller_model: self.controller_model.clone(),
             absolute_accuracy_option: self.absolute_accuracy.map(|state| state == OnOff::On),
         };
-        UsedWith {
-            conditions,
-            temperature_c: self.temperature_c,
-        }
+        UsedWith { conditions, temperature_c: self.temperature_c }
     }
 }
 
@@ -99,18 +96,14 @@ impl ValueEnum for Exception {
     fn to_possible_value(&self) -> Option<PossibleValue> {
         let (name, help) = match self {
             Self::NotMet => ("not-met", "A table whose run does not meet its tolerance"),
-            Self::NotShown => (
-                "not-shown",
-                "A table whose run was not shown to meet its tolerance",
-            ),
+            Self::NotShown => {
+                ("not-shown", "A table whose run was not shown to meet its tolerance")
+            }
             Self::JointRange => (
                 "joint-range",
                 "Joint angles beyond those measured, where the model falls back to its prior",
             ),
-            Self::Configuration => (
-                "configuration",
-                "An arm configuration that no station was in",
-            ),
+            Self::Configuration => ("configuration", "An arm configuration that no station was in"),
             Self::Term(Term::Tool) => ("tool", "Another tool than the table's"),
             Self::Term(Term::Payload) => ("payload", "Another payload"),
             Self::Term(Term::Mounting) => ("mounting", "Another mounting of the base"),
@@ -120,10 +113,9 @@ impl ValueEnum for Exception {
                 "absolute-accuracy",
                 "The controller's own absolute-accuracy option in another state",
             ),
-            Self::Term(Term::Temperature) => (
-                "temperature",
-                "A temperature that was not met while measuring",
-            ),
+            Self::Term(Term::Temperature) => {
+                ("temperature", "A temperature that was not met while measuring")
+            }
         };
         Some(PossibleValue::new(name).help(help))
     }

@@ -85,10 +85,8 @@ fn page_of_fleet(
 }
 
 fn make(folder: &Path) -> Result<(), HistoryCommandError> {
-    std::fs::create_dir_all(folder).map_err(|source| HistoryCommandError::Write {
-        path: folder.to_owned(),
-        source,
-    })
+    std::fs::create_dir_all(folder)
+        .map_err(|source| HistoryCommandError::Write { path: folder.to_owned(), source })
 }
 
 /// The figures of each session; those that cannot be read are logged.
@@ -100,10 +98,7 @@ fn read(lake: &Lake, robot: &RobotHistory) -> Vec<Vec<Figure>> {
 
 fn tell(wrong: &[String]) {
     for reason in wrong {
-        tracing::warn!(
-            "left out of the table history and the page: {}",
-            Printable(reason)
-        );
+        tracing::warn!("left out of the table history and the page: {}", Printable(reason));
     }
 }
 

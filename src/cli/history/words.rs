@@ -41,9 +41,7 @@ fn headline(robot: &RobotHistory) -> String {
 
 fn newest(session: &PastSession) -> String {
     let judged = &session.judged;
-    let what = judged
-        .in_words()
-        .unwrap_or_else(|| "nothing moved".to_owned());
+    let what = judged.in_words().unwrap_or_else(|| "nothing moved".to_owned());
     match judged.against {
         0 if judged.began.is_empty() => "the first, nothing to compare it with".to_owned(),
         0 => format!(
@@ -81,12 +79,8 @@ fn changes(robot: &RobotHistory) -> Vec<String> {
     let out = robot.sessions.iter().filter(is_out).count();
     let segments = robot.sessions.last().map_or(0, |last| last.judged.segment);
     let count = |lasts| changed.iter().filter(|(_, own)| *own == lasts).count();
-    let (all, lasting, alone, open) = (
-        changed.len(),
-        count(Some(true)),
-        count(Some(false)),
-        count(None),
-    );
+    let (all, lasting, alone, open) =
+        (changed.len(), count(Some(true)), count(Some(false)), count(None));
     let summary = format!(
         "changes: {all} sessions, {lasting} lasting, {alone} of one session, {open} not settled; out of control: {out} sessions; \
          segments: {segments}"
@@ -107,10 +101,7 @@ fn change((session, lasting): &Changed<'_>) -> String {
 
 /// The size from which a change counts, and the number of sessions with smaller ones.
 fn counts(last: &PastSession, robot: &RobotHistory) -> Option<String> {
-    let small = robot
-        .sessions
-        .iter()
-        .filter(|own| !own.judged.small.is_empty());
+    let small = robot.sessions.iter().filter(|own| !own.judged.small.is_empty());
     Some(format!(
         "a change counts where it moves the measured point by {:.3} mm or more (U of the session, a tenth of the tolerance at least and a \
          third at most); significant and smaller: {} sessions",
@@ -124,10 +115,8 @@ fn left_out(robot: &RobotHistory) -> Option<String> {
     for left_out in &robot.left_out {
         *counts.entry(left_out.reason.word()).or_default() += 1;
     }
-    let words: Vec<String> = counts
-        .iter()
-        .map(|(reason, count)| format!("{count} {reason}"))
-        .collect();
+    let words: Vec<String> =
+        counts.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
     (!words.is_empty()).then(|| {
         format!(
             "runs: {}, {} used; left out: {}",

@@ -33,12 +33,7 @@ pub fn describe(found: &Inspection) -> String {
     line(format!("  {}", ending(read_summary.ending)));
     remarks(read_summary).into_iter().for_each(&mut line);
     for (name, key, value) in &read_summary.metadata {
-        line(format!(
-            "  metadata {}.{} = {}",
-            escaped(name),
-            escaped(key),
-            escaped(value)
-        ));
+        line(format!("  metadata {}.{} = {}", escaped(name), escaped(key), escaped(value)));
     }
     let mut of_topic = BTreeMap::<&str, usize>::new();
     for channel in &found.channels {
@@ -66,10 +61,7 @@ fn storage(read_summary: &ReadSummary) -> String {
         },
     ));
     if read_summary.messages_outside_chunks > 0 {
-        parts.push(format!(
-            "{} messages outside chunks",
-            read_summary.messages_outside_chunks
-        ));
+        parts.push(format!("{} messages outside chunks", read_summary.messages_outside_chunks));
     }
     if read_summary.chunks_unchecked > 0 {
         parts.push(format!(
@@ -77,29 +69,19 @@ fn storage(read_summary: &ReadSummary) -> String {
             read_summary.chunks_unchecked
         ));
     }
-    if parts.is_empty() {
-        "no readable chunk or message".to_owned()
-    } else {
-        parts.join(", ")
-    }
+    if parts.is_empty() { "no readable chunk or message".to_owned() } else { parts.join(", ") }
 }
 
 /// Properties that are unusual and no damage.
 fn remarks(read_summary: &ReadSummary) -> Vec<String> {
     let mut found = Vec::new();
     if read_summary.logs > 1 {
-        found.push(format!(
-            "  {} logs in one file, one after another",
-            read_summary.logs
-        ));
+        found.push(format!("  {} logs in one file, one after another", read_summary.logs));
     }
     if !read_summary.private_records.is_empty() {
         let of = |(opcode, count): (&u8, &u64)| format!("{count} with opcode 0x{opcode:02x}");
         let opcodes: Vec<String> = read_summary.private_records.iter().map(of).collect();
-        found.push(format!(
-            "  application-specific records, skipped: {}",
-            opcodes.join(", ")
-        ));
+        found.push(format!("  application-specific records, skipped: {}", opcodes.join(", ")));
     }
     if let Some((stated, read)) = read_summary.undercounted {
         found.push(format!(
@@ -151,37 +133,24 @@ fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
 fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
     let rate = traffic.log.rate_hz();
     let rate = rate.map_or_else(String::new, |rate| format!(", {rate:.2} Hz"));
-    line(format!(
-        "{} messages over {:.3} s{rate}",
-        traffic.messages,
-        traffic.log.span_s()
-    ));
-    for (name, clock) in [
-        ("header", &traffic.header),
-        ("publish", &traffic.publish),
-        ("log", &traffic.log),
-    ] {
+    line(format!("{} messages over {:.3} s{rate}", traffic.messages, traffic.log.span_s()));
+    for (name, clock) in
+        [("header", &traffic.header), ("publish", &traffic.publish), ("log", &traffic.log)]
+    {
         if clock.count > 0 {
             line(of_clock(name, clock));
         }
     }
-    for (name, differences) in [
-        ("header stamp", traffic.log_less_header),
-        ("publish time", traffic.log_less_publish),
-    ] {
+    for (name, differences) in
+        [("header stamp", traffic.log_less_header), ("publish time", traffic.log_less_publish)]
+    {
         line_of(compare_clocks(name, differences), line);
     }
     if traffic.last_sequence > 0 {
-        line(format!(
-            "sequence up to {}, {} jumps",
-            traffic.last_sequence, traffic.sequence_jumps
-        ));
+        line(format!("sequence up to {}, {} jumps", traffic.last_sequence, traffic.sequence_jumps));
     }
     if traffic.unreadable > 0 {
-        line(format!(
-            "{} messages do not fit their schema",
-            traffic.unreadable
-        ));
+        line(format!("{} messages do not fit their schema", traffic.unreadable));
     }
     if !traffic.joints.is_empty() {
         let names: Vec<_> = traffic.joints.iter().map(|name| escaped(name)).collect();
@@ -208,12 +177,8 @@ fn of_clock(name: &str, clock: &ClockSummary) -> String {
     }
     if clock.backward > 0 {
         let largest = seconds(clock.largest_step_back);
-        write!(
-            text,
-            ", {} steps back (by {largest:.3} s at most)",
-            clock.backward
-        )
-        .expect("writing to a string");
+        write!(text, ", {} steps back (by {largest:.3} s at most)", clock.backward)
+            .expect("writing to a string");
     }
     if clock.duplicate > 0 {
         write!(text, ", {} duplicates", clock.duplicate).expect("writing to a string");
@@ -245,9 +210,7 @@ fn compare_clocks(other: &str, differences: Differences) -> Option<String> {
     } else {
         "two clocks, or stamps that are not set, or a clock that was set while it ran"
     };
-    Some(format!(
-        "log time less {other}: {least:.6} to {most:.6} s ({clocks})"
-    ))
+    Some(format!("log time less {other}: {least:.6} to {most:.6} s ({clocks})"))
 }
 
 fn damage(read_summary: &ReadSummary) -> String {
@@ -302,11 +265,7 @@ fn of_reject(reject: &LogReject) -> String {
 }
 
 fn or_none(text: &str) -> String {
-    if text.is_empty() {
-        "none".to_owned()
-    } else {
-        shown(text)
-    }
+    if text.is_empty() { "none".to_owned() } else { shown(text) }
 }
 
 #[cfg(test)]

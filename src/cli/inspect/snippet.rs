@@ -93,9 +93,7 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
     text += &input(found);
     let mut missing = Vec::new();
     for section in SECTIONS {
-        match most(found, &|beside_joints, channel| {
-            section.suits(beside_joints, channel)
-        }) {
+        match most(found, &|beside_joints, channel| section.suits(beside_joints, channel)) {
             Some(channel) => text += &of_section(section, channel, found),
             None if section == Section::Commanded => {}
             None => missing.push(section),
@@ -118,19 +116,13 @@ fn most<'f>(
         channels
             .filter(move |channel| channel.traffic.messages > 0 && suits(beside_joints, channel))
     };
-    found
-        .iter()
-        .flat_map(of_log)
-        .max_by_key(|channel| channel.traffic.messages)
+    found.iter().flat_map(of_log).max_by_key(|channel| channel.traffic.messages)
 }
 
 fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) -> String {
     let (usual, choices) = section.unit();
     let (unit, guessed) = match channel.unit() {
-        Some(unit) => (
-            unit,
-            format!("by values up to {:.4}", channel.traffic.sizes.largest),
-        ),
+        Some(unit) => (unit, format!("by values up to {:.4}", channel.traffic.sizes.largest)),
         None => (usual, "by ROS convention".to_owned()),
     };
     let mut text = format!(
@@ -139,10 +131,7 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
         toml_text(&channel.topic),
         channel.best_time()
     );
-    let fields = channel
-        .suggestion
-        .as_ref()
-        .and_then(|found| found.fields.as_ref());
+    let fields = channel.suggestion.as_ref().and_then(|found| found.fields.as_ref());
     if let Some(fields) = fields {
         writeln!(text, "{fields}  # guessed by their names: check them")
             .expect("writing to a string");
@@ -154,9 +143,7 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
         writeln!(text, "# the robot file has to name these joints: {names}")
             .expect("writing to a string");
     }
-    let temperature = most(found, &|_, channel| {
-        layout(channel) == Some(Layout::Temperature)
-    });
+    let temperature = most(found, &|_, channel| layout(channel) == Some(Layout::Temperature));
     if let (Some(temperature), Section::Tracker) = (temperature, section) {
         writeln!(text, "temperature = {}", toml_text(&temperature.topic))
             .expect("writing to a string");
@@ -184,14 +171,11 @@ fn lengths(found: &[Inspection]) -> String {
 fn input(found: &[Inspection]) -> String {
     let mut text =
         String::from("[input]\n# folder = \"…\"  # the folder with one sub-folder per session\n");
-    for (key, section) in [
-        ("controller", Section::Controller),
-        ("tracker", Section::Tracker),
-    ] {
-        let Some(topic) = most(found, &|beside_joints, channel| {
-            section.suits(beside_joints, channel)
-        })
-        .map(|c| &c.topic) else {
+    for (key, section) in [("controller", Section::Controller), ("tracker", Section::Tracker)] {
+        let Some(topic) =
+            most(found, &|beside_joints, channel| section.suits(beside_joints, channel))
+                .map(|c| &c.topic)
+        else {
             continue;
         };
         let parts = parts(found, topic);
@@ -225,9 +209,7 @@ fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
             whole.append(&clock);
             whole
         });
-        let name = Path::new(&log.read_summary.file)
-            .file_name()
-            .unwrap_or_default();
+        let name = Path::new(&log.read_summary.file).file_name().unwrap_or_default();
         Some(Part {
             name: name.to_string_lossy().into_owned(),
             first: whole.first,
@@ -245,10 +227,7 @@ fn joints_of(parts: &[Part]) -> String {
         let gap = pair[1].first.saturating_sub(pair[0].last) as f64 * 1e-9;
         let (one, next) = (escaped(&pair[0].name), escaped(&pair[1].name));
         if gap < 0.0 {
-            format!(
-                "# {next} begins {:.3} s before {one} ends: are they of one recording?\n",
-                -gap
-            )
+            format!("# {next} begins {:.3} s before {one} ends: are they of one recording?\n", -gap)
         } else {
             format!("# {next} follows {one} after {gap:.3} s\n")
         }
@@ -276,11 +255,7 @@ fn of_missing(section: Section, found: &[Inspection]) -> String {
     if more > 0 {
         kinds.push(format!("and {more} more"));
     }
-    let kinds = if kinds.is_empty() {
-        "none".to_owned()
-    } else {
-        kinds.join(", ")
-    };
+    let kinds = if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") };
     format!(
         "# no [{}]: no topic here has {what} of a type that is known; topics: {kinds}\n",
         section.name()

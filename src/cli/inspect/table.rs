@@ -33,52 +33,32 @@ const LOGS: [&[u8]; 2] = [b"\x89MCAP", b"\x28\xb5\x2f\xfd"];
 
 /// Whether the file at `path` is a table rather than a log: by its ending, unless it begins as a log does.
 pub fn is_table(path: &Path) -> bool {
-    let ending = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     TABLES.contains(&ending.as_str()) && !begins_as_a_log(path)
 }
 
 fn begins_as_a_log(path: &Path) -> bool {
     let mut bytes = Vec::new();
     let is_file = path.is_file();
-    let read = File::open(path)
-        .ok()
-        .filter(|_| is_file)
-        .map(|file| file.take(5).read_to_end(&mut bytes));
+    let read =
+        File::open(path).ok().filter(|_| is_file).map(|file| file.take(5).read_to_end(&mut bytes));
     matches!(read, Some(Ok(_))) && LOGS.iter().any(|log| bytes.starts_with(log))
 }
 
 /// The description of one table, as text.
 pub fn describe(path: &Path, found: &TableInspection) -> String {
     let name = escaped(&path.to_string_lossy());
-    let mut text = format!(
-        "{name}  {} rows, {} columns\n",
-        found.rows,
-        found.columns.len()
-    );
+    let mut text = format!("{name}  {} rows, {} columns\n", found.rows, found.columns.len());
     let mut line = |line: &str| text.extend(["  ", line, "\n"]);
-    found
-        .remarks
-        .iter()
-        .for_each(|remark| line(&escaped(remark)));
-    let width = found
-        .columns
-        .iter()
-        .map(|own| shown(&own.name).chars().count())
-        .max()
-        .unwrap_or(0);
+    found.remarks.iter().for_each(|remark| line(&escaped(remark)));
+    let width = found.columns.iter().map(|own| shown(&own.name).chars().count()).max().unwrap_or(0);
     for column in &found.columns {
         line(&of_column(column, width));
     }
     left_out(found, &mut line);
     match &found.guess {
         Ok(guess) => of_guess(guess).iter().for_each(|own| line(own)),
-        Err(lacking) => line(&format!(
-            "how it would be read is not told: it has {lacking}"
-        )),
+        Err(lacking) => line(&format!("how it would be read is not told: it has {lacking}")),
     }
     text
 }
@@ -90,12 +70,7 @@ fn of_column(column: &ColumnSummary, width: usize) -> String {
     text.extend(std::iter::repeat_n(' ', gap + 2));
     let mut parts = Vec::new();
     if let Some((low, high)) = column.range {
-        parts.push(format!(
-            "{} numbers, {} to {}",
-            column.numbers,
-            number(low),
-            number(high)
-        ));
+        parts.push(format!("{} numbers, {} to {}", column.numbers, number(low), number(high)));
     }
     if column.texts > 0 {
         parts.push(format!("{} texts: {}", column.texts, texts(column)));
@@ -151,10 +126,7 @@ fn left_out(found: &TableInspection, line: &mut impl FnMut(&str)) {
     if count == 0 {
         return;
     }
-    line(&format!(
-        "{count} {} LEFT OUT:",
-        if count == 1 { "row is" } else { "rows are" }
-    ));
+    line(&format!("{count} {} LEFT OUT:", if count == 1 { "row is" } else { "rows are" }));
     for (place, reason) in found.left_out.iter().take(MOST_PRINTED) {
         line(&format!("  {} {place}: {}", found.counted, escaped(reason)));
     }
@@ -179,11 +151,7 @@ fn of_base(base: &Isometry3<f64>) -> String {
     let at = base.translation.vector;
     let turn = base.rotation.angle().to_degrees();
     let is_own = at.norm() < OWN_FRAME_MM && turn < OWN_FRAME_DEG;
-    let frame = if is_own {
-        ": they are stated in about the arm's own base frame"
-    } else {
-        ""
-    };
+    let frame = if is_own { ": they are stated in about the arm's own base frame" } else { "" };
     format!(
         "the base lies at [{:.1}, {:.1}, {:.1}] mm in the frame of the positions, turned by {turn:.2}°{frame}",
         at.x, at.y, at.z
@@ -196,11 +164,7 @@ fn of_verdict(guess: &Guess, verdict: &Verdict) -> Vec<String> {
         verdict.stations
     )];
     let best = &verdict.best;
-    let order = if best.is_reversed {
-        "reversed"
-    } else {
-        "in the order of the columns"
-    };
+    let order = if best.is_reversed { "reversed" } else { "in the order of the columns" };
     lines.push(residual(
         best,
         &format!(
@@ -213,19 +177,10 @@ fn of_verdict(guess: &Guess, verdict: &Verdict) -> Vec<String> {
     ));
     let mut others: Vec<&(Differs, Tried)> = verdict.others.iter().collect();
     others.sort_by(|a, b| a.1.median_mm.total_cmp(&b.1.median_mm));
-    let runner_up = others
-        .iter()
-        .position(|(_, tried)| tried.median_mm >= best.median_mm);
+    let runner_up = others.iter().position(|(_, tried)| tried.median_mm >= best.median_mm);
     for (place, (differs, tried)) in others.into_iter().enumerate() {
-        let first = if Some(place) == runner_up {
-            "runner-up: "
-        } else {
-            ""
-        };
-        lines.push(residual(
-            tried,
-            &format!("{first}{}", difference(guess, *differs, tried)),
-        ));
+        let first = if Some(place) == runner_up { "runner-up: " } else { "" };
+        lines.push(residual(tried, &format!("{first}{}", difference(guess, *differs, tried))));
     }
     if let Some(finding) = &verdict.finding {
         lines.push(escaped(finding));

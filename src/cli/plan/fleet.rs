@@ -40,11 +40,8 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
             }
         };
         codes.push(code);
-        let words = if robots.len() > 1 {
-            format!("robot {}\n{words}\n", Printable(robot))
-        } else {
-            words
-        };
+        let words =
+            if robots.len() > 1 { format!("robot {}\n{words}\n", Printable(robot)) } else { words };
         if let Err(undelivered) = messages::result(words, bars) {
             return Undelivered::exit_code(undelivered);
         }
@@ -55,11 +52,7 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
 /// The arguments for one robot.
 fn of(args: &PlanArgs, robot: &str) -> PlanArgs {
     let named = |csv: &PathBuf| PathBuf::from(csv.to_string_lossy().replace(ROBOT_PLACE, robot));
-    PlanArgs {
-        robot: Some(robot.to_owned()),
-        csv: args.csv.as_ref().map(named),
-        ..args.clone()
-    }
+    PlanArgs { robot: Some(robot.to_owned()), csv: args.csv.as_ref().map(named), ..args.clone() }
 }
 
 /// The exit code of plans with these: what is wrong with the files of all robots is wrong with the pipeline file.

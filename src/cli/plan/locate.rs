@@ -16,24 +16,15 @@ pub(super) fn located(args: &PlanArgs, count: usize) -> Result<(bool, String), P
     let located = Located::make(&args.pipeline, robot, lake, count).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let write = |sink: &mut std::io::BufWriter<&std::fs::File>| csv(&located, sink);
-        write_whole(path, write).map_err(|source| PlanCommandError::Write {
-            path: path.clone(),
-            source,
-        })?;
+        write_whole(path, write)
+            .map_err(|source| PlanCommandError::Write { path: path.clone(), source })?;
     }
-    Ok((
-        located.plan.is_met(&located.settings),
-        words(&located, args),
-    ))
+    Ok((located.plan.is_met(&located.settings), words(&located, args)))
 }
 
 fn words(located: &Located, args: &PlanArgs) -> String {
     let (plan, key) = (&located.plan, &located.identified_by);
-    let what = if located.with_target {
-        "base and reflector"
-    } else {
-        "base"
-    };
+    let what = if located.with_target { "base and reflector" } else { "base" };
     let mut text = format!(
         "{} poses that find {what} of robot {:?}, whose arm run {} of session {} identified\n",
         plan.poses.len(),
@@ -52,10 +43,7 @@ fn words(located: &Located, args: &PlanArgs) -> String {
     }
     let share = 100.0 * located.settings.tolerance.share;
     let line = |expected: &Expected| {
-        format!(
-            "mean {:.3} mm, {share} % within {:.3} mm",
-            expected.mean_mm, expected.share_mm
-        )
+        format!("mean {:.3} mm, {share} % within {:.3} mm", expected.mean_mm, expected.share_mm)
     };
     writeln!(
         text,
@@ -78,11 +66,7 @@ fn words(located: &Located, args: &PlanArgs) -> String {
         "not expected within it"
     };
     let tolerance_mm = located.settings.tolerance.mm;
-    writeln!(
-        text,
-        "tolerance {tolerance_mm} mm: {share} % of errors {is_met}"
-    )
-    .expect("a string");
+    writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met}").expect("a string");
     text += "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test\n";
     if let Some(csv) = &args.csv {
         writeln!(text, "poses: {}", csv.display()).expect("a string");
@@ -95,9 +79,7 @@ fn csv(located: &Located, sink: impl Write) -> Result<(), CsvCause> {
     let mut writer = csv::Writer::from_writer(sink);
     let joints = located.arm.joints();
     let header = ["target", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
-    let names = (1..)
-        .zip(joints)
-        .map(|(place, joint)| format!("q{place}_{}", joint.unit()));
+    let names = (1..).zip(joints).map(|(place, joint)| format!("q{place}_{}", joint.unit()));
     writer.write_record(header.map(str::to_owned).into_iter().chain(names))?;
     for (place, pose) in located.plan.poses.iter().enumerate() {
         let target = located.command_from_base * pose.base_from_target;

@@ -21,10 +21,7 @@ pub(super) struct Screen {
 
 impl Screen {
     pub(super) fn new() -> Self {
-        Self {
-            size: Term::stderr(),
-            pending: Mutex::default(),
-        }
+        Self { size: Term::stderr(), pending: Mutex::default() }
     }
 
     fn pending(&self) -> MutexGuard<'_, String> {

@@ -60,9 +60,7 @@ fn held(holder: &Holder) -> String {
         "" => "a process that has not stated its name",
         words => words,
     };
-    let since = holder
-        .age
-        .map_or_else(String::new, |age| format!("; for {}", span(age)));
+    let since = holder.age.map_or_else(String::new, |age| format!("; for {}", span(age)));
     format!(
         "another batch works on this lake: {}{since} (it locks {})",
         Printable(who),

@@ -97,14 +97,10 @@ mod tests {
     #[test]
     fn a_task_ends_at_its_next_step_once_an_end_is_asked_for() {
         let stop = Stop::default();
-        let progress = Stoppable {
-            progress: &Quiet,
-            stop: &stop,
-        };
+        let progress = Stoppable { progress: &Quiet, stop: &stop };
         progress.begin("fit", 2);
         assert_eq!((stop.asked(), stop.exit_code()), (false, None));
-        stop.signal
-            .store(usize::try_from(SIGTERM).unwrap(), Ordering::Relaxed);
+        stop.signal.store(usize::try_from(SIGTERM).unwrap(), Ordering::Relaxed);
         assert_eq!((stop.name(), stop.exit_code()), ("SIGTERM", Some(143)));
         let ended = panic::catch_unwind(panic::AssertUnwindSafe(|| progress.advance(1)));
         assert!(ended.unwrap_err().is::<Stopped>());

@@ -20,10 +20,7 @@ use crate::pipeline::summary::Next;
 /// The pieces of work in words.
 pub fn work(fleet: &Fleet) -> String {
     let names = |sessions: &[SessionFiles]| {
-        let names: Vec<_> = sessions
-            .iter()
-            .map(|s| Printable(&s.name).to_string())
-            .collect();
+        let names: Vec<_> = sessions.iter().map(|s| Printable(&s.name).to_string()).collect();
         names.join(", ")
     };
     let mut text = String::new();
@@ -102,10 +99,9 @@ fn line(session: &str, ending: &Ending) -> String {
         }
         Ending::Gridded(done) => {
             let state = before_or(done.already_there, "gridded");
-            let chosen = done.chosen_mm.map_or_else(
-                || "none gives a table".to_owned(),
-                |mm| format!("{mm} mm is chosen"),
-            );
+            let chosen = done
+                .chosen_mm
+                .map_or_else(|| "none gives a table".to_owned(), |mm| format!("{mm} mm is chosen"));
             let words = format!("{} judged steps, {chosen}, result {}", done.rows, done.run);
             state_line(state, session, &words)
         }
@@ -163,22 +159,11 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
         let line = words.map(|own| format!("{}: {}\n\n", Printable(label), Printable(own)));
         return line.unwrap_or_default();
     };
-    let mut lines: Vec<String> = summary
-        .warnings
-        .iter()
-        .map(|own| format!("warning: {own}"))
-        .collect();
+    let mut lines: Vec<String> =
+        summary.warnings.iter().map(|own| format!("warning: {own}")).collect();
     lines.extend(summary.findings.iter().chain(&done.took_place).cloned());
-    lines.extend(
-        done.corrects
-            .as_ref()
-            .map(|table| now(&summary.next, table)),
-    );
-    lines.extend(
-        done.page
-            .as_ref()
-            .map(|page| format!("page: {}", near(page))),
-    );
+    lines.extend(done.corrects.as_ref().map(|table| now(&summary.next, table)));
+    lines.extend(done.page.as_ref().map(|page| format!("page: {}", near(page))));
     if verbose {
         lines.push(format!("run: {}", done.run));
         lines.extend(done.words.iter().cloned());
@@ -271,21 +256,12 @@ impl Totals {
 
     /// The numbers in words, with the tolerance where all robots have one.
     fn words(&self, extent: Extent, tolerance_mm: Option<f64>) -> String {
-        let Self {
-            new,
-            before,
-            met,
-            failed,
-            waiting,
-            stopped,
-        } = self;
+        let Self { new, before, met, failed, waiting, stopped } = self;
         let results = new + before;
         let not_met = results - met;
         let all = results + failed + stopped;
-        let tolerance = tolerance_mm.map_or_else(
-            || "their robot's tolerance".to_owned(),
-            |mm| format!("{mm} mm"),
-        );
+        let tolerance = tolerance_mm
+            .map_or_else(|| "their robot's tolerance".to_owned(), |mm| format!("{mm} mm"));
         let mut text = match extent {
             Extent::Whole => format!(
                 "{met} of {all} within {tolerance}, {failed} without a result: {new} done, {before} done before, \

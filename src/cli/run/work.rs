@@ -68,8 +68,7 @@ impl Batch<'_> {
                     return Ok(Ending::Done(Box::new(done)));
                 }
                 let done = run_piece(configuration, piece, progress)?;
-                self.known
-                    .keep(state.as_deref(), (configuration, piece), &done);
+                self.known.keep(state.as_deref(), (configuration, piece), &done);
                 Ok(Ending::Done(Box::new(done)))
             }
             Extent::Estimated => {
@@ -111,12 +110,7 @@ pub fn all(
         known.gather(pieces.iter().filter_map(state));
     }
     let (next, units) = (AtomicUsize::new(0), units(pieces));
-    let batch = Batch {
-        extent,
-        known,
-        bars,
-        stop,
-    };
+    let batch = Batch { extent, known, bars, stop };
     let work = || {
         let mut own = Vec::new();
         loop {
@@ -133,9 +127,7 @@ pub fn all(
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
         let joined = workers.into_iter().map(joined);
-        joined
-            .flat_map(|own| own.expect("a piece's panic is caught"))
-            .collect()
+        joined.flat_map(|own| own.expect("a piece's panic is caught")).collect()
     });
     ended.sort_by_key(|(place, _)| *place);
     let (endings, without): (Vec<_>, Vec<_>) = ended.into_iter().map(|(_, ended)| ended).unzip();
@@ -161,27 +153,13 @@ fn pooled(batch: &Batch<'_>, place: usize, whole: FleetPiece<'_>) -> Ended {
     let mut piece = whole.piece.clone();
     let mut without: Vec<SetAside> = Vec::new();
     loop {
-        let left = FleetPiece {
-            piece: &piece,
-            ..whole
-        };
+        let left = FleetPiece { piece: &piece, ..whole };
         match one(batch, left) {
-            Ending::Failed(Failure {
-                reason,
-                session: Some(bad),
-            }) if can_spare(&piece, &bad) => {
-                tracing::warn!(
-                    session = whole.label(),
-                    "going on without {}",
-                    Printable(&bad)
-                );
+            Ending::Failed(Failure { reason, session: Some(bad) }) if can_spare(&piece, &bad) => {
+                tracing::warn!(session = whole.label(), "going on without {}", Printable(&bad));
                 piece.training.retain(|files| files.name != bad);
                 let why = Why::Bad(format!("{reason}; the pool learns without it"));
-                without.push(SetAside {
-                    session: whole.label_of(&bad),
-                    why,
-                    before: place,
-                });
+                without.push(SetAside { session: whole.label_of(&bad), why, before: place });
             }
             ending => {
                 // A piece of a single session learns from the sessions before it, each of which has a piece and a line of
@@ -210,10 +188,9 @@ fn one(batch: &Batch<'_>, own: FleetPiece<'_>) -> Ending {
     let attempt = AssertUnwindSafe(|| batch.attempt(own.configuration, own.piece, &progress));
     let failure = match panic::catch_unwind(attempt) {
         Ok(Ok(ending)) => return ending,
-        Ok(Err(error)) => Failure {
-            reason: error.to_string(),
-            session: error.session().map(str::to_owned),
-        },
+        Ok(Err(error)) => {
+            Failure { reason: error.to_string(), session: error.session().map(str::to_owned) }
+        }
         // Whichever thread of the piece unwound first, the reason is that an end was asked for.
         Err(_) if stop.asked() => {
             tracing::warn!(session, "ended by {}", stop.name());

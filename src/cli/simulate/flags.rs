@@ -65,11 +65,7 @@ impl PoseFlags {
     /// Travel of each joint to either side of home, rad or mm.
     fn spread(&self, arm: &Arm) -> Vec<f64> {
         let spread = |joint: &Joint| {
-            if joint.slides {
-                self.spread_mm
-            } else {
-                self.spread_deg.to_radians()
-            }
+            if joint.slides { self.spread_mm } else { self.spread_deg.to_radians() }
         };
         arm.joints().iter().map(spread).collect()
     }
@@ -93,11 +89,7 @@ impl PoseFlags {
                 joints.map(|(q, spread)| q + side * spread).collect()
             };
             let (lower, upper) = (about(-1.0), about(1.0));
-            return Ok(Poses::Joints {
-                count,
-                lower,
-                upper,
-            });
+            return Ok(Poses::Joints { count, lower, upper });
         }
         let flange_from_target =
             isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
@@ -107,11 +99,8 @@ impl PoseFlags {
     /// A grid or random poses in the box about where the target is at home.
     fn boxed(&self, at_home: &Isometry3<f64>) -> Poses {
         // Home gives whole millimetres, to keep the number short.
-        let centre = self
-            .centre
-            .map_or(at_home.translation.vector.map(f64::round), |Triple(c)| {
-                c.into()
-            });
+        let centre =
+            self.centre.map_or(at_home.translation.vector.map(f64::round), |Triple(c)| c.into());
         let half = Vector3::from(self.size.0) / 2.0;
         let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
         let orientation_rpy = rpy(&at_home.rotation);
@@ -134,10 +123,7 @@ impl PoseFlags {
 }
 
 /// Sizes of the errors; 0 switches one off.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "each is a flag of the command line"
-)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 #[derive(Debug, Clone, Args)]
 #[group(skip)]
 #[command(next_help_heading = "Errors (realistic ones where not given)")]
@@ -272,11 +258,7 @@ impl ErrorFlags {
         let tracker = &mut settings.tracker;
         if self.no_tracker_noise {
             let (lost_share, outlier_share) = (tracker.lost_share, tracker.outlier_share);
-            *tracker = TrackerErrors {
-                lost_share,
-                outlier_share,
-                ..TrackerErrors::none()
-            };
+            *tracker = TrackerErrors { lost_share, outlier_share, ..TrackerErrors::none() };
         }
         set(&mut tracker.scale, self.tracker_scale_ppm, 1e-6);
         set(&mut tracker.lost_share, self.lost_share, 1.0);

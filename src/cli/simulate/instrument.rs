@@ -33,25 +33,17 @@ pub(super) struct InstrumentFlags {
 }
 
 /// Flags that mean nothing of other instruments.
-const OF_TRACKERS: [&str; 6] = [
-    "six_dof",
-    "beside",
-    "reference",
-    "no_tracker_noise",
-    "tracker_scale_ppm",
-    "outlier_share",
-];
+const OF_TRACKERS: [&str; 6] =
+    ["six_dof", "beside", "reference", "no_tracker_noise", "tracker_scale_ppm", "outlier_share"];
 
 impl InstrumentFlags {
     /// Puts the instrument into a session's settings.
     pub(super) fn change(&self, settings: &mut SimulateSettings) {
         let distance_mm = self.instrument_distance_mm;
         settings.instrument = match (self.scanner, self.camera) {
-            (Some(Scanner([along_mm, across_mm])), _) => Instrument::Scanner(ScannerSettings {
-                along_mm,
-                across_mm,
-                distance_mm,
-            }),
+            (Some(Scanner([along_mm, across_mm])), _) => {
+                Instrument::Scanner(ScannerSettings { along_mm, across_mm, distance_mm })
+            }
             (None, Some(own)) => Instrument::Camera(CameraSettings {
                 focal_px: own.focal_px,
                 noise_px: own.noise_px,
@@ -93,8 +85,6 @@ fn camera(text: &str) -> Result<Camera, String> {
         focal_px,
         noise_px,
         edge_mm,
-        corners: corners
-            .parse()
-            .map_err(|_| format!("{corners} corners: give a whole number"))?,
+        corners: corners.parse().map_err(|_| format!("{corners} corners: give a whole number"))?,
     })
 }

@@ -27,10 +27,7 @@ pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
         )
     }));
     lines.push(counts(account, is_whole));
-    lines
-        .iter()
-        .map(|line| Printable(line).to_string())
-        .collect()
+    lines.iter().map(|line| Printable(line).to_string()).collect()
 }
 
 fn without_row(run: &WithoutRow) -> String {
@@ -67,9 +64,7 @@ fn counts(account: &FilesOfLake, is_whole: bool) -> String {
         (foreign, "foreign"),
     ];
     let counted = kinds.iter().filter(|(count, _)| *count > 0);
-    let counted: Vec<String> = counted
-        .map(|(count, kind)| format!("{count} {kind}"))
-        .collect();
+    let counted: Vec<String> = counted.map(|(count, kind)| format!("{count} {kind}")).collect();
     let place = if is_whole {
         "in the lake"
     } else {
@@ -96,12 +91,7 @@ pub(super) fn against_list(unexpected: &[Unexpected], newer: usize) -> Vec<Strin
     }
     if newer > 0 {
         let rows = if newer == 1 { "row is" } else { "rows are" };
-        lines.push(format!(
-            "{newer} {rows} not in the list: written since, or never listed"
-        ));
+        lines.push(format!("{newer} {rows} not in the list: written since, or never listed"));
     }
-    lines
-        .iter()
-        .map(|line| Printable(line).to_string())
-        .collect()
+    lines.iter().map(|line| Printable(line).to_string()).collect()
 }

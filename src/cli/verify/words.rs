@@ -54,9 +54,7 @@ const fn word(verdict: &Verdict) -> &'static str {
 pub(super) fn joined(verified: &[StageVerified]) -> Option<String> {
     let (mut lines, counts) = stage(verified, "as joined", "joined")?;
     let same = same_anew(verified);
-    lines.push(format!(
-        "sessions as joined: {counts}; {same} joined anew and the same"
-    ));
+    lines.push(format!("sessions as joined: {counts}; {same} joined anew and the same"));
     Some(lines.join("\n"))
 }
 
@@ -90,10 +88,7 @@ fn stage(verified: &[StageVerified], what: &str, done: &str) -> Option<(Vec<Stri
     if verified.is_empty() {
         return None;
     }
-    let lines = verified
-        .iter()
-        .flat_map(|own| problems(own, what, done))
-        .collect();
+    let lines = verified.iter().flat_map(|own| problems(own, what, done)).collect();
     let changed = verified.iter().filter(|own| own.is_mismatch()).count();
     let counts = format!(
         "{} in the lake, {} as written, {changed} changed",
@@ -116,8 +111,7 @@ fn problems(verified: &StageVerified, what: &str, done: &str) -> Vec<String> {
         Some(Anew::Same) | None => None,
     };
     let told = verified.problems.iter().cloned().chain(anew);
-    told.map(|words| Printable(&format!("{subject}: {words}")).to_string())
-        .collect()
+    told.map(|words| Printable(&format!("{subject}: {words}")).to_string()).collect()
 }
 
 /// The number of runs with each verdict, and of runs that were not looked at.
@@ -130,10 +124,7 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
             None => words.push((word, 1)),
         }
     }
-    let counts: Vec<String> = words
-        .iter()
-        .map(|(word, count)| format!("{count} {word}"))
-        .collect();
+    let counts: Vec<String> = words.iter().map(|(word, count)| format!("{count} {word}")).collect();
     let runs = if verdicts.len() == 1 { "run" } else { "runs" };
     let mut text = format!("\n{} {runs}", verdicts.len());
     if !counts.is_empty() {
@@ -144,11 +135,7 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
     }
     for (pipeline, count) in &selected.by_others {
         let pipeline = Printable(pipeline);
-        write!(
-            text,
-            "; {count} by the pipeline file {pipeline} not looked at"
-        )
-        .expect("a string");
+        write!(text, "; {count} by the pipeline file {pipeline} not looked at").expect("a string");
     }
     text
 }
@@ -192,9 +179,7 @@ fn outputs(verified: &Verified) -> Vec<String> {
         return vec![format!("none of its {} files is there", outputs.len())];
     }
     let others = outputs.iter().filter(|output| !output.is_sound());
-    let others: Vec<String> = others
-        .map(|own| output(own, &verified.recomputed))
-        .collect();
+    let others: Vec<String> = others.map(|own| output(own, &verified.recomputed)).collect();
     if others.is_empty() && !matches!(verified.recomputed, Recomputed::Yes { .. }) {
         return vec![format!(
             "its {} files have the digests that its row states: no byte of them has changed",
@@ -207,36 +192,31 @@ fn outputs(verified: &Verified) -> Vec<String> {
 /// A line about another run that this one depends on.
 fn citation(cited: &Citation) -> Option<String> {
     let (as_what, lost) = match cited.role {
-        Role::Replaced => (
-            "whose place it took",
-            "what that one replaced counts as current again",
-        ),
+        Role::Replaced => ("whose place it took", "what that one replaced counts as current again"),
         Role::Drove => (
             "whose table drove the session",
             "its promise cannot be compared with the session again",
         ),
-        Role::Planned => (
-            "the plan it was measured by",
-            "its promise cannot be compared with the session again",
-        ),
+        Role::Planned => {
+            ("the plan it was measured by", "its promise cannot be compared with the session again")
+        }
         Role::KnownArm => ("whose arm it starts from", "it cannot be planned again"),
     };
     let run = &cited.run;
     match &cited.left {
-        Left::Whole(Some(by)) if cited.role != Role::Replaced => Some(format!(
-            "cites run {run}, {as_what}: there, and superseded by run {by}"
-        )),
+        Left::Whole(Some(by)) if cited.role != Role::Replaced => {
+            Some(format!("cites run {run}, {as_what}: there, and superseded by run {by}"))
+        }
         Left::Whole(_) => None,
-        Left::Without(tables) => Some(format!(
-            "cites run {run}, {as_what}: its {} missing; {lost}",
-            tables.join(", ")
-        )),
+        Left::Without(tables) => {
+            Some(format!("cites run {run}, {as_what}: its {} missing; {lost}", tables.join(", ")))
+        }
         Left::OtherRow => Some(format!(
             "cites run {run}, {as_what}: its row in runs is not the one that it was then"
         )),
-        Left::Nothing => Some(format!(
-            "cites run {run}, {as_what}: the lake has no row of it; {lost}"
-        )),
+        Left::Nothing => {
+            Some(format!("cites run {run}, {as_what}: the lake has no row of it; {lost}"))
+        }
     }
 }
 
@@ -258,10 +238,7 @@ fn output(output: &Output, recomputed: &Recomputed) -> String {
         Some(_) => "; recomputed, it is neither",
         None => "",
     };
-    format!(
-        "output {}: {found}, the row states {}{judged}",
-        output.name, output.claimed
-    )
+    format!("output {}: {found}, the row states {}{judged}", output.name, output.claimed)
 }
 
 fn input(input: &ChangedInput) -> String {
@@ -291,33 +268,25 @@ fn file(file: &ComparedFile) -> Vec<String> {
         FileOutcome::Values(comparison) => values(name, comparison),
         FileOutcome::OnlyPublished => vec![format!("{name}: computing gave no such file")],
         FileOutcome::OnlyComputed => {
-            vec![format!(
-                "{name}: computing gave it, and it is not published"
-            )]
+            vec![format!("{name}: computing gave it, and it is not published")]
         }
         FileOutcome::PageOfOtherBytes => {
             vec![format!("{name}: the same but for digests of tables")]
         }
         FileOutcome::Page => vec![format!("{name}: the page says something else")],
-        FileOutcome::PageFromElsewhere => vec![format!(
-            "{name}: pages are not compared across versions and machines"
-        )],
+        FileOutcome::PageFromElsewhere => {
+            vec![format!("{name}: pages are not compared across versions and machines")]
+        }
         FileOutcome::Unreadable(reason) => vec![format!("{name}: not compared: {reason}")],
     }
 }
 
 fn values(name: &str, comparison: &Comparison) -> Vec<String> {
-    let mut lines: Vec<String> = comparison
-        .columns
-        .iter()
-        .map(|column| format!("{name}: {}", difference(column)))
-        .collect();
+    let mut lines: Vec<String> =
+        comparison.columns.iter().map(|column| format!("{name}: {}", difference(column))).collect();
     let mut side = |rows: &OneSided, which: &str| {
         if let Some(first) = &rows.first {
-            lines.push(format!(
-                "{name}: {} rows only {which}, first {first}",
-                rows.rows
-            ));
+            lines.push(format!("{name}: {} rows only {which}, first {first}", rows.rows));
         }
     };
     side(&comparison.only_published, "published");
@@ -329,10 +298,8 @@ fn values(name: &str, comparison: &Comparison) -> Vec<String> {
 }
 
 fn difference(column: &ColumnDifference) -> String {
-    let mut text = format!(
-        "column {}: {} of {} cells differ",
-        column.column, column.cells, column.compared
-    );
+    let mut text =
+        format!("column {}: {} of {} cells differ", column.column, column.cells, column.compared);
     if let Some(largest) = &column.largest {
         write!(
             text,

@@ -16,9 +16,7 @@ fn arm(text: &str) -> Arm {
 }
 
 fn kr210() -> Arm {
-    arm(include_str!(
-        "../../../pipelines/robots/kr210-r2700-extra.toml"
-    ))
+    arm(include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"))
 }
 
 fn ur10() -> Arm {
@@ -93,11 +91,7 @@ const JOINTS: [f64; 6] = [33.0, -72.0, 101.0, -58.0, 44.0, 107.0];
 fn at_joints(degrees: [f64; 6]) -> Target {
     Target {
         name: "rivet 7".to_owned(),
-        joints: Some(TargetJoints {
-            slides: None,
-            names: Vec::new(),
-            angles: radians(degrees),
-        }),
+        joints: Some(TargetJoints { slides: None, names: Vec::new(), angles: radians(degrees) }),
         ..Target::default()
     }
 }
@@ -147,11 +141,8 @@ fn the_identified_arm_attains_the_target_at_the_corrected_command() {
 fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
     let mut identified = cell();
     let without = one(&identified, at_joints(JOINTS)).expect("inside");
-    identified.frame_uncertainty = FrameUncertainty {
-        origin_mm: 0.03,
-        rotation_rad: 1e-4,
-        lever_mm: 0.04,
-    };
+    identified.frame_uncertainty =
+        FrameUncertainty { origin_mm: 0.03, rotation_rad: 1e-4, lever_mm: 0.04 };
     let with = one(&identified, at_joints(JOINTS)).expect("inside");
     assert_eq!(with.command, without.command);
     // The axes of commands lie in (100, −50, 20) mm from the base's origin, and the form of the covariance is that of any turned axes.
@@ -161,10 +152,7 @@ fn a_correction_is_as_uncertain_as_the_surveyed_frame_is_at_the_target() {
     let added = with.covariance - without.covariance;
     assert!((added - expected).abs().max() < 1e-12, "{added}");
     assert!((with.of_frame - expected).abs().max() < 1e-12);
-    assert!(
-        expected.trace() > 10.0 * without.covariance.trace(),
-        "not lost beside the model's"
-    );
+    assert!(expected.trace() > 10.0 * without.covariance.trace(), "not lost beside the model's");
 }
 
 #[test]
@@ -175,14 +163,8 @@ fn a_pose_and_its_joint_angles_give_the_same_command() {
     let by_pose = one(&identified, pose.clone()).expect("inside");
     assert!((by_pose.command.coords() - by_joints.command.coords()).norm() < 1e-6);
     assert!((by_pose.correction - by_joints.correction).norm() < 1e-6);
-    let both = Target {
-        orientation: None,
-        ..pose
-    };
-    let both = Target {
-        joints: at_joints(JOINTS).joints,
-        ..both
-    };
+    let both = Target { orientation: None, ..pose };
+    let both = Target { joints: at_joints(JOINTS).joints, ..both };
     let by_both = one(&identified, both).expect("inside");
     assert!((by_both.command.coords() - by_joints.command.coords()).norm() < 1e-6);
     let (Some(a), Some(b)) = (by_pose.joints, by_joints.joints) else {
@@ -215,15 +197,7 @@ fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() 
     let mut asked = JOINTS;
     asked[0] = 72.5;
     let refused = one(&identified, at_joints(asked)).expect_err("12.5° beyond");
-    let Reason::JointRange {
-        joint,
-        beyond,
-        unit,
-        ..
-    } = &refused
-    else {
-        panic!("{refused}")
-    };
+    let Reason::JointRange { joint, beyond, unit, .. } = &refused else { panic!("{refused}") };
     assert_eq!(joint, "joint_a1");
     assert!((beyond - 12.5).abs() < 1e-9 && *unit == "°");
     let allowed = identified.compensate(&[at_joints(asked)], &[Exception::JointRange]);
@@ -265,23 +239,14 @@ fn limits_and_singularities_are_refused_for_targets_in_joint_angles() {
     let mut target = JOINTS;
     target[4] = 0.5; // sin 0.5° = 0.009, below the 0.02 of grids
     let singular = one(&identified, at_joints(target));
-    assert!(matches!(
-        singular,
-        Err(Reason::Arm(InverseError::NearSingularity { .. }))
-    ));
+    assert!(matches!(singular, Err(Reason::Arm(InverseError::NearSingularity { .. }))));
     target[4] = 126.0; // the limit is 125°
     let beyond = one(&identified, at_joints(target));
-    assert!(matches!(
-        beyond,
-        Err(Reason::Arm(InverseError::LimitReached { .. }))
-    ));
+    assert!(matches!(beyond, Err(Reason::Arm(InverseError::LimitReached { .. }))));
     let mut turned = at_joints(JOINTS);
     turned.configuration = Some("shoulder+ elbow+ wrist+".to_owned());
     let refused = one(&identified, turned).expect_err("the joint angles are in another");
-    assert!(
-        matches!(refused, Reason::Configuration { .. }),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Reason::Configuration { .. }), "{refused:?}");
 }
 
 #[test]
@@ -300,9 +265,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
             let share =
                 |joint: usize| (f64::from(number) * 2.0_f64.sqrt() * (joint + 3) as f64).fract();
             let ranges = identified.measured.iter().enumerate();
-            ranges
-                .map(|(joint, [low, high])| low + (high - low) * share(joint))
-                .collect()
+            ranges.map(|(joint, [low, high])| low + (high - low) * share(joint)).collect()
         };
         let pose = |joints: &Vec<f64>| identified.error_frame().nominal_tool(joints);
         // Nearer than 6° to a stretched elbow the search may end at the stretched arm from any seed.
@@ -314,10 +277,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         let reachable =
             |joints: &Vec<f64>| is_far(joints) && reach.solve(&pose(joints), joints).is_ok();
         let asked: Vec<Vec<f64>> = (0..400).map(spread).filter(reachable).collect();
-        let targets: Vec<Target> = asked
-            .iter()
-            .map(|joints| at_pose(identified, joints))
-            .collect();
+        let targets: Vec<Target> = asked.iter().map(|joints| at_pose(identified, joints)).collect();
         let outcomes = identified.compensate(&targets, &[]);
         let mut found = 0;
         for (joints, done) in asked.iter().zip(&outcomes) {
@@ -347,13 +307,7 @@ fn an_error_far_beyond_those_of_the_stations_is_refused_with_both_numbers() {
     assert!(one(&identified, at_joints(JOINTS)).is_ok());
     identified.validity.largest_error_mm = Some(correction_mm / 1.6);
     let refused = one(&identified, at_joints(JOINTS)).expect_err("1.6 times the largest");
-    let Reason::TooLarge {
-        error_mm,
-        largest_mm,
-    } = refused
-    else {
-        panic!("{refused}")
-    };
+    let Reason::TooLarge { error_mm, largest_mm } = refused else { panic!("{refused}") };
     // The error at the target and at its command differ by micrometres.
     assert!((error_mm - correction_mm).abs() < 0.05);
     assert!((largest_mm - correction_mm / 1.6).abs() < 1e-12);
@@ -376,10 +330,7 @@ fn a_joint_a_whole_turn_away_is_commanded_there_where_its_errors_repeat() {
     // Another turn is beyond the limit, and a part of one is another pose, beside what was measured on every turn.
     turned[5] = 107.0 + 360.0;
     let beyond = one(&identified, at_joints(turned)).expect_err("467°");
-    assert!(matches!(
-        beyond,
-        Reason::Arm(InverseError::LimitReached { .. })
-    ));
+    assert!(matches!(beyond, Reason::Arm(InverseError::LimitReached { .. })));
     turned[5] = 107.0 + 100.0;
     let part = one(&identified, at_joints(turned)).expect_err("never measured");
     assert!(matches!(part, Reason::JointRange { .. }));
@@ -399,10 +350,7 @@ fn a_joint_that_moves_another_axis_by_a_part_of_a_turn_does_not_repeat() {
     file.joint_map = Some(map);
     let coupled = identified(&file.arm().expect("a valid arm"), [-60.0; 6], [60.0; 6]);
     let periods = coupled.periods();
-    assert_eq!(
-        periods,
-        [Some(TAU), Some(TAU), Some(TAU), Some(TAU), Some(TAU), None]
-    );
+    assert_eq!(periods, [Some(TAU), Some(TAU), Some(TAU), Some(TAU), Some(TAU), None]);
     // Whether so many whole turns are taken off an angle of a joint whose errors repeat after a period.
     let takes = |joint: usize, degrees: f64, period: Option<f64>, expected: f64| {
         let turns = coupled.turns_beyond(joint, degrees.to_radians(), period);

@@ -67,12 +67,7 @@ impl Truth {
             vec![Transform::<Tracker, Base>::claim(base)],
             vec![Transform::<Flange, Target>::claim(target)],
         );
-        Self {
-            arm,
-            offsets,
-            frames: frames.expect("one of each"),
-            beyond: |_| Vector3::zeros(),
-        }
+        Self { arm, offsets, frames: frames.expect("one of each"), beyond: |_| Vector3::zeros() }
     }
 
     /// This arm with each of its errors multiplied by `factor`.
@@ -96,10 +91,7 @@ impl Truth {
         let mut actual = joints.clone();
         let shift = (self.beyond)(&mut actual);
         let pair = self.frames.pair(SourceId::ONLY, TargetId::ONLY);
-        let flange = self
-            .arm
-            .chain()
-            .forward(&self.arm.axes(&actual), &self.offsets);
+        let flange = self.arm.chain().forward(&self.arm.axes(&actual), &self.offsets);
         let seen = pair.tracker_from_base.isometry() * flange * pair.flange_from_target.isometry();
         let noise = |first: usize| {
             Vector3::from_fn(|axis, _| irregular(17 * place + 3 * axis + first) / 0.58)
@@ -145,11 +137,7 @@ impl Truth {
         let stations: Vec<Station> = places.map(|place| self.station(place, poses)).collect();
         let noise = Noise {
             sources: vec![Source {
-                reads: if poses {
-                    ReadingKind::Pose
-                } else {
-                    ReadingKind::Point
-                },
+                reads: if poses { ReadingKind::Pose } else { ReadingKind::Point },
                 uncertainty: TrackerUncertainty {
                     range_um: 20.0,
                     range_um_per_m: 0.0,
@@ -175,13 +163,7 @@ fn fitted(truth: &Truth, arm: &Arm, seen: &[Observation], prior: bool) -> Calibr
         repeatability_mm: 0.0,
         ..FitSettings::default()
     };
-    identify_from(
-        arm,
-        seen,
-        std::slice::from_ref(&truth.frames),
-        Freedom::Geometry,
-        &settings,
-    )
+    identify_from(arm, seen, std::slice::from_ref(&truth.frames), Freedom::Geometry, &settings)
 }
 
 /// Positions of the target at poses that took no part.
@@ -197,20 +179,13 @@ fn predicted(truth: &Truth, arm: &Arm, found: &Calibration) -> Vec<Vector3<f64>>
 }
 
 fn largest(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).norm())
-        .fold(0.0, f64::max)
+    a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
 }
 
 #[test]
 fn every_convention_fits_and_predicts_alike() {
     let off_axis = [60.0, -35.0, 110.0];
-    let cases = [
-        (true, off_axis, 30),
-        (false, off_axis, 27),
-        (false, [0.0, 0.0, 110.0], 25),
-    ];
+    let cases = [(true, off_axis, 30), (false, off_axis, 27), (false, [0.0, 0.0, 110.0], 25)];
     for text in FILES {
         for (poses, target_mm, rank) in cases {
             let truth = Truth::new(text, target_mm);
@@ -219,20 +194,11 @@ fn every_convention_fits_and_predicts_alike() {
             for convention in Convention::ALL {
                 let arm = in_convention(text, convention);
                 let found = fitted(&truth, &arm, &seen, rank == 25);
-                assert_eq!(
-                    found.nominal_structure.rank,
-                    rank,
-                    "{} {convention:?}",
-                    arm.model()
-                );
+                assert_eq!(found.nominal_structure.rank, rank, "{} {convention:?}", arm.model());
                 let own = predicted(&truth, &arm, &found);
                 let first = first.get_or_insert_with(|| own.clone());
                 let apart = largest(first, &own);
-                assert!(
-                    apart < 1e-4,
-                    "{} {convention:?} poses {poses}: {apart:e} mm",
-                    arm.model()
-                );
+                assert!(apart < 1e-4, "{} {convention:?} poses {poses}: {apart:e} mm", arm.model());
             }
         }
     }
@@ -257,9 +223,7 @@ fn spread(truth: &Truth, arm: &Arm, errors: &Errors) -> Vec<f64> {
         let axes = arm.axes(&truth.joints(place));
         let rows = jacobian(&chain, &offsets, std::iter::once(&axes));
         let rows = errors.columns(&chain, &rows.rows(0, 3).into_owned());
-        (&rows * &errors.covariance * rows.transpose())
-            .trace()
-            .sqrt()
+        (&rows * &errors.covariance * rows.transpose()).trace().sqrt()
     };
     (STATIONS..STATIONS + 50).map(at).collect()
 }
@@ -281,10 +245,7 @@ fn errors_are_carried_with_their_covariance() {
             let own = spread(&truth, &from, &errors);
             let other = spread(&truth, &to, &carried.errors);
             for (own, other) in own.iter().zip(&other) {
-                assert!(
-                    (own - other).abs() < 1e-6 * own,
-                    "{convention:?}: {own} {other}"
-                );
+                assert!((own - other).abs() < 1e-6 * own, "{convention:?}: {own} {other}");
             }
         }
     }
@@ -292,9 +253,7 @@ fn errors_are_carried_with_their_covariance() {
 
 /// The arm with a tilt between its second and third axes, which were parallel, in the plane of the two.
 fn tilted(degrees: f64) -> RobotFile {
-    let mut file = file(FILES[1])
-        .restated(Convention::Urdf)
-        .expect("the same arm");
+    let mut file = file(FILES[1]).restated(Convention::Urdf).expect("the same arm");
     let [x, y, z] = file.joint[2].axis.expect("an axis");
     let along = Vector3::new(1.0, 0.0, 0.0);
     let axis = Vector3::new(x, y, z) + along * degrees.to_radians().tan();
@@ -306,13 +265,7 @@ fn tilted(degrees: f64) -> RobotFile {
 fn without_beta(arm: &Arm) -> Arm {
     let elements = arm.chain().elements().iter();
     let elements = elements.filter(|element| {
-        !matches!(
-            element.parameter(),
-            Some(Parameter::Link {
-                quantity: LinkQuantity::Beta,
-                ..
-            })
-        )
+        !matches!(element.parameter(), Some(Parameter::Link { quantity: LinkQuantity::Beta, .. }))
     });
     arm.with_chain(Chain::new(elements.cloned().collect()))
 }
@@ -320,35 +273,20 @@ fn without_beta(arm: &Arm) -> Arm {
 /// Condition of the column-scaled Jacobian over the 27 directions that an arm has.
 fn condition(truth: &Truth, arm: &Arm, seen: &[Observation]) -> f64 {
     let starts = std::slice::from_ref(&truth.frames);
-    let problem = Problem::new(
-        seen,
-        arm.chain(),
-        starts,
-        Freedom::Geometry,
-        &Prior::default(),
-    );
+    let problem = Problem::new(seen, arm.chain(), starts, Freedom::Geometry, &Prior::default());
     let found = Structure::of(&problem, &DVector::zeros(problem.unknowns().len()));
     found.singular_values[0] / found.singular_values[26].max(1e-300)
 }
 
 #[test]
 fn nearly_parallel_axes_are_well_conditioned_where_no_common_normal_is_needed() {
-    let placed = [
-        Convention::Cpc,
-        Convention::Poe,
-        Convention::MinimalPoe,
-        Convention::Urdf,
-    ];
+    let placed = [Convention::Cpc, Convention::Poe, Convention::MinimalPoe, Convention::Urdf];
     for degrees in [0.1, 0.2, 0.4, 1.0, 5.0, 30.0] {
         let file = tilted(degrees);
         let truth = Truth::of(&file, [60.0, -35.0, 110.0]);
         let seen = truth.observed(false);
-        let of = |convention| {
-            file.restated(convention)
-                .expect("the same arm")
-                .arm()
-                .expect("an arm")
-        };
+        let of =
+            |convention| file.restated(convention).expect("the same arm").arm().expect("an arm");
         let plain = condition(&truth, &without_beta(&of(Convention::MdH)), &seen);
         let with_beta = condition(&truth, &of(Convention::StandardDh), &seen);
         let s_model = condition(&truth, &of(Convention::SModel), &seen);
@@ -356,17 +294,11 @@ fn nearly_parallel_axes_are_well_conditioned_where_no_common_normal_is_needed() 
         println!(
             "{degrees:>5}°: DH {plain:.0}, with β {with_beta:.0}, S-model {s_model:.0}, CPC, POE, minimal POE and URDF {placed:.0?}"
         );
-        assert!(
-            placed.iter().all(|&condition| condition < 20.0),
-            "{degrees}°: {placed:?}"
-        );
+        assert!(placed.iter().all(|&condition| condition < 20.0), "{degrees}°: {placed:?}");
         // A common normal goes with the inverse of the angle, and its condition with the inverse squared; Stone's model has one too.
         let common_normal = 25_000.0 / degrees.powi(2);
         for table in [plain, s_model].into_iter().filter(|_| degrees < 10.0) {
-            assert!(
-                (0.5..2.0).contains(&(table / common_normal)),
-                "{degrees}°: {table}"
-            );
+            assert!((0.5..2.0).contains(&(table / common_normal)), "{degrees}°: {table}");
         }
     }
 }

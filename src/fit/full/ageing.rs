@@ -43,9 +43,7 @@ pub(super) fn years_between(from: Option<f64>, to: Option<f64>) -> f64 {
 /// Number of steps that sessions of these ages need: those that some session came before.
 pub(super) fn steps(ages_years: &[f64]) -> usize {
     let oldest = ages_years.iter().copied().fold(0.0, f64::max);
-    (0..MOST)
-        .take_while(|&step| share(oldest, step) > 0.0)
-        .count()
+    (0..MOST).take_while(|&step| share(oldest, step) > 0.0).count()
 }
 
 /// The age of sessions of these days (since 1970), years before the latest; empty where one has no date, or all lie closer together than
@@ -57,11 +55,7 @@ pub(super) fn ages_years(days: &[Option<f64>]) -> Vec<f64> {
     let latest = days.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let ages = days.iter().map(|day| (latest - day) / DAYS_PER_YEAR);
     let ages: Vec<f64> = ages.collect();
-    if ages.iter().any(|age| *age > FIRST_YEARS) {
-        ages
-    } else {
-        Vec::new()
-    }
+    if ages.iter().any(|age| *age > FIRST_YEARS) { ages } else { Vec::new() }
 }
 
 #[cfg(test)]
@@ -72,9 +66,7 @@ mod tests {
     fn the_change_between_two_ages_has_the_variance_of_the_years_between() {
         // At the ends of steps the shares are whole, so variances are those of a random walk: the years themselves.
         for (age, wanted) in [(0.1, 0.1), (0.3, 0.3), (1.5, 1.5)] {
-            let variance: f64 = (0..8)
-                .map(|step| share(age, step).powi(2) * years(step))
-                .sum();
+            let variance: f64 = (0..8).map(|step| share(age, step).powi(2) * years(step)).sum();
             assert!((variance - wanted).abs() < 1e-12, "{age}: {variance}");
         }
         assert!(share(0.0, 0).abs() < 1e-15);
@@ -87,9 +79,6 @@ mod tests {
         assert!(ages_years(&[Some(20_000.0), Some(20_030.0)]).is_empty());
         assert!(ages_years(&[Some(20_000.0), None, Some(21_000.0)]).is_empty());
         let ages = ages_years(&[Some(20_000.0), Some(20_730.5)]);
-        assert!(
-            (ages[0] - 2.0).abs() < 1e-9 && ages[1].abs() < 1e-12,
-            "{ages:?}"
-        );
+        assert!((ages[0] - 2.0).abs() < 1e-9 && ages[1].abs() < 1e-12, "{ages:?}");
     }
 }

@@ -42,10 +42,8 @@ impl ApproachOffsets {
         };
         let command_weight = of(Block::CommandWeight)?;
         let approach_offset = of(Block::ApproachOffset)?;
-        let settling_errors: Vec<&[f64]> = observations
-            .iter()
-            .filter_map(|o| o.settling_error.as_ref()?.sent())
-            .collect();
+        let settling_errors: Vec<&[f64]> =
+            observations.iter().filter_map(|o| o.settling_error.as_ref()?.sent()).collect();
         let joints = settling_errors.first()?.len();
         let against = |share: f64| {
             let away = |joint: usize, settling_error: f64| {
@@ -54,27 +52,17 @@ impl ApproachOffsets {
                     + approach_offset[joint] * (settling_error / whole).clamp(-1.0, 1.0)
             };
             let of_joint = |joint: usize| {
-                mean_and_variance(
-                    settling_errors
-                        .iter()
-                        .map(|short| away(joint, short[joint])),
-                )
+                mean_and_variance(settling_errors.iter().map(|short| away(joint, short[joint])))
             };
             let (mean, variance) = (0..joints).map(of_joint).unzip();
             Against { mean, variance }
         };
-        Some(Self {
-            commanded: against(1.0),
-            reported: against(0.0),
-        })
+        Some(Self { commanded: against(1.0), reported: against(0.0) })
     }
 }
 
 fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let n = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / n;
-    (
-        mean,
-        values.map(|value| (value - mean).powi(2)).sum::<f64>() / n,
-    )
+    (mean, values.map(|value| (value - mean).powi(2)).sum::<f64>() / n)
 }

@@ -147,10 +147,9 @@ impl Carried {
     /// Cycles per turn of each gear line, with its joint.
     pub(super) fn lines(&self) -> impl Iterator<Item = (usize, f64)> {
         self.columns.iter().filter_map(|own| match own {
-            Column::Of {
-                block: Block::Line { joint, cycles },
-                place: 0,
-            } => Some((*joint, *cycles)),
+            Column::Of { block: Block::Line { joint, cycles }, place: 0 } => {
+                Some((*joint, *cycles))
+            }
             _ => None,
         })
     }
@@ -179,9 +178,7 @@ impl Carried {
     /// These without some columns, which are eliminated at their prior variances.
     fn without(&self, eliminated: &[usize]) -> Option<Self> {
         let variances = eliminated.iter().map(|&column| self.variances[column]);
-        let sums = self
-            .sums
-            .without(eliminated, &variances.collect::<Vec<_>>())?;
+        let sums = self.sums.without(eliminated, &variances.collect::<Vec<_>>())?;
         let kept = (0..self.columns.len()).filter(|column| !eliminated.contains(column));
         let kept: Vec<usize> = kept.collect();
         Some(Self {
@@ -199,10 +196,7 @@ impl Carried {
         let (changed, variances): (Vec<usize>, Vec<f64>) = changes.iter().copied().unzip();
         let twice: Vec<usize> = (0..size).chain(changed).collect();
         let added: Vec<usize> = (size..twice.len()).collect();
-        Some(Self {
-            sums: self.sums.selected(&twice).without(&added, &variances)?,
-            ..self.clone()
-        })
+        Some(Self { sums: self.sums.selected(&twice).without(&added, &variances)?, ..self.clone() })
     }
 
     /// What these are to a session: `None` where rounding made a matrix indefinite.
@@ -243,10 +237,8 @@ impl Carried {
         for joint in joints.filter(|_| years > 0.0) {
             let pairs = few_harmonics(settings).min(self.curve(joint) / 2);
             let profile = change_profile(layout, settings, joint, (2 * pairs + 1, &mut spectra));
-            let curve = (0..2 * pairs).map(|place| Column::Of {
-                block: Block::Curve(joint),
-                place,
-            });
+            let curve =
+                (0..2 * pairs).map(|place| Column::Of { block: Block::Curve(joint), place });
             let own = std::iter::once(Column::Constant(joint)).chain(curve);
             for (own, share) in own.zip(profile) {
                 let place = self.columns.iter().position(|other| *other == own);

@@ -53,12 +53,8 @@ pub(super) fn layout(
     }
     if settings.drift {
         // Beyond this order the prior has less than a thousandth of its variance.
-        let orders = (3.0 * span / settings.drift_length_stations)
-            .ceil()
-            .clamp(6.0, 40.0) as usize;
-        let drifting: Vec<usize> = (0..sessions)
-            .filter(|own| drifts(observations, *own))
-            .collect();
+        let orders = (3.0 * span / settings.drift_length_stations).ceil().clamp(6.0, 40.0) as usize;
+        let drifting: Vec<usize> = (0..sessions).filter(|own| drifts(observations, *own)).collect();
         if !drifting.is_empty() {
             layout.push(Block::WarmUp, 3 * orders);
         }
@@ -77,11 +73,7 @@ pub(super) fn layout(
             .map_or(harmonics, |period_mm| slide_harmonics(settings, period_mm));
         let known = before.map_or(0, |own| own.curve(joint) / 2);
         // A joint that once moved the target keeps its curve.
-        let harmonics = if harmonics > 0 {
-            harmonics.max(known)
-        } else {
-            0
-        };
+        let harmonics = if harmonics > 0 { harmonics.max(known) } else { 0 };
         layout.push(Block::Curve(joint), 2 * harmonics);
         let to_come = (0..sessions).map(|session| layout.to_come(Some(session), joint));
         for to_come in 1..=to_come.max().unwrap_or(0) {
@@ -231,25 +223,15 @@ fn harmonics(
     }
     let observations = problem.observations();
     let chains = problem.held(offsets);
-    let views = observations
-        .iter()
-        .map(|o| chains.of(o.channel()).view(&o.axes).joints);
+    let views = observations.iter().map(|o| chains.of(o.channel()).view(&o.axes).joints);
     let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
-        largest
-            .iter()
-            .zip(twists)
-            .map(|(lever, twist)| lever.max(twist.linear.norm()))
-            .collect()
+        largest.iter().zip(twists).map(|(lever, twist)| lever.max(twist.linear.norm())).collect()
     });
     let longest = levers.iter().copied().fold(0.0, f64::max);
     // An orientation shows what a position near the axis does not.
     let turned = is_turned(observations);
     let all = settings.harmonics * settings.curve_period_turns as usize;
-    let few = if turned {
-        2 * all / 3
-    } else {
-        few_harmonics(settings)
-    };
+    let few = if turned { 2 * all / 3 } else { few_harmonics(settings) };
     let count = |lever: &f64| {
         if *lever > LITTLE * longest { all } else { few }
     };
@@ -263,12 +245,10 @@ pub(super) fn unknown_variances(problem: &Problem<'_>) -> Vec<f64> {
     let wide = |angle: bool| if angle { WIDE_RAD } else { WIDE_MM };
     let precisions = problem.prior_precision().iter().zip(problem.unknowns());
     precisions
-        .map(|(&p, unknown)| {
-            if p > 0.0 {
-                p.recip()
-            } else {
-                wide(unknown.parameter.is_angle()).powi(2)
-            }
-        })
+        .map(
+            |(&p, unknown)| {
+                if p > 0.0 { p.recip() } else { wide(unknown.parameter.is_angle()).powi(2) }
+            },
+        )
         .collect()
 }

@@ -73,11 +73,7 @@ pub struct Size {
 impl Size {
     /// A size that no session showed yet.
     pub const fn expected(size: f64) -> Self {
-        Self {
-            size,
-            squares: 0.0,
-            counted: 0.0,
-        }
+        Self { size, squares: 0.0, counted: 0.0 }
     }
 
     /// The size after a session in which coefficients had these squares over their prior variance, as [`Components::update`] has them: the
@@ -89,21 +85,14 @@ impl Size {
         // weight a²/expected + (counted − weight) a = squares.
         let (weight, half) = (WEIGHT / expected, 0.5 * (counted - WEIGHT));
         let root = half.mul_add(half, weight * squares).sqrt();
-        Self {
-            size: (root - half) / weight,
-            squares,
-            counted,
-        }
+        Self { size: (root - half) / weight, squares, counted }
     }
 }
 
 impl Part {
     /// Whether each session has one of its own, all of one size.
     pub(super) const fn is_of_one_session(self) -> bool {
-        matches!(
-            self,
-            Self::Drift | Self::SessionCurve | Self::SessionCommandWeight | Self::Ageing
-        )
+        matches!(self, Self::Drift | Self::SessionCurve | Self::SessionCommandWeight | Self::Ageing)
     }
 }
 
@@ -125,10 +114,7 @@ const LARGEST_CHANGE: f64 = 20.0;
 impl Components {
     /// The components of `layout` at their expected sizes; `unknowns` are prior variances of the problem's unknowns.
     pub fn new(layout: &Layout, unknowns: &[f64], settings: &FullSettings, span: f64) -> Self {
-        let mut components = Self {
-            all: Vec::new(),
-            fixed: vec![0.0; layout.size()],
-        };
+        let mut components = Self { all: Vec::new(), fixed: vec![0.0; layout.size()] };
         let mut spectra = Spectra::default();
         for (block, columns) in layout.blocks() {
             let known = (unknowns, &mut spectra);
@@ -150,10 +136,7 @@ impl Components {
 
     /// No components: for models with fixed sizes.
     pub const fn none() -> Self {
-        Self {
-            all: Vec::new(),
-            fixed: Vec::new(),
-        }
+        Self { all: Vec::new(), fixed: Vec::new() }
     }
 
     /// Prior variance of every column.
@@ -185,18 +168,13 @@ impl Components {
             let weight = component.weight;
             let ratio =
                 (squared + weight) / (counted + weight * component.size / component.expected);
-            component.size *= ratio
-                .clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE)
-                .powf(DAMPING);
+            component.size *= ratio.clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE).powf(DAMPING);
         }
     }
 
     /// The size of a part; `None` where the model has none.
     pub fn size(&self, part: Part) -> Option<f64> {
-        self.all
-            .iter()
-            .find(|component| component.part == part)
-            .map(|component| component.size)
+        self.all.iter().find(|component| component.part == part).map(|component| component.size)
     }
 
     /// Starts from the sizes that earlier sessions showed.
@@ -224,14 +202,7 @@ impl Components {
             // What it showed of its curves is seen with the next session.
             if own.part == Part::SessionCurve {
                 let (squares, counted) = own.earlier;
-                return (
-                    own.part,
-                    Size {
-                        size: own.size,
-                        squares,
-                        counted,
-                    },
-                );
+                return (own.part, Size { size: own.size, squares, counted });
             }
             let (squared, counted) = own.shown(squares, determined, variances);
             let size = Size {
@@ -247,11 +218,7 @@ impl Components {
 
     /// Sets the size of every component for which `is_of` is true to zero: the model without that part.
     pub(super) fn drop_parts(&mut self, is_of: impl Fn(Part) -> bool) {
-        for component in self
-            .all
-            .iter_mut()
-            .filter(|component| is_of(component.part))
-        {
+        for component in self.all.iter_mut().filter(|component| is_of(component.part)) {
             component.size = 0.0;
         }
     }
@@ -277,21 +244,11 @@ impl Components {
             }
             Block::ApproachOffset => {
                 let profile = approach_profile(layout, columns.len());
-                self.join(
-                    Part::ApproachOffset,
-                    s.approach_offset_sd_rad,
-                    columns,
-                    profile,
-                );
+                self.join(Part::ApproachOffset, s.approach_offset_sd_rad, columns, profile);
             }
             Block::SessionCommandWeight(_) => {
                 let even = vec![1.0; columns.len()];
-                self.join(
-                    Part::SessionCommandWeight,
-                    s.session_command_weight_sd,
-                    columns,
-                    even,
-                );
+                self.join(Part::SessionCommandWeight, s.session_command_weight_sd, columns, even);
             }
             Block::WarmUp => {
                 let profile = drift_profile(s, span, columns.len());
@@ -334,10 +291,7 @@ impl Components {
     ) {
         let ([short, long], sd) = curve_sizes(layout, settings, joint);
         let (short, long) = (Kernel::Matern52(short), Kernel::SquaredExponential(long));
-        for (part, kernel) in [
-            (Part::ShortCurve(joint), short),
-            (Part::LongCurve(joint), long),
-        ] {
+        for (part, kernel) in [(Part::ShortCurve(joint), short), (Part::LongCurve(joint), long)] {
             let profile = pairs(&spectra.variances(kernel, columns.len() / 2)[1..]);
             self.join(part, sd, columns.clone(), profile);
         }
@@ -356,11 +310,7 @@ impl Components {
 
     fn join(&mut self, part: Part, sd: f64, columns: Range<usize>, profile: Vec<f64>) {
         // A gear line has two columns: a prior of two observations would outweigh them.
-        let weight = if matches!(part, Part::Line { .. }) {
-            1.0
-        } else {
-            WEIGHT
-        };
+        let weight = if matches!(part, Part::Line { .. }) { 1.0 } else { WEIGHT };
         if let Some(own) = self.all.iter_mut().find(|component| component.part == part) {
             own.profiles.push((columns, profile));
             return;
@@ -403,10 +353,7 @@ impl Component {
 fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64; 2], f64) {
     if layout.slide_period_mm(joint).is_none() {
         let lengths = [settings.short_length_deg, settings.long_length_deg];
-        return (
-            lengths.map(|deg| length(settings, deg)),
-            settings.curve_sd_rad,
-        );
+        return (lengths.map(|deg| length(settings, deg)), settings.curve_sd_rad);
     }
     let unit = layout.curve_unit(joint);
     let lengths = settings.slide_length_mm.map(|length_mm| length_mm / unit);

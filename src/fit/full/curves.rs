@@ -60,9 +60,8 @@ impl FullModel {
     /// The error curves of all joints, common to all sessions.
     pub fn joint_curves(&self) -> JointCurves {
         let blocks = self.layout.blocks();
-        let pairs: Vec<Pair> = blocks
-            .flat_map(|(block, columns)| self.pairs(block, columns))
-            .collect();
+        let pairs: Vec<Pair> =
+            blocks.flat_map(|(block, columns)| self.pairs(block, columns)).collect();
         let columns = pairs.iter().flat_map(|pair| [pair.column, pair.column + 1]);
         let columns: Vec<usize> = columns.collect();
         JointCurves {
@@ -124,10 +123,7 @@ impl FullModel {
 
     /// Posterior mean of the column at `place`; for an unknown, its whole offset.
     pub fn column_mean(&self, place: usize) -> f64 {
-        let unknowns = self
-            .layout
-            .columns(Block::Unknowns)
-            .filter(|own| own.contains(&place));
+        let unknowns = self.layout.columns(Block::Unknowns).filter(|own| own.contains(&place));
         unknowns.map_or(0.0, |own| self.offsets[place - own.start]) + self.mean[place]
     }
 
@@ -146,10 +142,7 @@ impl JointCurves {
         let (lines, smooth): (Vec<usize>, Vec<usize>) =
             own.partition(|&pair| self.pairs[pair].is_line);
         let own = [&smooth[..], &lines[..]].concat();
-        let columns: Vec<usize> = own
-            .iter()
-            .flat_map(|pair| [2 * pair, 2 * pair + 1])
-            .collect();
+        let columns: Vec<usize> = own.iter().flat_map(|pair| [2 * pair, 2 * pair + 1]).collect();
         let mut rows = DMatrix::zeros(angles.len(), columns.len());
         for (place, &pair) in own.iter().enumerate() {
             self.pairs[pair].fill(&mut rows, 2 * place, angles);

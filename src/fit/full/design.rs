@@ -75,9 +75,7 @@ impl PoseView<'_> {
             moved += twist.linear * (amount * mean[column]);
         });
         let errors = curves.at(self.session, self.angles);
-        errors
-            .zip(self.joints)
-            .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
+        errors.zip(self.joints).fold(moved, |moved, (error, twist)| moved + twist.linear * error)
     }
 
     /// Calls `each` for every column of `blocks` with the twist and the factor by which its coefficient moves the target.
@@ -122,9 +120,7 @@ impl PoseView<'_> {
                     self.curve_with_constant(columns, joint, layout, each);
                 }
                 Block::Ageing { joint, step } => {
-                    let share = self
-                        .session
-                        .map(|session| layout.ageing(session, joint, step));
+                    let share = self.session.map(|session| layout.ageing(session, joint, step));
                     let Some(share) = share.filter(|share| *share > 0.0) else {
                         continue;
                     };
@@ -223,10 +219,7 @@ impl PoseView<'_> {
 
     /// The session's scale. It does not apply to a command, which is used in another session with another scale.
     fn scale(&self, column: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let away = Twist {
-            linear: self.end - self.middle,
-            angular: Vector3::zeros(),
-        };
+        let away = Twist { linear: self.end - self.middle, angular: Vector3::zeros() };
         if self.time.is_some() {
             each(column, &away, 1.0);
         }

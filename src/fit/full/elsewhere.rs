@@ -51,11 +51,7 @@ impl FullModel {
         let frames = &self.frames()[session];
         let mounting = Mounting {
             session,
-            sources: frames
-                .sources()
-                .iter()
-                .map(|base| Placed::Moved(*base))
-                .collect(),
+            sources: frames.sources().iter().map(|base| Placed::Moved(*base)).collect(),
             targets: vec![Mounted::Same; frames.targets().len()],
         };
         let stations = self.span_stations();
@@ -97,14 +93,8 @@ impl Elsewhere {
     fn rows(&self, queries: &[Query<'_>], own_target: bool) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(3 * queries.len(), self.model.layout().size());
         for (place, query) in queries.iter().enumerate() {
-            let query = Query {
-                session: 0,
-                own: true,
-                ..*query
-            };
-            let base = self.model.frames()[0]
-                .tracker_from_base(query.source)
-                .isometry();
+            let query = Query { session: 0, own: true, ..*query };
+            let base = self.model.frames()[0].tracker_from_base(query.source).isometry();
             let turn = base.rotation.inverse().to_rotation_matrix();
             let own = turn.matrix() * self.model.predict(&query).rows;
             rows.rows_mut(3 * place, 3).copy_from(&own);

@@ -38,11 +38,7 @@ impl Settled {
         (settings, carrying): (&FullSettings, Option<&Carrying>),
         up: Option<Vector3<f64>>,
     ) -> (Self, Option<PartEvidence>) {
-        let plain = FullSettings {
-            harmonics: 0,
-            gear_lines: false,
-            ..settings.clone()
-        };
+        let plain = FullSettings { harmonics: 0, gear_lines: false, ..settings.clone() };
         let of_plain = (&plain, carrying);
         // Of few stations a shorter training says something else, and a whole one takes no time.
         let is_few = matches!(self.evidence, Evidence::Rows(_));
@@ -68,11 +64,7 @@ impl Settled {
         if kept {
             return (self, Some(evidence));
         }
-        let whole = if is_few {
-            None
-        } else {
-            train(problem, start, of_plain, up)
-        };
+        let whole = if is_few { None } else { train(problem, start, of_plain, up) };
         (whole.unwrap_or(without), Some(evidence))
     }
 
@@ -89,9 +81,8 @@ impl Settled {
         let known = [self.known(&around[0])?, other.known(&around[1])?];
         let (mut sums, mut said) = ([0.0, 0.0], Vec::new());
         for fold in 0..FOLDS {
-            let block: Vec<usize> = (0..folds.len())
-                .filter(|&place| folds[place] == fold)
-                .collect();
+            let block: Vec<usize> =
+                (0..folds.len()).filter(|&place| folds[place] == fold).collect();
             if block.is_empty() {
                 continue;
             }
@@ -137,9 +128,7 @@ impl Settled {
         let mean = posterior.mean() + &self.prior_mean;
         let batches = taken.iter().map(|(session, rows)| {
             let own = Coefficients::of(around.seen(*session), &mean);
-            let away = rows
-                .iter()
-                .map(|row| distance(row, &(&row.value - row.times(&own))));
+            let away = rows.iter().map(|row| distance(row, &(&row.value - row.times(&own))));
             away.sum::<f64>()
         });
         Some(batches.sum())
@@ -164,9 +153,7 @@ impl Settled {
                 let (row, size) = (&rows[place], rows[place].value.len());
                 let mut residual = left.rows_mut(first, size);
                 residual.copy_from(&(&row.value - row.times(&own)));
-                noise
-                    .view_mut((first, first), (size, size))
-                    .copy_from(&covariances[place]);
+                noise.view_mut((first, first), (size, size)).copy_from(&covariances[place]);
                 first += size;
             }
         }
@@ -208,9 +195,7 @@ fn distance(row: &Row, residual: &DVector<f64>) -> f64 {
 fn rows_of(rows: &[Row], own: &[usize]) -> Vec<usize> {
     let firsts = firsts(rows);
     let places = own.iter();
-    places
-        .flat_map(|&place| firsts[place]..firsts[place] + rows[place].value.len())
-        .collect()
+    places.flat_map(|&place| firsts[place]..firsts[place] + rows[place].value.len()).collect()
 }
 
 /// The block of each station, by the measured position of its first reading in the base frame; by the predicted one where none was

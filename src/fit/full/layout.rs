@@ -222,10 +222,7 @@ impl Layout {
 
     /// The columns of one block; `None` where the model has no such block.
     pub fn columns(&self, block: Block) -> Option<Range<usize>> {
-        self.blocks
-            .iter()
-            .find(|(own, _)| *own == block)
-            .map(|(_, columns)| columns.clone())
+        self.blocks.iter().find(|(own, _)| *own == block).map(|(_, columns)| columns.clone())
     }
 
     /// Cycles per turn of the gear lines of one joint.
@@ -248,13 +245,7 @@ mod tests {
         assert!((layout.curve_unit(0) * TAU - 5000.0).abs() < 1e-9);
         assert!((layout.curve_unit(1) - 2.0).abs() < 1e-15);
         for joint in [0, 1] {
-            layout.push(
-                Block::Line {
-                    joint,
-                    cycles: 30.0,
-                },
-                2,
-            );
+            layout.push(Block::Line { joint, cycles: 30.0 }, 2);
         }
         assert!(layout.lines(0).is_empty());
         assert_eq!(layout.lines(1), [30.0]);
@@ -263,17 +254,17 @@ mod tests {
 
     #[test]
     fn a_gear_before_a_repair_ages_by_what_happened_before_its_own_latest_session() {
-        let layout = Layout::new(1)
-            .with_ages(vec![2.0, 1.0, 0.5, 0.0])
-            .with_repairs(vec![vec![1, 0], vec![1, 0], vec![0, 0], vec![0, 0]]);
+        let layout = Layout::new(1).with_ages(vec![2.0, 1.0, 0.5, 0.0]).with_repairs(vec![
+            vec![1, 0],
+            vec![1, 0],
+            vec![0, 0],
+            vec![0, 0],
+        ]);
         // The steps begin at 0, 0.1, 0.3, 0.7 and 1.5 years.
         let repaired: Vec<f64> = (0..5).map(|step| layout.ageing(0, 0, step)).collect();
         let wanted = (2.0 - 1.5) / 1.6;
         assert!((repaired[4] - wanted).abs() < 1e-12, "{repaired:?}");
-        assert!(
-            repaired[..4].iter().all(|share| *share == 0.0),
-            "{repaired:?}"
-        );
+        assert!(repaired[..4].iter().all(|share| *share == 0.0), "{repaired:?}");
         assert!((0..5).all(|step| layout.ageing(1, 0, step) == 0.0));
         // The other joint, and the new gear, as ever.
         assert!((layout.ageing(0, 1, 0) - 1.0).abs() < 1e-12);

@@ -65,9 +65,7 @@ pub(super) fn of_observations(left_out: &[LeftOut]) -> Vec<DVector<f64>> {
 /// The weight of each observation from those of the stations.
 pub(super) fn of_readings(observations: &[Observation], weights: &[f64]) -> Vec<f64> {
     let stations = stations(observations).into_iter().zip(weights);
-    stations
-        .flat_map(|(own, weight)| own.map(|_| *weight))
-        .collect()
+    stations.flat_map(|(own, weight)| own.map(|_| *weight)).collect()
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
@@ -140,9 +138,7 @@ impl<'s> Explaining<'s> {
         let of_pair = |((j, l), block): &((usize, usize), DMatrix<f64>)| {
             let onto = block * &shapes[*l];
             let stations = onto.column_iter().zip(shapes[*j].column_iter());
-            stations
-                .map(|(onto, own)| onto.dot(&own))
-                .collect::<Vec<f64>>()
+            stations.map(|(onto, own)| onto.dot(&own)).collect::<Vec<f64>>()
         };
         let joint_pairs = self.of_joints.par_iter();
         let between: Vec<Vec<f64>> = joint_pairs.map(of_pair).collect();

@@ -47,11 +47,7 @@ pub fn evidence(
     angle: f64,
 ) -> JointEvidence {
     let weighted = information * column;
-    JointEvidence {
-        angle,
-        information: weighted.dot(column),
-        pull: weighted.dot(residual),
-    }
+    JointEvidence { angle, information: weighted.dot(column), pull: weighted.dot(residual) }
 }
 
 /// Up to `most` new lines of one joint above `threshold`, strongest first, in addition to those already `known`.
@@ -63,23 +59,15 @@ pub fn find(
     most: usize,
 ) -> Vec<FoundLine> {
     let power = periodogram(stations);
-    let mut order: Vec<usize> = (0..power.len())
-        .filter(|&i| power[i] >= threshold)
-        .collect();
+    let mut order: Vec<usize> = (0..power.len()).filter(|&i| power[i] >= threshold).collect();
     order.sort_by(|&a, &b| power[b].total_cmp(&power[a]));
     let mut found: Vec<FoundLine> = Vec::new();
     for index in order {
         let cycles = frequency(index);
-        let side_lobe = found
-            .iter()
-            .any(|line| (line.cycles - cycles).abs() <= SIDE_LOBES);
+        let side_lobe = found.iter().any(|line| (line.cycles - cycles).abs() <= SIDE_LOBES);
         let repeated = known.iter().any(|known| (known - cycles).abs() <= SAME);
         if found.len() < most && !side_lobe && !repeated {
-            found.push(FoundLine {
-                joint,
-                cycles,
-                gain: power[index],
-            });
+            found.push(FoundLine { joint, cycles, gain: power[index] });
         }
     }
     found
@@ -142,17 +130,12 @@ impl Phases {
 
 /// The gains of the bands that start at these frequencies.
 fn powers(stations: &[JointEvidence], bands: [usize; LANES]) -> [Vec<f64>; LANES] {
-    let mut phases: Vec<Phases> = stations
-        .iter()
-        .map(|station| Phases::at(station.angle, bands))
-        .collect();
+    let mut phases: Vec<Phases> =
+        stations.iter().map(|station| Phases::at(station.angle, bands)).collect();
     let mut powers = from_fn(|_| Vec::with_capacity(BAND));
     for _ in 0..BAND {
         let gains = gains(stations, &phases);
-        powers
-            .iter_mut()
-            .zip(gains)
-            .for_each(|(own, gain)| own.push(gain));
+        powers.iter_mut().zip(gains).for_each(|(own, gain)| own.push(gain));
         phases.iter_mut().for_each(Phases::advance);
     }
     powers
@@ -192,11 +175,7 @@ mod tests {
         let station = |i: u32| {
             let angle = 2.0 * (f64::from(i) * 0.754_877_666).fract();
             let error = 20e-6 * (127.5 * angle + 0.3).cos();
-            JointEvidence {
-                angle,
-                information: 1e10,
-                pull: 1e10 * error,
-            }
+            JointEvidence { angle, information: 1e10, pull: 1e10 * error }
         };
         let stations: Vec<_> = (0..300).map(station).collect();
         let found = find(0, &stations, &[], 8.0, 3);
@@ -205,9 +184,6 @@ mod tests {
         assert!((found[0].gain - 300.0).abs() < 15.0, "{found:?}");
         // A line that is known already is not found again.
         let again = find(0, &stations, &[127.5], 8.0, 3);
-        assert!(
-            again.iter().all(|line| (line.cycles - 127.5).abs() > SAME),
-            "{again:?}"
-        );
+        assert!(again.iter().all(|line| (line.cycles - 127.5).abs() > SAME), "{again:?}");
     }
 }

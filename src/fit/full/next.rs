@@ -184,9 +184,7 @@ impl FullModel {
         };
         let target = |target, now: &Mounted| match now {
             Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
-            Mounted::Other {
-                flange_from_target, ..
-            } => *flange_from_target,
+            Mounted::Other { flange_from_target, .. } => *flange_from_target,
         };
         mounting.frames(source, target)
     }
@@ -209,9 +207,7 @@ impl FullModel {
         let mut layout = Layout::new(self.layout.period_turns())
             .with_slides(self.layout.slide_periods_mm().to_vec());
         let unknowns = problem.unknowns().iter();
-        let mut columns: Columns = unknowns
-            .map(|own| self.next_unknown(own, mounting))
-            .collect();
+        let mut columns: Columns = unknowns.map(|own| self.next_unknown(own, mounting)).collect();
         layout.push(Block::Unknowns, columns.len());
         let few = 2 * super::columns::few_harmonics(settings);
         for (block, range) in self.layout.blocks() {
@@ -222,10 +218,9 @@ impl FullModel {
             layout.push(block, range.len());
             columns.extend(range.clone().map(|past| Column::Kept(past, 0.0)));
             let own = match block {
-                Block::Curve(joint) => Some((
-                    Block::SessionCurve { session: 0, joint },
-                    few.min(range.len()) + 1,
-                )),
+                Block::Curve(joint) => {
+                    Some((Block::SessionCurve { session: 0, joint }, few.min(range.len()) + 1))
+                }
                 Block::CommandWeight => Some((Block::SessionCommandWeight(0), range.len())),
                 _ => None,
             };
@@ -241,10 +236,7 @@ impl FullModel {
         }
         // A session without commanded orientations did not determine the command–feedback weight.
         if settings.command_weight && !self.knows_approach() {
-            fresh.extend([
-                (Block::CommandWeight, joints),
-                (Block::ApproachOffset, joints),
-            ]);
+            fresh.extend([(Block::CommandWeight, joints), (Block::ApproachOffset, joints)]);
         }
         for (block, count) in fresh {
             layout.push(block, count);
@@ -308,9 +300,7 @@ impl FullModel {
         let kept: Vec<usize> = columns.iter().filter_map(kept).collect();
         let past = self.covariance_of(&kept);
         let mut places = vec![0; self.layout.size()];
-        kept.iter()
-            .enumerate()
-            .for_each(|(place, &column)| places[column] = place);
+        kept.iter().enumerate().for_each(|(place, &column)| places[column] = place);
         let mut mean = DVector::zeros(size);
         for (place, column) in columns.iter().enumerate() {
             if let Column::Kept(own, added) = *column {
@@ -359,9 +349,7 @@ impl FullModel {
             // A drift that one session did not need may occur in another.
             let found = past.map(|(_, past)| self.posterior.scale.rows(past.start, past.len()));
             if let Some(found) = found.filter(|found| found.amax() > 0.0) {
-                scale
-                    .rows_mut(columns.start, columns.len())
-                    .copy_from(&found);
+                scale.rows_mut(columns.start, columns.len()).copy_from(&found);
             }
         }
         scale
@@ -482,10 +470,7 @@ impl FullModel {
     /// Offsets of the arm's own chain and the frames of a session, at coefficients of all columns.
     pub fn geometry_of(&self, coefficients: &DVector<f64>, session: usize) -> (Vec<f64>, Frames) {
         let offsets = &self.offsets + coefficients.rows(0, self.offsets.len());
-        (
-            self.problem.geometry(&offsets),
-            self.problem.frames(&offsets).swap_remove(session),
-        )
+        (self.problem.geometry(&offsets), self.problem.frames(&offsets).swap_remove(session))
     }
 }
 
@@ -493,10 +478,7 @@ impl Mounting {
     /// The prior of targets that were not there before: their intended places.
     fn prior(&self) -> Prior {
         let expected = |target: &Mounted| match target {
-            Mounted::Other {
-                flange_from_target,
-                sd_mm,
-            } => Some(KnownTarget {
+            Mounted::Other { flange_from_target, sd_mm } => Some(KnownTarget {
                 xyz_mm: flange_from_target.isometry().translation.vector.into(),
                 sd_mm: *sd_mm,
             }),
@@ -523,9 +505,7 @@ impl Mounting {
         };
         let target = |target, now: &Mounted| match now {
             Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
-            Mounted::Other {
-                flange_from_target, ..
-            } => {
+            Mounted::Other { flange_from_target, .. } => {
                 let place = flange_from_target.isometry().translation;
                 let turn = stations.flange_from_target(target).isometry().rotation;
                 Transform::claim(Isometry3::from_parts(place, turn))

@@ -227,11 +227,7 @@ impl StationNoise {
             }
             first += rows;
         }
-        Self {
-            readings: own.collect(),
-            common,
-            joints: columns,
-        }
+        Self { readings: own.collect(), common, joints: columns }
     }
 
     /// The first row of each reading, and the reading.
@@ -258,10 +254,7 @@ fn of_translation(reading: &NoisyReading<'_>, first: &NoisyReading<'_>) -> DMatr
     };
     let mut rows = DMatrix::zeros(reading.shown.rows(), 3);
     for (axis, along) in turn.column_iter().enumerate() {
-        let twist = Twist {
-            linear: along.into_owned(),
-            angular: nalgebra::Vector3::zeros(),
-        };
+        let twist = Twist { linear: along.into_owned(), angular: nalgebra::Vector3::zeros() };
         let mut column = rows.column_mut(axis);
         moved(reading.shown, &twist, 1.0, column.as_mut_slice());
     }
@@ -347,11 +340,7 @@ mod tests {
         let one = |place: usize| NoiseEvidence {
             // Squares of mean 1: one of three axes, in turn, is off by √3 of the standard deviation.
             residual: DVector::from_fn(3, |row, _| {
-                if row == place % 3 {
-                    3.0_f64.sqrt() * sd_mm
-                } else {
-                    0.0
-                }
+                if row == place % 3 { 3.0_f64.sqrt() * sd_mm } else { 0.0 }
             }),
             open: DMatrix::zeros(3, 3),
             station: StationNoise {

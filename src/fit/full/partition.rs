@@ -44,10 +44,7 @@ impl Block {
 impl Partition {
     /// The partition of a model of `sessions` sessions.
     pub fn of(layout: &Layout, unknowns: &[Unknown], sessions: usize) -> Self {
-        let mut partition = Self {
-            own: vec![Vec::new(); sessions],
-            common: Vec::new(),
-        };
+        let mut partition = Self { own: vec![Vec::new(); sessions], common: Vec::new() };
         for (block, columns) in layout.blocks() {
             let first = columns.start;
             for column in columns {

@@ -29,15 +29,11 @@ const OPTIONAL: [Optional; 7] = [
                 | Block::OwnCommandWeight(_)
         )
     }),
-    ("drift", |block| {
-        matches!(block, Block::WarmUp | Block::Drift(_))
-    }),
+    ("drift", |block| matches!(block, Block::WarmUp | Block::Drift(_))),
     ("session_scale", |block| matches!(block, Block::Scale(_))),
     ("gear_lines", |block| matches!(block, Block::Line { .. })),
     ("ageing", |block| matches!(block, Block::Ageing { .. })),
-    ("session_changes", |block| {
-        matches!(block, Block::SessionCurve { .. })
-    }),
+    ("session_changes", |block| matches!(block, Block::SessionCurve { .. })),
 ];
 
 impl Settled {

@@ -211,10 +211,7 @@ impl Sums {
     /// The sums of rows that have these columns of the rows of these, some twice.
     pub(super) fn selected(&self, columns: &[usize]) -> Self {
         Self {
-            information: self
-                .information
-                .select_columns(columns)
-                .select_rows(columns),
+            information: self.information.select_columns(columns).select_rows(columns),
             moment: self.moment.select_rows(columns),
             ..*self
         }
@@ -230,17 +227,8 @@ impl Sums {
 
     /// The sums with each column at its place among `size`; what is beyond is left out.
     pub(super) fn placed(&self, places: &[usize], size: usize) -> Self {
-        let mut placed = Self {
-            square: self.square,
-            ln_noise: self.ln_noise,
-            ..Self::zero(size)
-        };
-        let inside = || {
-            places
-                .iter()
-                .enumerate()
-                .filter(|(_, place)| **place < size)
-        };
+        let mut placed = Self { square: self.square, ln_noise: self.ln_noise, ..Self::zero(size) };
+        let inside = || places.iter().enumerate().filter(|(_, place)| **place < size);
         for (column, &to) in inside() {
             placed.moment[to] = self.moment[column];
             for (row, &place) in inside() {
@@ -297,12 +285,7 @@ impl Sums {
         let quadratic = self.square - right.dot(&whitened);
         let ln_gained = factor.ln_determinant() - ln_before;
         let log_evidence = -0.5 * (quadratic + ln_gained + self.ln_noise);
-        Some(Posterior {
-            scale,
-            root: Root::Columns(factor),
-            whitened,
-            log_evidence,
-        })
+        Some(Posterior { scale, root: Root::Columns(factor), whitened, log_evidence })
     }
 }
 
@@ -322,9 +305,7 @@ impl Posterior {
         let inverse = factor.inverse_lower();
         DVector::from_iterator(
             inverse.ncols(),
-            inverse
-                .column_iter()
-                .map(|column| 1.0 - column.norm_squared()),
+            inverse.column_iter().map(|column| 1.0 - column.norm_squared()),
         )
     }
 
@@ -344,10 +325,7 @@ impl Posterior {
             Root::Columns(factor) => gram_of_lower(&factor.inverse_lower()),
             Root::Rows(rows) => gram_of_lower(&rows.of_columns().inverse_lower()),
         };
-        BySession {
-            posterior: self,
-            shared,
-        }
+        BySession { posterior: self, shared }
     }
 
     /// The prior standard deviations with those of `columns` at zero.
@@ -468,9 +446,8 @@ mod tests {
         let v = DMatrix::from_diagonal(&variances);
         let s = &rows * &v * rows.transpose() + DMatrix::identity(7, 7);
         let s_inverse = s.clone().try_inverse().expect("positive definite");
-        let posterior = Sums::new(&rows, &values, 0.0)
-            .posterior(&variances)
-            .expect("positive definite");
+        let posterior =
+            Sums::new(&rows, &values, 0.0).posterior(&variances).expect("positive definite");
         let mean = &v * rows.transpose() * &s_inverse * &values;
         assert!((posterior.mean() - mean).norm() < 1e-12);
         let evidence = -0.5 * (values.dot(&(&s_inverse * &values)) + s.determinant().ln());
@@ -481,9 +458,8 @@ mod tests {
             for &column in &columns {
                 without[column] = 0.0;
             }
-            let without = Sums::new(&rows, &values, 0.0)
-                .posterior(&without)
-                .expect("positive definite");
+            let without =
+                Sums::new(&rows, &values, 0.0).posterior(&without).expect("positive definite");
             let gain = posterior.gain_of(&columns).expect("positive definite");
             assert!((gain - posterior.log_evidence + without.log_evidence).abs() < 1e-12);
         }
@@ -503,9 +479,7 @@ mod tests {
             sums.posterior(&variances).expect("positive definite")
         };
         let all = posterior(&sums, &variances);
-        let some = sums
-            .without(&[3, 1, 2], &[1.5, 2.0, 0.0])
-            .expect("positive definite");
+        let some = sums.without(&[3, 1, 2], &[1.5, 2.0, 0.0]).expect("positive definite");
         let left = posterior(&some, &[0.5, 0.7]);
         assert!((left.mean() - all.mean().select_rows(&[0, 4])).norm() < 1e-12);
         let covariance = all.covariance_of(&[0, 4]) - left.covariance_of(&[0, 1]);

@@ -77,9 +77,8 @@ pub(super) fn between(repairs: &[Repair], one: Option<f64>, other: Option<f64>) 
     let Some((one, other)) = one.zip(other) else {
         return Vec::new();
     };
-    let between = repairs
-        .iter()
-        .filter(|repair| repair.is_to_come(one) && !repair.is_to_come(other));
+    let between =
+        repairs.iter().filter(|repair| repair.is_to_come(one) && !repair.is_to_come(other));
     between.map(|repair| repair.joint.wrapping_sub(1)).collect()
 }
 
@@ -100,11 +99,8 @@ mod tests {
 
     #[test]
     fn each_session_counts_the_repairs_of_a_joint_that_were_still_to_come() {
-        let repairs = [
-            repair(2, "2026-05-14"),
-            repair(2, "2026-08-01 12:00"),
-            repair(1, "2026-05-14"),
-        ];
+        let repairs =
+            [repair(2, "2026-05-14"), repair(2, "2026-08-01 12:00"), repair(1, "2026-05-14")];
         let of = |days: &[Option<f64>]| to_come(&repairs, days, 3);
         let day = repairs[0].from.0.day();
         let found = of(&[Some(day - 0.001), Some(day), Some(day + 100.0), None]);

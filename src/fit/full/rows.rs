@@ -88,8 +88,7 @@ impl Row {
         let joints = self.shapes.iter().zip(&seen.of_joints);
         for ((shapes, own), motion) in joints.zip(self.noise.joints.column_iter()) {
             for (place, share) in own.entries(shapes) {
-                rows.column_mut(seen.columns[place])
-                    .axpy(share, &motion, 0.0);
+                rows.column_mut(seen.columns[place]).axpy(share, &motion, 0.0);
             }
         }
         rows
@@ -233,20 +232,12 @@ impl Around<'_> {
             (Some(only), []) => (only.plain, only.value),
             (last, others) => below(others.iter().chain(&last), columns),
         };
-        Row {
-            plain,
-            shapes: shapes.unwrap_or_default(),
-            value,
-            noise,
-        }
+        Row { plain, shapes: shapes.unwrap_or_default(), value, noise }
     }
 
     fn reading(&self, observation: &Observation) -> ReadingRow {
         let (problem, state) = (self.problem, self.state);
-        let view = self
-            .chains
-            .of(observation.channel())
-            .view(&observation.axes);
+        let view = self.chains.of(observation.channel()).view(&observation.axes);
         let base = self.frames[observation.session].tracker_from_base(observation.source);
         let root = base.isometry().rotation;
         let base_axes = *root.to_rotation_matrix().matrix();
@@ -333,7 +324,5 @@ pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> 
 /// Covariance of the noise of each of these stations at its weight.
 pub(super) fn covariances(state: &State, rows: &[Row], stations: &[usize]) -> Vec<DMatrix<f64>> {
     let weighted = rows.par_iter().zip(stations).with_min_len(CHUNK);
-    weighted
-        .map(|(row, &station)| covariance(state, row, state.weights[station]))
-        .collect()
+    weighted.map(|(row, &station)| covariance(state, row, state.weights[station])).collect()
 }

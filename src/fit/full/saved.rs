@@ -235,12 +235,7 @@ impl FullModel {
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.saved_factor().lower()),
-            own_factors: self
-                .posterior
-                .own_factors()
-                .iter()
-                .map(SavedOwn::of)
-                .collect(),
+            own_factors: self.posterior.own_factors().iter().map(SavedOwn::of).collect(),
             curve_period_turns: NonZeroU32::new(self.layout.period_turns())
                 .expect("a layout's curves repeat after a turn or more"),
             slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
@@ -250,11 +245,7 @@ impl FullModel {
             student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
             warm_up_variance_mm2: self.warm_up_variance,
-            middles_mm: self
-                .middles
-                .iter()
-                .map(|middle| middle.coords.into())
-                .collect(),
+            middles_mm: self.middles.iter().map(|middle| middle.coords.into()).collect(),
             scale_sd: self.scale_sd,
             approach: self.approach.clone(),
             log_evidence: self.posterior.log_evidence,
@@ -269,11 +260,7 @@ impl FullModel {
         let scale = DVector::from_column_slice(&saved.scale);
         let mean = DVector::from_column_slice(&saved.mean);
         let problem = saved.problem()?;
-        let root = saved.root(Partition::of(
-            &layout,
-            problem.unknowns(),
-            saved.sessions.len(),
-        ))?;
+        let root = saved.root(Partition::of(&layout, problem.unknowns(), saved.sessions.len()))?;
         let posterior = Posterior {
             // A dropped column has no scale, and its coefficient is zero.
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
@@ -304,11 +291,7 @@ impl FullModel {
             weights: Vec::new(),
             left_out: Vec::new(),
             leaves: None,
-            parts: saved
-                .parts
-                .iter()
-                .map(SavedPart::evidence)
-                .collect::<Result<_, _>>()?,
+            parts: saved.parts.iter().map(SavedPart::evidence).collect::<Result<_, _>>()?,
         })
     }
 }
@@ -338,10 +321,8 @@ impl SavedFull {
     /// The layout; an error unless blocks, columns, joints and sessions fit together.
     fn layout(&self) -> Result<Layout, SavedError> {
         let columns = self.mean.len();
-        let asked = self
-            .blocks
-            .iter()
-            .try_fold(0_usize, |sum, block| sum.checked_add(block.columns));
+        let asked =
+            self.blocks.iter().try_fold(0_usize, |sum, block| sum.checked_add(block.columns));
         same_length("columns", asked.unwrap_or(usize::MAX), columns)?;
         same_length("prior deviations", columns, self.scale.len())?;
         if !self.ages_years.is_empty() {
@@ -383,11 +364,7 @@ impl SavedFull {
             slides.zip(periods).filter(|own| fits(*own)).count()
         };
         let joints = self.arm.joints.len();
-        same_length(
-            "joints with a curve's period of their kind",
-            joints,
-            fitting,
-        )?;
+        same_length("joints with a curve's period of their kind", joints, fitting)?;
         Ok(periods.clone())
     }
 
@@ -401,18 +378,13 @@ impl SavedFull {
     fn columns_of(&self, block: &SavedBlock) -> Result<usize, SavedError> {
         let (joint, session) = block.block.belongs_to();
         let joints = self.arm.joints.len();
-        for (what, place, count) in [
-            ("joints", joint, joints),
-            ("sessions", session, self.sessions.len()),
-        ] {
+        for (what, place, count) in
+            [("joints", joint, joints), ("sessions", session, self.sessions.len())]
+        {
             if place.is_some_and(|place| place >= count) {
                 let found = count;
                 let expected = place.unwrap_or(0).saturating_add(1);
-                return Err(SavedError::Length {
-                    what,
-                    expected,
-                    found,
-                });
+                return Err(SavedError::Length { what, expected, found });
             }
         }
         let columns = block.columns;
@@ -436,16 +408,11 @@ impl SavedFull {
     /// The problem without observations, whose unknowns are those saved.
     fn problem(&self) -> Result<Problem<'static>, SavedError> {
         let chain: Chain = self.arm.chain()?;
-        let frames = self
-            .sessions
-            .iter()
-            .map(SavedSession::frames)
-            .collect::<Result<Vec<_>, _>>()?;
+        let frames =
+            self.sessions.iter().map(SavedSession::frames).collect::<Result<Vec<_>, _>>()?;
         let turns = |unknown: &SavedUnknown| {
             let turn = |axis| Parameter::Target(Motion::Rotation(axis)).to_string();
-            crate::kinematics::Axis::ALL
-                .into_iter()
-                .any(|axis| unknown.parameter == turn(axis))
+            crate::kinematics::Axis::ALL.into_iter().any(|axis| unknown.parameter == turn(axis))
         };
         let turned = self.unknowns.iter().any(turns);
         // The prior is in `scale`; predictions of a problem without observations do not depend on a prior.
@@ -459,11 +426,7 @@ impl SavedFull {
         );
         same_length("unknowns", problem.unknowns().len(), self.unknowns.len())?;
         same_length("offsets", problem.unknowns().len(), self.offsets.len())?;
-        let other = problem
-            .unknowns()
-            .iter()
-            .map(SavedUnknown::of)
-            .zip(&self.unknowns);
+        let other = problem.unknowns().iter().map(SavedUnknown::of).zip(&self.unknowns);
         match other.into_iter().find(|(own, saved)| own != *saved) {
             None => Ok(problem),
             Some((_, saved)) => Err(SavedError::Unknown {
@@ -476,10 +439,7 @@ impl SavedFull {
 
 impl SavedOwn {
     fn of(root: &OwnRoot) -> Self {
-        Self {
-            factor: encode(root.factor.lower()),
-            across: encode_numbers(root.across.iter()),
-        }
+        Self { factor: encode(root.factor.lower()), across: encode_numbers(root.across.iter()) }
     }
 
     fn root(&self, own: usize, shared: usize) -> Result<OwnRoot, SavedError> {
@@ -527,10 +487,7 @@ impl SavedBlock {
             Block::Ageing { joint, step } => BlockName::Ageing { joint, step },
             Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
         };
-        Self {
-            block,
-            columns: columns.len(),
-        }
+        Self { block, columns: columns.len() }
     }
 }
 
@@ -599,24 +556,14 @@ impl SavedRepeatability {
 
 impl SavedPart {
     pub(super) fn of(part: &PartEvidence) -> Self {
-        Self {
-            name: part.name.to_owned(),
-            gain_nats: part.gain,
-            kept: part.kept,
-        }
+        Self { name: part.name.to_owned(), gain_nats: part.gain, kept: part.kept }
     }
 
     pub(super) fn evidence(&self) -> Result<PartEvidence, SavedError> {
         let name = PARTS.into_iter().find(|name| *name == self.name);
-        let name = name.ok_or_else(|| SavedError::Unknown {
-            what: "a part",
-            name: self.name.clone(),
-        })?;
-        Ok(PartEvidence {
-            name,
-            gain: self.gain_nats,
-            kept: self.kept,
-        })
+        let name =
+            name.ok_or_else(|| SavedError::Unknown { what: "a part", name: self.name.clone() })?;
+        Ok(PartEvidence { name, gain: self.gain_nats, kept: self.kept })
     }
 }
 
@@ -642,16 +589,14 @@ pub(super) fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
             lower[(row, column)] = numbers.next().expect("as many numbers as the triangle has");
         }
     }
-    Cholesky::from_lower(lower).ok_or(SavedError::Factor {
-        problem: "has a diagonal that is not positive",
-    })
+    Cholesky::from_lower(lower)
+        .ok_or(SavedError::Factor { problem: "has a diagonal that is not positive" })
 }
 
 /// `count` numbers.
 fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
-    let bytes = STANDARD.decode(text).map_err(|_| SavedError::Factor {
-        problem: "is not base64",
-    })?;
+    let bytes =
+        STANDARD.decode(text).map_err(|_| SavedError::Factor { problem: "is not base64" })?;
     let (numbers, rest) = bytes.as_chunks::<8>();
     same_length("bytes after the factor's numbers", 0, rest.len())?;
     same_length("numbers in the factor", count, numbers.len())?;
@@ -660,8 +605,6 @@ fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
     if numbers.iter().all(|number| number.is_finite()) {
         Ok(numbers)
     } else {
-        Err(SavedError::Factor {
-            problem: "holds a number that is not finite",
-        })
+        Err(SavedError::Factor { problem: "holds a number that is not finite" })
     }
 }

@@ -17,10 +17,7 @@ fn is_usual_length(lengths_mm: &[f64; 2]) -> bool {
 }
 
 /// Whether the size is left at its default; then it is not written.
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_usual_size(size_mm: &f64) -> bool {
     (*size_mm - SLIDE_SD_MM).abs() == 0.0
 }

@@ -45,9 +45,7 @@ impl JointShapes {
         (session, joint): (usize, usize),
         place: impl Fn(usize) -> usize,
     ) -> Self {
-        let own = blocks
-            .iter()
-            .filter(|(block, _)| block.shapes() == Some(joint));
+        let own = blocks.iter().filter(|(block, _)| block.shapes() == Some(joint));
         let mut shapes = Self::default();
         for (block, columns) in own.clone() {
             match block {
@@ -62,12 +60,7 @@ impl JointShapes {
             let share = block.share(layout, session);
             let mut push = |column: usize, shape: usize, count: usize| {
                 if share > 0.0 && count > 0 {
-                    shapes.runs.push(Run {
-                        place: place(column),
-                        shape,
-                        count,
-                        share,
-                    });
+                    shapes.runs.push(Run { place: place(column), shape, count, share });
                 }
             };
             if let Block::Line { .. } = block {
@@ -108,9 +101,7 @@ impl JointShapes {
     ) -> impl Iterator<Item = (usize, f64)> + 'n {
         let of_run = |run: &'n Run| {
             let own = &numbers.as_slice()[run.shape..][..run.count];
-            (run.place..)
-                .zip(own)
-                .map(|(place, number)| (place, run.share * number))
+            (run.place..).zip(own).map(|(place, number)| (place, run.share * number))
         };
         self.runs.iter().flat_map(of_run)
     }
@@ -120,9 +111,7 @@ impl JointShapes {
         let mut gathered = DVector::zeros(self.count());
         for run in &self.runs {
             let own = columns.rows(run.place, run.count);
-            gathered
-                .rows_mut(run.shape, run.count)
-                .axpy(run.share, &own, 1.0);
+            gathered.rows_mut(run.shape, run.count).axpy(run.share, &own, 1.0);
         }
         gathered
     }
@@ -165,12 +154,7 @@ pub fn runs(places: &[usize], own: usize) -> Vec<Run> {
     let runs = places.chunk_by(follows).map(|run| {
         let first = shape;
         shape += run.len();
-        Run {
-            place: run[0],
-            shape: first,
-            count: run.len(),
-            share: 1.0,
-        }
+        Run { place: run[0], shape: first, count: run.len(), share: 1.0 }
     });
     runs.collect()
 }
@@ -178,10 +162,7 @@ pub fn runs(places: &[usize], own: usize) -> Vec<Run> {
 impl Block {
     /// Whether its first column is a constant.
     const fn has_constant(self) -> bool {
-        matches!(
-            self,
-            Self::Earlier { .. } | Self::SessionCurve { .. } | Self::Ageing { .. }
-        )
+        matches!(self, Self::Earlier { .. } | Self::SessionCurve { .. } | Self::Ageing { .. })
     }
 
     /// The factor, from 0 to 1, by which a session's stations have the block's shapes; 0 of a gear that the session did not have.
@@ -206,40 +187,27 @@ mod tests {
 
     /// Three sessions of one joint, repaired before the second, and the blocks that have its shapes.
     fn layout() -> Layout {
-        let mut layout = Layout::new(1)
-            .with_ages(vec![1.0, 0.2, 0.0])
-            .with_repairs(vec![vec![1], vec![0], vec![0]]);
+        let mut layout = Layout::new(1).with_ages(vec![1.0, 0.2, 0.0]).with_repairs(vec![
+            vec![1],
+            vec![0],
+            vec![0],
+        ]);
         layout.push(Block::Curve(0), 8);
-        layout.push(
-            Block::Earlier {
-                joint: 0,
-                to_come: 1,
-            },
-            9,
-        );
+        layout.push(Block::Earlier { joint: 0, to_come: 1 }, 9);
         for session in 0..3 {
             layout.push(Block::SessionCurve { session, joint: 0 }, 5);
         }
         for step in 0..4 {
             layout.push(Block::Ageing { joint: 0, step }, 5);
         }
-        layout.push(
-            Block::Line {
-                joint: 0,
-                cycles: 20.5,
-            },
-            2,
-        );
+        layout.push(Block::Line { joint: 0, cycles: 20.5 }, 2);
         layout
     }
 
     #[test]
     fn columns_have_the_numbers_by_which_they_move_the_target() {
         let (layout, angle) = (layout(), 0.7);
-        let joints = [Twist {
-            linear: Vector3::x(),
-            angular: Vector3::z(),
-        }];
+        let joints = [Twist { linear: Vector3::x(), angular: Vector3::z() }];
         for session in 0..3 {
             let seen: Vec<_> = layout.blocks_in(session).collect();
             let shapes = JointShapes::of(&seen, &layout, (session, 0), |column| column);
@@ -276,10 +244,8 @@ mod tests {
         let shapes = JointShapes::of(&seen, &layout, (1, 0), |column| column);
         let numbers = shapes.numbers(0.3, 1.0);
         let columns = DVector::from_fn(layout.size(), |row, _| (row as f64).sin());
-        let by_columns: f64 = shapes
-            .entries(&numbers)
-            .map(|(place, number)| number * columns[place])
-            .sum();
+        let by_columns: f64 =
+            shapes.entries(&numbers).map(|(place, number)| number * columns[place]).sum();
         let by_shapes = shapes.gathered(&columns).dot(&numbers);
         assert!((by_columns - by_shapes).abs() < 1e-12);
         // The variance of the joint's error, likewise.
@@ -302,10 +268,7 @@ mod tests {
     #[test]
     fn places_are_in_runs_that_end_where_own_columns_end() {
         let runs = runs(&[4, 5, 6, 7, 9, 2], 6);
-        let found: Vec<_> = runs
-            .iter()
-            .map(|run| (run.place, run.shape, run.count))
-            .collect();
+        let found: Vec<_> = runs.iter().map(|run| (run.place, run.shape, run.count)).collect();
         assert_eq!(found, [(4, 0, 2), (6, 2, 2), (9, 4, 1), (2, 5, 1)]);
     }
 }

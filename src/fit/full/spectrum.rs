@@ -32,9 +32,8 @@ impl Kernel {
     /// Variances of the constant and of the pairs `cos kq, sin kq` for k = 1 … `harmonics`; never negative.
     pub fn variances(self, harmonics: usize) -> Vec<f64> {
         let step = TAU / f64::from(SAMPLES);
-        let values: Vec<f64> = (0..SAMPLES)
-            .map(|i| self.at(2.0 * (0.5 * step * f64::from(i)).sin().abs()))
-            .collect();
+        let values: Vec<f64> =
+            (0..SAMPLES).map(|i| self.at(2.0 * (0.5 * step * f64::from(i)).sin().abs())).collect();
         // The k-th cosine at the i-th angle equals the first cosine at the (i k)-th.
         let cosines: Vec<f64> = (0..SAMPLES).map(|i| (step * f64::from(i)).cos()).collect();
         let coefficient = |k: usize| {
@@ -93,11 +92,8 @@ mod tests {
         let kernel = Kernel::SquaredExponential(50.0f64.to_radians());
         let variances = kernel.variances(30);
         for angle in [0.0, 0.3, 1.0, 3.0] {
-            let series: f64 = variances
-                .iter()
-                .enumerate()
-                .map(|(k, c)| c * (k as f64 * angle).cos())
-                .sum();
+            let series: f64 =
+                variances.iter().enumerate().map(|(k, c)| c * (k as f64 * angle).cos()).sum();
             assert!((series - kernel.at(2.0 * (angle / 2.0).sin())).abs() < 1e-9);
         }
     }
@@ -107,10 +103,7 @@ mod tests {
         let kernel = Kernel::Matern52(6.0f64.to_radians());
         let mut spectra = Spectra::default();
         for harmonics in [20, 12, 30, 30] {
-            assert_eq!(
-                spectra.variances(kernel, harmonics),
-                kernel.variances(harmonics)
-            );
+            assert_eq!(spectra.variances(kernel, harmonics), kernel.variances(harmonics));
         }
         let other = Kernel::Matern52(7.0f64.to_radians());
         assert_eq!(spectra.variances(other, 5), other.variances(5));
@@ -118,10 +111,7 @@ mod tests {
 
     #[test]
     fn sixty_harmonics_hold_nearly_all_of_six_degrees() {
-        let total: f64 = Kernel::Matern52(6.0f64.to_radians())
-            .variances(60)
-            .iter()
-            .sum();
+        let total: f64 = Kernel::Matern52(6.0f64.to_radians()).variances(60).iter().sum();
         assert!(total > 0.98 && total < 1.0 + 1e-9, "{total}");
     }
 }

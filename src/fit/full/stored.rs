@@ -119,19 +119,13 @@ impl StoredFull {
     /// Without the weights of the stations that trained, to predict another session.
     #[must_use]
     pub fn for_another_session(self) -> Self {
-        Self {
-            weights: Vec::new(),
-            ..self
-        }
+        Self { weights: Vec::new(), ..self }
     }
 
     /// Without the factor of its covariance, for its predictions alone.
     #[must_use]
     pub fn for_predictions(self) -> Self {
-        Self {
-            factor: None,
-            ..self
-        }
+        Self { factor: None, ..self }
     }
 
     /// The model of `arm` that was trained on `observations` with this prior and these settings; an error where the parts do not fit each
@@ -160,9 +154,7 @@ impl StoredFull {
         self.check_lengths(&self.problem(arm, observations, prior))?;
         let nothing = Evidence::Rows(FewRows::none(self.scale.len()));
         let posterior = nothing.posterior_at(self.scale.clone());
-        let posterior = posterior.ok_or(SavedError::Factor {
-            problem: "is not positive",
-        })?;
+        let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;
         self.with(posterior, arm, prior)
     }
 
@@ -202,14 +194,7 @@ impl StoredFull {
         prior: &Prior,
     ) -> Problem<'o> {
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
-        Problem::with_target_turn(
-            observations,
-            chain,
-            &self.starts,
-            geometry,
-            prior,
-            self.turned,
-        )
+        Problem::with_target_turn(observations, chain, &self.starts, geometry, prior, self.turned)
     }
 
     /// An error where a list has not the length that the others need.
@@ -236,11 +221,7 @@ impl StoredFull {
         problem: &Problem<'_>,
         settings: &FullSettings,
     ) -> Result<Posterior, SavedError> {
-        if let Some(StoredFactor {
-            lower,
-            log_evidence,
-        }) = &self.factor
-        {
+        if let Some(StoredFactor { lower, log_evidence }) = &self.factor {
             return Ok(Posterior {
                 root: Root::Columns(factor(lower, self.scale.len())?),
                 scale: self.scale.clone(),
@@ -253,9 +234,7 @@ impl StoredFull {
                 problem: "is not stored: sessions were learnt one on top of the other",
             });
         }
-        let not_positive = || SavedError::Factor {
-            problem: "is not positive",
-        };
+        let not_positive = || SavedError::Factor { problem: "is not positive" };
         let at = self.rows_at.clone();
         let state = State {
             layout: self.layout.clone(),
@@ -268,9 +247,7 @@ impl StoredFull {
         };
         let around = Around::new(problem, &state, self.up);
         let evidence = evidence(&around, &prior_mean(problem, &state)).ok_or_else(not_positive)?;
-        let posterior = evidence
-            .posterior_at(self.scale.clone())
-            .ok_or_else(not_positive)?;
+        let posterior = evidence.posterior_at(self.scale.clone()).ok_or_else(not_positive)?;
         let away = (&posterior.whitened - &self.whitened).amax();
         // Written so that a number that is none is refused too.
         if away <= SAME {

@@ -28,11 +28,7 @@ pub enum Tails {
 impl Tails {
     /// The distribution of a setting, in which 0 stands for a normal distribution.
     pub(super) fn from_setting(freedom: f64) -> Self {
-        if freedom > 0.0 {
-            Self::Student(freedom)
-        } else {
-            Self::Normal
-        }
+        if freedom > 0.0 { Self::Student(freedom) } else { Self::Normal }
     }
 
     /// The setting that stands for it.
@@ -45,10 +41,8 @@ impl Tails {
 
     /// The distribution under which the leave-one-out distances are likeliest.
     pub(super) fn found(left_out: &[LeftOut]) -> Self {
-        let distances: Vec<(f64, f64)> = left_out
-            .iter()
-            .map(|l| (l.distance_squared, l.residual.len() as f64))
-            .collect();
+        let distances: Vec<(f64, f64)> =
+            left_out.iter().map(|l| (l.distance_squared, l.residual.len() as f64)).collect();
         Self::of(&distances)
     }
 
@@ -57,11 +51,7 @@ impl Tails {
         let tried = TRIED.map(Self::Student);
         let likeliest = |best: (Self, f64), tails: &Self| {
             let likelihood = tails.log_likelihood(distances);
-            if likelihood > best.1 {
-                (*tails, likelihood)
-            } else {
-                best
-            }
+            if likelihood > best.1 { (*tails, likelihood) } else { best }
         };
         let normal = (Self::Normal, Self::Normal.log_likelihood(distances));
         tried.iter().fold(normal, likeliest).0
@@ -146,10 +136,7 @@ mod tests {
                 .map(|(square, rows)| (scale * square, rows))
                 .collect();
             let found = Tails::of(&distances);
-            assert!(
-                matches!(found, Tails::Normal | Tails::Student(64.0)),
-                "{found:?}"
-            );
+            assert!(matches!(found, Tails::Normal | Tails::Student(64.0)), "{found:?}");
         }
     }
 

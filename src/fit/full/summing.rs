@@ -42,13 +42,7 @@ impl<'s> Summing<'s> {
             }
         }
         let by_station = shapes.par_iter().map(|own| transposed(&own.as_view()));
-        Self {
-            by_station: by_station.collect(),
-            seen,
-            stations,
-            shapes,
-            weights,
-        }
+        Self { by_station: by_station.collect(), seen, stations, shapes, weights }
     }
 
     /// Adds the sums, of which the lower triangles are right.
@@ -62,9 +56,7 @@ impl<'s> Summing<'s> {
             sums.block(&of_joints[j].runs, &of_joints[l].runs, &block);
         }
         let (plain, along) = (&self.seen.plain_runs, self.along());
-        let parts = (0..joints)
-            .into_par_iter()
-            .map(|joint| self.of_joint(joint, &along));
+        let parts = (0..joints).into_par_iter().map(|joint| self.of_joint(joint, &along));
         let parts: Vec<_> = parts.collect();
         for (own, (with_plain, moment)) in of_joints.iter().zip(parts) {
             sums.block(plain, &own.runs, &with_plain);
@@ -97,9 +89,7 @@ impl<'s> Summing<'s> {
     fn along(&self) -> DMatrix<f64> {
         let (width, joints) = (self.seen.plain.len(), self.shapes.len());
         let mut along = DMatrix::zeros(width, joints * self.stations.len());
-        let of_stations = along
-            .as_mut_slice()
-            .par_chunks_exact_mut((width * joints).max(1));
+        let of_stations = along.as_mut_slice().par_chunks_exact_mut((width * joints).max(1));
         let stations = self.stations.par_iter().zip(of_stations);
         let stations = stations.with_min_len(CHUNK);
         stations.for_each(|(own, into)| own.add_along(into));

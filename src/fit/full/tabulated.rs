@@ -79,9 +79,7 @@ impl Tabulated {
         }
         Self {
             own,
-            periods: (0..common.len())
-                .map(|joint| TAU * layout.curve_unit(joint))
-                .collect(),
+            periods: (0..common.len()).map(|joint| TAU * layout.curve_unit(joint)).collect(),
             common,
         }
     }
@@ -102,9 +100,7 @@ impl Tabulated {
 
 impl Curve {
     fn zero() -> Self {
-        Self {
-            entries: vec![[0.0; 2]; ENTRIES],
-        }
+        Self { entries: vec![[0.0; 2]; ENTRIES] }
     }
 
     /// Adds a constant, then pairs.
@@ -160,12 +156,7 @@ impl Curve {
             (place, 1.0, 1.0, true),
             (half - place, -1.0, -1.0, place != half - place),
             (half + place, -1.0, 1.0, place != 0),
-            (
-                ENTRIES - place,
-                1.0,
-                -1.0,
-                place != 0 && place != half - place,
-            ),
+            (ENTRIES - place, 1.0, -1.0, place != 0 && place != half - place),
         ];
         for (image, of_odd, of_sines, is_new) in images {
             if !is_new {

@@ -130,12 +130,7 @@ fn settled(
         let posterior = settle(&mut components, &evidence, steps)?;
         if round + 1 == rounds.len() {
             state.components = components;
-            return Some(Settled {
-                state,
-                evidence,
-                posterior,
-                prior_mean,
-            });
+            return Some(Settled { state, evidence, posterior, prior_mean });
         }
         let left_out = leave_one_out(&around, &prior_mean, &posterior);
         state.components = components;
@@ -228,13 +223,7 @@ impl State {
 
     fn take_in(&mut self, found: &[FoundLine], settings: &FullSettings) {
         for line in found {
-            self.layout.push(
-                Block::Line {
-                    joint: line.joint,
-                    cycles: line.cycles,
-                },
-                2,
-            );
+            self.layout.push(Block::Line { joint: line.joint, cycles: line.cycles }, 2);
         }
         self.components.add_lines(&self.layout, settings);
     }
@@ -258,11 +247,7 @@ pub(super) fn settle(
     for _ in 0..steps {
         let variances = components.variances();
         let posterior = evidence.posterior(&variances)?;
-        components.update(
-            &posterior.whitened.map(|u| u * u),
-            &posterior.determined(),
-            &variances,
-        );
+        components.update(&posterior.whitened.map(|u| u * u), &posterior.determined(), &variances);
     }
     evidence.posterior(&components.variances())
 }

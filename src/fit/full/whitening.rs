@@ -36,11 +36,7 @@ fn of_rows(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
         return Evidence::Rows(kept(around, prior_mean));
     }
     let sums = summed(around, prior_mean);
-    if sums.own.len() > 1 {
-        Evidence::Sessions(sums)
-    } else {
-        Evidence::Sums(sums.common)
-    }
+    if sums.own.len() > 1 { Evidence::Sessions(sums) } else { Evidence::Sums(sums.common) }
 }
 
 /// The sums of the rows of one session, whose columns are all shared.
@@ -254,12 +250,7 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
         values[first] = value - column.dot(prior_mean);
         first += 1;
     }
-    FewRows {
-        transposed,
-        columns: Arc::new(columns),
-        values,
-        ln_noise,
-    }
+    FewRows { transposed, columns: Arc::new(columns), values, ln_noise }
 }
 
 /// The columns of the model by what they move, for `rows` rows, of which none is there yet.
@@ -277,9 +268,5 @@ fn by_motion(around: &Around<'_>, rows: usize) -> ByMotion {
         motions: DVector::zeros(rows),
         columns,
     };
-    ByMotion {
-        plain,
-        joints: of_joints.into_iter().map(shapes).collect(),
-        stations: Vec::new(),
-    }
+    ByMotion { plain, joints: of_joints.into_iter().map(shapes).collect(), stations: Vec::new() }
 }

@@ -129,16 +129,11 @@ impl CameraUncertainty {
             Mounted::Fixed => Matrix3::identity(),
             Mounted::Flange => *camera_from_target.rotation.to_rotation_matrix().matrix(),
         };
-        let parts = [
-            (0, stated.position.map(symmetric)),
-            (3, stated.turn.map(|own| own.matrix())),
-        ];
+        let parts = [(0, stated.position.map(symmetric)), (3, stated.turn.map(|own| own.matrix()))];
         for (from, stated) in parts {
             let Some(stated) = stated else { continue };
             let stated = turn * stated * turn.transpose() * self.size.powi(2);
-            covariance
-                .fixed_view_mut::<3, 3>(from, from)
-                .copy_from(&stated);
+            covariance.fixed_view_mut::<3, 3>(from, from).copy_from(&stated);
             covariance.fixed_view_mut::<3, 3>(0, 3).fill(0.0);
             covariance.fixed_view_mut::<3, 3>(3, 0).fill(0.0);
         }
@@ -158,8 +153,7 @@ impl CameraUncertainty {
         let axis = self.looks_along.map(Vector3::from);
         let axis = axis.and_then(|axis| axis.try_normalize(0.0));
         // A target beside or behind the camera's axis is not seen: its reading has another frame than stated.
-        axis.filter(|axis| axis.dot(ray) > LEAST_COSINE)
-            .unwrap_or(*ray)
+        axis.filter(|axis| axis.dot(ray) > LEAST_COSINE).unwrap_or(*ray)
     }
 
     /// `Jᵀ J` of the corners' image points, with columns in these units.
@@ -172,10 +166,7 @@ impl CameraUncertainty {
         let across = across(ahead);
         let corners = self.places_mm();
         let mut information = Matrix6::zeros();
-        for (&x, &y) in corners
-            .iter()
-            .flat_map(|x| corners.iter().map(move |y| (x, y)))
-        {
+        for (&x, &y) in corners.iter().flat_map(|x| corners.iter().map(move |y| (x, y))) {
             let lever = pose.rotation * Vector3::new(x, y, 0.0);
             let corner = pose.translation.vector + lever;
             // A target larger than its distance has corners beside the camera; those count as just before it.
@@ -196,9 +187,7 @@ impl CameraUncertainty {
     fn places_mm(&self) -> Vec<f64> {
         let last = f64::from(self.corners.clamp(2, MOST_CORNERS) - 1);
         let place = |corner: u32| self.target_mm * (f64::from(corner) / last - 0.5);
-        (0..self.corners.clamp(2, MOST_CORNERS))
-            .map(place)
-            .collect()
+        (0..self.corners.clamp(2, MOST_CORNERS)).map(place).collect()
     }
 
     /// Factor on the noise of each of the corners counted where there are more.
@@ -214,11 +203,7 @@ fn along(position: &Vector3<f64>) -> Vector3<f64> {
 
 /// Two directions across a direction.
 fn across(ahead: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let helper = if ahead.x.abs() < 0.9 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
+    let helper = if ahead.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let first = ahead.cross(&helper).normalize();
     [first, ahead.cross(&first)]
 }
@@ -257,15 +242,9 @@ mod tests {
         assert!((0.06..0.12).contains(&sd[0]), "{sd:?}");
         // The target is 150 pixels wide; roll by 0.2 / (√4 · 75 √2) rad.
         let front = sds(1000.0, 0.0);
-        assert!(
-            (front[5] - 0.2 / (2.0 * 75.0 * 2.0_f64.sqrt())).abs() < 1e-5,
-            "{front:?}"
-        );
+        assert!((front[5] - 0.2 / (2.0 * 75.0 * 2.0_f64.sqrt())).abs() < 1e-5, "{front:?}");
         // Depth: the same size as a share of the distance.
-        assert!(
-            (front[2] / 1000.0 / front[5] - 1.0).abs() < 0.01,
-            "{front:?}"
-        );
+        assert!((front[2] / 1000.0 / front[5] - 1.0).abs() < 0.01, "{front:?}");
         // The tilt of a target seen from the front shows only by perspective.
         assert!(front[3] > 5.0 * sd[3], "{front:?} {sd:?}");
     }
@@ -284,9 +263,7 @@ mod tests {
     fn image(pose: &Isometry3<f64>) -> Vec<f64> {
         let corners = [(-50.0, -50.0), (-50.0, 50.0), (50.0, -50.0), (50.0, 50.0)];
         let seen = corners.map(|(x, y)| pose * Point3::new(x, y, 0.0));
-        seen.iter()
-            .flat_map(|p| [1500.0 * p.x / p.z, 1500.0 * p.y / p.z])
-            .collect()
+        seen.iter().flat_map(|p| [1500.0 * p.x / p.z, 1500.0 * p.y / p.z]).collect()
     }
 
     #[test]
@@ -312,11 +289,7 @@ mod tests {
         for _ in 0..count {
             let noise =
                 (0..8).map(|_| 0.2 / slant * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0));
-            let seen: Vec<f64> = image(&truth)
-                .into_iter()
-                .zip(noise)
-                .map(|(a, b)| a + b)
-                .collect();
+            let seen: Vec<f64> = image(&truth).into_iter().zip(noise).map(|(a, b)| a + b).collect();
             let mut found = truth;
             for _ in 0..4 {
                 let at = image(&found);
@@ -324,19 +297,12 @@ mod tests {
                     let step = if k < 3 { 1e-3 } else { 1e-6 };
                     let by = Vector6::from_fn(|row, _| if row == k { step } else { 0.0 });
                     let ahead = image(&moved(&by, &found));
-                    ahead
-                        .iter()
-                        .zip(&at)
-                        .map(|(a, b)| (a - b) / step)
-                        .collect::<Vec<f64>>()
+                    ahead.iter().zip(&at).map(|(a, b)| (a - b) / step).collect::<Vec<f64>>()
                 };
                 let columns: Vec<Vec<f64>> = (0..6).map(column).collect();
                 let jacobian = nalgebra::DMatrix::from_fn(8, 6, |row, k| columns[k][row]);
                 let off = nalgebra::DVector::from_fn(8, |row, _| seen[row] - at[row]);
-                let step = jacobian
-                    .svd(true, true)
-                    .solve(&off, 1e-12)
-                    .expect("full rank");
+                let step = jacobian.svd(true, true).solve(&off, 1e-12).expect("full rank");
                 found = moved(&Vector6::from_iterator(step.iter().copied()), &found);
             }
             let off = found.translation.vector - truth.translation.vector;
@@ -356,13 +322,8 @@ mod tests {
 
     #[test]
     fn the_covariance_of_an_inverse_is_that_of_inverted_poses() {
-        let (truth, camera) = (
-            pose(700.0, 30.0),
-            CameraUncertainty {
-                mounted: Mounted::Flange,
-                ..CAMERA
-            },
-        );
+        let (truth, camera) =
+            (pose(700.0, 30.0), CameraUncertainty { mounted: Mounted::Flange, ..CAMERA });
         let carried = camera.of_reading(&truth.inverse(), &PoseCovariance::default());
         let factor = camera.of_pose(&truth).cholesky().expect("positive").l();
         // Numerically: each column of the factor as a small motion, the change of the inverse.
@@ -391,35 +352,20 @@ mod tests {
         // A stated covariance replaces that of the position; a tilt still moves the camera at the end of the ray.
         let stated = camera.of_reading(
             &truth.inverse(),
-            &PoseCovariance {
-                position: Some([1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8]),
-                turn: None,
-            },
+            &PoseCovariance { position: Some([1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8]), turn: None },
         );
         assert!(stated[(0, 0)] > 1e-4, "{stated}");
     }
 
     #[test]
     fn more_corners_lower_the_noise_and_a_size_raises_it() {
-        let board = CameraUncertainty {
-            corners: 4,
-            ..CAMERA
-        };
-        let many = CameraUncertainty {
-            corners: 24,
-            ..CAMERA
-        };
-        let twelve = CameraUncertainty {
-            corners: 12,
-            ..CAMERA
-        };
+        let board = CameraUncertainty { corners: 4, ..CAMERA };
+        let many = CameraUncertainty { corners: 24, ..CAMERA };
+        let twelve = CameraUncertainty { corners: 12, ..CAMERA };
         let lateral = |camera: &CameraUncertainty| camera.of_pose(&pose(1000.0, 30.0))[(0, 0)];
         assert!(lateral(&board) < lateral(&CAMERA));
         assert!((lateral(&many) / lateral(&twelve) - 0.25).abs() < 1e-9);
-        let doubled = CameraUncertainty {
-            size: 2.0,
-            ..CAMERA
-        };
+        let doubled = CameraUncertainty { size: 2.0, ..CAMERA };
         assert!((lateral(&doubled) / lateral(&CAMERA) - 4.0).abs() < 1e-9);
         // A camera's point in any direction has the covariance of the same point before it, turned.
         let (before, beside) = (

@@ -15,10 +15,7 @@ use crate::kinematics::Twist;
 
 /// The measured values of a station with their uncertainty, in the source's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a session's readings are few, and of one kind"
-)]
+#[expect(clippy::large_enum_variant, reason = "a session's readings are few, and of one kind")]
 pub enum Measured {
     /// The target's position.
     Point(MeasuredPoint),
@@ -280,9 +277,7 @@ fn put(vector: &Vector3<f64>, rows: &mut [f64]) {
 /// The kind with the most rows among all: a pose where any orientation is measured.
 pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) -> ReadingKind {
     let kinds = all.into_iter().map(Measured::kind);
-    kinds
-        .max_by_key(|kind| kind.rows())
-        .unwrap_or(ReadingKind::Point)
+    kinds.max_by_key(|kind| kind.rows()).unwrap_or(ReadingKind::Point)
 }
 
 impl MeasuredLength {
@@ -313,15 +308,11 @@ pub fn stated_of(reading: &Reading, source: &Source) -> Option<DMatrix<f64>> {
         return None;
     }
     // What is not stated is known beside it.
-    let position = point
-        .stated_covariance
-        .map_or_else(Matrix3::zeros, symmetric);
+    let position = point.stated_covariance.map_or_else(Matrix3::zeros, symmetric);
     let whole = of_parts(&position, &stated_turn.unwrap_or_default());
     let has_turn = turn.is_some() && (stated_turn.is_some() || source.states_orientations());
     let rows = if has_turn { 6 } else { 3 };
-    Some(DMatrix::from_fn(rows, rows, |row, column| {
-        whole[(row, column)]
-    }))
+    Some(DMatrix::from_fn(rows, rows, |row, column| whole[(row, column)]))
 }
 
 /// Covariance of an instrument and of the mean of its samples at a reading.
@@ -345,9 +336,7 @@ impl Instrument {
     ) -> Self {
         let kept = reading.kept.max(1) as f64;
         let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);
-        let moving = point
-            .motion_covariance
-            .map_or_else(Matrix3::zeros, symmetric);
+        let moving = point.motion_covariance.map_or_else(Matrix3::zeros, symmetric);
         let modelled = || source.uncertainty.covariance(&point.position);
         let mut whole = match (turn, source.uncertainty.camera()) {
             (Some(turn), Some(camera)) => {
@@ -395,10 +384,8 @@ fn by_scatter(block: &Matrix3<f64>, scatter: [f64; 3]) -> Option<f64> {
 /// A stated covariance with the scatter of the mean of its samples. Readings that state a covariance scatter along its axes: a variance
 /// along the axes of the frame would be far too large where the noise is small.
 fn scattered(stated: &Matrix3<f64>, scatter: [f64; 3]) -> Matrix3<f64> {
-    by_scatter(stated, scatter).map_or_else(
-        || Matrix3::from_diagonal(&scatter.into()),
-        |factor| stated * factor,
-    )
+    by_scatter(stated, scatter)
+        .map_or_else(|| Matrix3::from_diagonal(&scatter.into()), |factor| stated * factor)
 }
 
 /// Adds the scatter of the mean to a block of a pose's covariance, which stays as it is correlated with the other.
@@ -423,10 +410,7 @@ fn of_parts(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
     if pose_covariance::is_joint(position, turn) {
         return pose_covariance::joint(position, turn);
     }
-    let alone = TurnCovariance {
-        with_position: [0.0; 9],
-        ..*turn
-    };
+    let alone = TurnCovariance { with_position: [0.0; 9], ..*turn };
     pose_covariance::joint(position, &alone)
 }
 
@@ -438,9 +422,7 @@ impl MeasuredPoint {
         Self {
             position: point.position,
             instrument,
-            factor: covariance
-                .cholesky()
-                .map_or_else(isotropic, |factor| factor.l()),
+            factor: covariance.cholesky().map_or_else(isotropic, |factor| factor.l()),
         }
     }
 }
@@ -452,11 +434,7 @@ impl JointCovariance {
         let own =
             instrument.fixed_view::<3, 3>(3, 3) - across * instrument.fixed_view::<3, 3>(0, 3);
         let own = own.cholesky()?.l().try_inverse()?;
-        Some(Self {
-            instrument: *instrument,
-            from_position: -own * across,
-            own,
-        })
+        Some(Self { instrument: *instrument, from_position: -own * across, own })
     }
 }
 
@@ -499,11 +477,7 @@ impl MeasuredOrientation {
             from_position: own.from_position / by,
             own: own.own / by,
         });
-        Self {
-            sd_rad: self.sd_rad * by,
-            joint,
-            ..self
-        }
+        Self { sd_rad: self.sd_rad * by, joint, ..self }
     }
 
     /// Whitened rows of the orientation from the position's residual (mm) and its own (rad).

@@ -52,9 +52,7 @@ impl Stations {
         let own = |(_, o): &(usize, &Observation)| o.channel() == channel;
         let own: Vec<_> = observations.iter().enumerate().filter(own).collect();
         let column = |pick: &dyn Fn(&Observation) -> f64| -> Vec<f64> {
-            own.iter()
-                .map(|(_, observation)| pick(observation))
-                .collect()
+            own.iter().map(|(_, observation)| pick(observation)).collect()
         };
         let seen = own.iter().map(|(_, o)| numbers(&o.measured));
         let (positions, whitening): (Vec<Vector3<f64>>, Vec<Matrix3<f64>>) = seen.unzip();
@@ -189,8 +187,7 @@ impl BlockRows {
         self.unknowns.extend_from_slice(chain.unknowns());
         self.rows = stations.kind.rows() * BLOCK;
         self.values.clear();
-        self.values
-            .resize(self.rows * (self.unknowns.len() + 1), 0.0);
+        self.values.resize(self.rows * (self.unknowns.len() + 1), 0.0);
 
         let places = &stations.places[first..stations.places.len().min(first + BLOCK)];
         let roots = filled(places.iter().map(|&place| weights[place].sqrt()));
@@ -207,9 +204,7 @@ impl BlockRows {
         for (column, out) in self.columns.iter().zip(&mut columns) {
             whiten(&whitening, &column.linear, out);
         }
-        let out = columns
-            .next()
-            .expect("the residual comes after the unknowns");
+        let out = columns.next().expect("the residual comes after the unknowns");
         whiten(&whitening, &away, out);
         match stations.kind {
             ReadingKind::Point | ReadingKind::Distance | ReadingKind::Height => {}
@@ -307,9 +302,7 @@ impl BlockRows {
             self.put_turn(residual_column, i, &white);
             for column in 0..self.unknowns.len() {
                 let moved = &self.columns[column];
-                let angular = moved
-                    .angular()
-                    .map_or_else(Vector3::zeros, |own| at(own, i));
+                let angular = moved.angular().map_or_else(Vector3::zeros, |own| at(own, i));
                 let white = measured.whitened(&at(&moved.linear, i), &angular) * roots[i];
                 self.put_turn(self.rows * column, i, &white);
             }
@@ -343,11 +336,7 @@ impl BlockRows {
         let mut first = 0;
         while first < size {
             let below = size - first;
-            let width = if below < 2 * GRAM_COLUMNS {
-                below
-            } else {
-                GRAM_COLUMNS
-            };
+            let width = if below < 2 * GRAM_COLUMNS { below } else { GRAM_COLUMNS };
             gram.view_mut((first, first), (below, width)).gemm(
                 1.0,
                 &transposed.rows(first, below),

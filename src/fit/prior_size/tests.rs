@@ -27,21 +27,14 @@ fn larger_errors_make_the_prior_larger() {
     assert!((6.0..40.0).contains(&length_mm), "{length_mm} mm");
     assert!((6e-3..40e-3).contains(&angle_rad), "{angle_rad} rad");
     // Where nothing is beyond the geometry, what is left is the noise of the readings.
-    assert!(
-        (found.misfit_mm - 0.02).abs() < 2e-3,
-        "{} mm",
-        found.misfit_mm
-    );
+    assert!((found.misfit_mm - 0.02).abs() < 2e-3, "{} mm", found.misfit_mm);
 }
 
 #[test]
 fn no_prior_stays_none() {
     let truth = Truth::new(FILES[1], [60.0, -35.0, 110.0]);
     let seen = truth.observed(false);
-    let settings = FitSettings {
-        prior_length_mm: 0.0,
-        ..FitSettings::default()
-    };
+    let settings = FitSettings { prior_length_mm: 0.0, ..FitSettings::default() };
     let starts = std::slice::from_ref(&truth.frames);
     let found = identify_from(&truth.arm, &seen, starts, Freedom::Geometry, &settings);
     assert_eq!(found.geometry_prior(), None);

@@ -70,11 +70,7 @@ impl Row {
             let start = frames.targets().get(target.0)?;
             Some(start.isometry().translation.vector)
         };
-        Some(Self {
-            columns: [columns(a)?, columns(b)?],
-            starts: [start(a)?, start(b)?],
-            known,
-        })
+        Some(Self { columns: [columns(a)?, columns(b)?], starts: [start(a)?, start(b)?], known })
     }
 
     /// The row at `offsets`.

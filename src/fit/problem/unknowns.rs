@@ -41,11 +41,7 @@ pub enum Owner {
 impl Unknown {
     /// A parameter of the chain between a channel's source and target.
     pub(in crate::fit) const fn of(channel: Channel, parameter: Parameter) -> Self {
-        let Channel {
-            session,
-            source,
-            target,
-        } = channel;
+        let Channel { session, source, target } = channel;
         let owner = match parameter {
             Parameter::Base(_) | Parameter::Gauge(_) => Owner::Source { session, source },
             Parameter::Link { .. } => Owner::Arm,
@@ -136,14 +132,7 @@ impl Prior {
         match (unknown.owner, unknown.parameter) {
             (Owner::Arm, parameter) => {
                 let (length_mm, angle_rad) = self.geometry?;
-                Some((
-                    0.0,
-                    if parameter.is_angle() {
-                        angle_rad
-                    } else {
-                        length_mm
-                    },
-                ))
+                Some((0.0, if parameter.is_angle() { angle_rad } else { length_mm }))
             }
             (Owner::Target { session, target }, Parameter::Target(Motion::Translation(axis))) => {
                 let known = self.targets.get(target.0).copied().flatten()?;

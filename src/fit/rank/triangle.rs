@@ -23,11 +23,7 @@ pub struct Triangle {
 impl Triangle {
     /// The factor of no rows: zeros.
     pub fn new(size: usize) -> Self {
-        Self {
-            size,
-            entries: vec![0.0; size * size],
-            block: vec![Vec::new(); size],
-        }
+        Self { size, entries: vec![0.0; size * size], block: vec![Vec::new(); size] }
     }
 
     /// Adds a block of whitened rows; the residual takes no part.
@@ -86,9 +82,8 @@ mod tests {
 
     /// Rows without a pattern; their last column is the sum of the two first.
     fn rows(count: usize, size: usize) -> DMatrix<f64> {
-        let mut rows = DMatrix::from_fn(count, size, |i, j| {
-            ((i * 37 + j * 101) as f64 * 0.618).sin()
-        });
+        let mut rows =
+            DMatrix::from_fn(count, size, |i, j| ((i * 37 + j * 101) as f64 * 0.618).sin());
         let sum = rows.column(0) + rows.column(1);
         rows.set_column(size - 1, &sum);
         rows
@@ -96,9 +91,7 @@ mod tests {
 
     fn columns(rows: &DMatrix<f64>, first: usize, count: usize) -> Vec<Vec<f64>> {
         let part = rows.rows(first, count);
-        part.column_iter()
-            .map(|column| column.iter().copied().collect())
-            .collect()
+        part.column_iter().map(|column| column.iter().copied().collect()).collect()
     }
 
     #[test]

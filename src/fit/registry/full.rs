@@ -28,10 +28,7 @@ fn load(text: &str, _: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedFull::read(text)?;
     let model = FullModel::from_saved(&saved)?;
     Ok(Loaded {
-        head: SavedHead {
-            arm: saved.arm,
-            sessions: saved.sessions,
-        },
+        head: SavedHead { arm: saved.arm, sessions: saved.sessions },
         model: Box::new(model),
     })
 }
@@ -64,10 +61,7 @@ impl PoseModel for FullModel {
             position: predicted.position,
             flange: predicted.flange,
             error: None,
-            open: Some(Open {
-                rows: predicted.rows,
-                alone: predicted.approach,
-            }),
+            open: Some(Open { rows: predicted.rows, alone: predicted.approach }),
         })
     }
 
@@ -89,10 +83,7 @@ impl PoseModel for FullModel {
         source: SourceId,
         predictions: &[&Prediction],
     ) -> Vec<Spread> {
-        let open: Vec<&Open> = predictions
-            .iter()
-            .filter_map(|own| own.open.as_ref())
-            .collect();
+        let open: Vec<&Open> = predictions.iter().filter_map(|own| own.open.as_ref()).collect();
         // Without a prediction there are rows of the model's columns still, none of them.
         let mut rows = DMatrix::zeros(3 * open.len(), self.layout().size());
         for (place, own) in open.iter().enumerate() {

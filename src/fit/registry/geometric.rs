@@ -51,10 +51,7 @@ pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedEr
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
     };
     Ok(Loaded {
-        head: SavedHead {
-            arm: saved.arm,
-            sessions: saved.sessions,
-        },
+        head: SavedHead { arm: saved.arm, sessions: saved.sessions },
         model: Box::new(model),
     })
 }

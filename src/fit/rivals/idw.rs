@@ -87,10 +87,7 @@ impl Idw {
 
 impl ErrorMap for Idw {
     fn at(&self, place: &Place<'_>) -> Estimate {
-        Estimate {
-            error: self.mean(&self.space.coordinates(place), None),
-            variance: self.variance,
-        }
+        Estimate { error: self.mean(&self.space.coordinates(place), None), variance: self.variance }
     }
 }
 
@@ -108,8 +105,7 @@ impl Space {
             Self::Position => pairs.map(|(a, b)| (a - b).powi(2)).sum(),
             Self::Joints(slides) => {
                 let each = pairs.zip(slides);
-                each.map(|((a, b), slides)| chord(a - b, *slides).powi(2))
-                    .sum()
+                each.map(|((a, b), slides)| chord(a - b, *slides).powi(2)).sum()
             }
         };
         squares.sqrt()
@@ -141,10 +137,7 @@ mod tests {
 
     #[test]
     fn two_stations_weigh_by_the_square_of_their_distance() {
-        let samples = [
-            sample(&[0.0], [0.0; 3], 0.4),
-            sample(&[0.0], [300.0, 0.0, 0.0], 0.1),
-        ];
+        let samples = [sample(&[0.0], [0.0; 3], 0.4), sample(&[0.0], [300.0, 0.0, 0.0], 0.1)];
         let map = Idw::new(&samples, Space::Position).expect("two stations");
         // 100 mm and 200 mm away: weights 4/5 and 1/5, so 0.8 · 0.4 + 0.2 · 0.1 = 0.34 mm.
         let near = map.at(&place(&[0.0], [100.0, 0.0, 0.0]));

@@ -90,14 +90,7 @@ impl Kriging {
         let (weights, size) = weighed(&factor, &errors(&samples))?;
         let measured = mean_measured_variance(&samples);
         let beyond = size.map(|own| kernel.nugget.mul_add(own, -measured).max(0.0));
-        Some(Self {
-            kernel,
-            axes,
-            factor,
-            weights,
-            size,
-            beyond,
-        })
+        Some(Self { kernel, axes, factor, weights, size, beyond })
     }
 
     /// The kernel.
@@ -175,10 +168,8 @@ fn errors(samples: &[Sample<'_>]) -> DMatrix<f64> {
 
 /// `C⁻¹e` and the sizes `eᵀC⁻¹e/n`; `None` where a size is not positive.
 fn weighed(factor: &Cholesky, errors: &DMatrix<f64>) -> Option<(DMatrix<f64>, Vector3<f64>)> {
-    let columns: Vec<DVector<f64>> = errors
-        .column_iter()
-        .map(|own| factor.solve(&own.into_owned()))
-        .collect();
+    let columns: Vec<DVector<f64>> =
+        errors.column_iter().map(|own| factor.solve(&own.into_owned())).collect();
     let weights = DMatrix::from_columns(&columns);
     let size = Vector3::from_fn(|axis, _| {
         weights.column(axis).dot(&errors.column(axis)) / errors.nrows() as f64
@@ -206,9 +197,7 @@ impl Likelihood {
         let squares = |(axis, slides): (usize, &bool)| {
             let at = |own: usize| samples[own].place.axes[axis];
             let pairs = pairs(samples.len());
-            pairs
-                .map(|(row, column)| chord(at(row) - at(column), *slides).powi(2))
-                .collect()
+            pairs.map(|(row, column)| chord(at(row) - at(column), *slides).powi(2)).collect()
         };
         (samples.len() > 1).then(|| Self {
             shape,

@@ -80,10 +80,8 @@ impl Network {
     pub fn new(samples: &[Sample<'_>], slides: &[bool]) -> Option<Self> {
         let parts = Parts::of(samples)?;
         let usual_c = usual_c(samples);
-        let rows: Vec<RowDVector<f64>> = samples
-            .iter()
-            .map(|own| inputs(&own.place, slides, usual_c))
-            .collect();
+        let rows: Vec<RowDVector<f64>> =
+            samples.iter().map(|own| inputs(&own.place, slides, usual_c)).collect();
         let rows = DMatrix::from_rows(&rows);
         let errors = DMatrix::from_fn(samples.len(), 3, |row, axis| samples[row].error[axis]);
         let learnt: Vec<usize> = parts.folds.concat();
@@ -125,20 +123,12 @@ impl Network {
     fn ensemble(&self, place: &Place<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let inputs = inputs(place, &self.slides, self.usual_c);
         let inputs = self.inputs.scaled_row(&inputs);
-        let each: Vec<Vector3<f64>> = self
-            .members
-            .iter()
-            .map(|own| self.outputs.unscaled(&own.at(&inputs)))
-            .collect();
+        let each: Vec<Vector3<f64>> =
+            self.members.iter().map(|own| self.outputs.unscaled(&own.at(&inputs))).collect();
         let count = each.len() as f64;
         let mean = each.iter().sum::<Vector3<f64>>() / count;
-        let squares = each
-            .iter()
-            .map(|own| (own - mean).component_mul(&(own - mean)));
-        (
-            mean,
-            squares.sum::<Vector3<f64>>() / (count - 1.0) + self.left,
-        )
+        let squares = each.iter().map(|own| (own - mean).component_mul(&(own - mean)));
+        (mean, squares.sum::<Vector3<f64>>() / (count - 1.0) + self.left)
     }
 
     /// Share of the network at a place: 1 inside all measured ranges, less the further outside.
@@ -229,11 +219,7 @@ fn usual_c(samples: &[Sample<'_>]) -> Option<f64> {
 fn inputs(place: &Place<'_>, slides: &[bool], usual_c: Option<f64>) -> RowDVector<f64> {
     let mut row = Vec::with_capacity(3 * place.axes.len() + 4);
     for (own, slides) in place.axes.iter().zip(slides) {
-        let pair = if *slides {
-            [*own / SLIDE_MM_PER_RAD, 0.0]
-        } else {
-            [own.sin(), own.cos()]
-        };
+        let pair = if *slides { [*own / SLIDE_MM_PER_RAD, 0.0] } else { [own.sin(), own.cos()] };
         row.extend(pair);
     }
     let sent = match place.known {
@@ -248,10 +234,7 @@ fn inputs(place: &Place<'_>, slides: &[bool], usual_c: Option<f64>) -> RowDVecto
     row.extend(from.map(|own| f64::from(u8::from(own))));
     if let Some(usual_c) = usual_c {
         let is_known = place.temperature_c.is_some();
-        row.extend([
-            place.temperature_c.unwrap_or(usual_c),
-            f64::from(u8::from(is_known)),
-        ]);
+        row.extend([place.temperature_c.unwrap_or(usual_c), f64::from(u8::from(is_known))]);
     }
     RowDVector::from_vec(row)
 }
@@ -274,19 +257,14 @@ fn temperatures(samples: &[Sample<'_>]) -> Option<[f64; 2]> {
 fn ranges(samples: &[Sample<'_>], axes: usize) -> Vec<[f64; 2]> {
     let range = |axis: usize| {
         let own = samples.iter().map(|own| own.place.axes[axis]);
-        [
-            own.clone().fold(f64::INFINITY, f64::min),
-            own.fold(f64::NEG_INFINITY, f64::max),
-        ]
+        [own.clone().fold(f64::INFINITY, f64::min), own.fold(f64::NEG_INFINITY, f64::max)]
     };
     (0..axes).map(range).collect()
 }
 
 /// Mean squares of the errors themselves, widened so that 95 % of them lie inside their ellipsoids, mm².
 fn unknown(samples: &[Sample<'_>]) -> Vector3<f64> {
-    let squares = samples
-        .iter()
-        .map(|own| own.error.component_mul(&own.error));
+    let squares = samples.iter().map(|own| own.error.component_mul(&own.error));
     let mean = squares.sum::<Vector3<f64>>() / samples.len() as f64;
     let inverse = Matrix3::from_diagonal(&mean.map(|own| own.max(f64::MIN_POSITIVE).recip()));
     let distance = |own: &Sample<'_>| own.error.dot(&(inverse * own.error));
@@ -299,20 +277,13 @@ impl Scale {
     /// Mean and standard deviation of each column over the rows at `places`; 1 of a column that does not vary.
     fn of(rows: &DMatrix<f64>, places: &[usize]) -> Self {
         let rows = rows.select_rows(places);
-        let sd = rows
-            .row_variance()
-            .map(|own| if own > 1e-18 { own.sqrt() } else { 1.0 });
-        Self {
-            mean: rows.row_mean(),
-            sd,
-        }
+        let sd = rows.row_variance().map(|own| if own > 1e-18 { own.sqrt() } else { 1.0 });
+        Self { mean: rows.row_mean(), sd }
     }
 
     fn scaled(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let rows: Vec<RowDVector<f64>> = rows
-            .row_iter()
-            .map(|own| self.scaled_row(&own.into_owned()))
-            .collect();
+        let rows: Vec<RowDVector<f64>> =
+            rows.row_iter().map(|own| self.scaled_row(&own.into_owned())).collect();
         DMatrix::from_rows(&rows)
     }
 

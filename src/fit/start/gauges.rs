@@ -63,25 +63,17 @@ pub(super) fn distance(seen: &[SeenAt], known: &Known) -> Option<(Gauge, Vector3
             own.mm - (origin - place).norm()
         });
         let mean = left.sum::<f64>() / seen.len() as f64;
-        Gauge::Distance(Anchor {
-            place,
-            offset_mm: known.gauge.offset.map_or(mean, |own| own.0),
-        })
+        Gauge::Distance(Anchor { place, offset_mm: known.gauge.offset.map_or(mean, |own| own.0) })
     };
     best(places.into_iter().map(of_place), seen, known)
 }
 
 /// The plane that heights are read above, and the target's place on the flange, mm; `None` without a candidate.
 pub(super) fn height(seen: &[SeenAt], known: &Known) -> Option<(Gauge, Vector3<f64>)> {
-    let origins: Vec<Vector3<f64>> = seen
-        .iter()
-        .map(|own| own.flange.translation.vector)
-        .collect();
+    let origins: Vec<Vector3<f64>> = seen.iter().map(|own| own.flange.translation.vector).collect();
     let n = seen.len().max(1) as f64;
-    let (middle, level) = (
-        origins.iter().sum::<Vector3<f64>>() / n,
-        seen.iter().map(|own| own.mm).sum::<f64>() / n,
-    );
+    let (middle, level) =
+        (origins.iter().sum::<Vector3<f64>>() / n, seen.iter().map(|own| own.mm).sum::<f64>() / n);
     let (mut scatter, mut slope) = (Matrix3::zeros(), Vector3::zeros());
     for (origin, own) in origins.iter().zip(seen) {
         let away = origin - middle;
@@ -90,19 +82,12 @@ pub(super) fn height(seen: &[SeenAt], known: &Known) -> Option<(Gauge, Vector3<f
     }
     let eigen = scatter.symmetric_eigen();
     let thin: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into();
-    let thin = if thin[thin.iamax()] < 0.0 {
-        -thin
-    } else {
-        thin
-    };
+    let thin = if thin[thin.iamax()] < 0.0 { -thin } else { thin };
     let risen = scatter.try_inverse().map(|inverse| inverse * slope);
     let normals = [Some(thin), Some(-thin), risen];
     let of_normal = |normal: Vector3<f64>| {
         let normal = Unit::try_new(normal, NOTHING)?;
-        Some(Gauge::Height(Plane::new(
-            normal,
-            normal.dot(&middle) - level,
-        )))
+        Some(Gauge::Height(Plane::new(normal, normal.dot(&middle) - level)))
     };
     let candidates = normals.into_iter().flatten().filter_map(of_normal);
     best(candidates, seen, known)
@@ -130,10 +115,7 @@ fn anchor(seen: &[SeenAt], offset_mm: Option<f64>) -> Option<Point3<f64>> {
     let floor = NOTHING * svd.singular_values.max();
     let solved = svd.solve(&right, floor).ok()?;
     let place = Vector3::new(solved[0], solved[1], solved[2]) * MM_PER_M;
-    place
-        .iter()
-        .all(|own| own.is_finite())
-        .then(|| place.into())
+    place.iter().all(|own| own.is_finite()).then(|| place.into())
 }
 
 /// The best of the candidates after least squares; of equally good ones the first.
@@ -142,19 +124,13 @@ fn best(
     seen: &[SeenAt],
     known: &Known,
 ) -> Option<(Gauge, Vector3<f64>)> {
-    let solved: Vec<Solving<'_>> = candidates
-        .map(|candidate| Solving::new(candidate, seen, known).robust())
-        .collect();
+    let solved: Vec<Solving<'_>> =
+        candidates.map(|candidate| Solving::new(candidate, seen, known).robust()).collect();
     let scales = solved.iter().map(Solving::sd_mm);
     let sd_mm = scales.fold(f64::INFINITY, f64::min);
     let costs = solved.iter().map(|own| (own.robust_cost(sd_mm), own));
-    let (_, found) = costs.reduce(|best, other| {
-        if other.0 < best.0 * (1.0 - BETTER) {
-            other
-        } else {
-            best
-        }
-    })?;
+    let (_, found) =
+        costs.reduce(|best, other| if other.0 < best.0 * (1.0 - BETTER) { other } else { best })?;
     Some((found.gauge, found.target))
 }
 
@@ -297,9 +273,8 @@ impl<'s> Solving<'s> {
         let target = self.known.target;
         let sd_mm = target.map_or(TARGET_MM, |own| own.sd_mm);
         let place = Vector3::from(target.map_or([0.0; 3], |own| own.xyz_mm));
-        let mut stated: Vec<_> = (0..3)
-            .map(|axis| (axis, place[axis] - self.target[axis], sd_mm))
-            .collect();
+        let mut stated: Vec<_> =
+            (0..3).map(|axis| (axis, place[axis] - self.target[axis], sd_mm)).collect();
         if let Gauge::Distance(anchor) = &self.gauge {
             if let Some(known) = self.known.gauge.place {
                 let away = Point3::from(known.xyz_mm) - anchor.place;

@@ -60,20 +60,13 @@ impl<'j> Pool<'j> {
         let is_enough = |row: &usize| judged[*row].covered.is_none_or(|own| own.is_enough());
         let enough: Vec<usize> = tables.iter().copied().filter(is_enough).collect();
         let is_short = enough.is_empty();
-        Self {
-            judged,
-            rows: if is_short { tables } else { enough },
-            is_short,
-        }
+        Self { judged, rows: if is_short { tables } else { enough }, is_short }
     }
 
     /// Those of one source.
     fn only(&self, source: Source) -> Self {
         let is_of = |row: &usize| self.judged[*row].source == source;
-        Self {
-            rows: self.rows.iter().copied().filter(is_of).collect(),
-            ..*self
-        }
+        Self { rows: self.rows.iter().copied().filter(is_of).collect(), ..*self }
     }
 
     /// The largest step whose bound is within `share` of the model's own; else the least bound; without bounds by local cells.
@@ -162,9 +155,8 @@ impl<'j> Pool<'j> {
         let families = families(self.judged);
         let best_of = |family: &(Source, Interpolation)| {
             let rows = tables_of(self.judged, *family);
-            let holding = rows
-                .into_iter()
-                .take_while(|&row| self.judged[row].verdict == Verdict::Meets);
+            let holding =
+                rows.into_iter().take_while(|&row| self.judged[row].verdict == Verdict::Meets);
             holding.filter(|row| self.rows.contains(row)).last()
         };
         let largest = families.iter().filter_map(best_of);
@@ -216,11 +208,7 @@ impl<'j> Pool<'j> {
     fn with_cost(&self, mut picked: Picked) -> Picked {
         let row = &self.judged[picked.row];
         let local = self.local(picked.row);
-        picked.words += &cost(
-            local
-                .filter(|_| row.decided_by != row.judgement)
-                .unwrap_or(row),
-        );
+        picked.words += &cost(local.filter(|_| row.decided_by != row.judgement).unwrap_or(row));
         if let Some(covered) = &row.covered {
             picked.words += "; ";
             picked.words += &covered.words();
@@ -259,19 +247,11 @@ fn cost(row: &Judged) -> String {
 }
 
 fn named(row: &Judged) -> String {
-    format!(
-        "{} mm, nodes {}, {}",
-        row.step_mm,
-        row.source.name(),
-        row.interpolation.name()
-    )
+    format!("{} mm, nodes {}, {}", row.step_mm, row.source.name(), row.interpolation.name())
 }
 
 fn families(judged: &[Judged]) -> Vec<(Source, Interpolation)> {
-    let mut families: Vec<_> = judged
-        .iter()
-        .map(|row| (row.source, row.interpolation))
-        .collect();
+    let mut families: Vec<_> = judged.iter().map(|row| (row.source, row.interpolation)).collect();
     families.sort_unstable();
     families.dedup();
     families
@@ -285,9 +265,8 @@ fn tables_of(judged: &[Judged], family: (Source, Interpolation)) -> Vec<usize> {
             && (row.source, row.interpolation) == family
             && row.lattice.is_some()
     };
-    let mut rows: Vec<usize> = (0..judged.len())
-        .filter(|&place| of_family(&judged[place]))
-        .collect();
+    let mut rows: Vec<usize> =
+        (0..judged.len()).filter(|&place| of_family(&judged[place])).collect();
     rows.sort_by(|&a, &b| judged[a].step_mm.total_cmp(&judged[b].step_mm));
     rows
 }

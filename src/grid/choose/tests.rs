@@ -11,12 +11,7 @@ use crate::grid::rows::combine;
 use crate::grid::{Covered, HeldOut, Interpolation, Judgement, Lattice, Source};
 
 fn covered(stations: usize, like: usize) -> Covered {
-    Covered {
-        stations,
-        like,
-        measured: like,
-        of_box: stations as f64 / like as f64,
-    }
+    Covered { stations, like, measured: like, of_box: stations as f64 / like as f64 }
 }
 
 fn by(rule: Rule) -> GridSettings {
@@ -33,11 +28,7 @@ fn chosen(judged: &[Judged], rule: Rule) -> (Option<usize>, Verdict, String) {
 
 /// A table row of `n` held-out stations that all keep the same error.
 fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
-    let tolerance = Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    let tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
     let norms = vec![left_mm; n];
     let mut by_pose = PoseErrors::default();
     (0..n).for_each(|pose| by_pose.add(pose, pose, 0, left_mm));
@@ -56,11 +47,7 @@ fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
         interpolation: Interpolation::Trilinear,
         judgement: Judgement::Table,
         of_test: None,
-        lattice: Some(Lattice {
-            origin: Point3::origin(),
-            step: [step_mm; 3],
-            counts: [2; 3],
-        }),
+        lattice: Some(Lattice { origin: Point3::origin(), step: [step_mm; 3], counts: [2; 3] }),
         pitch_mm: Some([step_mm; 3]),
         nodes: 8,
         refused_nodes: BTreeMap::new(),
@@ -89,17 +76,10 @@ fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
 #[test]
 fn the_largest_step_that_holds_without_a_gap_is_chosen() {
     // 300 mm holds by itself, but 200 mm below it does not.
-    let judged = [
-        row(100.0, 0.3, 1.0, 100),
-        row(200.0, 0.6, 1.0, 100),
-        row(300.0, 0.4, 1.0, 100),
-    ];
+    let judged = [row(100.0, 0.3, 1.0, 100), row(200.0, 0.6, 1.0, 100), row(300.0, 0.4, 1.0, 100)];
     let (row, verdict, words) = chosen(&judged, Rule::FewestNodes);
     assert_eq!((row, verdict), (Some(0), Verdict::Meets));
-    assert!(
-        words.contains("0.200 ± 0.000 mm more than the model"),
-        "{words}"
-    );
+    assert!(words.contains("0.200 ± 0.000 mm more than the model"), "{words}");
 }
 
 #[test]
@@ -113,17 +93,12 @@ fn none_meets_it_and_no_help_are_answers_in_words() {
 #[test]
 fn of_model_nodes_the_largest_step_near_the_model_is_chosen_and_both_choices_are_reported() {
     // The model's own bound is 0.100 mm: 0.105 is within the least margin, 0.106 is not.
-    let judged = [
-        row(100.0, 0.101, 1.0, 100),
-        row(200.0, 0.1049, 1.0, 100),
-        row(400.0, 0.106, 1.0, 100),
-    ];
+    let judged =
+        [row(100.0, 0.101, 1.0, 100), row(200.0, 0.1049, 1.0, 100), row(400.0, 0.106, 1.0, 100)];
     let choice = choose(&judged, &by(Rule::Within));
     assert_eq!((choice.row, &choice.verdict), (Some(1), &Verdict::Meets));
     assert!(
-        choice
-            .words
-            .contains("bound of 0.105 mm is within 0.005 mm of the model's own, 0.100 mm"),
+        choice.words.contains("bound of 0.105 mm is within 0.005 mm of the model's own, 0.100 mm"),
         "{}",
         choice.words
     );
@@ -133,10 +108,7 @@ fn of_model_nodes_the_largest_step_near_the_model_is_chosen_and_both_choices_are
     assert_eq!(choice.within.expect("a choice").row, 1);
     assert_eq!(chosen(&judged, Rule::FewestNodes).0, Some(2));
     // A wider margin allows more.
-    let wide = GridSettings {
-        within: 0.1,
-        ..by(Rule::Within)
-    };
+    let wide = GridSettings { within: 0.1, ..by(Rule::Within) };
     assert_eq!(choose(&judged, &wide).row, Some(2));
 }
 
@@ -186,10 +158,7 @@ fn of_both_sources_the_smaller_bound_is_published() {
     let (model, worse) = (row(100.0, 0.102, 1.0, 100), measured(0.2));
     let (row, _, words) = chosen(&[model.clone(), worse], Rule::Within);
     assert_eq!(row, Some(0));
-    assert!(
-        words.contains("300 mm, nodes measured, trilinear has a bound of 0.200 mm"),
-        "{words}"
-    );
+    assert!(words.contains("300 mm, nodes measured, trilinear has a bound of 0.200 mm"), "{words}");
     let better = measured(0.05);
     assert_eq!(chosen(&[model, better], Rule::Within).0, Some(1));
 }
@@ -215,10 +184,7 @@ fn a_step_that_answers_for_too_few_stations_comes_after_one_that_answers_for_eno
 
 #[test]
 fn interpolations_that_stations_on_nodes_do_not_tell_apart_are_reported_by_local_cells() {
-    let idw = |row: Judged| Judged {
-        interpolation: Interpolation::Idw,
-        ..row
-    };
+    let idw = |row: Judged| Judged { interpolation: Interpolation::Idw, ..row };
     let local = |left_mm: f64| Judged {
         judgement: Judgement::LocalCell,
         lattice: None,
@@ -239,10 +205,7 @@ fn where_no_step_gives_a_table_the_reasons_are_reported() {
         ..row(100.0, 0.1, 1.0, 0)
     };
     let choice = choose(&[flat], &by(Rule::Within));
-    assert_eq!(
-        (choice.row, choice.within, choice.fewest_nodes),
-        (None, None, None)
-    );
+    assert_eq!((choice.row, choice.within, choice.fewest_nodes), (None, None, None));
     assert!(
         matches!(choice.verdict, Verdict::NotShown(reason) if reason.contains("100 mm, nodes model: the box is flat"))
     );
@@ -258,11 +221,7 @@ fn too_few_stations_show_nothing() {
 
 #[test]
 fn a_table_has_the_larger_bound_of_its_nodes_and_of_local_cells_and_the_verdict_on_it() {
-    let tolerance = Tolerance {
-        mm: 0.5,
-        share: 0.95,
-        confidence: 0.95,
-    };
+    let tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
     let local = |left_mm: f64, n: usize| Judged {
         judgement: Judgement::LocalCell,
         lattice: None,
@@ -275,17 +234,11 @@ fn a_table_has_the_larger_bound_of_its_nodes_and_of_local_cells_and_the_verdict_
     };
     // Stations on nodes show 0.1 mm; where the table interpolates it leaves 0.46 mm, and 0.05 mm of U are too much for 0.5 mm.
     let table = combined(0.46, 100);
-    assert_eq!(
-        (table.bound, table.decided_by),
-        (Some(0.46), Judgement::LocalCell)
-    );
+    assert_eq!((table.bound, table.decided_by), (Some(0.46), Judgement::LocalCell));
     assert_eq!(table.verdict, Verdict::DoesNotMeet);
     assert_eq!(combined(0.44, 100).verdict, Verdict::Meets);
     let table = combined(0.09, 100);
-    assert_eq!(
-        (table.bound, table.decided_by),
-        (Some(0.1), Judgement::Table)
-    );
+    assert_eq!((table.bound, table.decided_by), (Some(0.1), Judgement::Table));
     // What interpolation adds has to be shown.
     let table = combined(0.09, 58);
     assert_eq!(table.bound, None);

@@ -65,14 +65,8 @@ impl Column {
     /// The joint, from 1, whose zero it is: the turn of a joint that turns, the shift of one that slides; `None` for others.
     pub const fn zero_of(&self) -> Option<usize> {
         match self {
-            Self::Chain(Parameter::Link {
-                joint,
-                quantity: LinkQuantity::Theta,
-            })
-            | Self::Slide(Parameter::Link {
-                joint,
-                quantity: LinkQuantity::D,
-            }) => Some(*joint),
+            Self::Chain(Parameter::Link { joint, quantity: LinkQuantity::Theta })
+            | Self::Slide(Parameter::Link { joint, quantity: LinkQuantity::D }) => Some(*joint),
             _ => None,
         }
     }
@@ -124,9 +118,7 @@ pub(super) fn frame_motions() -> impl Iterator<Item = Parameter> {
         let along = |of: fn(Axis) -> Motion| Axis::ALL.into_iter().map(of);
         along(Motion::Translation).chain(along(Motion::Rotation))
     };
-    motions()
-        .map(Parameter::Base)
-        .chain(motions().map(Parameter::Target))
+    motions().map(Parameter::Base).chain(motions().map(Parameter::Target))
 }
 
 /// Parameters by their names.

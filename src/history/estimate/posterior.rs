@@ -56,10 +56,7 @@ impl Compared {
 
     /// The frames of a fit that counts the readings of a station as independent.
     fn of_independent(frames: &Frames) -> Self {
-        Self {
-            share: share(frames),
-            ..Self::of(frames)
-        }
+        Self { share: share(frames), ..Self::of(frames) }
     }
 
     /// Whether an unknown of this parameter is compared: it is the arm's, or of the source or target (by its place `of` in the session)
@@ -137,15 +134,9 @@ impl Estimate {
         let precision = |sd: &Option<f64>| sd.map_or(0.0, |sd| sd.powi(-2));
         let joints = &saved.arm.joints;
         let slides = |joint: usize| joints.get(joint - 1).is_some_and(|own| own.slides);
-        let precisions = kept
-            .iter()
-            .map(|&place| precision(&saved.prior_sd[place]))
-            .collect();
+        let precisions = kept.iter().map(|&place| precision(&saved.prior_sd[place])).collect();
         let posterior = Posterior {
-            columns: parameters
-                .iter()
-                .map(|(own, _)| Column::of(*own, slides))
-                .collect(),
+            columns: parameters.iter().map(|(own, _)| Column::of(*own, slides)).collect(),
             covariance,
             means: parameters.iter().map(|(_, offset)| *offset).collect(),
             precision: DMatrix::from_diagonal(&DVector::from_vec(precisions)),
@@ -213,20 +204,12 @@ impl Posterior {
 
     /// Posterior mean of a column; zero for base and target, which are measured from the fitted frames.
     fn offset(&self, place: usize) -> f64 {
-        if self.columns[place].is_of_a_frame() {
-            0.0
-        } else {
-            self.means[place]
-        }
+        if self.columns[place].is_of_a_frame() { 0.0 } else { self.means[place] }
     }
 
     /// Prior mean of a column: minus the fitted offset for base and target, zero for the others.
     fn expected(&self, place: usize) -> f64 {
-        if self.columns[place].is_of_a_frame() {
-            -self.means[place]
-        } else {
-            0.0
-        }
+        if self.columns[place].is_of_a_frame() { -self.means[place] } else { 0.0 }
     }
 }
 
@@ -235,22 +218,14 @@ fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedEr
     let chain = saved.arm.chain()?.parameters();
     let offset = |parameter: Parameter| {
         let place = chain.iter().position(|own| *own == parameter);
-        place
-            .and_then(|place| saved.geometry.get(place))
-            .copied()
-            .unwrap_or(0.0)
+        place.and_then(|place| saved.geometry.get(place)).copied().unwrap_or(0.0)
     };
     let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
     let own = frame_motions().chain(gauges.map(Parameter::Gauge));
     let known: Vec<Parameter> = chain.iter().copied().chain(own).collect();
-    let parameter = |SavedUnknown {
-                         parameter: name, ..
-                     }: &SavedUnknown| {
+    let parameter = |SavedUnknown { parameter: name, .. }: &SavedUnknown| {
         let found = known.iter().find(|own| own.to_string() == *name);
-        let wrong = || SavedError::Unknown {
-            what: "a parameter",
-            name: name.clone(),
-        };
+        let wrong = || SavedError::Unknown { what: "a parameter", name: name.clone() };
         found.map(|own| (*own, offset(*own))).ok_or_else(wrong)
     };
     saved.unknowns.iter().map(parameter).collect()
@@ -291,10 +266,8 @@ fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> 
             }
             // The coefficients of a slide's curve are of its own session's functions: its values are compared.
             Block::Curve(joint) if model.layout().slide_period_mm(joint).is_none() => {
-                let coefficient = |place| Column::Curve {
-                    joint: joint + 1,
-                    coefficient: place - first,
-                };
+                let coefficient =
+                    |place| Column::Curve { joint: joint + 1, coefficient: place - first };
                 let slow = own.take(2 * CURVE_PAIRS);
                 shared.extend(slow.map(|place| (place, coefficient(place))));
             }
@@ -314,11 +287,7 @@ fn slide_curves(model: &FullModel, ranges: &[[f64; 2]]) -> Vec<Values> {
         let precision = model.prior_covariance_of_rows(&rows).cholesky()?.inverse();
         let joint = joint + 1;
         let column = |at_mm| Column::SlideCurve { joint, at_mm };
-        Some(Values {
-            columns: places.into_iter().map(column).collect(),
-            rows,
-            precision,
-        })
+        Some(Values { columns: places.into_iter().map(column).collect(), rows, precision })
     };
     ranges.iter().enumerate().filter_map(curve).collect()
 }

@@ -18,15 +18,11 @@ pub(super) struct TestOfAll<'c> {
 
 impl<'c> TestOfAll<'c> {
     pub(super) const fn new(comparison: &'c Comparison, hypotheses: &'c [Hypothesis]) -> Self {
-        Self {
-            comparison,
-            hypotheses,
-        }
+        Self { comparison, hypotheses }
     }
 
     fn places(&self, parts: &[Hypothesis]) -> Vec<usize> {
-        self.comparison
-            .places(|column| parts.iter().any(|part| part.has(column)))
+        self.comparison.places(|column| parts.iter().any(|part| part.has(column)))
     }
 
     pub(super) fn explains(&self, parts: &[Hypothesis]) -> ChiSquare {
@@ -51,10 +47,7 @@ impl<'c> TestOfAll<'c> {
             };
             surely.push(next);
         }
-        Finding::Moved {
-            surely: Vec::new(),
-            one_of: vec![Hypothesis::Anything],
-        }
+        Finding::Moved { surely: Vec::new(), one_of: vec![Hypothesis::Anything] }
     }
 
     /// The hypothesis that explains most in addition to `surely`, with a penalty of two per degree of freedom (Akaike).
@@ -63,9 +56,7 @@ impl<'c> TestOfAll<'c> {
             let test = self.explains(&with(surely, hypothesis));
             (test.statistic - 2.0 * test.freedom as f64, hypothesis)
         };
-        let others = self
-            .single()
-            .filter(|hypothesis| !surely.contains(hypothesis));
+        let others = self.single().filter(|hypothesis| !surely.contains(hypothesis));
         let gains = others.map(gain);
         gains
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
@@ -74,9 +65,7 @@ impl<'c> TestOfAll<'c> {
 
     /// The likeliest of the hypotheses that, with `surely`, leave nothing significant for others to explain.
     fn candidates(&self, surely: &[Hypothesis]) -> Vec<Hypothesis> {
-        let others = self
-            .single()
-            .filter(|hypothesis| !surely.contains(hypothesis));
+        let others = self.single().filter(|hypothesis| !surely.contains(hypothesis));
         let enough = others.filter(|hypothesis| self.suffices(&with(surely, *hypothesis)));
         let scored = enough.map(|hypothesis| {
             let test = self.explains(&with(surely, hypothesis));
@@ -85,9 +74,7 @@ impl<'c> TestOfAll<'c> {
         let scored: Vec<(Hypothesis, f64)> = scored.collect();
         let best = scored.iter().map(|(_, score)| *score);
         let best = best.fold(f64::NEG_INFINITY, f64::max);
-        let near = scored
-            .iter()
-            .filter(|(_, score)| *score >= best - DISTINGUISHED);
+        let near = scored.iter().filter(|(_, score)| *score >= best - DISTINGUISHED);
         let near: Vec<Hypothesis> = near.map(|(hypothesis, _)| *hypothesis).collect();
         let smallest =
             |large: &Hypothesis| !near.iter().any(|small| self.is_within(*small, *large));

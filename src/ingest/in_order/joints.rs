@@ -41,11 +41,7 @@ impl Buffer for JointBuffer {
     fn judge(&self, block: &DecodedJoints, place: &Place<'_>) -> Rows {
         let faulty = RowFault::in_angles(&block.angles);
         Rows::judge(&block.stamps, place, SpanClock::Controller, |row| {
-            if faulty {
-                RowFault::of_angles(&block.angles, row)
-            } else {
-                None
-            }
+            if faulty { RowFault::of_angles(&block.angles, row) } else { None }
         })
     }
 

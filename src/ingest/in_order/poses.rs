@@ -82,10 +82,7 @@ impl PoseBuffer {
         PoseSamples {
             stamps: stamps.map(|&ns| Stamp::from_ns(ns)).collect(),
             positions: self.positions[rows.clone()].to_vec(),
-            orientations: self
-                .orientations
-                .as_ref()
-                .map(|all| all[rows.clone()].to_vec()),
+            orientations: self.orientations.as_ref().map(|all| all[rows.clone()].to_vec()),
             covariances: self.covariances.as_ref().map(|all| all[rows].to_vec()),
         }
     }
@@ -95,9 +92,7 @@ impl PoseBuffer {
         let Some(orientations) = &mut self.orientations else {
             return;
         };
-        let rows = orientations[first..]
-            .iter_mut()
-            .zip(&mut self.positions[first..]);
+        let rows = orientations[first..].iter_mut().zip(&mut self.positions[first..]);
         for (row, (quaternion, position)) in rows.enumerate() {
             let covariance = self.covariances.as_mut();
             let covariance = covariance.and_then(|all| all.get_mut(first + row));
@@ -138,10 +133,7 @@ impl Buffer for PoseBuffer {
         let orientations = self.orientations(block);
         let count = block.stamps.len();
         let of_all = |found: Option<usize>| found.is_none_or(|found| found == count);
-        let found = (
-            orientations.map(Vec::len),
-            block.covariances.as_ref().map(Vec::len),
-        );
+        let found = (orientations.map(Vec::len), block.covariances.as_ref().map(Vec::len));
         let kind = (found.0.is_some(), found.1.is_some());
         if !of_all(found.0) || !of_all(found.1) || *self.kind.get_or_insert(kind) != kind {
             return false;

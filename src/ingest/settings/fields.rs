@@ -168,11 +168,7 @@ impl JointFields {
     /// Checks that the paths fit together and an arm of `joints` joints.
     pub fn check(&self, joints: usize) -> Result<(), WrongFields> {
         let wrong = |key, found: &str, wanted: String| {
-            Err(WrongFields {
-                key,
-                found: found.to_owned(),
-                wanted,
-            })
+            Err(WrongFields { key, found: found.to_owned(), wanted })
         };
         match (&self.names, &self.angles) {
             (Some(_), None) => {
@@ -216,12 +212,7 @@ impl PoseFields {
 
     /// The paths of the quaternion's x, y, z and w; `None` unless all are given.
     pub fn orientation(&self) -> Option<[&str; 4]> {
-        Some([
-            self.qx.as_deref()?,
-            self.qy.as_deref()?,
-            self.qz.as_deref()?,
-            self.qw.as_deref()?,
-        ])
+        Some([self.qx.as_deref()?, self.qy.as_deref()?, self.qz.as_deref()?, self.qw.as_deref()?])
     }
 
     /// Whether the position is that of each element of an array.
@@ -231,25 +222,16 @@ impl PoseFields {
 
     /// All paths in a pose message.
     fn pose_paths(&self) -> Vec<&str> {
-        let pose = [
-            &self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw,
-        ];
+        let pose = [&self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw];
         let rest = [&self.frame, &self.target, &self.covariance];
-        pose.into_iter()
-            .chain(rest)
-            .filter_map(Option::as_deref)
-            .collect()
+        pose.into_iter().chain(rest).filter_map(Option::as_deref).collect()
     }
 
     /// All paths given.
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.as_ref().map(StampField::path);
         let temperature = self.temperature.as_deref();
-        self.pose_paths()
-            .into_iter()
-            .chain(stamp)
-            .chain(temperature)
-            .collect()
+        self.pose_paths().into_iter().chain(stamp).chain(temperature).collect()
     }
 
     /// Checks that the paths fit together; `without_names` says whether elements of an array need no name.
@@ -259,11 +241,7 @@ impl PoseFields {
         let position = given(&[&self.x, &self.y, &self.z]);
         let orientation = given(&[&self.qx, &self.qy, &self.qz, &self.qw]);
         let wrong = |found: String, wanted: &str| {
-            Err(WrongFields {
-                key: "fields",
-                found,
-                wanted: wanted.to_owned(),
-            })
+            Err(WrongFields { key: "fields", found, wanted: wanted.to_owned() })
         };
         if !matches!(position, 0 | 3) {
             return wrong(

@@ -106,11 +106,8 @@ impl TrackerSettings {
 
     /// Everything that readings are of: the targets, the main one first, then the references.
     pub fn seen(&self) -> Vec<Seen<'_>> {
-        let unnamed = self.targets.is_empty().then_some(Seen {
-            name: "",
-            topic: &self.topic,
-            is: None,
-        });
+        let unnamed =
+            self.targets.is_empty().then_some(Seen { name: "", topic: &self.topic, is: None });
         let targets = self.targets.iter().map(|own| Seen {
             name: &own.name,
             topic: own.topic.as_ref().unwrap_or(&self.topic),
@@ -121,11 +118,7 @@ impl TrackerSettings {
             topic: own.topic.as_ref().unwrap_or(&self.topic),
             is: own.is.as_ref(),
         });
-        unnamed
-            .into_iter()
-            .chain(targets)
-            .chain(references)
-            .collect()
+        unnamed.into_iter().chain(targets).chain(references).collect()
     }
 
     /// The topics of the readings, each once, the main target's first.
@@ -148,11 +141,7 @@ impl TrackerSettings {
     /// Checks that each target can be told from the others.
     pub fn check_targets(&self) -> Result<(), WrongFields> {
         let wrong = |found: String, wanted: &str| {
-            Err(WrongFields {
-                key: "targets",
-                found,
-                wanted: wanted.to_owned(),
-            })
+            Err(WrongFields { key: "targets", found, wanted: wanted.to_owned() })
         };
         if !self.targets_by_geometry.is_empty()
             && (!self.targets.is_empty() || self.fields.target.is_some())

@@ -69,11 +69,7 @@ pub struct StationsSettings {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commanded: Option<PoseColumns>,
     /// The reading of the target, or of each of several, the main one first; empty where lengths alone are read.
-    #[serde(
-        default,
-        deserialize_with = "one_or_several",
-        skip_serializing_if = "Vec::is_empty"
-    )]
+    #[serde(default, deserialize_with = "one_or_several", skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<ReadingColumns>,
     /// Reference reflectors on floor or base, which should not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -306,12 +302,7 @@ pub enum OrientationError {
 impl TryFrom<OrientationKeys> for OrientationColumns {
     type Error = OrientationError;
     fn try_from(keys: OrientationKeys) -> Result<Self, OrientationError> {
-        let form = match (
-            keys.quaternion_xyzw,
-            keys.angles,
-            keys.rotation_vector,
-            keys.matrix,
-        ) {
+        let form = match (keys.quaternion_xyzw, keys.angles, keys.rotation_vector, keys.matrix) {
             (Some(columns), None, None, None) if keys.order.is_none() => {
                 OrientationForm::Quaternion(columns)
             }
@@ -333,21 +324,13 @@ impl TryFrom<OrientationKeys> for OrientationColumns {
         if !matches!(keys.covariance.len(), 0 | 6) {
             return Err(OrientationError::Covariance);
         }
-        Ok(Self {
-            form,
-            sd: keys.sd,
-            covariance: keys.covariance,
-        })
+        Ok(Self { form, sd: keys.sd, covariance: keys.covariance })
     }
 }
 
 impl From<OrientationColumns> for OrientationKeys {
     fn from(columns: OrientationColumns) -> Self {
-        let mut keys = Self {
-            sd: columns.sd,
-            covariance: columns.covariance,
-            ..Self::default()
-        };
+        let mut keys = Self { sd: columns.sd, covariance: columns.covariance, ..Self::default() };
         match columns.form {
             OrientationForm::Quaternion(own) => keys.quaternion_xyzw = Some(own),
             OrientationForm::Angles(own, order, unit) => {
@@ -373,15 +356,10 @@ impl StationsSettings {
         }
         let named = self.measured.iter().enumerate();
         let usual = |place: usize| {
-            if place == 0 {
-                "target".to_owned()
-            } else {
-                format!("target {}", place + 1)
-            }
+            if place == 0 { "target".to_owned() } else { format!("target {}", place + 1) }
         };
-        let mut names: Vec<String> = named
-            .map(|(place, own)| own.name.clone().unwrap_or_else(|| usual(place)))
-            .collect();
+        let mut names: Vec<String> =
+            named.map(|(place, own)| own.name.clone().unwrap_or_else(|| usual(place))).collect();
         if self.measured.is_empty() {
             for target in self.lengths.iter().filter_map(|own| own.target.as_ref()) {
                 if !names.contains(target) {

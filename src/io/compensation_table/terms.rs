@@ -14,9 +14,7 @@ impl TableFile<'_> {
         let said = self.said();
         said.one("orientation", |row| Some(row.orientation))?;
         said.one("table_id", |row| Some(&row.table_id))?;
-        said.one("orientation_tolerance_deg", |row| {
-            Some(row.orientation_tolerance_deg)
-        })?;
+        said.one("orientation_tolerance_deg", |row| Some(row.orientation_tolerance_deg))?;
         said.one("interpolation", |row| Some(row.interpolation))?;
         let configuration = said.one("configuration", |row| row.configuration.as_deref())?;
         let first = &self.rows[0];

@@ -33,11 +33,7 @@ impl InControllerBase {
         let (base, chain, flange) = carried(&published.arm).map_err(refused)?;
         let errors = with_frames(errors, &base, &flange);
         let chain = chain.extended(vec![Element::Fixed(base)], vec![Element::Fixed(flange)]);
-        Ok(Self {
-            published,
-            chain,
-            errors,
-        })
+        Ok(Self { published, chain, errors })
     }
 
     /// The errors of the flange: those of the target's orientation on it are none of the arm's.
@@ -46,18 +42,12 @@ impl InControllerBase {
             let parameter = self.errors.parameters[*place];
             !matches!(parameter, Parameter::Target(Motion::Rotation(_)))
         };
-        let kept: Vec<usize> = (0..self.errors.parameters.len())
-            .filter(is_flange)
-            .collect();
+        let kept: Vec<usize> = (0..self.errors.parameters.len()).filter(is_flange).collect();
         let places = kept.iter();
         Errors {
             parameters: places.map(|&place| self.errors.parameters[place]).collect(),
             offsets: self.errors.offsets.select_rows(&kept),
-            covariance: self
-                .errors
-                .covariance
-                .select_rows(&kept)
-                .select_columns(&kept),
+            covariance: self.errors.covariance.select_rows(&kept).select_columns(&kept),
         }
     }
 }
@@ -75,11 +65,7 @@ pub(super) fn carried(
         arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
     let target = frames.flange_from_target.isometry().translation.vector
         - arm.frames.flange_from_target.isometry().translation.vector;
-    Ok((
-        base_from_root,
-        &own.chain,
-        Translation3::from(target).into(),
-    ))
+    Ok((base_from_root, &own.chain, Translation3::from(target).into()))
 }
 
 /// The errors with base and target as the error reference frame has them: the fit's own are counted from its own frames.
@@ -87,15 +73,9 @@ fn with_frames(mut errors: Errors, base: &Isometry3<f64>, flange: &Isometry3<f64
     let turns = moving_xyz(base);
     for axis in Axis::ALL {
         let place = axis as usize;
-        errors.set(
-            Parameter::Base(Motion::Translation(axis)),
-            base.translation.vector[place],
-        );
+        errors.set(Parameter::Base(Motion::Translation(axis)), base.translation.vector[place]);
         errors.set(Parameter::Base(Motion::Rotation(axis)), turns[place]);
-        errors.set(
-            Parameter::Target(Motion::Translation(axis)),
-            flange.translation.vector[place],
-        );
+        errors.set(Parameter::Target(Motion::Translation(axis)), flange.translation.vector[place]);
     }
     errors
 }

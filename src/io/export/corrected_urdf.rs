@@ -84,11 +84,7 @@ fn edits(text: &str, joint: Node<'_, '_>, origin: &Isometry3<f64>) -> Vec<Edit> 
     let start = node.range().start;
     let name = text[start..].find(|end: char| end.is_whitespace() || matches!(end, '/' | '>'));
     let name = start + name.unwrap_or_default();
-    let behind = node
-        .attributes()
-        .map(|own| own.range().end)
-        .max()
-        .unwrap_or(name);
+    let behind = node.attributes().map(|own| own.range().end).max().unwrap_or(name);
     let edit = |(name, value): (&str, String)| match node.attribute_node(name) {
         Some(own) => (own.range_value(), value),
         None => (behind..behind, format!(" {name}=\"{value}\"")),

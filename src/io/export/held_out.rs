@@ -31,22 +31,15 @@ pub fn dropped(calibrations: &Path) -> String {
 }
 
 fn figures(calibrations: &Path) -> Option<HeldOut> {
-    let table = read_given(
-        &beside(calibrations, "accuracy")?,
-        schema::find("accuracy").ok()?,
-    )
-    .ok()?;
+    let table =
+        read_given(&beside(calibrations, "accuracy")?, schema::find("accuracy").ok()?).ok()?;
     let rows = AccuracyRow::read(&table);
     let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
             (row.split, row.role, row.model, row.angles)
                 == (Split::Blocks, Role::HeldOut, model, angles)
                 && (row.moment, row.quantity, row.name)
-                    == (
-                        BeforeAfter::After,
-                        FigureKind::PositionError,
-                        FigureName::Mean,
-                    )
+                    == (BeforeAfter::After, FigureKind::PositionError, FigureName::Mean)
         };
         let row = rows.iter().find(is_wanted)?;
         Some((row.value?, row.n))
@@ -63,8 +56,7 @@ pub(super) fn beside(calibrations: &Path, table: &str) -> Option<PathBuf> {
     let session = calibrations.parent()?;
     let robot = session.parent()?;
     let lake = robot.parent()?.parent()?;
-    let same = Path::new(robot.file_name()?)
-        .join(session.file_name()?)
-        .join(calibrations.file_name()?);
+    let same =
+        Path::new(robot.file_name()?).join(session.file_name()?).join(calibrations.file_name()?);
     Some(lake.join(table).join(same))
 }

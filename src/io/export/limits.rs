@@ -90,9 +90,8 @@ fn value(row: &ParameterRow) -> String {
     let session = row.of_session.as_ref();
     let session = session.map_or_else(String::new, |session| format!(" of {session}"));
     let error = row.standard_error;
-    let error = error.map_or_else(String::new, |error| {
-        format!(" ± {:.3}{unit}", scale * expanded(error))
-    });
+    let error =
+        error.map_or_else(String::new, |error| format!(" ± {:.3}{unit}", scale * expanded(error)));
     format!("{}{session}{error}", row.parameter)
 }
 
@@ -142,9 +141,6 @@ mod tests {
         let named = "Not identified by the stations are base (base_rz of mon ± 9.600 mrad); flange (target_z of mon ± 0.010 mm); \
                      lengths (d_1 ± 0.010 mm): ";
         assert!(words.starts_with(named), "{words}");
-        assert_eq!(
-            not_identified(&rows[1..2]),
-            "Base, flange and lengths are identified."
-        );
+        assert_eq!(not_identified(&rows[1..2]), "Base, flange and lengths are identified.");
     }
 }

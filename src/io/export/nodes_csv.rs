@@ -49,24 +49,16 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     // What is exported is a table that `compensate` would read too.
     let published = compensation_table::read(path)?;
     let table = table::read(path, schema::find("compensation")?)?;
-    let (of_nodes, of_all): (Vec<_>, Vec<_>) = Spread::all(&table)
-        .into_iter()
-        .partition(|column| OF_NODES.contains(&column.name()));
+    let (of_nodes, of_all): (Vec<_>, Vec<_>) =
+        Spread::all(&table).into_iter().partition(|column| OF_NODES.contains(&column.name()));
     writeln!(
         sink,
         "# posegrid compensation table: error to subtract, attained minus commanded position, in the frame of commands"
     )?;
     let frame = published.error_frame.lines();
-    frame
-        .iter()
-        .try_for_each(|line| writeln!(sink, "# {}", line.trim()))?;
+    frame.iter().try_for_each(|line| writeln!(sink, "# {}", line.trim()))?;
     for column in &of_all {
-        writeln!(
-            sink,
-            "# {}: {}",
-            column.name(),
-            common(path, &table, column)?
-        )?;
+        writeln!(sink, "# {}: {}", column.name(), common(path, &table, column)?)?;
     }
     Ok(write_columns(&table, &of_nodes, &published.units, sink)?)
 }

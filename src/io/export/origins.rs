@@ -177,10 +177,7 @@ fn along(motion: &Isometry3<f64>, axis: &UnitVector3<f64>) -> Isometry3<f64> {
     let quaternion = motion.rotation.quaternion();
     let angle = 2.0 * quaternion.imag().dot(axis).atan2(quaternion.scalar());
     let slide = axis.scale(axis.dot(&motion.translation.vector));
-    Isometry3::from_parts(
-        Translation3::from(slide),
-        UnitQuaternion::from_axis_angle(axis, angle),
-    )
+    Isometry3::from_parts(Translation3::from(slide), UnitQuaternion::from_axis_angle(axis, angle))
 }
 
 /// Frames of a chain with all axis variables at zero, in its base.
@@ -196,9 +193,7 @@ impl AtZero {
         for element in chain.elements() {
             match element {
                 Element::Fixed(placement) => end *= placement,
-                Element::Free {
-                    motion, nominal, ..
-                } => end *= motion.by(*nominal),
+                Element::Free { motion, nominal, .. } => end *= motion.by(*nominal),
                 Element::Joint { .. } => axes.push(end),
             }
         }
@@ -222,13 +217,10 @@ fn nominal(run: &Arm, chain: &[ChainJoint]) -> Result<Arm, OriginsError> {
         });
     }
     let mut own = run.joints().iter();
-    let joint = chain
-        .iter()
-        .enumerate()
-        .map(|(place, joint)| match joint.moves {
-            None => Ok(fixed(place, joint)),
-            Some(moves) => moving_joint(joint, moves, own.next()),
-        });
+    let joint = chain.iter().enumerate().map(|(place, joint)| match joint.moves {
+        None => Ok(fixed(place, joint)),
+        Some(moves) => moving_joint(joint, moves, own.next()),
+    });
     let file = RobotFile {
         model: run.model().to_owned(),
         source: "a chain of joint origins".to_owned(),
@@ -265,11 +257,7 @@ fn moving_joint(
     let limits = [run.lower, run.upper];
     Ok(JointFile {
         name: run.name.clone(),
-        kind: if moves.slides {
-            JointKind::Prismatic
-        } else {
-            JointKind::Revolute
-        },
+        kind: if moves.slides { JointKind::Prismatic } else { JointKind::Revolute },
         origin: Some(Placement::of(&joint.origin)),
         axis: Some(moves.axis.into_inner().into()),
         limits_deg: (!moves.slides).then(|| limits.map(f64::to_degrees)),
@@ -303,10 +291,7 @@ fn same_arm(run: &Arm, chain: &Arm, joints: &[ChainJoint]) -> Result<(), Origins
 fn apart(pairs: impl Iterator<Item = (Isometry3<f64>, Isometry3<f64>)>) -> (f64, f64) {
     pairs.fold((0.0, 0.0), |(mm, rad): (f64, f64), (one, other)| {
         let distance = (one.translation.vector - other.translation.vector).norm();
-        (
-            mm.max(distance),
-            rad.max(one.rotation.angle_to(&other.rotation)),
-        )
+        (mm.max(distance), rad.max(one.rotation.angle_to(&other.rotation)))
     })
 }
 
@@ -331,10 +316,7 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> String {
 
 /// The z axis, which joints of UR's description turn about.
 pub(super) fn about_z() -> Moves {
-    Moves {
-        axis: Vector3::z_axis(),
-        slides: false,
-    }
+    Moves { axis: Vector3::z_axis(), slides: false }
 }
 
 #[cfg(test)]

@@ -50,10 +50,8 @@ pub fn write(
         "standard_error",
     ])?;
     for (place, parameter) in found.errors.parameters.iter().enumerate() {
-        let (offset, sd) = (
-            found.errors.offsets[place],
-            found.errors.covariance[(place, place)].max(0.0).sqrt(),
-        );
+        let (offset, sd) =
+            (found.errors.offsets[place], found.errors.covariance[(place, place)].max(0.0).sqrt());
         csv.write_record(row(&to, *parameter, offset, sd))?;
     }
     csv.flush()?;
@@ -66,9 +64,7 @@ fn in_convention(arm: &Arm, convention: Convention) -> Result<Arm, ExportErrorKi
         return Ok(arm.clone());
     }
     let other = RobotFile::of_arm(arm, convention).map_err(ExportErrorKind::Convention)?;
-    let other = other
-        .arm()
-        .map_err(|source| ExportErrorKind::Convention(source.into()))?;
+    let other = other.arm().map_err(|source| ExportErrorKind::Convention(source.into()))?;
     Ok(other)
 }
 
@@ -115,11 +111,8 @@ fn remarks(
 
 /// A parameter in the units of a robot file.
 fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
-    let (unit, scale) = if parameter.is_angle() {
-        ("deg", 1.0_f64.to_degrees())
-    } else {
-        ("mm", 1.0)
-    };
+    let (unit, scale) =
+        if parameter.is_angle() { ("deg", 1.0_f64.to_degrees()) } else { ("mm", 1.0) };
     let (belongs_to, joint, quantity) = match parameter {
         Parameter::Base(motion) => ("base", None, motion.name()),
         Parameter::Link { joint, quantity } => ("link", Some(joint), quantity.name()),
@@ -145,9 +138,7 @@ fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
 
 fn nominal(arm: &Arm, wanted: Parameter) -> f64 {
     let of = |element: &Element| match element {
-        Element::Free {
-            nominal, parameter, ..
-        } if *parameter == wanted => Some(*nominal),
+        Element::Free { nominal, parameter, .. } if *parameter == wanted => Some(*nominal),
         _ => None,
     };
     arm.chain().elements().iter().find_map(of).unwrap_or(0.0)

@@ -91,10 +91,7 @@ impl Log {
             name: "posegrid".to_owned(),
             metadata: about(key, rows),
         })?;
-        Ok(Self {
-            writer,
-            messages: Vec::new(),
-        })
+        Ok(Self { writer, messages: Vec::new() })
     }
 
     /// Adds the two topics of rows with one subject.
@@ -120,13 +117,9 @@ impl Log {
         schema: &str,
         text: &str,
     ) -> Result<u16, ExportError> {
-        let schema = self
-            .writer
-            .add_schema(schema, "jsonschema", text.as_bytes())?;
+        let schema = self.writer.add_schema(schema, "jsonschema", text.as_bytes())?;
         let topic = format!("{topic}/{last}");
-        Ok(self
-            .writer
-            .add_channel(schema, &topic, "json", &BTreeMap::new())?)
+        Ok(self.writer.add_channel(schema, &topic, "json", &BTreeMap::new())?)
     }
 
     fn push(&mut self, channel: u16, ns: u64, message: &impl Serialize) -> Result<(), ExportError> {
@@ -137,8 +130,7 @@ impl Log {
 
     /// Writes the messages in time order; where times are equal, the earlier channel comes first.
     fn finish(mut self) -> Result<Vec<u8>, ExportError> {
-        self.messages
-            .sort_by_key(|message| (message.ns, message.channel));
+        self.messages.sort_by_key(|message| (message.ns, message.channel));
         for message in &self.messages {
             let header = MessageHeader {
                 channel_id: message.channel,
@@ -163,10 +155,7 @@ fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
         ("residuals", rows.to_string()),
         ("arrow_scale", ARROW_SCALE.to_string()),
         ("frame", "base".to_owned()),
-        (
-            "clock",
-            "controller, first stationary moment of each station".to_owned(),
-        ),
+        ("clock", "controller, first stationary moment of each station".to_owned()),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into()
@@ -218,22 +207,16 @@ mod tests {
             "/after/full_commanded/held_out_blocks/a%2F..%2Fb%0A"
         );
         assert_eq!(
-            topic(&of(
-                "mon",
-                Split::Session,
-                BaseRefit::First,
-                Model::RawCommand
-            )),
+            topic(&of("mon", Split::Session, BaseRefit::First, Model::RawCommand)),
             "/before/raw_command_commanded/held_out_session_base_from_first/mon"
         );
     }
 
     #[test]
     fn schemas_are_json_and_name_what_they_are_of() {
-        for (text, name) in [
-            (scene::SCHEMA, "foxglove.SceneUpdate"),
-            (NUMBERS, "posegrid.Residual"),
-        ] {
+        for (text, name) in
+            [(scene::SCHEMA, "foxglove.SceneUpdate"), (NUMBERS, "posegrid.Residual")]
+        {
             let schema: serde_json::Value = serde_json::from_str(text).unwrap();
             assert_eq!(
                 (schema["title"].as_str(), schema["type"].as_str()),

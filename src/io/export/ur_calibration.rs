@@ -25,14 +25,7 @@ use crate::geometry::rpy;
 use crate::kinematics::{Arm, Screws};
 
 /// Names of the links whose joints the file places.
-const LINKS: [&str; 6] = [
-    "shoulder",
-    "upper_arm",
-    "forearm",
-    "wrist_1",
-    "wrist_2",
-    "wrist_3",
-];
+const LINKS: [&str; 6] = ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"];
 
 /// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportError> {

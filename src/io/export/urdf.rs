@@ -27,12 +27,7 @@ use crate::report::frame::StatedFrame;
 
 /// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportError> {
-    let PublishedArm {
-        key,
-        arm,
-        error_frame,
-        ..
-    } = calibrations_table::read_geometry(path)?;
+    let PublishedArm { key, arm, error_frame, .. } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
     let limits = Limits::of(path);
@@ -47,9 +42,7 @@ pub(super) fn placed(arm: &IdentifiedArm) -> Result<Vec<(String, Isometry3<f64>)
     let joints = arm.arm.joints();
     let own = joints.iter().zip(&pieces.joints);
     let own = own.map(|(joint, (origin, _))| (joint.name.clone(), *origin));
-    let ends = pieces
-        .ends(arm)
-        .map(|(child, origin)| (fixed_name(child, joints), origin));
+    let ends = pieces.ends(arm).map(|(child, origin)| (fixed_name(child, joints), origin));
     Ok(own.chain(ends).collect())
 }
 
@@ -69,18 +62,12 @@ impl Pieces {
         }
         let (base_from_root, chain, flange) = controller_base::carried(arm)?;
         let cut = Self::cut(base_from_root, chain)?;
-        Ok(Self {
-            flange: cut.flange * flange,
-            ..cut
-        })
+        Ok(Self { flange: cut.flange * flange, ..cut })
     }
 
     /// Links fixed behind the last joint: their names and origins, mm.
     fn ends(&self, arm: &IdentifiedArm) -> [(&'static str, Isometry3<f64>); 2] {
-        [
-            ("flange", self.flange),
-            ("tool", *arm.flange_from_tool.isometry()),
-        ]
+        [("flange", self.flange), ("tool", *arm.flange_from_tool.isometry())]
     }
 
     /// A chain after `before`, cut at its joint variables.
@@ -90,26 +77,20 @@ impl Pieces {
         for element in chain.elements() {
             match element {
                 Element::Fixed(placement) => since *= placement,
-                Element::Free {
-                    motion, nominal, ..
-                } => since *= motion.by(*nominal),
+                Element::Free { motion, nominal, .. } => since *= motion.by(*nominal),
                 Element::Joint { joint, .. } if *joint != joints.len() => {
                     return Err("has joints that do not follow one another");
                 }
-                Element::Joint {
-                    motion: Motion::Translation(_),
-                    ..
-                } => return Err("has a joint that slides"),
+                Element::Joint { motion: Motion::Translation(_), .. } => {
+                    return Err("has a joint that slides");
+                }
                 Element::Joint { motion, sign, .. } => {
                     joints.push((since, motion.axis() * *sign));
                     since = Isometry3::identity();
                 }
             }
         }
-        Ok(Self {
-            joints,
-            flange: since,
-        })
+        Ok(Self { joints, flange: since })
     }
 }
 
@@ -131,10 +112,7 @@ fn text(
         key.run
     );
     line(&mut urdf, &format!("<!-- {} -->", in_comment(&remark)));
-    line(
-        &mut urdf,
-        &format!("<robot name=\"{}\">", escaped(&key.robot)),
-    );
+    line(&mut urdf, &format!("<robot name=\"{}\">", escaped(&key.robot)));
     line(&mut urdf, "  <link name=\"base_link\"/>");
     let mut parent = "base_link".to_owned();
     let joints = arm.arm.joints();
@@ -142,14 +120,7 @@ fn text(
         let child = format!("link_{number}");
         let axis = three((*axis).into());
         let inside = format!("    <axis xyz=\"{axis}\"/>\n{}", limit(joint));
-        push_joint(
-            &mut urdf,
-            &joint.name,
-            "revolute",
-            [&parent, &child],
-            origin,
-            &inside,
-        );
+        push_joint(&mut urdf, &joint.name, "revolute", [&parent, &child], origin, &inside);
         parent = child;
     }
     for (child, origin) in pieces.ends(arm) {
@@ -261,9 +232,7 @@ mod tests {
             origin * UnitQuaternion::from_scaled_axis(axis * q)
         };
         let joints = pieces.joints.iter().zip(q);
-        let end = joints.fold(Isometry3::identity(), |end, (joint, q)| {
-            end * turned(joint, q)
-        });
+        let end = joints.fold(Isometry3::identity(), |end, (joint, q)| end * turned(joint, q));
         let apart = (end * pieces.flange).to_homogeneous()
             - (before * arm.chain().nominal(&q)).to_homogeneous();
         assert!(apart.abs().max() < 1e-12, "{apart}");
@@ -271,10 +240,7 @@ mod tests {
 
     #[test]
     fn names_stay_names() {
-        assert_eq!(
-            escaped("a\"<b>&'\u{0}\n"),
-            "a&quot;&lt;b&gt;&amp;&apos;\u{FFFD}\u{FFFD}"
-        );
+        assert_eq!(escaped("a\"<b>&'\u{0}\n"), "a&quot;&lt;b&gt;&amp;&apos;\u{FFFD}\u{FFFD}");
         assert_eq!(in_comment("a ---> b-c"), "a - - -> b-c");
     }
 }

@@ -78,25 +78,11 @@ pub enum UrdfChainError {
 impl From<UrdfError> for UrdfChainError {
     fn from(fault: UrdfError) -> Self {
         match fault {
-            UrdfError::Xml {
-                line,
-                column,
-                problem,
-            } => Self::Xml {
-                line,
-                column,
-                problem,
-            },
+            UrdfError::Xml { line, column, problem } => Self::Xml { line, column, problem },
             UrdfError::Xacro { line, found } => Self::Xacro { line, found },
             UrdfError::NoSuchEnd { link, links, .. }
             | UrdfError::UnknownLink { link, links, .. } => Self::NoLink { link, links },
-            UrdfError::Number {
-                line,
-                joint,
-                key,
-                found,
-                wanted,
-            } => Self::Joint {
+            UrdfError::Number { line, joint, key, found, wanted } => Self::Joint {
                 line,
                 joint,
                 problem: format!("has {key} {found:?}, which are not {wanted}"),
@@ -124,13 +110,8 @@ pub(super) fn steps<'a, 'i>(
     };
     let ends = tree.ends(&selection)?;
     let way = tree.steps(&ends).into_iter();
-    way.map(|step| {
-        Ok(Step {
-            joint: chain_joint(step.joint, step.is_up)?,
-            node: step.joint.node,
-        })
-    })
-    .collect()
+    way.map(|step| Ok(Step { joint: chain_joint(step.joint, step.is_up)?, node: step.joint.node }))
+        .collect()
 }
 
 /// A joint on the way; `is_up` from its child to its parent.
@@ -163,10 +144,7 @@ fn moves(joint: &Joint<'_, '_>) -> Result<Option<Moves>, UrdfChainError> {
         return Ok(None);
     }
     if joint.following()?.is_some() {
-        return Err(wrong(
-            joint,
-            "follows another one, and its origin is not that of an axis",
-        ));
+        return Err(wrong(joint, "follows another one, and its origin is not that of an axis"));
     }
     Ok(Some(Moves {
         axis: UnitVector3::new_normalize(joint.axis()?),

@@ -72,10 +72,7 @@ fn text(own: &InControllerBase, joints: &[(String, Isometry3<f64>)], limits: &st
         let name = unlike(property(name), &mut taken);
         let xyz = three((origin.translation.vector / MM_PER_M).into());
         for (part, value) in [("xyz", xyz), ("rpy", three(rpy(&origin.rotation)))] {
-            let _ = writeln!(
-                xacro,
-                "  <xacro:property name=\"{name}_{part}\" value=\"{value}\"/>"
-            );
+            let _ = writeln!(xacro, "  <xacro:property name=\"{name}_{part}\" value=\"{value}\"/>");
         }
     }
     xacro.push_str("</robot>\n");
@@ -85,11 +82,7 @@ fn text(own: &InControllerBase, joints: &[(String, Isometry3<f64>)], limits: &st
 /// A name that an expression of xacro can hold: ASCII letters, digits and underscores, no digit first.
 fn property(joint: &str) -> String {
     let letter = |letter: char| {
-        if letter.is_ascii_alphanumeric() {
-            letter
-        } else {
-            '_'
-        }
+        if letter.is_ascii_alphanumeric() { letter } else { '_' }
     };
     let name: String = joint.chars().map(letter).collect();
     // Two underscores first are refused by xacro.
@@ -118,9 +111,6 @@ mod tests {
         let mut taken = BTreeSet::new();
         let names = ["wrist_3-flange", "A 1", "A-1", "1", "__x", "ä"];
         let names = names.map(|name| unlike(property(name), &mut taken));
-        assert_eq!(
-            names,
-            ["wrist_3_flange", "A_1", "A_1_", "joint_1", "x", "joint_"]
-        );
+        assert_eq!(names, ["wrist_3_flange", "A_1", "A_1_", "joint_1", "x", "joint_"]);
     }
 }

@@ -28,14 +28,8 @@ pub struct ClockSummary {
 impl ClockSummary {
     /// Adds the next time.
     pub fn add(&mut self, time: i64) {
-        let one = Self {
-            count: 1,
-            first: time,
-            last: time,
-            begin: time,
-            end: time,
-            ..Self::default()
-        };
+        let one =
+            Self { count: 1, first: time, last: time, begin: time, end: time, ..Self::default() };
         self.append(&one);
     }
 
@@ -50,10 +44,8 @@ impl ClockSummary {
         let step = later.begin.saturating_sub(self.end);
         self.backward += u64::from(step < 0) + later.backward;
         self.duplicate += u64::from(step == 0) + later.duplicate;
-        self.largest_step_back = self
-            .largest_step_back
-            .max(later.largest_step_back)
-            .max(step.saturating_neg());
+        self.largest_step_back =
+            self.largest_step_back.max(later.largest_step_back).max(step.saturating_neg());
         for (gap, start) in [(step, self.end), (later.largest_gap, later.gap_start)] {
             if gap > self.largest_gap {
                 (self.largest_gap, self.gap_start) = (gap, start);
@@ -113,10 +105,7 @@ mod tests {
         let whole = of(&times);
         assert_eq!((whole.count, whole.first, whole.last), (7, 5, 61));
         // 20 → 15 and 61 → 5; 20 twice; 15 → 60.
-        assert_eq!(
-            (whole.backward, whole.largest_step_back, whole.duplicate),
-            (2, 56, 1)
-        );
+        assert_eq!((whole.backward, whole.largest_step_back, whole.duplicate), (2, 56, 1));
         assert_eq!((whole.largest_gap, whole.gap_start), (45, 15));
         for cut in 0..=times.len() {
             let mut parts = of(&times[..cut]);

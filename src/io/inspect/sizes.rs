@@ -74,13 +74,7 @@ mod tests {
 
     #[test]
     fn units_follow_from_sizes() {
-        let of = |largest: f64, layout| {
-            Sizes {
-                messages: 3,
-                largest,
-            }
-            .unit(layout)
-        };
+        let of = |largest: f64, layout| Sizes { messages: 3, largest }.unit(layout);
         assert_eq!(of(3.1, Layout::Joints), Some("rad"));
         assert_eq!(of(178.0, Layout::Joints), Some("deg"));
         assert_eq!(of(4.5, Layout::Point), Some("m"));

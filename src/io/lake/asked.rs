@@ -108,10 +108,7 @@ impl Lake {
             let before = self.current_by(&requests, key)?.map(|own| own.run);
             let replaced = before.filter(|run| *run != key.run);
             let is_new = last == 0 || replaced.is_some();
-            let asked = Asked {
-                number: last + u64::from(is_new),
-                replaced,
-            };
+            let asked = Asked { number: last + u64::from(is_new), replaced };
             if !is_new || self.create_request(key, &asked)? {
                 return Ok(asked);
             }

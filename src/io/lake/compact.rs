@@ -86,8 +86,7 @@ impl Lake {
         let place = self.store.place(&newest.key).named();
         let mut text = String::new();
         let mut file = self.store.open_listed(newest)?;
-        file.read_to_string(&mut text)
-            .map_err(folder_error("read", &place))?;
+        file.read_to_string(&mut text).map_err(folder_error("read", &place))?;
         let files: Result<_, _> = text.lines().map(serde_json::from_str).collect();
         let files = files.unwrap_or_default();
         Ok(CompactState { number, files })
@@ -146,9 +145,7 @@ impl Lake {
         (table, month): (&str, &str),
         (runs, rows): (u64, u64),
     ) -> Result<CompactFile, LakeError> {
-        let bytes = temporary
-            .bytes()
-            .map_err(folder_error("write", &self.written_at(&key)))?;
+        let bytes = temporary.bytes().map_err(folder_error("write", &self.written_at(&key)))?;
         // Where it is there already it gets the same bytes, which its name is the digest of, and is new again.
         self.store.put(&key, temporary)?;
         Ok(CompactFile {
@@ -175,10 +172,7 @@ impl Lake {
         let mut open = self.store.open(&file.file).ok()?;
         open.read_to_end(&mut packed).ok()?;
         let name = blake3::hash(&packed).to_hex();
-        if !file
-            .file
-            .ends_with(&format!("/{}.txt.zst", &name[..DIGITS]))
-        {
+        if !file.file.ends_with(&format!("/{}.txt.zst", &name[..DIGITS])) {
             return None;
         }
         let text = String::from_utf8(zstd::decode_all(&packed[..]).ok()?).ok()?;
@@ -199,9 +193,7 @@ impl Lake {
             written.is_some_and(|own| own.checked_add(KEPT).is_some_and(|until| until < now))
         };
         // A state was replaced when the one after it was made.
-        let replaced = states
-            .windows(2)
-            .take_while(|own| is_old(own[1].1.modified));
+        let replaced = states.windows(2).take_while(|own| is_old(own[1].1.modified));
         let gone: Vec<&Listed> = replaced.map(|own| &own[0].1).collect();
         let mut named = BTreeSet::new();
         for (_, state) in &states[gone.len()..] {
@@ -221,11 +213,8 @@ impl Lake {
         let mut text = String::new();
         let place = self.store.place(&state.key).named();
         let mut file = self.store.open_listed(state)?;
-        file.read_to_string(&mut text)
-            .map_err(folder_error("read", &place))?;
-        let files = text
-            .lines()
-            .filter_map(|line| serde_json::from_str(line).ok());
+        file.read_to_string(&mut text).map_err(folder_error("read", &place))?;
+        let files = text.lines().filter_map(|line| serde_json::from_str(line).ok());
         Ok(files.map(|own: CompactFile| own.file).collect())
     }
 

@@ -159,10 +159,8 @@ impl Correction {
 
     /// Key of the record's file in its lake.
     fn file_key(&self) -> Result<String, LakeError> {
-        let (robot, session) = (
-            encoded("robot", &self.key.robot)?,
-            encoded("session", &self.key.session)?,
-        );
+        let (robot, session) =
+            (encoded("robot", &self.key.robot)?, encoded("session", &self.key.session)?);
         let name = &self.digest()[..NAME];
         Ok(format!("{CORRECTIONS}/{robot}/{session}/{name}.parquet"))
     }
@@ -174,11 +172,7 @@ impl Correction {
             hasher.update(&(bytes.len() as u64).to_le_bytes());
             hasher.update(bytes);
         };
-        let RunKey {
-            robot,
-            session,
-            run,
-        } = &self.key;
+        let RunKey { robot, session, run } = &self.key;
         let texts = [
             robot,
             session,
@@ -239,18 +233,12 @@ impl Lake {
         let table = table::read_open(file, &self.store.place(key).named(), schema);
         let record = Correction::of(&table.map_err(|error| error.to_string())?)?;
         let own = record.file_key().map_err(text)?;
-        if own == key {
-            Ok(record)
-        } else {
-            Err(format!("its content is that of {own}"))
-        }
+        if own == key { Ok(record) } else { Err(format!("its content is that of {own}")) }
     }
 
     /// Records a correction; returns whether it was not recorded yet.
     pub fn record(&self, correction: &Correction) -> Result<bool, LakeError> {
-        let table = correction
-            .table()
-            .map_err(|source| LakeError::Record { source })?;
+        let table = correction.table().map_err(|source| LakeError::Record { source })?;
         let key = correction.file_key()?;
         if self.store.exists(&key)? {
             return Ok(false);
@@ -285,27 +273,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let lake = Lake::new(folder.path());
         assert!(lake.corrections().unwrap().is_empty());
-        let no_joints = Correction {
-            joints: Vec::new(),
-            ..sample()
-        };
+        let no_joints = Correction { joints: Vec::new(), ..sample() };
         assert!(lake.record(&sample()).unwrap());
         assert!(!lake.record(&sample()).unwrap(), "the same once more");
         assert!(lake.record(&no_joints).unwrap());
         let mut records: Vec<_> = lake.corrections().unwrap();
         records.sort_by_key(|(_, _, record)| record.as_ref().unwrap().joints.len());
-        let found: Vec<_> = records
-            .iter()
-            .map(|(_, _, record)| record.clone())
-            .collect();
+        let found: Vec<_> = records.iter().map(|(_, _, record)| record.clone()).collect();
         assert_eq!(found, [Ok(no_joints), Ok(sample())]);
         let (place, written, _) = &records[0];
         assert!(written.is_some());
-        let key = place
-            .as_path()
-            .unwrap()
-            .strip_prefix(folder.path())
-            .unwrap();
+        let key = place.as_path().unwrap().strip_prefix(folder.path()).unwrap();
         assert!(is_correction(&key.to_string_lossy()), "{key:?}");
         assert!(key.starts_with("corrections/kr%20210/mon"), "{key:?}");
     }

@@ -50,10 +50,7 @@ impl Lake {
     /// All files below a folder of the lake, or of the whole lake where that is empty: hidden ones too, at any depth.
     pub fn files(&self, folder: &str) -> Result<Vec<LakeFile>, LakeError> {
         let keys = self.store.all(folder)?.into_iter();
-        let file = |key: String| LakeFile {
-            stands: Stands::of(&key),
-            key,
-        };
+        let file = |key: String| LakeFile { stands: Stands::of(&key), key };
         Ok(keys.map(file).collect())
     }
 
@@ -178,18 +175,9 @@ mod tests {
             (".history/figures/r/mon/0a.json", Stands::Foreign),
             (".learnt/r/mon/0a.bin", Stands::Own),
             (".learnt/r/mon/0a.parquet", Stands::Foreign),
-            (
-                ".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0",
-                Stands::Temporary,
-            ),
-            (
-                "corrections/r/mon/0123456789abcdef0123456789abcdef.parquet",
-                Stands::Own,
-            ),
-            (
-                "corrections/r/mon/.0123.parquet.tmp-host-12-345-0",
-                Stands::Temporary,
-            ),
+            (".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0", Stands::Temporary),
+            ("corrections/r/mon/0123456789abcdef0123456789abcdef.parquet", Stands::Own),
+            ("corrections/r/mon/.0123.parquet.tmp-host-12-345-0", Stands::Temporary),
             ("asked/r/mon/00000001.parquet", Stands::Own),
             ("asked/r%20x/mon/0a.parquet", of_run("asked")),
             (".history/.r.jsonl.tmp-12", Stands::Temporary),
@@ -203,10 +191,7 @@ mod tests {
             ("compact/states/00000001.jsonl", Stands::Own),
             ("compact/runs/2026-11/0a.parquet", Stands::Own),
             ("compact/keys/undated/0a.txt.zst", Stands::Own),
-            (
-                "compact/runs/2026-11/.new.parquet.tmp-host-12-345-0",
-                Stands::Temporary,
-            ),
+            ("compact/runs/2026-11/.new.parquet.tmp-host-12-345-0", Stands::Temporary),
             ("compact/runs/2026-11/0a.csv", Stands::Foreign),
             ("compact/figures/2026-11/0a.parquet", Stands::Foreign),
             ("compact/0a.parquet", Stands::Foreign),

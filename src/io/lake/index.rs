@@ -49,9 +49,7 @@ impl Lake {
             let name = key.rsplit('/').next()?;
             Some(name.strip_suffix(".json")?.to_owned())
         };
-        Ok(listed
-            .filter_map(|own| Some((state(&own.key)?, own)))
-            .collect())
+        Ok(listed.filter_map(|own| Some((state(&own.key)?, own))).collect())
     }
 
     /// The texts of these files of single tasks, several at a time; `None` of one that cannot be read.
@@ -61,9 +59,7 @@ impl Lake {
             file.ok()?.read_to_string(&mut text).ok()?;
             Some(text)
         };
-        let opened = files
-            .chunks(OPEN_AT_ONCE)
-            .flat_map(|files| self.store.open_all(files));
+        let opened = files.chunks(OPEN_AT_ONCE).flat_map(|files| self.store.open_all(files));
         opened.map(text).collect()
     }
 
@@ -101,9 +97,7 @@ impl Lake {
     }
 
     fn text_of(&self, key: Result<String, LakeError>) -> String {
-        key.ok()
-            .and_then(|key| self.text_at(&key))
-            .unwrap_or_default()
+        key.ok().and_then(|key| self.text_at(&key)).unwrap_or_default()
     }
 
     fn text_at(&self, key: &str) -> Option<String> {

@@ -74,22 +74,12 @@ impl Lake {
 
 fn lock_file(root: &Path, path: &Path) -> io::Result<File> {
     fs::create_dir_all(root)?;
-    File::options()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(path)
+    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }
 
 fn sign(file: &mut File, by: &str) -> io::Result<()> {
     file.set_len(0)?;
-    write!(
-        file,
-        "process {} on host {}: {by}",
-        std::process::id(),
-        host()
-    )
+    write!(file, "process {} on host {}: {by}", std::process::id(), host())
 }
 
 impl Holder {

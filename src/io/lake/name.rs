@@ -67,10 +67,7 @@ mod tests {
 
     #[test]
     fn a_name_that_no_file_system_takes_is_refused() {
-        assert_eq!(
-            encode(&"a".repeat(LONGEST)).map(|name| name.len()),
-            Ok(LONGEST)
-        );
+        assert_eq!(encode(&"a".repeat(LONGEST)).map(|name| name.len()), Ok(LONGEST));
         // 61 letters of two bytes each, three characters a byte: 366.
         assert_eq!(encode(&"ü".repeat(61)), Err(366));
     }

@@ -113,9 +113,7 @@ impl Begun {
         Ok(Self {
             written: Written {
                 table: first.schema().table.clone(),
-                session: first
-                    .key()
-                    .map_or_else(String::new, |key| key.session.clone()),
+                session: first.key().map_or_else(String::new, |key| key.session.clone()),
                 rows: 0,
                 digest: String::new(),
             },
@@ -142,20 +140,10 @@ impl Begun {
     }
 
     fn finish(self) -> Result<WholeTable, LakeError> {
-        let Self {
-            key,
-            path,
-            file,
-            mut written,
-            ..
-        } = self;
+        let Self { key, path, file, mut written, .. } = self;
         let wrong = |error: io::Error| folder_error("write", &path)(error);
         let mut temporary = file.finish().map_err(|error| wrong(into_io(error)))?;
         written.digest = temporary.sync().map_err(wrong)?;
-        Ok(WholeTable {
-            key,
-            temporary,
-            written,
-        })
+        Ok(WholeTable { key, temporary, written })
     }
 }

@@ -69,9 +69,7 @@ impl Lake {
     ) -> Result<Vec<RunRow>, LakeError> {
         let schema = schema::find(table)?;
         let listed = self.store.list(folder, levels..=levels)?.into_iter();
-        let listed: Vec<Listed> = listed
-            .filter(|file| file.key.ends_with(".parquet"))
-            .collect();
+        let listed: Vec<Listed> = listed.filter(|file| file.key.ends_with(".parquet")).collect();
         let mut rows = Vec::with_capacity(listed.len());
         for listed in listed.chunks(AT_ONCE) {
             for (listed, file) in listed.iter().zip(self.store.open_all(listed)) {

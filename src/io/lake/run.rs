@@ -68,9 +68,7 @@ impl<'a> OpenRun<'a> {
         let (temporary, digest) = self.lake.write(table, &key)?;
         let written = Written {
             table: table.schema().table.clone(),
-            session: table
-                .key()
-                .map_or_else(String::new, |key| key.session.clone()),
+            session: table.key().map_or_else(String::new, |key| key.session.clone()),
             rows: table.rows() as u64,
             digest,
         };
@@ -84,12 +82,8 @@ impl<'a> OpenRun<'a> {
         let written = temporary.write_all(html.as_bytes());
         let digest = written.and_then(|()| temporary.sync());
         let digest = digest.map_err(folder_error("write", &self.lake.written_at(&key)))?;
-        let written = Written {
-            table: PAGES.to_owned(),
-            session: self.key.session.clone(),
-            rows: 0,
-            digest,
-        };
+        let written =
+            Written { table: PAGES.to_owned(), session: self.key.session.clone(), rows: 0, digest };
         self.put_file(&key, temporary, written)
     }
 

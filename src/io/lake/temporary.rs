@@ -55,10 +55,7 @@ impl Disk {
     /// Notes that more bytes were written, and begins a sync when there are enough.
     fn wrote(&mut self, bytes: usize, file: &File) -> io::Result<()> {
         self.waiting += bytes as u64;
-        let busy = self
-            .at_work
-            .as_ref()
-            .is_some_and(|work| !work.is_finished());
+        let busy = self.at_work.as_ref().is_some_and(|work| !work.is_finished());
         if self.waiting < UNTIL_DISK || busy {
             return Ok(());
         }
@@ -72,31 +69,19 @@ impl Disk {
     /// Waits for the sync under way. The system reports an error only once, so it must not be lost here.
     fn finish(&mut self) -> io::Result<()> {
         let work = self.at_work.take().map(JoinHandle::join);
-        work.map_or(Ok(()), |done| {
-            done.unwrap_or_else(|_| Err(io::Error::other("a thread ended")))
-        })
+        work.map_or(Ok(()), |done| done.unwrap_or_else(|_| Err(io::Error::other("a thread ended"))))
     }
 }
 
 impl Temporary {
     /// Opens a temporary next to `target`, whose folder must exist.
     pub(crate) fn beside(target: &Path) -> io::Result<Self> {
-        let file_name = target
-            .file_name()
-            .expect("a lake's files have names")
-            .to_string_lossy();
+        let file_name = target.file_name().expect("a lake's files have names").to_string_lossy();
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let name = format!(
-            ".{file_name}.tmp-{}-{number}",
-            Owner::this_process().suffix()
-        );
+        let name = format!(".{file_name}.tmp-{}-{number}", Owner::this_process().suffix());
         let path = target.with_file_name(name);
         let file = File::options().write(true).create_new(true).open(&path)?;
-        let digested = Digested {
-            file,
-            hasher: blake3::Hasher::new(),
-            disk: Disk::default(),
-        };
+        let digested = Digested { file, hasher: blake3::Hasher::new(), disk: Disk::default() };
         let file = BufWriter::with_capacity(AT_ONCE, digested);
         Ok(Self { path, file })
     }
@@ -237,11 +222,7 @@ pub(super) struct Owner {
 impl Owner {
     fn this_process() -> Self {
         let pid = std::process::id();
-        Self {
-            host: host(),
-            pid,
-            start: start_of(pid).unwrap_or(0),
-        }
+        Self { host: host(), pid, start: start_of(pid).unwrap_or(0) }
     }
 
     fn suffix(&self) -> String {
@@ -254,11 +235,7 @@ impl Owner {
         let [host, pid, start, _number] = parts[..] else {
             return None;
         };
-        Some(Self {
-            host: host.to_owned(),
-            pid: pid.parse().ok()?,
-            start: start.parse().ok()?,
-        })
+        Some(Self { host: host.to_owned(), pid: pid.parse().ok()?, start: start.parse().ok()? })
     }
 
     /// Whether this system states if the process runs: not of other hosts, and only Linux has `/proc`.
@@ -275,10 +252,7 @@ impl Owner {
 /// The name of this host, letters and digits only.
 pub(super) fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    name.chars()
-        .filter(char::is_ascii_alphanumeric)
-        .take(24)
-        .collect()
+    name.chars().filter(char::is_ascii_alphanumeric).take(24).collect()
 }
 
 /// Start time of a process, in ticks since the system started; the 22nd field of its `stat`, after a name that may hold
@@ -309,11 +283,7 @@ mod tests {
         temporary.write_all(b"half").unwrap();
         drop(temporary);
         assert_eq!(fs::read_to_string(&target).unwrap(), "old");
-        assert_eq!(
-            files(folder.path()),
-            ["table"],
-            "given up, the temporary is removed"
-        );
+        assert_eq!(files(folder.path()), ["table"], "given up, the temporary is removed");
     }
 
     #[test]
@@ -361,10 +331,7 @@ mod tests {
         for (text, wins) in [("first", true), ("second", false)] {
             let mut temporary = Temporary::beside(&target).unwrap();
             temporary.write_all(text.as_bytes()).unwrap();
-            assert_eq!(
-                temporary.sync().unwrap(),
-                blake3::hash(text.as_bytes()).to_hex().as_str()
-            );
+            assert_eq!(temporary.sync().unwrap(), blake3::hash(text.as_bytes()).to_hex().as_str());
             assert_eq!(temporary.create(&target).unwrap(), wins);
         }
         assert_eq!(fs::read_to_string(&target).unwrap(), "first");
@@ -376,14 +343,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mine = Owner::this_process();
         // The same process number, begun one tick earlier: another process, gone since.
-        let gone = Owner {
-            start: mine.start.wrapping_sub(1),
-            ..Owner::this_process()
-        };
-        let elsewhere = Owner {
-            host: "elsewhere".to_owned(),
-            ..Owner::this_process()
-        };
+        let gone = Owner { start: mine.start.wrapping_sub(1), ..Owner::this_process() };
+        let elsewhere = Owner { host: "elsewhere".to_owned(), ..Owner::this_process() };
         let name = |owner: &Owner| format!(".run.parquet.tmp-{}-0", owner.suffix());
         let path = |owner: &Owner| folder.path().join(name(owner));
         for owner in [&mine, &gone, &elsewhere] {
@@ -396,8 +357,7 @@ mod tests {
         // Two days later: the file of another host is old; our own process still runs.
         for owner in [&mine, &elsewhere] {
             let file = File::options().write(true).open(path(owner)).unwrap();
-            file.set_modified(std::time::SystemTime::now() - 2 * OLD)
-                .unwrap();
+            file.set_modified(std::time::SystemTime::now() - 2 * OLD).unwrap();
         }
         assert_eq!(remove_stale(folder.path()).unwrap(), [path(&elsewhere)]);
     }

@@ -50,10 +50,9 @@ impl Lake {
         let place = names.iter().position(|own| *own == name);
         match place.and_then(|place| digests.get(place)) {
             Some(digest) => Ok(Some(digest.clone())),
-            None => Err(LakeError::NotOfRun {
-                place: self.place(table, key)?,
-                run: key.run.clone(),
-            }),
+            None => {
+                Err(LakeError::NotOfRun { place: self.place(table, key)?, run: key.run.clone() })
+            }
         }
     }
 
@@ -91,11 +90,7 @@ impl Lake {
             let (found, _) = digest(&file).map_err(&wrong)?;
             file.rewind().map_err(&wrong)?;
             if found != written {
-                return Err(LakeError::NotAsWritten {
-                    place,
-                    found,
-                    written,
-                });
+                return Err(LakeError::NotAsWritten { place, found, written });
             }
             by_row = true;
         }

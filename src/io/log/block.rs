@@ -165,9 +165,7 @@ impl<P> Block<P> {
         self.metadata = Metadata::default();
         if let Some(chunk) = &self.extent.chunk {
             let stored = body(chunk, &self.stored);
-            let opened = self
-                .decompressor
-                .run(chunk, stored, chunk_limit, &mut self.records);
+            let opened = self.decompressor.run(chunk, stored, chunk_limit, &mut self.records);
             if let Err(fault) = opened {
                 self.clear(visitor);
                 self.outcome = Outcome::Rejected(fault.into());
@@ -302,9 +300,7 @@ impl Unknown {
     }
 
     fn into_faults(self) -> impl Iterator<Item = (BlockFault, Tally)> {
-        let others = self
-            .others
-            .map(|tally| (BlockFault::UnknownChannels, tally));
+        let others = self.others.map(|tally| (BlockFault::UnknownChannels, tally));
         self.channels
             .into_iter()
             .map(|(id, tally)| (BlockFault::UnknownChannel(id), tally))

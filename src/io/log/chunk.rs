@@ -97,8 +97,7 @@ impl Decompressor {
             Some(zstd) => zstd,
             none => none.insert(zstd::bulk::Decompressor::new().map_err(damaged)?),
         };
-        zstd.decompress_to_buffer(stored, records)
-            .map_err(damaged)?;
+        zstd.decompress_to_buffer(stored, records).map_err(damaged)?;
         Ok(())
     }
 }
@@ -135,9 +134,7 @@ mod tests {
 
     fn lz4_frame() -> Vec<u8> {
         use std::io::Write;
-        let mut encoder = lz4::EncoderBuilder::new()
-            .build(Vec::new())
-            .expect("memory");
+        let mut encoder = lz4::EncoderBuilder::new().build(Vec::new()).expect("memory");
         encoder.write_all(RECORDS).expect("memory");
         encoder.finish().0
     }
@@ -154,11 +151,7 @@ mod tests {
         };
         let mut records = Vec::new();
         Decompressor::default().run(&chunk, stored, 1000, &mut records)?;
-        Ok(if compression.is_empty() {
-            stored.to_vec()
-        } else {
-            records
-        })
+        Ok(if compression.is_empty() { stored.to_vec() } else { records })
     }
 
     #[test]
@@ -166,17 +159,9 @@ mod tests {
         let (size, crc) = (RECORDS.len() as u64, crc32fast::hash(RECORDS));
         let zstd = zstd::bulk::compress(RECORDS, 1).expect("memory");
         for (name, stored) in [("", RECORDS.to_vec()), ("zstd", zstd), ("lz4", lz4_frame())] {
-            assert_eq!(
-                run(name, &stored, size, crc).as_deref(),
-                Ok(RECORDS),
-                "{name}"
-            );
+            assert_eq!(run(name, &stored, size, crc).as_deref(), Ok(RECORDS), "{name}");
             // 0: the log gives no checksum.
-            assert_eq!(
-                run(name, &stored, size, 0).as_deref(),
-                Ok(RECORDS),
-                "{name}"
-            );
+            assert_eq!(run(name, &stored, size, 0).as_deref(), Ok(RECORDS), "{name}");
             let wrong = run(name, &stored, size, crc ^ 1).expect_err("refused");
             assert!(matches!(wrong, ChunkFault::Checksum { .. }), "{name}");
             for lie in [size - 1, size + 1] {
@@ -190,16 +175,7 @@ mod tests {
     #[test]
     fn a_chunk_above_the_limit_is_not_even_begun() {
         let refused = run("zstd", &[], u64::MAX, 0);
-        assert_eq!(
-            refused,
-            Err(ChunkFault::TooLarge {
-                needed: u64::MAX,
-                limit: 1000
-            })
-        );
-        assert!(matches!(
-            run("xz", &[], 1, 0),
-            Err(ChunkFault::Compression(_))
-        ));
+        assert_eq!(refused, Err(ChunkFault::TooLarge { needed: u64::MAX, limit: 1000 }));
+        assert!(matches!(run("xz", &[], 1, 0), Err(ChunkFault::Compression(_))));
     }
 }

@@ -36,17 +36,9 @@ const MOST_PROBES: u32 = 1_000_000;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
     /// A schema, channel, message or metadata record from `start` to `end`; `is_message` is true for a message.
-    Record {
-        start: u64,
-        end: u64,
-        is_message: bool,
-    },
+    Record { start: u64, end: u64, is_message: bool },
     /// A chunk.
-    Chunk {
-        start: u64,
-        end: u64,
-        chunk: ChunkRecord,
-    },
+    Chunk { start: u64, end: u64, chunk: ChunkRecord },
     /// An application-specific record.
     Private { start: u64, end: u64, opcode: u8 },
     /// Another log begins here, with its magic bytes.
@@ -109,10 +101,7 @@ impl<'s> Frames<'s> {
     pub fn begin(&mut self, start: u64, at: u64) {
         self.at = at;
         self.before = None;
-        self.log = LogSoFar {
-            start,
-            ..LogSoFar::default()
-        };
+        self.log = LogSoFar { start, ..LogSoFar::default() };
     }
 
     /// The byte that the walk has reached.
@@ -179,11 +168,9 @@ impl<'s> Frames<'s> {
     /// The part of a sound frame; `None` for frames of no interest.
     fn piece(&mut self, start: u64, end: u64, opcode: u8) -> io::Result<Option<Piece>> {
         Ok(match opcode {
-            op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => Some(Piece::Record {
-                start,
-                end,
-                is_message: opcode == op::MESSAGE,
-            }),
+            op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
+                Some(Piece::Record { start, end, is_message: opcode == op::MESSAGE })
+            }
             op::CHUNK => {
                 self.log.chunked = true;
                 // The file may have been cut since it was judged.
@@ -216,10 +203,5 @@ impl<'s> Frames<'s> {
 }
 
 const fn lost(start: u64, end: u64, why: Loss) -> Piece {
-    Piece::Lost(Lost {
-        start,
-        end,
-        why,
-        times: None,
-    })
+    Piece::Lost(Lost { start, end, why, times: None })
 }

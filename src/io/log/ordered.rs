@@ -47,12 +47,7 @@ where
     B::Block: Default,
 {
     const fn new(in_order: InOrder<B>, to: T) -> Self {
-        Self {
-            in_order,
-            to,
-            waiting: Vec::new(),
-            spare: Vec::new(),
-        }
+        Self { in_order, to, waiting: Vec::new(), spare: Vec::new() }
     }
 
     fn begin_file(&mut self, file: &str) {
@@ -148,10 +143,7 @@ impl<'s> SessionStreams<'s> {
             Stream::Joints => self.joints.begin_file(file),
             Stream::Commands => self.commands.iter_mut().for_each(|s| s.begin_file(file)),
             Stream::Readings => self.readings.iter_mut().for_each(|s| s.begin_file(file)),
-            Stream::Temperatures => self
-                .temperatures
-                .iter_mut()
-                .for_each(|s| s.begin_file(file)),
+            Stream::Temperatures => self.temperatures.iter_mut().for_each(|s| s.begin_file(file)),
             Stream::Lengths => self.lengths.iter_mut().for_each(|s| s.begin_file(file)),
         }
     }
@@ -212,13 +204,7 @@ impl<'s> SessionStreams<'s> {
             summaries.push((Stream::Lengths, summary));
             lengths.push(poses.finish()?);
         }
-        Ok(Ordered {
-            summaries,
-            commands,
-            readings,
-            temperatures,
-            lengths,
-        })
+        Ok(Ordered { summaries, commands, readings, temperatures, lengths })
     }
 }
 
@@ -238,8 +224,7 @@ impl<C> Emit<PoseBuffer> for SpillingPoses<C> {
 impl Emit<TemperatureBuffer> for TemperatureSamples {
     fn emit(&mut self, buffer: &TemperatureBuffer, rows: Range<usize>) {
         let (stamps, celsius) = buffer.rows(rows);
-        self.stamps
-            .extend(stamps.iter().copied().map(Stamp::from_ns));
+        self.stamps.extend(stamps.iter().copied().map(Stamp::from_ns));
         self.celsius.extend_from_slice(celsius);
     }
 }

@@ -39,10 +39,7 @@ pub struct PackedFault {
 
 /// Whether a file with these first bytes is in zstd: a frame, or one that decompressors skip.
 pub(super) fn is_zstd(start: &[u8]) -> bool {
-    matches!(
-        start,
-        [0x28, 0xb5, 0x2f, 0xfd, ..] | [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..]
-    )
+    matches!(start, [0x28, 0xb5, 0x2f, 0xfd, ..] | [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..])
 }
 
 /// Decompresses `file`, which errors call `name`.
@@ -52,10 +49,7 @@ pub(super) fn unpack(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<(File, Packed), FileError> {
-    let at_fault = |source| FileError::Io {
-        file: name.to_owned(),
-        source,
-    };
+    let at_fault = |source| FileError::Io { file: name.to_owned(), source };
     let no_room = |source| FileError::NoRoom {
         file: name.to_owned(),
         folder: std::env::temp_dir().display().to_string(),
@@ -142,11 +136,7 @@ impl PackedFault {
             }
             _ => "",
         };
-        Self {
-            at,
-            anywhere: why.contains("checksum"),
-            why: why + advice,
-        }
+        Self { at, anywhere: why.contains("checksum"), why: why + advice }
     }
 }
 
@@ -175,11 +165,7 @@ mod tests {
             state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
             ((state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40).to_le_bytes()
         });
-        MAGIC
-            .iter()
-            .copied()
-            .chain(noise.flatten().take(1 << 20))
-            .collect()
+        MAGIC.iter().copied().chain(noise.flatten().take(1 << 20)).collect()
     }
 
     fn packed(bytes: &[u8]) -> Vec<u8> {
@@ -212,10 +198,7 @@ mod tests {
         let mut wrong = stored.clone();
         let last = wrong.len() - 1;
         wrong[last] ^= 1;
-        let fault = unpacked(&wrong, Limits::default())
-            .expect("all of it")
-            .1
-            .fault;
+        let fault = unpacked(&wrong, Limits::default()).expect("all of it").1.fault;
         assert!(fault.expect("the checksum is wrong").anywhere);
     }
 
@@ -229,15 +212,8 @@ mod tests {
             Limits::default(),
         )
         .expect_err("text");
-        assert!(
-            refused
-                .to_string()
-                .contains("log.mcap.zst, decompressed: not an MCAP log")
-        );
-        let limits = Limits {
-            unpacked_bytes: 1 << 20,
-            ..Limits::default()
-        };
+        assert!(refused.to_string().contains("log.mcap.zst, decompressed: not an MCAP log"));
+        let limits = Limits { unpacked_bytes: 1 << 20, ..Limits::default() };
         // The eight bytes of magic are too many.
         let refused = unpacked(&packed(&log()), limits).expect_err("too large");
         assert!(refused.to_string().contains("unpacked_bytes"), "{refused}");

@@ -28,10 +28,7 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
         Err(FileError::Empty { .. } | FileError::NotUnpacked { .. }) => return Ok(true),
         opened => opened?,
     };
-    let at_fault = |source| FileError::Io {
-        file: name.clone(),
-        source,
-    };
+    let at_fault = |source| FileError::Io { file: name.clone(), source };
     let magic = MAGIC.len() as u64;
     let length = source.length();
     let start = source.peek(0, MAGIC.len()).map_err(at_fault)?;
@@ -49,10 +46,7 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
 /// When the file cannot be read.
 pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, String>, FileError> {
     let file = path.display().to_string();
-    let at_fault = |source| FileError::Io {
-        file: file.clone(),
-        source,
-    };
+    let at_fault = |source| FileError::Io { file: file.clone(), source };
     let (mut source, _) = Source::open(path, &file, limits, &Quiet)?;
     let mut at = MAGIC.len() as u64;
     let mut body = Vec::new();
@@ -82,9 +76,7 @@ fn frame(bytes: &[u8]) -> Option<(u8, u64)> {
 
 fn owned(record: MetadataRecord<'_>) -> BTreeMap<String, String> {
     let pairs = record.pairs;
-    pairs
-        .map(|(key, value)| (key.to_owned(), value.to_owned()))
-        .collect()
+    pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
 }
 
 #[cfg(test)]
@@ -96,9 +88,7 @@ mod tests {
     /// A log with its session record after a chunk of messages.
     fn log() -> Vec<u8> {
         let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
-        let channel = writer
-            .add_channel(0, "/t", "json", &BTreeMap::new())
-            .unwrap();
+        let channel = writer.add_channel(0, "/t", "json", &BTreeMap::new()).unwrap();
         let header = |sequence| mcap::records::MessageHeader {
             channel_id: channel,
             sequence,
@@ -106,17 +96,13 @@ mod tests {
             publish_time: 0,
         };
         for sequence in 0..100 {
-            writer
-                .write_to_known_channel(&header(sequence), b"{}")
-                .unwrap();
+            writer.write_to_known_channel(&header(sequence), b"{}").unwrap();
         }
         writer.flush().unwrap();
         for (name, value) in [("other", "x"), (SESSION, "mon")] {
             let metadata = BTreeMap::from([("session".to_owned(), value.to_owned())]);
             let name = name.to_owned();
-            writer
-                .write_metadata(&mcap::records::Metadata { name, metadata })
-                .unwrap();
+            writer.write_metadata(&mcap::records::Metadata { name, metadata }).unwrap();
         }
         writer.finish().unwrap();
         writer.into_inner().into_inner()

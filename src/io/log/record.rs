@@ -106,10 +106,7 @@ impl<'a> HeaderRecord<'a> {
     /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        let header = Self {
-            profile: fields.text()?,
-            library: fields.text()?,
-        };
+        let header = Self { profile: fields.text()?, library: fields.text()? };
         fields.end().map(|()| header)
     }
 }
@@ -231,9 +228,7 @@ impl ChunkRecord {
         let mut fields = Fields::new(body);
         let (start_time, end_time) = (fields.u64()?, fields.u64()?);
         let (uncompressed_size, crc) = (fields.u64()?, fields.u32()?);
-        let compression = fields
-            .text()
-            .filter(|name| name.len() <= Self::LONGEST_NAME)?;
+        let compression = fields.text().filter(|name| name.len() <= Self::LONGEST_NAME)?;
         Some(Self {
             start_time,
             end_time,
@@ -285,10 +280,7 @@ impl<'a> MetadataRecord<'a> {
     /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        let metadata = Self {
-            name: fields.text()?,
-            pairs: fields.text_map()?,
-        };
+        let metadata = Self { name: fields.text()?, pairs: fields.text_map()? };
         fields.end().map(|()| metadata)
     }
 }
@@ -298,9 +290,7 @@ pub const MOST_EXTENSION: u64 = 64;
 
 /// Whether a record of `length` bytes holds fields of this many bytes, and at most an extension after them.
 pub(super) fn extends(fields: u64, length: u64) -> bool {
-    length
-        .checked_sub(fields)
-        .is_some_and(|more| more <= MOST_EXTENSION)
+    length.checked_sub(fields).is_some_and(|more| more <= MOST_EXTENSION)
 }
 
 /// A channel and the number of its messages in a message index; `None` where the start of its body does not fit that
@@ -328,14 +318,9 @@ impl<'a> StatisticsRecord<'a> {
         // Schemas, channels, attachments, metadata records, chunks, first and last log time.
         fields.array::<{ 2 + 4 * 4 + 2 * 8 }>()?;
         let counts = fields.bytes()?;
-        let of_channels = Counts {
-            fields: Fields::new(counts),
-        };
+        let of_channels = Counts { fields: Fields::new(counts) };
         fields.end()?;
-        counts.len().is_multiple_of(10).then_some(Self {
-            messages,
-            of_channels,
-        })
+        counts.len().is_multiple_of(10).then_some(Self { messages, of_channels })
     }
 }
 
@@ -361,27 +346,15 @@ mod tests {
     fn chunk_header() -> Vec<u8> {
         let numbers = [1_u64, 2, 30].map(u64::to_le_bytes).concat();
         let name = [&3_u32.to_le_bytes()[..], b"lz4"].concat();
-        [
-            &numbers[..],
-            &4_u32.to_le_bytes(),
-            &name,
-            &20_u64.to_le_bytes(),
-        ]
-        .concat()
+        [&numbers[..], &4_u32.to_le_bytes(), &name, &20_u64.to_le_bytes()].concat()
     }
 
     #[test]
     fn a_chunk_header_is_read_or_too_short() {
         let bytes = chunk_header();
         let chunk = ChunkRecord::read(&bytes).expect("whole");
-        assert_eq!(
-            (chunk.start_time, chunk.end_time, chunk.uncompressed_size),
-            (1, 2, 30)
-        );
-        assert_eq!(
-            (chunk.crc, chunk.compression.as_str(), chunk.compressed_size),
-            (4, "lz4", 20)
-        );
+        assert_eq!((chunk.start_time, chunk.end_time, chunk.uncompressed_size), (1, 2, 30));
+        assert_eq!((chunk.crc, chunk.compression.as_str(), chunk.compressed_size), (4, "lz4", 20));
         assert_eq!(chunk.header_size, bytes.len() as u64);
         // 43 bytes of header and 20 stored, up to 64 more of a later version.
         let fits = [62, 63, 127, 128].map(|length| chunk.fits(length));

@@ -71,16 +71,12 @@ impl<D> Default for Registry<D> {
 impl<D> Registry<D> {
     /// Whether exactly this schema is known.
     pub(super) fn has_schema(&self, record: &SchemaRecord<'_>) -> bool {
-        self.schemas
-            .get(&record.id)
-            .is_some_and(|schema| schema.is(record))
+        self.schemas.get(&record.id).is_some_and(|schema| schema.is(record))
     }
 
     /// Whether exactly this channel is known.
     pub(super) fn has_channel(&self, record: &ChannelRecord<'_>) -> bool {
-        self.channels
-            .get(&record.id)
-            .is_some_and(|(channel, _)| channel.is(record))
+        self.channels.get(&record.id).is_some_and(|(channel, _)| channel.is(record))
     }
 
     /// The decoder of a channel.

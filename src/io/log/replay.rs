@@ -85,13 +85,7 @@ pub fn read_session(
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, LogError> {
-    let mut source = LogSource {
-        logs,
-        mapping,
-        limits,
-        progress,
-        buffered: BUFFERED,
-    };
+    let mut source = LogSource { logs, mapping, limits, progress, buffered: BUFFERED };
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
     let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {
@@ -119,11 +113,7 @@ pub fn read_session(
     });
     let lengths = mapping.tracker.lengths.iter().zip(ordered.lengths);
     let lengths = lengths.map(|(own, readings)| {
-        LengthReadings::of(
-            &own.source(),
-            &mapping.tracker.target_names(),
-            boxed(readings),
-        )
+        LengthReadings::of(&own.source(), &mapping.tracker.target_names(), boxed(readings))
     });
     Ok(SessionRead {
         input: JoinInput {
@@ -179,9 +169,7 @@ impl LogSource<'_> {
     /// One replay with `buffered` samples in the buffer; its summaries state whether that was enough.
     fn replay_buffered(&self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
         let streams = Mutex::new(SessionStreams::new(self.mapping, self.buffered, joints));
-        let files = self
-            .logs
-            .read(self.mapping, self.limits, &streams, self.progress)?;
+        let files = self.logs.read(self.mapping, self.limits, &streams, self.progress)?;
         let streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
         let ordered = streams.finish()?;
         let mut targets = self.mapping.tracker.target_count();

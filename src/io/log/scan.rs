@@ -129,10 +129,7 @@ where
 /// Checks the magic bytes of the file; returns where its first data section begins.
 fn read_start(source: &mut Source, read_summary: &mut ReadSummary) -> Result<u64, FileError> {
     let name = read_summary.file.clone();
-    let at_fault = |source| FileError::Io {
-        file: name.clone(),
-        source,
-    };
+    let at_fault = |source| FileError::Io { file: name.clone(), source };
     if source.length() == 0 {
         return Err(FileError::Empty { file: name });
     }
@@ -152,10 +149,9 @@ fn read_header(
     read_summary.logs += 1;
     let at = log + MAGIC.len() as u64;
     let frame = source.peek(at, 9)?;
-    let (Some(&op::HEADER), Some(length)) = (
-        frame.first(),
-        frame.get(1..).and_then(|l| l.first_chunk::<8>()),
-    ) else {
+    let (Some(&op::HEADER), Some(length)) =
+        (frame.first(), frame.get(1..).and_then(|l| l.first_chunk::<8>()))
+    else {
         return Ok(at);
     };
     let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
@@ -210,14 +206,7 @@ where
         loop {
             let piece = self.frames.next().map_err(|source| self.io(source))?;
             run = match (piece, run.take()) {
-                (
-                    Some(Piece::Record {
-                        start,
-                        end,
-                        is_message,
-                    }),
-                    run,
-                ) => {
+                (Some(Piece::Record { start, end, is_message }), run) => {
                     // An attachment or an index between two records is skipped, and ends a run.
                     let (own, before) = match run {
                         Some(run) if run.end == start => (Some(run), None),
@@ -270,11 +259,7 @@ where
     fn take(&mut self, piece: Piece) -> Result<(), E> {
         match piece {
             Piece::Chunk { start, end, chunk } => {
-                let extent = Extent {
-                    start,
-                    end,
-                    chunk: Some(chunk),
-                };
+                let extent = Extent { start, end, chunk: Some(chunk) };
                 self.add(extent)
             }
             Piece::Private { start, end, opcode } => {
@@ -311,11 +296,7 @@ where
         if run.end == run.start {
             return Ok(());
         }
-        self.add(Extent {
-            start: run.start,
-            end: run.end,
-            chunk: None,
-        })
+        self.add(Extent { start: run.start, end: run.end, chunk: None })
     }
 
     /// Adds a block to the batch, after working on the batch if it is full.
@@ -325,10 +306,7 @@ where
             bytes.saturating_add(self.visitor.part_bytes(bytes))
         };
         let bytes = weight(&extent);
-        let held: u64 = self.batch[..self.filled]
-            .iter()
-            .map(|block| weight(&block.extent))
-            .sum();
+        let held: u64 = self.batch[..self.filled].iter().map(|block| weight(&block.extent)).sum();
         if self.filled > 0
             && (self.filled >= self.blocks_at_once
                 || held.saturating_add(bytes) > self.limits.batch_bytes)
@@ -352,10 +330,8 @@ where
             block.open(visitor, registry, limit);
             Ok(())
         };
-        let (opened, ()) = rayon::join(
-            || blocks.par_iter_mut().try_for_each(open),
-            || visitor.meanwhile(),
-        );
+        let (opened, ()) =
+            rayon::join(|| blocks.par_iter_mut().try_for_each(open), || visitor.meanwhile());
         opened.map_err(|error| self.io(error))?;
         for place in 0..self.filled {
             // Taken out of the batch, so that the scan can be borrowed as a whole.
@@ -413,9 +389,9 @@ where
                 continue;
             }
             // Refused only where the limit is reached; the messages are then counted as of an unknown channel.
-            let added = self.registry.add_channel(&channel, |channel, schema| {
-                self.visitor.channel(channel, schema)
-            })?;
+            let added = self
+                .registry
+                .add_channel(&channel, |channel, schema| self.visitor.channel(channel, schema))?;
             debug_assert!(added != Err(Refused::Redefined), "unknown until now");
         }
         self.summary = Some(summary);
@@ -483,11 +459,7 @@ where
             time_span_ns: times,
             clock: SpanClock::Log,
             messages: nothing.then_some(0),
-            loss: if nothing {
-                LossKind::Nothing
-            } else {
-                LossKind::Bytes
-            },
+            loss: if nothing { LossKind::Nothing } else { LossKind::Bytes },
             reason: lost.why.to_string(),
         };
         self.read_summary.reject(reject);

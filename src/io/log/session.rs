@@ -40,10 +40,7 @@ pub struct SessionLogs {
 impl SessionLogs {
     /// One file a side.
     pub fn of_two(controller: &Path, tracker: &Path) -> Self {
-        Self {
-            controller: vec![controller.to_owned()],
-            tracker: vec![tracker.to_owned()],
-        }
+        Self { controller: vec![controller.to_owned()], tracker: vec![tracker.to_owned()] }
     }
 
     /// Reads each file once; the rows of all wanted topics go to `streams`.
@@ -55,10 +52,8 @@ impl SessionLogs {
         progress: &dyn Progress,
     ) -> Result<ReadFiles, LogError> {
         let (of_controller, of_tracker) = wanted(mapping);
-        let by_side = BTreeMap::from([
-            (Side::Controller, of_controller),
-            (Side::Tracker, of_tracker),
-        ]);
+        let by_side =
+            BTreeMap::from([(Side::Controller, of_controller), (Side::Tracker, of_tracker)]);
         let mut parts = Vec::new();
         for file in self.files() {
             let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
@@ -93,20 +88,14 @@ impl SessionLogs {
     /// Each file once, by its real path.
     fn files(&self) -> Vec<LogFile> {
         let mut files: Vec<LogFile> = Vec::new();
-        for (side, paths) in [
-            (Side::Controller, &self.controller),
-            (Side::Tracker, &self.tracker),
-        ] {
+        for (side, paths) in [(Side::Controller, &self.controller), (Side::Tracker, &self.tracker)]
+        {
             for path in paths {
                 let real = path.canonicalize().unwrap_or_else(|_| path.clone());
                 if let Some(file) = files.iter_mut().find(|file| file.real == real) {
                     file.sides.insert(side);
                 } else {
-                    files.push(LogFile {
-                        path: path.clone(),
-                        real,
-                        sides: BTreeSet::from([side]),
-                    });
+                    files.push(LogFile { path: path.clone(), real, sides: BTreeSet::from([side]) });
                 }
             }
         }
@@ -130,10 +119,7 @@ struct LogFile {
 impl LogFile {
     /// The role that its counts and metadata are named by.
     fn role(&self) -> &'static str {
-        match (
-            self.sides.contains(&Side::Controller),
-            self.sides.contains(&Side::Tracker),
-        ) {
+        match (self.sides.contains(&Side::Controller), self.sides.contains(&Side::Tracker)) {
             (true, true) => "log",
             (true, false) => "controller",
             _ => "tracker",
@@ -166,10 +152,7 @@ pub fn read_metadata(
     limits: Limits,
 ) -> Result<BTreeMap<String, String>, LogError> {
     // Chunks above this limit are skipped.
-    let limits = Limits {
-        chunk_bytes: 0,
-        ..limits
-    };
+    let limits = Limits { chunk_bytes: 0, ..limits };
     let mut metadata = BTreeMap::new();
     for file in logs.files() {
         let name = file.path.display().to_string();
@@ -204,10 +187,9 @@ fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted
     let mut topics = BTreeSet::new();
     match wanted.iter().find(|wanted| !topics.insert(&wanted.topic)) {
         None => Ok(wanted),
-        Some(twice) => Err(LogError::NamedTwice {
-            file: file.to_owned(),
-            topic: twice.topic.clone(),
-        }),
+        Some(twice) => {
+            Err(LogError::NamedTwice { file: file.to_owned(), topic: twice.topic.clone() })
+        }
     }
 }
 
@@ -217,10 +199,9 @@ fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), 
     let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(&wanted.topic));
     match wanted.iter().find(missing) {
         None => Ok(()),
-        Some(missing) => Err(unknown_topic(
-            of_side().map(|part| &part.read_summary),
-            &missing.topic,
-        )),
+        Some(missing) => {
+            Err(unknown_topic(of_side().map(|part| &part.read_summary), &missing.topic))
+        }
     }
 }
 
@@ -249,11 +230,7 @@ fn unknown_topic<'a>(summaries: impl Iterator<Item = &'a ReadSummary>, topic: &s
     LogError::UnknownTopic {
         file: files.join(", "),
         topic: topic.to_owned(),
-        topics: if topics.is_empty() {
-            "none".to_owned()
-        } else {
-            topics.join(", ")
-        },
+        topics: if topics.is_empty() { "none".to_owned() } else { topics.join(", ") },
         damage,
     }
 }
@@ -287,12 +264,7 @@ fn remember(metadata: &mut BTreeMap<String, String>, key: &str, value: String, r
 }
 
 fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
-    let Part {
-        role,
-        read_summary,
-        streams,
-        ..
-    } = part;
+    let Part { role, read_summary, streams, .. } = part;
     let mut count = |name: String, count: u64| {
         *counts.entry(name).or_default() += count;
     };
@@ -302,15 +274,9 @@ fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
     let cut = read_summary.ending == Ending::Cut;
     count(format!("{role}.files_cut"), u64::from(cut));
     count(format!("{role}.chunks"), read_summary.chunks.values().sum());
-    count(
-        format!("{role}.chunks_unchecked"),
-        read_summary.chunks_unchecked,
-    );
+    count(format!("{role}.chunks_unchecked"), read_summary.chunks_unchecked);
     count(format!("{role}.messages"), read_summary.messages);
-    count(
-        format!("{role}.messages_outside_chunks"),
-        read_summary.messages_outside_chunks,
-    );
+    count(format!("{role}.messages_outside_chunks"), read_summary.messages_outside_chunks);
     count(format!("{role}.messages_lost"), read_summary.messages_lost);
     for wanted in &streams.wanted {
         if let Some(lost) = read_summary.lost_of.get(&wanted.topic) {
@@ -340,18 +306,10 @@ mod tests {
         ] {
             remember(&mut metadata, "k", value.to_owned(), role);
         }
-        let found: Vec<_> = metadata
-            .iter()
-            .map(|(k, v)| (k.as_str(), v.as_str()))
-            .collect();
+        let found: Vec<_> = metadata.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
         assert_eq!(
             found,
-            [
-                ("k", "a"),
-                ("k (controller 2)", "c"),
-                ("k (controller)", "b"),
-                ("k (tracker)", "d")
-            ]
+            [("k", "a"), ("k (controller 2)", "c"), ("k (controller)", "b"), ("k (tracker)", "d")]
         );
     }
 

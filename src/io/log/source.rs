@@ -41,10 +41,7 @@ impl Source {
         limits: Limits,
         progress: &dyn Progress,
     ) -> Result<(Self, Option<Packed>), FileError> {
-        let at_fault = |source| FileError::Io {
-            file: name.to_owned(),
-            source,
-        };
+        let at_fault = |source| FileError::Io { file: name.to_owned(), source };
         // Opening a pipe would wait for its writer, and a device may have no end.
         let kind = fs::metadata(path).map_err(at_fault)?.file_type();
         if kind.is_dir() {
@@ -67,12 +64,7 @@ impl Source {
 
     fn new(file: File) -> io::Result<Self> {
         let length = file.metadata()?.len();
-        Ok(Self {
-            file,
-            length,
-            wide: Window::default(),
-            narrow: Window::default(),
-        })
+        Ok(Self { file, length, wide: Window::default(), narrow: Window::default() })
     }
 
     /// Number of bytes in the file.

@@ -137,9 +137,7 @@ impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
         let mut found = PoseSamples::default();
         for row in numbers.chunks_exact(self.form.row_bytes() / NUMBER) {
             let number = |place: usize| f64::from_le_bytes(row[place]);
-            found
-                .stamps
-                .push(Stamp::from_ns(i64::from_le_bytes(row[0])));
+            found.stamps.push(Stamp::from_ns(i64::from_le_bytes(row[0])));
             found.positions.push([1, 2, 3].map(number));
             if self.form.orientations {
                 let orientations = found.orientations.get_or_insert_default();
@@ -178,16 +176,8 @@ fn covariance(numbers: &[f64; COVARIANCE]) -> PoseCovariance {
     fn part<const N: usize>(of: &[f64]) -> Option<[f64; N]> {
         of.try_into().ok().filter(|own: &[f64; N]| !own[0].is_nan())
     }
-    let turn = |own| {
-        Some(TurnCovariance {
-            own,
-            with_position: part(&numbers[12..])?,
-        })
-    };
-    PoseCovariance {
-        position: part(&numbers[..6]),
-        turn: part(&numbers[6..12]).and_then(turn),
-    }
+    let turn = |own| Some(TurnCovariance { own, with_position: part(&numbers[12..])? });
+    PoseCovariance { position: part(&numbers[..6]), turn: part(&numbers[6..12]).and_then(turn) }
 }
 
 /// Poses that are being spilled; a disk without room is reported at the end.
@@ -199,10 +189,7 @@ pub struct SpillingPoses<C> {
 
 impl<C> Default for SpillingPoses<C> {
     fn default() -> Self {
-        Self {
-            poses: SpilledPoses::default(),
-            room: Ok(()),
-        }
+        Self { poses: SpilledPoses::default(), room: Ok(()) }
     }
 }
 
@@ -237,10 +224,7 @@ mod tests {
             rows.clone().map(row).collect()
         }
         TargetReadings {
-            stamps: rows
-                .clone()
-                .map(|row| Stamp::from_ns(i64::from(row) - 3))
-                .collect(),
+            stamps: rows.clone().map(|row| Stamp::from_ns(i64::from(row) - 3)).collect(),
             positions: column(&rows, 1),
             orientations: orientations.then(|| column(&rows, 4)),
             covariances: covariances.then(|| {

@@ -42,13 +42,8 @@ pub enum Stream {
 
 impl Stream {
     /// All streams in the order of their numbers.
-    pub const ALL: [Self; 5] = [
-        Self::Joints,
-        Self::Commands,
-        Self::Readings,
-        Self::Temperatures,
-        Self::Lengths,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Joints, Self::Commands, Self::Readings, Self::Temperatures, Self::Lengths];
 }
 
 /// A stream and its topic.
@@ -119,11 +114,7 @@ impl<'m, 's> Streams<'m, 's> {
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
     ) -> Result<Arc<Reader>, LogError> {
-        let key = (
-            channel.topic.clone(),
-            channel.schema_id,
-            channel.encoding.clone(),
-        );
+        let key = (channel.topic.clone(), channel.schema_id, channel.encoding.clone());
         // The id may mean another schema in the next log of the file.
         let is_of = |of: &Option<Arc<Schema>>| match (of, schema) {
             (Some(of), Some(schema)) => Arc::ptr_eq(of, schema),
@@ -193,20 +184,14 @@ impl<'m, 's> Streams<'m, 's> {
     fn targets_of(&self, topic: &str) -> Vec<Wished> {
         let seen = self.mapping.tracker.seen().into_iter().enumerate();
         let own = seen.filter(|(_, own)| own.topic == topic);
-        own.map(|(place, own)| Wished {
-            place,
-            is: own.is.cloned(),
-        })
-        .collect()
+        own.map(|(place, own)| Wished { place, is: own.is.cloned() }).collect()
     }
 
     fn describe(&self, wanted: usize, fault: RowFault) -> String {
         let joint = |place: usize| self.mapping.joints.get(place).map_or("", String::as_str);
         let path = |place: usize| {
             let paths = self.paths.get(&wanted).map_or(&[][..], Vec::as_slice);
-            paths
-                .get(place)
-                .map_or_else(String::new, FieldPath::to_string)
+            paths.get(place).map_or_else(String::new, FieldPath::to_string)
         };
         match fault {
             RowFault::JointMissing(place) => {
@@ -229,9 +214,7 @@ impl<'m, 's> Streams<'m, 's> {
             }
             RowFault::OtherFrame => format!(
                 "the message is in another frame than {:?}",
-                self.wanted
-                    .get(wanted)
-                    .map_or("", |own| self.frame(own.stream))
+                self.wanted.get(wanted).map_or("", |own| self.frame(own.stream))
             ),
             other => other.to_string(),
         }
@@ -268,9 +251,7 @@ impl Visitor for Streams<'_, '_> {
         let stream = wanted.stream;
         self.met.insert(wanted.topic.clone());
         self.session().begin_file(stream, &self.file);
-        self.paths
-            .entry(place)
-            .or_insert_with(|| reader.recipe.paths.clone());
+        self.paths.entry(place).or_insert_with(|| reader.recipe.paths.clone());
         Ok(Some(reader))
     }
 
@@ -291,11 +272,7 @@ impl Visitor for Streams<'_, '_> {
 
     fn clear(&self, part: &mut Part) {
         let tracker = &self.mapping.tracker;
-        part.clear(
-            self.mapping.joints.len(),
-            tracker.seen().len(),
-            tracker.lengths.len(),
-        );
+        part.clear(self.mapping.joints.len(), tracker.seen().len(), tracker.lengths.len());
     }
 
     fn meanwhile(&self) {

@@ -67,11 +67,7 @@ pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Optio
     }
     // The checksum covers the footer, up to itself.
     let found = source.checksum(range.start..footer.at + FRAME_HEADER + 16)?;
-    Ok(if found == footer.crc {
-        (Ending::Sound, Some(range))
-    } else {
-        (Ending::Damaged, None)
-    })
+    Ok(if found == footer.crc { (Ending::Sound, Some(range)) } else { (Ending::Damaged, None) })
 }
 
 /// The start of the summary of the log in these bytes, by its footer.

@@ -12,9 +12,7 @@ pub(super) struct Cdr {
 
 impl Cdr {
     pub(super) fn new() -> Self {
-        Self {
-            bytes: ENCAPSULATION.to_vec(),
-        }
+        Self { bytes: ENCAPSULATION.to_vec() }
     }
 
     pub(super) fn i32(&mut self, value: i32) {
@@ -43,10 +41,8 @@ impl Cdr {
 
     /// The number of values that follow.
     pub(super) fn length(&mut self, topic: &str, length: usize) -> Result<(), LogWriteError> {
-        let counted = u32::try_from(length).map_err(|_| LogWriteError::TooLong {
-            topic: topic.to_owned(),
-            found: length,
-        })?;
+        let counted = u32::try_from(length)
+            .map_err(|_| LogWriteError::TooLong { topic: topic.to_owned(), found: length })?;
         self.u32(counted);
         Ok(())
     }

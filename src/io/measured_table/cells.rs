@@ -100,14 +100,6 @@ mod tests {
             assert!(cells.is_number(place));
         }
         let rest: Vec<Cell> = (9..13).map(|place| cells.get(place)).collect();
-        assert_eq!(
-            rest,
-            [
-                Cell::Blank,
-                Cell::Text("a"),
-                Cell::Text(""),
-                Cell::Text("ß°")
-            ]
-        );
+        assert_eq!(rest, [Cell::Blank, Cell::Text("a"), Cell::Text(""), Cell::Text("ß°")]);
     }
 }

@@ -34,10 +34,7 @@ fn eight(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
         return Err(no_text(at));
     }
     Ok(match str::from_utf8(bytes) {
-        Ok(text) => Decoded {
-            text: Cow::Borrowed(text),
-            remark: None,
-        },
+        Ok(text) => Decoded { text: Cow::Borrowed(text), remark: None },
         Err(_) => Decoded {
             text: bytes.iter().copied().map(char::from).collect(),
             remark: Some("it is no UTF-8 and read as Latin-1"),
@@ -65,10 +62,7 @@ fn sixteen(
     if !rest.is_empty() {
         return Err(no_text(at));
     }
-    Ok(Decoded {
-        text: Cow::Owned(text),
-        remark: Some("it is UTF-16"),
-    })
+    Ok(Decoded { text: Cow::Owned(text), remark: Some("it is UTF-16") })
 }
 
 #[cfg(test)]

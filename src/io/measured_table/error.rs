@@ -249,10 +249,7 @@ pub enum MeasuredTableErrorKind {
 impl MeasuredTableErrorKind {
     /// This problem of the file at `path`.
     pub(super) fn at(self, path: &Path) -> MeasuredTableError {
-        MeasuredTableError {
-            file: path.to_owned(),
-            kind: self,
-        }
+        MeasuredTableError { file: path.to_owned(), kind: self }
     }
 }
 
@@ -294,10 +291,7 @@ fn near(nearest: &[String]) -> String {
 
 /// Places as a person counts them.
 fn listed(columns: &[usize]) -> String {
-    let places: Vec<String> = columns
-        .iter()
-        .map(|place| (place + 1).to_string())
-        .collect();
+    let places: Vec<String> = columns.iter().map(|place| (place + 1).to_string()).collect();
     places.join(", ")
 }
 
@@ -307,14 +301,8 @@ pub(super) fn find(columns: &[String], name: &str) -> Result<usize, ColumnError>
     let own: Vec<usize> = own.map(|(place, _)| place).collect();
     match own.as_slice() {
         [place] => Ok(*place),
-        [] => Err(ColumnError::Unknown {
-            name: name.to_owned(),
-            nearest: nearest(columns, name),
-        }),
-        _ => Err(ColumnError::Ambiguous {
-            name: name.to_owned(),
-            columns: own,
-        }),
+        [] => Err(ColumnError::Unknown { name: name.to_owned(), nearest: nearest(columns, name) }),
+        _ => Err(ColumnError::Ambiguous { name: name.to_owned(), columns: own }),
     }
 }
 
@@ -329,10 +317,7 @@ fn nearest(columns: &[String], name: &str) -> Vec<String> {
         .filter(|(distance, _)| *distance <= wanted.len().div_ceil(2))
         .collect();
     near.sort_unstable();
-    near.into_iter()
-        .take(3)
-        .map(|(_, place)| columns[place].clone())
-        .collect()
+    near.into_iter().take(3).map(|(_, place)| columns[place].clone()).collect()
 }
 
 /// Letters to add, remove or exchange to make one text of the other (Levenshtein).
@@ -363,30 +348,13 @@ mod tests {
             unknown,
             "there is no column \"joint1\"; the nearest names are \"joint_1\", \"joint_2\""
         );
-        assert!(
-            find(&columns, "temp")
-                .unwrap_err()
-                .to_string()
-                .contains("\"Temp\"")
-        );
-        assert!(
-            find(&columns, "pressure")
-                .unwrap_err()
-                .to_string()
-                .contains("no name is like it")
-        );
+        assert!(find(&columns, "temp").unwrap_err().to_string().contains("\"Temp\""));
+        assert!(find(&columns, "pressure").unwrap_err().to_string().contains("no name is like it"));
         let twice = find(&columns, "x").unwrap_err();
-        assert!(
-            twice
-                .to_string()
-                .starts_with("columns 1, 6 are all called \"x\"")
-        );
+        assert!(twice.to_string().starts_with("columns 1, 6 are all called \"x\""));
         assert_eq!(
             find(&columns, ""),
-            Err(ColumnError::Unknown {
-                name: String::new(),
-                nearest: Vec::new()
-            })
+            Err(ColumnError::Unknown { name: String::new(), nearest: Vec::new() })
         );
     }
 }

@@ -99,16 +99,9 @@ impl<'h> Filling<'h> {
         let behind = cells.get(self.width..);
         if !behind.is_some_and(|behind| behind.iter().all(Written::is_blank)) {
             let first = cells.first().map_or_else(Default::default, Written::text);
-            let misfit = LeftOutFor::Cells {
-                found: cells.len(),
-                wanted: self.width,
-            };
+            let misfit = LeftOutFor::Cells { found: cells.len(), wanted: self.width };
             let is_comment = comment(first.as_bytes()).is_some();
-            return Some(if is_comment {
-                LeftOutFor::Comment
-            } else {
-                misfit
-            });
+            return Some(if is_comment { LeftOutFor::Comment } else { misfit });
         }
         let is_header = repeats(&self.head.written) || repeats(&self.head.units_written);
         is_header.then_some(LeftOutFor::Header)
@@ -146,9 +139,7 @@ impl<'h> Filling<'h> {
     /// Whether a cell is a number with the other decimal mark.
     pub(super) fn has_other_mark(&self) -> bool {
         let found = self.contrary.iter().flatten();
-        found
-            .into_iter()
-            .any(|found| found.kind == Contrary::OtherMark)
+        found.into_iter().any(|found| found.kind == Contrary::OtherMark)
     }
 
     /// An error where a column has numbers in two ways of writing, or with separators of thousands.
@@ -164,12 +155,9 @@ impl<'h> Filling<'h> {
             let column = self.head.names[place].clone();
             let mark = self.numbers.mark();
             return Err(match kind {
-                Contrary::OtherMark => MeasuredTableErrorKind::OtherMark {
-                    line,
-                    column,
-                    text,
-                    mark,
-                },
+                Contrary::OtherMark => {
+                    MeasuredTableErrorKind::OtherMark { line, column, text, mark }
+                }
                 _ => MeasuredTableErrorKind::Thousands { line, column, text },
             });
         }
@@ -191,11 +179,8 @@ impl<'h> Filling<'h> {
             return Err(MeasuredTableErrorKind::NoRows);
         }
         self.refuse_contrary()?;
-        let records = Records {
-            rows: self.lines.len(),
-            left_out: self.left_out.len(),
-            ..self.records
-        };
+        let records =
+            Records { rows: self.lines.len(), left_out: self.left_out.len(), ..self.records };
         Ok(MeasuredTable {
             columns: self.head.names.clone(),
             units: self.head.units.clone(),

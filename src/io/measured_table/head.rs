@@ -92,25 +92,17 @@ impl SampleRow {
     }
 
     fn count(&self, kind: PieceKind) -> usize {
-        self.pieces
-            .iter()
-            .filter(|piece| piece.kind == kind)
-            .count()
+        self.pieces.iter().filter(|piece| piece.kind == kind).count()
     }
 
     /// Number of cells without blank ones at the end.
     fn length(&self) -> usize {
-        let last = self
-            .pieces
-            .iter()
-            .rposition(|piece| piece.kind != PieceKind::Blank);
+        let last = self.pieces.iter().rposition(|piece| piece.kind != PieceKind::Blank);
         last.map_or(0, |last| last + 1)
     }
 
     fn kind(&self, column: usize) -> PieceKind {
-        self.pieces
-            .get(column)
-            .map_or(PieceKind::Blank, |piece| piece.kind)
+        self.pieces.get(column).map_or(PieceKind::Blank, |piece| piece.kind)
     }
 
     /// Whether it has `width` cells, apart from blank ones at the end.
@@ -165,9 +157,7 @@ fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -
 
 /// The head whose header stands in this line.
 fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKind> {
-    let found = sample
-        .iter()
-        .position(|row| row.line == line && !row.is_blank());
+    let found = sample.iter().position(|row| row.line == line && !row.is_blank());
     let header = found.ok_or(MeasuredTableErrorKind::NoHeaderThere { line })?;
     let width = sample[header].length();
     if width > MOST_COLUMNS {
@@ -212,24 +202,17 @@ type Weight = (usize, usize);
 /// The number of cells of the records that have most numbers, or of most records where there is no number.
 fn width(sample: &[SampleRow]) -> Option<usize> {
     let mut of_width: BTreeMap<usize, Weight> = BTreeMap::new();
-    let rows = sample
-        .iter()
-        .filter(|row| !row.is_comment && !row.is_blank());
+    let rows = sample.iter().filter(|row| !row.is_comment && !row.is_blank());
     for row in rows {
         let (numbers, rows) = of_width.entry(row.pieces.len()).or_default();
         *numbers += row.count(PieceKind::Number);
         *rows += 1;
     }
-    let best = of_width
-        .iter()
-        .max_by_key(|&(width, weight)| (weight, width));
+    let best = of_width.iter().max_by_key(|&(width, weight)| (weight, width));
     let (&width, best) = best?;
     // Where half as many numbers stand below a record of names with as many cells, those are the rows.
-    let named = named(sample).filter(|width| {
-        of_width
-            .get(width)
-            .is_some_and(|own| own.0 > 0 && 2 * own.0 >= best.0)
-    });
+    let named = named(sample)
+        .filter(|width| of_width.get(width).is_some_and(|own| own.0 > 0 && 2 * own.0 >= best.0));
     let width = named.unwrap_or(width);
     // A separator may end each row, and nothing ever stands behind it.
     let rows = sample.iter().filter(|row| row.fits(width));

@@ -59,22 +59,14 @@ impl Parser<'_> {
     }
 
     fn expect(&mut self, sign: u8, wanted: &'static str) -> Parsed<()> {
-        if self.take_if(sign) {
-            Ok(())
-        } else {
-            Err(self.wrong(wanted))
-        }
+        if self.take_if(sign) { Ok(()) } else { Err(self.wrong(wanted)) }
     }
 
     /// The error at this place.
     fn wrong(&self, problem: &'static str) -> MeasuredTableErrorKind {
         let before = self.text.get(..self.at).unwrap_or(self.text);
         let line = before.rsplit('\n').next().unwrap_or_default();
-        MeasuredTableErrorKind::Json {
-            line: self.line,
-            column: line.chars().count() + 1,
-            problem,
-        }
+        MeasuredTableErrorKind::Json { line: self.line, column: line.chars().count() + 1, problem }
     }
 
     fn value(&mut self, levels: usize) -> Parsed<Node> {
@@ -96,10 +88,7 @@ impl Parser<'_> {
 
     fn map(&mut self, levels: usize) -> Parsed<Map> {
         self.at += 1;
-        let mut map = Map {
-            line: self.line,
-            members: Vec::new(),
-        };
+        let mut map = Map { line: self.line, members: Vec::new() };
         if self.take_if(b'}') {
             return Ok(map);
         }
@@ -137,10 +126,7 @@ impl Parser<'_> {
     fn word(&mut self) -> Parsed<Node> {
         let rest = &self.text[self.at..];
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
-        let length = rest
-            .bytes()
-            .position(|byte| !is_part(byte))
-            .unwrap_or(rest.len());
+        let length = rest.bytes().position(|byte| !is_part(byte)).unwrap_or(rest.len());
         let word = &rest[..length];
         let node = match word {
             "null" => Node::Blank,
@@ -210,9 +196,7 @@ impl Parser<'_> {
     fn four(&mut self) -> Parsed<u16> {
         let digits = self.text.get(self.at..self.at + 4);
         let is_code = |text: &&str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
-        let code = digits
-            .filter(is_code)
-            .and_then(|text| u16::from_str_radix(text, 16).ok());
+        let code = digits.filter(is_code).and_then(|text| u16::from_str_radix(text, 16).ok());
         let code = code.ok_or_else(|| self.wrong("four hexadecimal digits are missing"))?;
         self.at += 4;
         Ok(code)

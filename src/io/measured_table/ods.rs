@@ -34,9 +34,7 @@ pub(super) fn read(
     let document = Document::parse(&text);
     let document =
         document.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
-    let sheets = document
-        .descendants()
-        .filter(|node| node.has_tag_name((TABLE, "table")));
+    let sheets = document.descendants().filter(|node| node.has_tag_name((TABLE, "table")));
     let sheets: Vec<Node> = sheets.collect();
     let names: Vec<String> = sheets.iter().copied().map(name).collect();
     for wanted in sheet::chosen(&names, form)? {
@@ -66,10 +64,7 @@ fn content(bytes: &[u8]) -> Result<String, MeasuredTableErrorKind> {
 }
 
 fn name(sheet: Node) -> String {
-    sheet
-        .attribute((TABLE, "name"))
-        .unwrap_or_default()
-        .to_owned()
+    sheet.attribute((TABLE, "name")).unwrap_or_default().to_owned()
 }
 
 /// The number of times that an element stands for itself.
@@ -84,10 +79,7 @@ type Rows<'d> = Vec<(u64, Vec<(u32, SheetCell<'d>)>)>;
 fn rows<'d>(sheet: Node<'d, '_>) -> Option<Rows<'d>> {
     let numbers = Numbers::with('.');
     let (mut rows, mut line, mut count) = (Vec::new(), 0_u64, 0_usize);
-    for row in sheet
-        .descendants()
-        .filter(|node| node.has_tag_name((TABLE, "table-row")))
-    {
+    for row in sheet.descendants().filter(|node| node.has_tag_name((TABLE, "table-row"))) {
         let times = repeated(row, "number-rows-repeated");
         let cells = cells(row, &numbers)?;
         if cells.is_empty() {
@@ -159,9 +151,8 @@ fn own<'d>(cell: Node<'d, '_>, numbers: &Numbers) -> SheetCell<'d> {
 fn paragraphs(cell: Node) -> String {
     let paragraphs = cell.children().filter(|node| node.tag_name().name() == "p");
     let texts = paragraphs.map(|paragraph| {
-        let texts = paragraph
-            .descendants()
-            .filter_map(|node| node.text().filter(|_| node.is_text()));
+        let texts =
+            paragraph.descendants().filter_map(|node| node.text().filter(|_| node.is_text()));
         texts.collect::<String>()
     });
     let texts: Vec<String> = texts.collect();

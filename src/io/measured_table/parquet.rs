@@ -29,11 +29,7 @@ pub(super) fn read(
     // The reader panics on some damaged pages. It owns only the bytes.
     let read = catch_unwind(AssertUnwindSafe(|| batch(bytes.into(), bound)));
     let batch = read.unwrap_or_else(|_| Err(wrong("it is damaged")))?;
-    let mut leaves = Leaves {
-        rows: batch.num_rows(),
-        found: Vec::new(),
-        remarks: Vec::new(),
-    };
+    let mut leaves = Leaves { rows: batch.num_rows(), found: Vec::new(), remarks: Vec::new() };
     let rows: Vec<Place> = (0..batch.num_rows()).map(Place::at).collect();
     for (field, column) in batch.schema().fields().iter().zip(batch.columns()) {
         leaves.add(field.name().clone(), column, rows.clone())?;
@@ -41,10 +37,7 @@ pub(super) fn read(
     leaves.table(form)
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "`map_err` gives errors by value"
-)]
+#[expect(clippy::needless_pass_by_value, reason = "`map_err` gives errors by value")]
 fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Parquet(problem.to_string())
 }
@@ -154,9 +147,7 @@ impl Leaves {
         let offsets = list.value_offsets();
         let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
         let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
-        let lengths = places
-            .iter()
-            .filter_map(|place| Some(range(place.get()?).len()));
+        let lengths = places.iter().filter_map(|place| Some(range(place.get()?).len()));
         let width = lengths.max().unwrap_or_default();
         self.check(width)?;
         for index in 0..width {
@@ -175,11 +166,7 @@ impl Leaves {
     ) -> Result<(), MeasuredTableErrorKind> {
         self.check(1)?;
         match values(array) {
-            Some(values) => self.found.push(Leaf {
-                name,
-                values,
-                places,
-            }),
+            Some(values) => self.found.push(Leaf { name, values, places }),
             None => self.remarks.push(format!(
                 "column {name:?} holds {} and is no column of the table",
                 array.data_type()

@@ -32,10 +32,8 @@ impl EitherMark {
 
     fn has_comma(&self, cell: &[u8]) -> bool {
         let comma = cell.iter().position(|&byte| byte == b',');
-        let digit = |at: Option<usize>| {
-            at.and_then(|at| cell.get(at))
-                .is_some_and(u8::is_ascii_digit)
-        };
+        let digit =
+            |at: Option<usize>| at.and_then(|at| cell.get(at)).is_some_and(u8::is_ascii_digit);
         comma.is_some_and(|at| digit(at.checked_sub(1)) && digit(Some(at + 1)))
             && self.comma.parse(cell).is_some()
     }
@@ -87,10 +85,9 @@ pub(super) fn choose(text: &str) -> Separator {
         let own = fit(text, separator);
         // Where tabs separate, a name may have spaces.
         let other = match best {
-            (Separator::Spaces, spaces) if sign == b'\t' => Fit {
-                numbers: spaces.numbers / 2,
-                ..spaces
-            },
+            (Separator::Spaces, spaces) if sign == b'\t' => {
+                Fit { numbers: spaces.numbers / 2, ..spaces }
+            }
             // Where commas are decimal marks, two numbers with a space between look like three cells.
             (Separator::Spaces, spaces) if sign == b',' && own == spaces => continue,
             (_, other) => other,
@@ -115,9 +112,7 @@ fn fit(text: &str, separator: Separator) -> Fit {
         if cells.len() < 2 || comment(first.as_bytes()).is_some() {
             continue;
         }
-        let numbers = cells
-            .iter()
-            .filter(|cell| either.is_number(cell.text().as_bytes()));
+        let numbers = cells.iter().filter(|cell| either.is_number(cell.text().as_bytes()));
         let fit = of_length.entry(cells.len()).or_default();
         fit.numbers += numbers.count();
         fit.rows += usize::from(cells.iter().any(|cell| !cell.is_blank()));
@@ -144,10 +139,7 @@ mod tests {
             ("1,5   2,5  -3,5\n", Separator::Spaces),
             ("Tool, of 5, with 3\na;b\n1;2\n3;4\n", Separator::Sign(b';')),
             ("# a;b;c\n# 1;2;3\na,b\n1,2\n", Separator::Sign(b',')),
-            (
-                "name;note\nA;this, that\nB;more, or less\n",
-                Separator::Sign(b';'),
-            ),
+            ("name;note\nA;this, that\nB;more, or less\n", Separator::Sign(b';')),
             ("x\n1.5\n2.5\n", Separator::Spaces),
             ("", Separator::Spaces),
         ] {

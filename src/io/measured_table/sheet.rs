@@ -73,11 +73,10 @@ impl Sheet<'_> {
         form: &Form,
         names: &[String],
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-        self.own_table(form, names)
-            .map_err(|problem| MeasuredTableErrorKind::Sheet {
-                name: self.name.clone(),
-                problem: Box::new(problem),
-            })
+        self.own_table(form, names).map_err(|problem| MeasuredTableErrorKind::Sheet {
+            name: self.name.clone(),
+            problem: Box::new(problem),
+        })
     }
 
     fn own_table(
@@ -136,18 +135,13 @@ impl Sheet<'_> {
 
     fn head(&self, columns: &[u32], form: &Form) -> Result<Head, MeasuredTableErrorKind> {
         if columns.len() > MOST_COLUMNS {
-            return Err(MeasuredTableErrorKind::TooManyColumns {
-                found: columns.len(),
-            });
+            return Err(MeasuredTableErrorKind::TooManyColumns { found: columns.len() });
         }
         let either = EitherMark::new();
         let rows = self.rows.iter().take(SAMPLE);
         let sample = rows.map(|(line, row)| SampleRow {
             line: *line,
-            pieces: dense(row, columns)
-                .iter()
-                .map(|cell| piece(cell, &either))
-                .collect(),
+            pieces: dense(row, columns).iter().map(|cell| piece(cell, &either)).collect(),
             is_comment: false,
         });
         let sample: Vec<SampleRow> = sample.collect();
@@ -158,15 +152,9 @@ impl Sheet<'_> {
 fn piece(cell: &SheetCell<'_>, either: &EitherMark) -> Piece {
     let text = cell.text();
     if let SheetCell::Number(_) = cell {
-        return Piece {
-            kind: PieceKind::Number,
-            text: text.into_owned(),
-        };
+        return Piece { kind: PieceKind::Number, text: text.into_owned() };
     }
-    let end = text
-        .char_indices()
-        .nth(LETTERS)
-        .map_or(text.len(), |(end, _)| end);
+    let end = text.char_indices().nth(LETTERS).map_or(text.len(), |(end, _)| end);
     Piece::new(&text[..end], either)
 }
 
@@ -198,10 +186,9 @@ pub(super) fn chosen<'n>(
     };
     match names.iter().find(|name| *name == wanted) {
         Some(name) => Ok(vec![name]),
-        None => Err(MeasuredTableErrorKind::NoSheet {
-            wanted: wanted.clone(),
-            found: names.to_vec(),
-        }),
+        None => {
+            Err(MeasuredTableErrorKind::NoSheet { wanted: wanted.clone(), found: names.to_vec() })
+        }
     }
 }
 
@@ -217,10 +204,7 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
             found.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
         rest = rest
             .checked_sub(found)
-            .ok_or(MeasuredTableErrorKind::Unpacked {
-                limit: bound.bytes,
-                advice: bound.advice,
-            })?;
+            .ok_or(MeasuredTableErrorKind::Unpacked { limit: bound.bytes, advice: bound.advice })?;
     }
     Ok(())
 }

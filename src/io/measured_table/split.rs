@@ -75,13 +75,7 @@ pub(super) struct Rows<'t> {
 
 impl<'t> Rows<'t> {
     pub(super) fn new(text: &'t str, separator: Separator) -> Self {
-        Self {
-            whole: text,
-            text: text.as_bytes(),
-            separator,
-            at: 0,
-            line: 1,
-        }
+        Self { whole: text, text: text.as_bytes(), separator, at: 0, line: 1 }
     }
 
     /// The cells of the next row, and the line that it begins in; `None` at the end of the text.
@@ -124,11 +118,7 @@ impl<'t> Rows<'t> {
             && let Some((span, after)) = self.quoted(start)?
         {
             let after = self.skip(after, |byte| is_space(byte) && byte != sign);
-            if self
-                .text
-                .get(after)
-                .is_none_or(|&byte| byte == sign || is_end(byte))
-            {
+            if self.text.get(after).is_none_or(|&byte| byte == sign || is_end(byte)) {
                 return Ok(self.close(span, after, cells));
             }
         }
@@ -155,10 +145,7 @@ impl<'t> Rows<'t> {
         if quotes
             && self.text[start] == b'"'
             && let Some((span, after)) = self.quoted(start)?
-            && self
-                .text
-                .get(after)
-                .is_none_or(|&byte| is_space(byte) || is_end(byte))
+            && self.text.get(after).is_none_or(|&byte| is_space(byte) || is_end(byte))
         {
             return Ok(self.close_word(span, after, cells));
         }
@@ -268,8 +255,7 @@ const fn is_end(byte: u8) -> bool {
 pub(super) fn comment(line: &[u8]) -> Option<&[u8]> {
     let line = line.trim_ascii_start();
     let rest = line.strip_prefix(b"//");
-    rest.or_else(|| line.strip_prefix(b"#"))
-        .or_else(|| line.strip_prefix(b"%"))
+    rest.or_else(|| line.strip_prefix(b"#")).or_else(|| line.strip_prefix(b"%"))
 }
 
 fn is_comment(rest: &[u8]) -> bool {
@@ -299,12 +285,8 @@ mod tests {
     fn lines_are_counted_however_they_end() {
         for end in ["\n", "\r\n", "\r"] {
             let text = ["a;b", "", " 1 ;\t2 ", "3;"].join(end);
-            let wanted = [
-                row(1, &["a", "b"]),
-                row(2, &[""]),
-                row(3, &["1", "2"]),
-                row(4, &["3", ""]),
-            ];
+            let wanted =
+                [row(1, &["a", "b"]), row(2, &[""]), row(3, &["1", "2"]), row(4, &["3", ""])];
             assert_eq!(rows(&text, ';'), wanted, "{end:?}");
             assert_eq!(rows(&(text + end), ';'), wanted, "{end:?} at the end");
         }
@@ -334,12 +316,7 @@ mod tests {
     #[test]
     fn spaces_and_tabs_separate_in_any_number() {
         let text = "  a \t b\n\n\"c d\"  2 \n3";
-        let wanted = [
-            row(1, &["a", "b"]),
-            row(2, &[]),
-            row(3, &["c d", "2"]),
-            row(4, &["3"]),
-        ];
+        let wanted = [row(1, &["a", "b"]), row(2, &[]), row(3, &["c d", "2"]), row(4, &["3"])];
         assert_eq!(rows(text, ' '), wanted);
     }
 }

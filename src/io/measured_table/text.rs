@@ -52,10 +52,7 @@ fn sample(text: &str, separator: Separator) -> Result<Vec<SampleRow>, MeasuredTa
     while sample.len() < SAMPLE
         && let Some(line) = rows.next(&mut cells)?
     {
-        let pieces = cells
-            .iter()
-            .map(|cell| Piece::new(cell.text().as_ref(), &either))
-            .collect();
+        let pieces = cells.iter().map(|cell| Piece::new(cell.text().as_ref(), &either)).collect();
         sample.push(row(line, pieces, separator));
     }
     Ok(sample)
@@ -63,9 +60,7 @@ fn sample(text: &str, separator: Separator) -> Result<Vec<SampleRow>, MeasuredTa
 
 /// A row of the sample; the sign of a comment is taken off its first cell.
 fn row(line: u64, mut pieces: Vec<Piece>, separator: Separator) -> SampleRow {
-    let first = pieces
-        .first()
-        .and_then(|piece| comment(piece.text.as_bytes()));
+    let first = pieces.first().and_then(|piece| comment(piece.text.as_bytes()));
     let is_comment = first.is_some();
     if let Some(rest) = first {
         let rest = String::from_utf8_lossy(rest.trim_ascii()).into_owned();
@@ -73,20 +68,12 @@ fn row(line: u64, mut pieces: Vec<Piece>, separator: Separator) -> SampleRow {
             pieces.remove(0);
         } else {
             // A column of numbers is often called `#`.
-            pieces[0].text = if rest.is_empty() {
-                "#".to_owned()
-            } else {
-                rest
-            };
+            pieces[0].text = if rest.is_empty() { "#".to_owned() } else { rest };
         }
     }
     let first = pieces.first().map_or("", |piece| piece.text.as_str());
     let is_separator_line = line == 1 && pieces.len() < 3 && first.eq_ignore_ascii_case("sep=");
-    SampleRow {
-        line,
-        pieces,
-        is_comment: is_comment || is_separator_line,
-    }
+    SampleRow { line, pieces, is_comment: is_comment || is_separator_line }
 }
 
 fn fill<'h>(

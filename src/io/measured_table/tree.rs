@@ -89,10 +89,7 @@ pub(super) fn table(
     } else {
         return rows(document, form, Vec::new());
     };
-    let document = Document {
-        roots: vec![(*line, made)],
-        counted: Counted::Record,
-    };
+    let document = Document { roots: vec![(*line, made)], counted: Counted::Record };
     rows(&document, form, vec![remark.to_owned()])
 }
 
@@ -102,10 +99,7 @@ fn rows(
     mut remarks: Vec<String>,
 ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     let (records, counted) = match document.roots.as_slice() {
-        [(_, root)] => (
-            records(root, document.counted, &mut remarks)?,
-            document.counted,
-        ),
+        [(_, root)] => (records(root, document.counted, &mut remarks)?, document.counted),
         roots => (documents(roots), Counted::Line),
     };
     let mut flat = Flat::default();
@@ -122,11 +116,7 @@ fn rows(
 }
 
 fn documents(roots: &[(u64, Node)]) -> Vec<Record<'_>> {
-    let records = roots.iter().map(|(line, node)| Record {
-        line: *line,
-        key: None,
-        node,
-    });
+    let records = roots.iter().map(|(line, node)| Record { line: *line, key: None, node });
     records.collect()
 }
 

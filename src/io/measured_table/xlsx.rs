@@ -76,9 +76,7 @@ fn rows<'b>(book: &'b mut Xlsx<Cursor<&[u8]>>, name: &str) -> Result<Option<Rows
         }
         rows.entry(row).or_default().push((column, own));
     }
-    let rows = rows
-        .into_iter()
-        .map(|(row, cells)| (u64::from(row) + 1, cells));
+    let rows = rows.into_iter().map(|(row, cells)| (u64::from(row) + 1, cells));
     Ok(Some(rows.collect()))
 }
 
@@ -86,10 +84,7 @@ fn own<'b>(value: &DataRef<'b>) -> SheetCell<'b> {
     let text = |text: String| SheetCell::Text(Cow::Owned(text));
     match value {
         DataRef::Empty => SheetCell::Blank,
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "a cell is a double in any spreadsheet"
-        )]
+        #[expect(clippy::cast_precision_loss, reason = "a cell is a double in any spreadsheet")]
         DataRef::Int(number) => SheetCell::Number(*number as f64),
         DataRef::Float(number) => SheetCell::Number(*number),
         DataRef::String(own) | DataRef::DateTimeIso(own) | DataRef::DurationIso(own) => {
@@ -105,11 +100,7 @@ fn own<'b>(value: &DataRef<'b>) -> SheetCell<'b> {
 /// A date and time by ISO 8601, a time without a date where the cell has none.
 fn date(date: ExcelDateTime) -> String {
     let (year, month, day, hour, minute, second, milli) = date.to_ymd_hms_milli();
-    let fraction = if milli == 0 {
-        String::new()
-    } else {
-        format!(".{milli:03}")
-    };
+    let fraction = if milli == 0 { String::new() } else { format!(".{milli:03}") };
     let time = format!("{hour:02}:{minute:02}:{second:02}{fraction}");
     if date.is_duration() || (0.0..1.0).contains(&date.as_f64()) {
         return time;

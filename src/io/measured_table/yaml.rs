@@ -78,10 +78,7 @@ struct Size {
 impl Size {
     fn of(node: &Node) -> Self {
         let inner = |nodes: &mut dyn Iterator<Item = &Node>| {
-            let one = Self {
-                nodes: 1,
-                levels: 1,
-            };
+            let one = Self { nodes: 1, levels: 1 };
             nodes.map(Self::of).fold(one, |sum, own| Self {
                 nodes: sum.nodes.saturating_add(own.nodes),
                 levels: sum.levels.max(own.levels + 1),
@@ -90,10 +87,7 @@ impl Size {
         match node {
             Node::List(list) => inner(&mut list.iter()),
             Node::Map(map) => inner(&mut map.members.iter().map(|(_, node)| node)),
-            _ => Self {
-                nodes: 1,
-                levels: 1,
-            },
+            _ => Self { nodes: 1, levels: 1 },
         }
     }
 }
@@ -136,10 +130,7 @@ impl Builder {
             }
             Event::SequenceStart(anchor, _) => self.begin(Node::List(Vec::new()), line, anchor),
             Event::MappingStart(anchor, _) => {
-                let map = Map {
-                    line,
-                    members: Vec::new(),
-                };
+                let map = Map { line, members: Vec::new() };
                 self.begin(Node::Map(map), line, anchor)
             }
             Event::SequenceEnd | Event::MappingEnd => match self.open.pop() {
@@ -177,13 +168,7 @@ impl Builder {
         if self.open.len() >= MOST_LEVELS {
             return Err(wrong(line, "values are nested too deeply"));
         }
-        self.open.push(Open {
-            node,
-            key: None,
-            line,
-            anchor,
-            merged: Vec::new(),
-        });
+        self.open.push(Open { node, key: None, line, anchor, merged: Vec::new() });
         Ok(())
     }
 
@@ -259,11 +244,7 @@ impl Builder {
 }
 
 fn wrong(line: u64, problem: &str) -> MeasuredTableErrorKind {
-    MeasuredTableErrorKind::Yaml {
-        line,
-        column: 1,
-        problem: problem.to_owned(),
-    }
+    MeasuredTableErrorKind::Yaml { line, column: 1, problem: problem.to_owned() }
 }
 
 fn is_infinite(text: &str) -> bool {

@@ -64,9 +64,7 @@ impl CdrReader {
     }
 
     fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Result<(), MessageFault> {
-        let (header, _) = message
-            .split_first_chunk::<4>()
-            .ok_or(MessageFault::Short)?;
+        let (header, _) = message.split_first_chunk::<4>().ok_or(MessageFault::Short)?;
         let encapsulation = u16::from_be_bytes([header[0], header[1]]);
         // Even numbers are big-endian. Numbers from 0x10 on are those of an earlier edition of the standard.
         let (steps, version_2) = match encapsulation {
@@ -87,9 +85,7 @@ impl CdrReader {
         cursor.run(steps, row)?;
         cursor.finish()?;
         if !self.wide && !row.has_lists() {
-            cursor
-                .layout
-                .keep(&self.identity, message, cursor.big_endian);
+            cursor.layout.keep(&self.identity, message, cursor.big_endian);
         }
         row.put_layout(cursor.layout);
         Ok(())
@@ -125,12 +121,7 @@ impl Cursor<'_> {
                     let big_endian = self.big_endian;
                     row.set(
                         slot,
-                        Cell::Numbers {
-                            start: place(start),
-                            end: place(end),
-                            of,
-                            big_endian,
-                        },
+                        Cell::Numbers { start: place(start), end: place(end), of, big_endian },
                     );
                 }
                 Step::Texts { slot, count } => {
@@ -139,12 +130,7 @@ impl Cursor<'_> {
                         Ok(())
                     })?;
                 }
-                Step::Pick {
-                    of,
-                    count,
-                    ref picks,
-                    each,
-                } => {
+                Step::Pick { of, count, ref picks, each } => {
                     let count = self.count_or(count)?;
                     let (start, end) = self.elements(of, u64::from(count))?;
                     let elements = &self.bytes[start..end];
@@ -191,11 +177,7 @@ impl Cursor<'_> {
         &mut self,
         read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
     ) -> Result<(), MessageFault> {
-        if self.version_2 {
-            self.delimited(read)
-        } else {
-            read(self)
-        }
+        if self.version_2 { self.delimited(read) } else { read(self) }
     }
 
     /// Reads a part that begins with its length in bytes; unread bytes of it are skipped.
@@ -250,11 +232,7 @@ impl Cursor<'_> {
             .ok_or(MessageFault::Short)?;
         self.at = start + 4;
         self.layout.count(start);
-        Ok(if self.big_endian {
-            u32::from_be_bytes(*bytes)
-        } else {
-            u32::from_le_bytes(*bytes)
-        })
+        Ok(if self.big_endian { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) })
     }
 
     fn count_or(&mut self, fixed: Option<u32>) -> Result<u32, MessageFault> {
@@ -271,8 +249,7 @@ impl Cursor<'_> {
 
     fn wide_text(&mut self) -> Result<(), MessageFault> {
         let length = u64::from(self.count()?);
-        self.elements(Primitive::U8, length * u64::from(self.wide))
-            .map(drop)
+        self.elements(Primitive::U8, length * u64::from(self.wide)).map(drop)
     }
 
     fn texts(&mut self, fixed: Option<u32>) -> Result<Cell, MessageFault> {
@@ -324,12 +301,7 @@ mod tests {
 
     #[test]
     fn a_reused_row_equals_a_new_one() {
-        let wanted = [
-            "header.stamp.sec",
-            "header.stamp.nanosec",
-            "name",
-            "position[1]",
-        ];
+        let wanted = ["header.stamp.sec", "header.stamp.nanosec", "name", "position[1]"];
         let readers = [
             reader(JOINTS, &wanted),
             reader(JOINTS, &["position", "velocity"]),
@@ -364,10 +336,7 @@ mod tests {
                 for message in [&messages[second], &messages[second]] {
                     let found = then.read(message, &mut again);
                     assert_eq!(found, then.read(message, &mut fresh), "{first} {second}");
-                    assert!(
-                        found.is_err() || again.says_same(&fresh),
-                        "{first} {second}"
-                    );
+                    assert!(found.is_err() || again.says_same(&fresh), "{first} {second}");
                     fresh = Row::default();
                 }
             }
@@ -382,18 +351,10 @@ mod tests {
     fn joint_message(little: bool) -> Vec<u8> {
         let mut bytes = vec![0, u8::from(little), 0, 0];
         let word = |n: u32| {
-            if little {
-                n.to_le_bytes()
-            } else {
-                n.to_be_bytes()
-            }
+            if little { n.to_le_bytes() } else { n.to_be_bytes() }
         };
         let double = |x: f64| {
-            if little {
-                x.to_le_bytes()
-            } else {
-                x.to_be_bytes()
-            }
+            if little { x.to_le_bytes() } else { x.to_be_bytes() }
         };
         bytes.extend(word(7)); // 0: sec
         bytes.extend(word(9)); // 4: nanosec
@@ -413,10 +374,7 @@ mod tests {
 
     #[test]
     fn both_byte_orders_lend_the_same_values() {
-        let reader = reader(
-            JOINTS,
-            &["position", "name", "header.stamp.sec", "header.frame_id"],
-        );
+        let reader = reader(JOINTS, &["position", "name", "header.stamp.sec", "header.frame_id"]);
         for little in [true, false] {
             let message = joint_message(little);
             let mut row = Row::default();
@@ -428,10 +386,7 @@ mod tests {
                 (Some(1.5), Some(-2.0), None)
             );
             let names = value(1).texts().expect("texts");
-            let names: Vec<_> = names
-                .iter()
-                .map(|name| name.expect("a text").to_text())
-                .collect();
+            let names: Vec<_> = names.iter().map(|name| name.expect("a text").to_text()).collect();
             assert_eq!(names, ["j", "kk"]);
             assert_eq!(value(2), Value::Integer(7));
             assert!(matches!(value(3), Value::Text(text) if text.is("b")));
@@ -457,10 +412,7 @@ mod tests {
         let with = |tail: &[u8]| [&joint_message(true)[..], tail].concat();
         assert_eq!(fault(&reader, &with(&[1, 2, 3])), Ok(()));
         assert_eq!(fault(&reader, &with(&[0; 8])), Ok(()));
-        assert_eq!(
-            fault(&reader, &with(&[0, 0, 0, 0, 1])),
-            Err(MessageFault::LeftOver)
-        );
+        assert_eq!(fault(&reader, &with(&[0, 0, 0, 0, 1])), Err(MessageFault::LeftOver));
     }
 
     #[test]
@@ -537,16 +489,10 @@ mod tests {
         // Neither array has a third element.
         assert_eq!((value(0), value(1)), (Value::Number(1.5), Value::Absent));
         let names = value(2).texts().expect("an array");
-        let names: Vec<_> = names
-            .iter()
-            .map(|name| name.expect("a text").to_text())
-            .collect();
+        let names: Vec<_> = names.iter().map(|name| name.expect("a text").to_text()).collect();
         assert_eq!(names, ["a", "bc"]);
         let angles = value(3).numbers().expect("an array");
-        assert_eq!(
-            [0, 1, 2].map(|i| angles.get(i)),
-            [Some(0.25), Some(8.5), None]
-        );
+        assert_eq!([0, 1, 2].map(|i| angles.get(i)), [Some(0.25), Some(8.5), None]);
         assert_eq!((value(4), value(5)), (Value::Integer(9), Value::Absent));
     }
 
@@ -562,15 +508,7 @@ mod tests {
         // One word of one letter: count, length with end mark, letter, end mark.
         let words = [&word(10)[..], &word(1), &word(2), b"w\0\0\0"].concat();
         let last = 4.5_f64.to_le_bytes();
-        let plain = [
-            &[0, 7, 0, 0][..],
-            &head,
-            &words,
-            &word(12),
-            &inner(2.5),
-            &inner(3.5),
-            &last,
-        ];
+        let plain = [&[0, 7, 0, 0][..], &head, &words, &word(12), &inner(2.5), &inner(3.5), &last];
         // Appendable messages begin with their length; `one` has four bytes more than the schema knows.
         let list = [&word(16)[..], &word(12), &inner(2.5)].concat();
         let one = [&word(16)[..], &inner(3.5), &[9; 4]].concat();
@@ -583,16 +521,9 @@ mod tests {
             let number = |slot| row.value(&message, slot).number();
             assert_eq!([0, 2, 3, 4].map(number), [1.5, 2.5, 3.5, 4.5].map(Some));
             let words = row.value(&message, 1).texts().expect("an array");
-            assert!(
-                words
-                    .iter()
-                    .all(|word| word.is_some_and(|word| word.is("w")))
-            );
+            assert!(words.iter().all(|word| word.is_some_and(|word| word.is("w"))));
             for length in 0..message.len() {
-                assert!(
-                    fault(&reader, &message[..length]).is_err(),
-                    "cut to {length}"
-                );
+                assert!(fault(&reader, &message[..length]).is_err(), "cut to {length}");
             }
         }
     }
@@ -603,9 +534,7 @@ mod tests {
         let read = |wide: &[u8], count: u8| {
             let message = [&[0, 1, 0, 0, count, 0, 0, 0][..], wide, &[5, 0, 0, 0]].concat();
             let mut row = Row::default();
-            reader
-                .read(&message, &mut row)
-                .map(|()| row.value(&message, 0).integer())
+            reader.read(&message, &mut row).map(|()| row.value(&message, 0).integer())
         };
         assert_eq!(read(&[], 0), Ok(Some(5)));
         assert_eq!(read(b"a\0\0\0b\0\0\0", 2), Ok(Some(5)));
@@ -655,9 +584,7 @@ mod tests {
     fn plans_refuse_what_cannot_be_read() {
         let definition = |text| parse("a/B", text).expect("sound text");
         let refusal = |text, path| {
-            CdrReader::resolve(&definition(text), &paths(&[path]))
-                .expect_err("refused")
-                .to_string()
+            CdrReader::resolve(&definition(text), &paths(&[path])).expect_err("refused").to_string()
         };
         assert!(refusal("float64 x\nfloat64 y", "z").contains("x, y"));
         assert!(refusal("B b\nfloat64 x", "x").contains("contains itself"));

@@ -55,20 +55,11 @@ pub(super) enum Step {
     /// One string is added to a list.
     AddText { slot: usize },
     /// An array of numbers is taken.
-    Numbers {
-        slot: usize,
-        of: Primitive,
-        count: Option<u32>,
-    },
+    Numbers { slot: usize, of: Primitive, count: Option<u32> },
     /// An array of strings is taken.
     Texts { slot: usize, count: Option<u32> },
     /// Some numbers of an array are taken: index and slot; each into its slot's list where the array is in an element of another.
-    Pick {
-        of: Primitive,
-        count: Option<u32>,
-        picks: Vec<(usize, usize)>,
-        each: bool,
-    },
+    Pick { of: Primitive, count: Option<u32>, picks: Vec<(usize, usize)>, each: bool },
 }
 
 /// The elements of an array of nested messages or strings.
@@ -97,9 +88,7 @@ impl CdrReader {
     /// The reader that takes the fields at `wanted` (paths such as `pose.position.x`), in that order.
     pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
         if let Some(mutable) = mutable(definition) {
-            return Err(SchemaError::Mutable {
-                name: mutable.name.clone(),
-            });
+            return Err(SchemaError::Mutable { name: mutable.name.clone() });
         }
         let unfold = |delimited| {
             let mut unfolding = Unfolding {
@@ -110,10 +99,7 @@ impl CdrReader {
                 left: MOST_STEPS,
                 level: 0,
             };
-            let wants = wanted
-                .iter()
-                .enumerate()
-                .map(|(slot, path)| path.want(slot));
+            let wants = wanted.iter().enumerate().map(|(slot, path)| path.want(slot));
             let steps = unfolding.message(0, &wants.collect::<Vec<_>>())?;
             Ok((steps, unfolding.wide))
         };
@@ -218,13 +204,11 @@ impl Unfolding<'_> {
     ) -> Result<Repeat, SchemaError> {
         let element = |unfolding: &mut Self, wants: &[Want<'_>]| {
             let (steps, extensibility) = unfolding.nested(inner, wants)?;
-            Ok(
-                if unfolding.delimited && extensibility != Extensibility::Final {
-                    vec![Step::Delimited(steps)]
-                } else {
-                    steps
-                },
-            )
+            Ok(if unfolding.delimited && extensibility != Extensibility::Final {
+                vec![Step::Delimited(steps)]
+            } else {
+                steps
+            })
         };
         let mut each = Vec::new();
         let mut indices = Vec::new();
@@ -243,12 +227,7 @@ impl Unfolding<'_> {
         for (index, here) in by_element(indices, &each, wants) {
             picked.push((index, element(self, &here)?));
         }
-        Ok(Repeat {
-            count,
-            steps,
-            picked,
-            lists: each.iter().map(|want| want.slot).collect(),
-        })
+        Ok(Repeat { count, steps, picked, lists: each.iter().map(|want| want.slot).collect() })
     }
 
     fn text_step(
@@ -297,9 +276,7 @@ impl Unfolding<'_> {
                 Ok(Step::Numbers { slot, of, count })
             }
             (Shape::Fixed(_) | Shape::Sequence, _)
-                if wants
-                    .iter()
-                    .all(|other| is_element(other) && other.each == want.each) =>
+                if wants.iter().all(|other| is_element(other) && other.each == want.each) =>
             {
                 let mut picks = Vec::new();
                 for want in wants {
@@ -309,12 +286,7 @@ impl Unfolding<'_> {
                     self.reach(index, count, want)?;
                     picks.push((index, want.slot));
                 }
-                Ok(Step::Pick {
-                    of,
-                    count,
-                    picks,
-                    each: want.each,
-                })
+                Ok(Step::Pick { of, count, picks, each: want.each })
             }
             _ => Err(self.wrong_type(wants.last().unwrap_or(want), field)),
         }
@@ -323,10 +295,9 @@ impl Unfolding<'_> {
     /// Checks that an array whose length the definition states has the element.
     fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Result<(), SchemaError> {
         match count.and_then(|count| usize::try_from(count).ok()) {
-            Some(count) if index >= count => Err(SchemaError::NoElement {
-                path: self.wanted[want.slot].to_string(),
-                count,
-            }),
+            Some(count) if index >= count => {
+                Err(SchemaError::NoElement { path: self.wanted[want.slot].to_string(), count })
+            }
             _ => Ok(()),
         }
     }

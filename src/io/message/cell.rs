@@ -44,39 +44,24 @@ pub(super) struct Span {
 pub(super) struct List(Vec<Cell>);
 
 /// A place in a message, whose length [`Row::begin`](super::Row) has checked.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a message is shorter than 4 GiB"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a message is shorter than 4 GiB")]
 pub(super) const fn place(at: usize) -> u32 {
     at as u32
 }
 
 impl Span {
     pub(super) const fn new(start: usize, end: usize, escaped: bool) -> Self {
-        Self {
-            start: place(start),
-            end: place(end),
-            escaped,
-        }
+        Self { start: place(start), end: place(end), escaped }
     }
 
     /// The span counted from `start`; `self` is counted from an earlier byte.
     pub(super) const fn counted_from(self, start: usize) -> Self {
-        Self {
-            start: self.start - place(start),
-            end: self.end - place(start),
-            ..self
-        }
+        Self { start: self.start - place(start), end: self.end - place(start), ..self }
     }
 
     /// The span moved on by `bytes`.
     pub(super) const fn moved_on(self, bytes: usize) -> Self {
-        Self {
-            start: self.start + place(bytes),
-            end: self.end + place(bytes),
-            ..self
-        }
+        Self { start: self.start + place(bytes), end: self.end + place(bytes), ..self }
     }
 
     /// The bytes of the span.
@@ -87,18 +72,13 @@ impl Span {
 
     /// The string of the span.
     pub(super) fn of(self, message: &[u8]) -> Text<'_> {
-        Text {
-            bytes: self.bytes(message),
-            escaped: self.escaped,
-        }
+        Text { bytes: self.bytes(message), escaped: self.escaped }
     }
 }
 
 #[inline]
 pub(super) fn bytes(message: &[u8], start: u32, end: u32) -> &[u8] {
-    message
-        .get(start as usize..end as usize)
-        .unwrap_or_default()
+    message.get(start as usize..end as usize).unwrap_or_default()
 }
 
 impl Cell {
@@ -190,11 +170,7 @@ impl Cell {
         macro_rules! stored {
             ($t:ty) => {{
                 let bytes = bytes.try_into().expect("as many bytes as the type has");
-                if big_endian {
-                    <$t>::from_be_bytes(bytes)
-                } else {
-                    <$t>::from_le_bytes(bytes)
-                }
+                if big_endian { <$t>::from_be_bytes(bytes) } else { <$t>::from_le_bytes(bytes) }
             }};
         }
         *self = match of {

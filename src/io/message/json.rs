@@ -51,11 +51,8 @@ struct Node {
 impl JsonReader {
     /// The reader that takes the fields at `wanted`, in that order.
     pub fn new(wanted: &[FieldPath]) -> Self {
-        let mut reader = Self {
-            nodes: vec![Node::default()],
-            wanted: wanted.len(),
-            identity: Arc::new(()),
-        };
+        let mut reader =
+            Self { nodes: vec![Node::default()], wanted: wanted.len(), identity: Arc::new(()) };
         for (slot, path) in wanted.iter().enumerate() {
             reader.add(0, path.want(slot));
         }
@@ -73,10 +70,7 @@ impl JsonReader {
             Segment::Field(names) => {
                 for name in names {
                     let child = self.child(node, |node| {
-                        node.names
-                            .iter()
-                            .find(|(known, _)| known == name)
-                            .map(|(_, child)| *child)
+                        node.names.iter().find(|(known, _)| known == name).map(|(_, child)| *child)
                     });
                     let names = &mut self.nodes[node].names;
                     if !names.iter().any(|(known, _)| known == name) {
@@ -87,10 +81,7 @@ impl JsonReader {
             }
             Segment::Element(index) => {
                 let child = self.child(node, |node| {
-                    node.elements
-                        .iter()
-                        .find(|(known, _)| known == index)
-                        .map(|(_, child)| *child)
+                    node.elements.iter().find(|(known, _)| known == index).map(|(_, child)| *child)
                 });
                 let elements = &mut self.nodes[node].elements;
                 if !elements.iter().any(|(known, _)| known == index) {

@@ -37,9 +37,7 @@ pub(super) struct Want<'p> {
 impl FieldPath {
     /// Reads a path as written in a pipeline file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
-        let wrong = || SchemaError::Path {
-            path: text.to_owned(),
-        };
+        let wrong = || SchemaError::Path { path: text.to_owned() };
         let mut segments = Vec::new();
         for part in text.split('.') {
             let (names, elements) = part.split_at(part.find('[').unwrap_or(part.len()));
@@ -58,10 +56,7 @@ impl FieldPath {
         if segments.iter().filter(|s| **s == Segment::Each).count() > 1 {
             return Err(wrong());
         }
-        Ok(Self {
-            text: text.to_owned(),
-            segments,
-        })
+        Ok(Self { text: text.to_owned(), segments })
     }
 
     /// The path of a field inside this one.
@@ -80,11 +75,7 @@ impl FieldPath {
     }
 
     pub(super) fn want(&self, slot: usize) -> Want<'_> {
-        Want {
-            rest: &self.segments,
-            slot,
-            each: false,
-        }
+        Want { rest: &self.segments, slot, each: false }
     }
 }
 
@@ -97,11 +88,7 @@ impl fmt::Display for FieldPath {
 impl<'p> Want<'p> {
     /// The want after one more step.
     pub(super) fn inner(self) -> Self {
-        Self {
-            rest: &self.rest[1..],
-            each: self.each || self.rest[0] == Segment::Each,
-            ..self
-        }
+        Self { rest: &self.rest[1..], each: self.each || self.rest[0] == Segment::Each, ..self }
     }
 
     /// The first name of its next step, a choice of names, that `has` accepts; `None` without one.
@@ -159,18 +146,10 @@ mod tests {
     fn names_elements_and_choices_are_read() {
         let segments = |text| FieldPath::parse(text).expect("sound").segments;
         assert_eq!(segments("x"), [one("x")]);
-        assert_eq!(
-            segments("joints[2].angle"),
-            [one("joints"), Segment::Element(2), one("angle")]
-        );
+        assert_eq!(segments("joints[2].angle"), [one("joints"), Segment::Element(2), one("angle")]);
         assert_eq!(
             segments("[0][1].a[]"),
-            [
-                Segment::Element(0),
-                Segment::Element(1),
-                one("a"),
-                Segment::Each
-            ]
+            [Segment::Element(0), Segment::Element(1), one("a"), Segment::Each]
         );
         let choice = Segment::Field(vec!["sec".to_owned(), "seconds".to_owned()]);
         assert_eq!(segments("stamp.sec|seconds"), [one("stamp"), choice]);

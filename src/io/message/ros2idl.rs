@@ -30,28 +30,17 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
         .structs
         .iter()
         .position(|found| found.short_name() == wanted)
-        .ok_or_else(|| SchemaError::UnknownType {
-            name: name.to_owned(),
-        })?;
+        .ok_or_else(|| SchemaError::UnknownType { name: name.to_owned() })?;
     parsed.structs.swap(0, root);
     for (built_in, _) in BUILT_IN {
-        if !parsed
-            .structs
-            .iter()
-            .any(|found| found.short_name() == built_in)
-        {
+        if !parsed.structs.iter().any(|found| found.short_name() == built_in) {
             parsed.structs.push(parser::built_in(built_in));
         }
     }
     let structs = parsed.structs.iter().enumerate();
     let structs: BTreeMap<_, _> = structs.map(|(i, found)| (found.full_name(), i)).collect();
-    let types = parsed
-        .structs
-        .iter()
-        .map(|found| resolve(found, &structs, &parsed));
-    Ok(Definition {
-        types: types.collect::<Result<_, _>>()?,
-    })
+    let types = parsed.structs.iter().map(|found| resolve(found, &structs, &parsed));
+    Ok(Definition { types: types.collect::<Result<_, _>>()? })
 }
 
 fn resolve(
@@ -79,11 +68,7 @@ fn resolve(
             shape: Shape::One,
         });
     }
-    Ok(MessageType {
-        name: found.short_name(),
-        fields,
-        extensibility: found.extensibility,
-    })
+    Ok(MessageType { name: found.short_name(), fields, extensibility: found.extensibility })
 }
 
 fn resolve_type(
@@ -100,9 +85,7 @@ fn resolve_type(
             let (of, shape) = resolve_type(element, scope, structs, parsed, aliases_left)?;
             return match shape {
                 Shape::One => Ok((of, Shape::Sequence)),
-                _ => Err(SchemaError::UnknownType {
-                    name: "sequence of sequences".to_owned(),
-                }),
+                _ => Err(SchemaError::UnknownType { name: "sequence of sequences".to_owned() }),
             };
         }
     };
@@ -148,9 +131,7 @@ const fn nest(outer: Shape, inner: Shape) -> Option<Shape> {
 
 impl Struct {
     fn full_name(&self) -> String {
-        [&self.scope[..], std::slice::from_ref(&self.name)]
-            .concat()
-            .join("::")
+        [&self.scope[..], std::slice::from_ref(&self.name)].concat().join("::")
     }
 
     /// `pkg/T`.
@@ -215,9 +196,7 @@ module demo { module msg { struct Inner { }; }; };
 
     fn fields(definition: &Definition) -> Vec<String> {
         let fields = definition.types[0].fields.iter();
-        fields
-            .map(|field| format!("{} {field}", field.name))
-            .collect()
+        fields.map(|field| format!("{} {field}", field.name)).collect()
     }
 
     #[test]
@@ -269,19 +248,12 @@ module demo { module msg { struct Inner { }; }; };
             ("wchar x;", "wchar"),
             ("sequence<double> x[3];", "arrays of unfixed length"),
         ] {
-            assert!(
-                within(members).contains(said),
-                "{members}: {}",
-                within(members)
-            );
+            assert!(within(members).contains(said), "{members}: {}", within(members));
         }
         let nothing = parse("a/B", "").expect_err("no struct").to_string();
         assert!(nothing.contains("\"a/B\""), "{nothing}");
         let endless = format!("{}struct", "module m { ".repeat(100_000));
-        assert!(
-            parse("a/B", &endless).is_err(),
-            "no end, and no overflow either"
-        );
+        assert!(parse("a/B", &endless).is_err(), "no end, and no overflow either");
         let circle = "module a { typedef B C; typedef C B; struct D { B b; }; };";
         assert!(parse("a/D", circle).is_err());
         let deep = format!("struct D {{ {}", "sequence<".repeat(100_000));

@@ -43,13 +43,9 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     }
     let indices = sections.iter().enumerate().rev();
     // Where a type is defined twice the first definition counts.
-    let indices: BTreeMap<_, _> = indices
-        .map(|(i, section)| (section.name.as_str(), i))
-        .collect();
-    let types = sections
-        .iter()
-        .map(|section| resolve(section, &indices))
-        .collect::<Result<_, _>>()?;
+    let indices: BTreeMap<_, _> = indices.map(|(i, section)| (section.name.as_str(), i)).collect();
+    let types =
+        sections.iter().map(|section| resolve(section, &indices)).collect::<Result<_, _>>()?;
     Ok(Definition { types })
 }
 
@@ -87,10 +83,8 @@ fn section<'t>(
 ) -> Result<Section, SchemaError> {
     let mut fields = Vec::new();
     for (number, line) in lines {
-        let bad_line = || SchemaError::Line {
-            line: number + 1,
-            text: line.chars().take(80).collect(),
-        };
+        let bad_line =
+            || SchemaError::Line { line: number + 1, text: line.chars().take(80).collect() };
         let line = line.trim();
         if !line.is_empty() && !line.starts_with('#') {
             fields.extend(field(line).ok_or_else(bad_line)?);
@@ -104,10 +98,7 @@ fn section<'t>(
             shape: Shape::One,
         });
     }
-    Ok(Section {
-        name: name.to_owned(),
-        fields,
-    })
+    Ok(Section { name: name.to_owned(), fields })
 }
 
 /// The field in a line: `Some(None)` for a constant, `None` for a line that makes no sense.
@@ -118,9 +109,8 @@ fn section<'t>(
 fn field(line: &str) -> Option<Option<RawField>> {
     let (type_text, rest) = line.split_once(char::is_whitespace)?;
     let rest = rest.trim_start();
-    let name_length = rest
-        .find(|c: char| !c.is_ascii_alphanumeric() && c != '_')
-        .unwrap_or(rest.len());
+    let name_length =
+        rest.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(rest.len());
     let (name, after) = rest.split_at(name_length);
     if name.is_empty() {
         return None;
@@ -133,11 +123,7 @@ fn field(line: &str) -> Option<Option<RawField>> {
         return None;
     }
     let (type_name, shape) = type_and_shape(type_text)?;
-    Some(Some(RawField {
-        type_name: type_name.to_owned(),
-        name: name.to_owned(),
-        shape,
-    }))
+    Some(Some(RawField { type_name: type_name.to_owned(), name: name.to_owned(), shape }))
 }
 
 /// `string<=5[<=3]` → (`string`, sequence). Bounds do not change how a value is stored.
@@ -159,10 +145,7 @@ fn type_and_shape(text: &str) -> Option<(&str, Shape)> {
 }
 
 fn resolve(section: &Section, indices: &BTreeMap<&str, usize>) -> Result<MessageType, SchemaError> {
-    let package = section
-        .name
-        .split_once('/')
-        .map_or("", |(package, _)| package);
+    let package = section.name.split_once('/').map_or("", |(package, _)| package);
     let fields = section
         .fields
         .iter()
@@ -174,11 +157,7 @@ fn resolve(section: &Section, indices: &BTreeMap<&str, usize>) -> Result<Message
             })
         })
         .collect::<Result<_, _>>()?;
-    Ok(MessageType {
-        name: section.name.clone(),
-        fields,
-        extensibility: Extensibility::Unstated,
-    })
+    Ok(MessageType { name: section.name.clone(), fields, extensibility: Extensibility::Unstated })
 }
 
 fn resolve_type(
@@ -197,9 +176,7 @@ fn resolve_type(
     indices
         .get(full.as_str())
         .map(|&index| FieldType::Message(index))
-        .ok_or(SchemaError::UnknownType {
-            name: name.to_owned(),
-        })
+        .ok_or(SchemaError::UnknownType { name: name.to_owned() })
 }
 
 fn well_known(name: &str) -> Option<FieldType> {
@@ -234,57 +211,26 @@ mod tests {
             ===\r\nMSG: my/msg/Inner\r\n\r\n";
         let definition = parse("my/msg/Outer", text).expect("all lines are sound");
         let outer = &definition.types[0];
-        let fields: Vec<_> = outer
-            .fields
-            .iter()
-            .map(|field| format!("{} {field}", field.name))
-            .collect();
+        let fields: Vec<_> =
+            outer.fields.iter().map(|field| format!("{} {field}", field.name)).collect();
         assert_eq!(
             fields,
-            [
-                "header message",
-                "words string[]",
-                "covariance f64[36]",
-                "inner message[]",
-                "n i32"
-            ]
+            ["header message", "words string[]", "covariance f64[36]", "inner message[]", "n i32"]
         );
         // The inner type is empty, so it carries the placeholder byte; Time was left out and is built in.
-        let FieldType::Message(inner) = outer.fields[3].of else {
-            panic!("inner is a message")
-        };
+        let FieldType::Message(inner) = outer.fields[3].of else { panic!("inner is a message") };
         assert_eq!(definition.types[inner].fields.len(), 1);
-        assert!(
-            definition
-                .types
-                .iter()
-                .any(|t| t.name == "builtin_interfaces/Time")
-        );
+        assert!(definition.types.iter().any(|t| t.name == "builtin_interfaces/Time"));
     }
 
     #[test]
     fn nonsense_is_named_with_its_line() {
         assert_eq!(
             parse("a/B", "float64 x\nfloat64[-1] y"),
-            Err(SchemaError::Line {
-                line: 2,
-                text: "float64[-1] y".to_owned()
-            })
+            Err(SchemaError::Line { line: 2, text: "float64[-1] y".to_owned() })
         );
-        assert_eq!(
-            parse("a/B", "C c"),
-            Err(SchemaError::UnknownType {
-                name: "C".to_owned()
-            })
-        );
-        for line in [
-            "float64",
-            "float64[0] x",
-            "float64[",
-            "a b@c",
-            "[] x",
-            "<=3 x",
-        ] {
+        assert_eq!(parse("a/B", "C c"), Err(SchemaError::UnknownType { name: "C".to_owned() }));
+        for line in ["float64", "float64[0] x", "float64[", "a b@c", "[] x", "<=3 x"] {
             assert!(parse("a/B", line).is_err(), "{line}");
         }
     }

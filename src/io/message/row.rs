@@ -83,8 +83,7 @@ impl Row {
     #[inline]
     pub(super) fn fill_as_worded_before(&mut self, reader: &Arc<()>, message: &[u8]) -> bool {
         let (cells, lists) = (&mut self.cells, &mut self.lists);
-        self.template
-            .read(reader, message, CellsMut { cells, lists })
+        self.template.read(reader, message, CellsMut { cells, lists })
     }
 
     /// A number that changes whenever the row is filled with anything but numbers: while it stays, texts and lengths of
@@ -200,12 +199,9 @@ impl Row {
     #[inline]
     pub fn doubles<'m>(&self, message: &'m [u8], slot: usize) -> Option<&'m [[u8; 8]]> {
         match self.cells.get(slot) {
-            Some(&Cell::Numbers {
-                start,
-                end,
-                of: Primitive::F64,
-                big_endian: false,
-            }) => Some(bytes(message, start, end).as_chunks().0),
+            Some(&Cell::Numbers { start, end, of: Primitive::F64, big_endian: false }) => {
+                Some(bytes(message, start, end).as_chunks().0)
+            }
             _ => None,
         }
     }
@@ -214,12 +210,9 @@ impl Row {
     #[inline]
     pub fn texts_are(&self, message: &[u8], slot: usize, key: &[u8]) -> bool {
         match self.cells.get(slot) {
-            Some(&Cell::Texts {
-                start,
-                end,
-                big_endian,
-                ..
-            }) => key.split_first() == Some((&u8::from(big_endian), bytes(message, start, end))),
+            Some(&Cell::Texts { start, end, big_endian, .. }) => {
+                key.split_first() == Some((&u8::from(big_endian), bytes(message, start, end)))
+            }
             _ => false,
         }
     }
@@ -232,30 +225,17 @@ impl Row {
             Cell::Integer(integer) => Value::Integer(integer),
             Cell::Number(number) => Value::Number(number),
             Cell::Text(span) => Value::Text(span.of(message)),
-            Cell::Numbers {
-                start,
-                end,
-                of,
-                big_endian,
-            } => Value::Numbers(Numbers::Stored {
+            Cell::Numbers { start, end, of, big_endian } => Value::Numbers(Numbers::Stored {
                 bytes: bytes(message, start, end),
                 of,
                 big_endian,
             }),
-            Cell::Texts {
-                start,
-                end,
-                count,
-                big_endian,
-            } => Value::Texts(Texts::Stored {
+            Cell::Texts { start, end, count, big_endian } => Value::Texts(Texts::Stored {
                 bytes: bytes(message, start, end),
                 count: count as usize,
                 big_endian,
             }),
-            Cell::List => Value::List(Gathered {
-                message,
-                list: &self.lists[slot],
-            }),
+            Cell::List => Value::List(Gathered { message, list: &self.lists[slot] }),
         }
     }
 }

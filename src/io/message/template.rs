@@ -130,19 +130,12 @@ impl Template {
     /// If it has not, some values may have been put into the row.
     #[inline]
     pub fn read(&mut self, reader: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
-        let known = self
-            .reader
-            .as_ref()
-            .is_some_and(|of| Arc::ptr_eq(of, reader));
+        let known = self.reader.as_ref().is_some_and(|of| Arc::ptr_eq(of, reader));
         if !known {
             return false;
         }
         let alike = self.read_known(message, values);
-        self.pause = if alike {
-            0
-        } else {
-            (2 * self.pause).clamp(1, LONGEST_PAUSE)
-        };
+        self.pause = if alike { 0 } else { (2 * self.pause).clamp(1, LONGEST_PAUSE) };
         self.pause_left = self.pause;
         alike
     }

@@ -89,9 +89,7 @@ impl Text<'_> {
     /// The text for people: bytes that are no UTF-8 are replaced.
     pub fn to_text(&self) -> String {
         let unescaped = self.escaped.then(|| super::json::unescaped(self.bytes));
-        unescaped
-            .flatten()
-            .unwrap_or_else(|| String::from_utf8_lossy(self.bytes).into_owned())
+        unescaped.flatten().unwrap_or_else(|| String::from_utf8_lossy(self.bytes).into_owned())
     }
 }
 
@@ -136,11 +134,7 @@ impl Numbers<'_> {
     #[inline]
     pub fn get(&self, index: usize) -> Option<f64> {
         match *self {
-            Self::Stored {
-                bytes,
-                of,
-                big_endian,
-            } => {
+            Self::Stored { bytes, of, big_endian } => {
                 let size = of.size();
                 let start = index.checked_mul(size)?;
                 let bytes = bytes.get(start..start.checked_add(size)?)?;
@@ -184,16 +178,13 @@ impl<'m> Texts<'m> {
     /// The strings; the reader has walked them, so all are there. An element that is no string is `None`.
     pub fn iter(&self) -> impl Iterator<Item = Option<Text<'m>>> + use<'m> {
         let (stored, gathered) = match *self {
-            Self::Stored {
-                bytes,
-                count,
-                big_endian,
-            } => (stored_texts(bytes, count, big_endian), None),
+            Self::Stored { bytes, count, big_endian } => {
+                (stored_texts(bytes, count, big_endian), None)
+            }
             Self::Gathered(gathered) => (stored_texts(&[], 0, false), Some(gathered)),
         };
         let gathered = gathered.into_iter().flat_map(|Gathered { message, list }| {
-            list.texts()
-                .map(move |span| span.map(|span| span.of(message)))
+            list.texts().map(move |span| span.map(|span| span.of(message)))
         });
         stored.map(Some).chain(gathered)
     }
@@ -202,9 +193,7 @@ impl<'m> Texts<'m> {
     pub fn remember(&self, key: &mut Vec<u8>) {
         key.clear();
         match *self {
-            Self::Stored {
-                bytes, big_endian, ..
-            } => {
+            Self::Stored { bytes, big_endian, .. } => {
                 key.push(u8::from(big_endian));
                 key.extend_from_slice(bytes);
             }
@@ -224,9 +213,9 @@ impl<'m> Texts<'m> {
     /// stored in another way.
     pub fn are(&self, key: &[u8]) -> bool {
         match *self {
-            Self::Stored {
-                bytes, big_endian, ..
-            } => key.split_first() == Some((&u8::from(big_endian), bytes)),
+            Self::Stored { bytes, big_endian, .. } => {
+                key.split_first() == Some((&u8::from(big_endian), bytes))
+            }
             Self::Gathered(Gathered { message, list }) => {
                 let mut rest = key.strip_prefix(&[2]);
                 for span in list.texts() {
@@ -259,10 +248,7 @@ fn stored_texts(bytes: &[u8], count: usize, big_endian: bool) -> impl Iterator<I
         let length = usize::try_from(length).ok()?;
         let text = bytes.get(at + 4..(at + 4).checked_add(length)?)?;
         at += 4 + length;
-        Some(Text {
-            bytes: without_end_mark(text),
-            escaped: false,
-        })
+        Some(Text { bytes: without_end_mark(text), escaped: false })
     })
 }
 

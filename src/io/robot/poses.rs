@@ -51,9 +51,8 @@ pub fn flanges(arm: &Arm, text: &str) -> Result<String, PosesError> {
     for row in reader.records() {
         let row = row?;
         let reported = arm.joints().iter().zip(&places);
-        let reported: Result<Vec<f64>, PosesError> = reported
-            .map(|(joint, &place)| position(&row, joint, place))
-            .collect();
+        let reported: Result<Vec<f64>, PosesError> =
+            reported.map(|(joint, &place)| position(&row, joint, place)).collect();
         push(&mut out, arm, &reported?);
     }
     Ok(out)
@@ -64,12 +63,10 @@ fn places(header: &csv::StringRecord, joints: &[Joint]) -> Result<Vec<usize>, Po
     let place = |joint: &Joint| header.iter().position(|name| name == joint.name);
     let places: Option<Vec<usize>> = joints.iter().map(place).collect();
     let quoted = |name: &str| format!("{name:?}");
-    places
-        .filter(|places| places.len() == header.len())
-        .ok_or_else(|| PosesError::Columns {
-            found: header.iter().map(quoted).collect(),
-            joints: joints.iter().map(|joint| quoted(&joint.name)).collect(),
-        })
+    places.filter(|places| places.len() == header.len()).ok_or_else(|| PosesError::Columns {
+        found: header.iter().map(quoted).collect(),
+        joints: joints.iter().map(|joint| quoted(&joint.name)).collect(),
+    })
 }
 
 /// A reported position, rad or mm.
@@ -82,11 +79,7 @@ fn position(row: &csv::StringRecord, joint: &Joint, place: usize) -> Result<f64,
         joint: joint.name.clone(),
         found: found.to_owned(),
     })?;
-    Ok(if joint.slides {
-        number
-    } else {
-        number.to_radians()
-    })
+    Ok(if joint.slides { number } else { number.to_radians() })
 }
 
 fn push(out: &mut String, arm: &Arm, reported: &[f64]) {
@@ -134,10 +127,7 @@ mod tests {
         assert!(columns.contains("\"joint_a6\""), "{columns}");
         let header = "joint_a1,joint_a2,joint_a3,joint_a4,joint_a5,joint_a6\n";
         let number = told(&format!("{header}0,0,0,0,0,0\n0,0,nan,0,0,0\n"));
-        assert!(
-            number.starts_with("line 3, column \"joint_a3\": \"nan\""),
-            "{number}"
-        );
+        assert!(number.starts_with("line 3, column \"joint_a3\": \"nan\""), "{number}");
         assert!(told(&format!("{header}0,0\n")).contains("2 fields"));
         assert!(told(&header.replace("joint_a6", "joint_a1")).contains("each once"));
     }

@@ -18,10 +18,7 @@ pub struct ReadyRobot {
 pub fn arms() -> Vec<KnownArm> {
     let arm = |robot: &ReadyRobot| {
         let arm = toml::from_str::<RobotFile>(robot.text).ok()?.arm().ok()?;
-        Some(KnownArm {
-            file: robot.file.to_owned(),
-            arm,
-        })
+        Some(KnownArm { file: robot.file.to_owned(), arm })
     };
     READY.iter().filter_map(arm).collect()
 }
@@ -86,9 +83,7 @@ impl ReadyRobot {
 
     /// The ready robot of that name; `None` where there is none.
     pub fn find(name: &str) -> Option<&'static Self> {
-        READY
-            .iter()
-            .find(|robot| robot.name() == name || robot.file == name)
+        READY.iter().find(|robot| robot.name() == name || robot.file == name)
     }
 }
 
@@ -100,17 +95,12 @@ mod tests {
     fn every_file_of_the_folder_is_listed_in_order() {
         let folder = std::fs::read_dir("pipelines/robots").unwrap();
         let names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-        let mut names: Vec<String> = names
-            .filter(|name| name.strip_suffix(".toml").is_some())
-            .collect();
+        let mut names: Vec<String> =
+            names.filter(|name| name.strip_suffix(".toml").is_some()).collect();
         names.sort();
         let listed: Vec<&str> = READY.iter().map(|robot| robot.file).collect();
         assert_eq!(names, listed);
-        assert_eq!(
-            ReadyRobot::find("ur10e"),
-            ReadyRobot::find("ur10e.toml"),
-            "either name"
-        );
+        assert_eq!(ReadyRobot::find("ur10e"), ReadyRobot::find("ur10e.toml"), "either name");
         assert!(ReadyRobot::find("ur1").is_none());
     }
     #[test]

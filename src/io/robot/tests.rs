@@ -22,12 +22,7 @@ fn toml_is_read_as_it_is_and_its_joints_take_other_names() {
     assert_eq!(own.file, toml::from_str(TOML).unwrap());
     assert_eq!(own.left_out, None);
     let other = robot(TOML, &named(&["a", "b", "c", "d", "e", "f"])).unwrap();
-    let names: Vec<&str> = other
-        .file
-        .joint
-        .iter()
-        .map(|own| own.name.as_str())
-        .collect();
+    let names: Vec<&str> = other.file.joint.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["a", "b", "c", "d", "e", "f"]);
 }
 
@@ -40,10 +35,7 @@ fn other_names_than_joints_and_links_of_toml_are_refused() {
         "{names}"
     );
     assert!(names.contains("\"wrist_3_joint\""), "{names}");
-    let tip = Selection {
-        tip: Some("tool0".to_owned()),
-        ..Selection::default()
-    };
+    let tip = Selection { tip: Some("tool0".to_owned()), ..Selection::default() };
     assert!(told(&tip).contains("this robot file is TOML"));
 }
 
@@ -59,11 +51,7 @@ fn a_robot_file_is_written_as_it_is_read() {
     for convention in crate::kinematics::Convention::ALL {
         let restated = file.restated(convention).unwrap();
         let text = written::toml(&restated).unwrap();
-        assert_eq!(
-            toml::from_str::<RobotFile>(&text).unwrap(),
-            restated,
-            "{text}"
-        );
+        assert_eq!(toml::from_str::<RobotFile>(&text).unwrap(), restated, "{text}");
     }
 }
 
@@ -78,8 +66,5 @@ fn a_name_cannot_leave_its_comment() {
     };
     let text = written::comment("x\r\n.urdf", &left_out);
     assert!(text.lines().all(|line| line.starts_with('#')), "{text}");
-    assert!(
-        text.contains("# Left out: 2 visual, 1 joints beside the chain."),
-        "{text}"
-    );
+    assert!(text.contains("# Left out: 2 visual, 1 joints beside the chain."), "{text}");
 }

@@ -66,11 +66,8 @@ pub fn read(
 
 /// The XML of a URDF: foreign text, so without entities and of a bounded size.
 pub(in crate::io) fn document(text: &str) -> Result<Document<'_>, UrdfError> {
-    let options = ParsingOptions {
-        allow_dtd: false,
-        nodes_limit: MOST_NODES,
-        ..ParsingOptions::default()
-    };
+    let options =
+        ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))
 }
 
@@ -94,10 +91,7 @@ fn unread(document: &Document<'_>) -> Vec<(&'static str, usize)> {
         let is_it = |node: &&Node<'_, '_>| node.tag_name().name() == name;
         (name, parts.iter().filter(is_it).count())
     });
-    counted
-        .into_iter()
-        .filter(|(_, count)| *count > 0)
-        .collect()
+    counted.into_iter().filter(|(_, count)| *count > 0).collect()
 }
 
 /// The first child with that name, of the same XML namespace.

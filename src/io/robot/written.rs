@@ -8,15 +8,7 @@ use super::LeftOut;
 use crate::kinematics::RobotFile;
 
 /// Keys of a file before its joints, in the order of the text.
-const TOP: [&str; 7] = [
-    "model",
-    "source",
-    "convention",
-    "home_deg",
-    "joint_map",
-    "base",
-    "flange",
-];
+const TOP: [&str; 7] = ["model", "source", "convention", "home_deg", "joint_map", "base", "flange"];
 /// Keys of a joint, in the order of the text; others come behind them.
 const JOINT: [&str; 17] = [
     "name",
@@ -58,9 +50,7 @@ pub fn toml(file: &RobotFile) -> Result<String, toml::ser::Error> {
 
 fn push(text: &mut String, table: &Table, order: &[&str]) {
     let known = order.iter().filter_map(|key| table.get_key_value(*key));
-    let others = table
-        .iter()
-        .filter(|(key, _)| !order.contains(&key.as_str()));
+    let others = table.iter().filter(|(key, _)| !order.contains(&key.as_str()));
     for (key, value) in known.chain(others) {
         let _ = writeln!(text, "{key} = {}", inline(value));
     }
@@ -73,13 +63,9 @@ fn inline(value: &Value) -> String {
     };
     let first = ["xyz_mm", "joint"].into_iter();
     let first = first.filter_map(|key| table.get_key_value(key));
-    let others = table
-        .iter()
-        .filter(|(key, _)| !["xyz_mm", "joint"].contains(&key.as_str()));
-    let all: Vec<String> = first
-        .chain(others)
-        .map(|(key, value)| format!("{key} = {value}"))
-        .collect();
+    let others = table.iter().filter(|(key, _)| !["xyz_mm", "joint"].contains(&key.as_str()));
+    let all: Vec<String> =
+        first.chain(others).map(|(key, value)| format!("{key} = {value}")).collect();
     format!("{{ {} }}", all.join(", "))
 }
 

@@ -6,38 +6,21 @@ impl TableSchema {
     /// Checks every rule; the first broken one is the error.
     pub(super) fn check(&self) -> Result<(), SchemaError> {
         let broken = |place: &str, rule| {
-            Err(SchemaError::Rule {
-                table: self.table.clone(),
-                place: place.to_owned(),
-                rule,
-            })
+            Err(SchemaError::Rule { table: self.table.clone(), place: place.to_owned(), rule })
         };
         if !is_plain(&self.table) {
             return broken("table", "a name is made of a-z, 0-9 and _");
         }
         if !self.changes_match_version() {
-            return broken(
-                "changes",
-                "one line a version, each beginning \"VERSION: \"",
-            );
+            return broken("changes", "one line a version, each beginning \"VERSION: \"");
         }
-        if self
-            .reads_from
-            .is_some_and(|oldest| oldest == 0 || oldest >= self.version)
-        {
+        if self.reads_from.is_some_and(|oldest| oldest == 0 || oldest >= self.version) {
             return broken("reads_from", "it is an older version than this one");
         }
         let is_key = |(column, key): (&ColumnSchema, &str)| column.name == key && !column.nullable;
-        let keys = self
-            .columns
-            .iter()
-            .zip(KEY_COLUMNS)
-            .filter(|&pair| is_key(pair));
+        let keys = self.columns.iter().zip(KEY_COLUMNS).filter(|&pair| is_key(pair));
         if self.role == Role::Published && keys.count() != KEY_COLUMNS.len() {
-            return broken(
-                "column",
-                "the first columns are robot, session and run, never null",
-            );
+            return broken("column", "the first columns are robot, session and run, never null");
         }
         for name in &self.order {
             if !self.column(name).is_some_and(|(_, c)| c.kind.is_scalar()) {
@@ -91,9 +74,7 @@ impl TableSchema {
 
 fn is_plain(name: &str) -> bool {
     !name.is_empty()
-        && name
-            .bytes()
-            .all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
+        && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
 }
 
 #[cfg(test)]
@@ -125,55 +106,22 @@ mod tests {
         assert!(TableSchema::parse(SMALL).is_ok());
         let cases = [
             ("version = 1", "version = 2", "changes: one line a version"),
-            (
-                "role = \"accepted\"",
-                "role = \"published\"",
-                "robot, session and run",
-            ),
-            (
-                "order = [\"name\"]",
-                "order = [\"age\"]",
-                "age: `order` names scalar columns",
-            ),
-            (
-                "name = \"length_mm\"",
-                "name = \"name\"",
-                "name: the name is given twice",
-            ),
+            ("role = \"accepted\"", "role = \"published\"", "robot, session and run"),
+            ("order = [\"name\"]", "order = [\"age\"]", "age: `order` names scalar columns"),
+            ("name = \"length_mm\"", "name = \"name\"", "name: the name is given twice"),
             ("name = \"length_mm\"", "name = \"Länge\"", "a-z, 0-9 and _"),
             ("unit = \"mm\"", "", "length_mm: a number has a unit"),
-            (
-                "unit = \"mm\"",
-                "unit = \"column unit\"",
-                "names a column that does not exist",
-            ),
-            (
-                "type = \"string\"",
-                "type = \"bool\"",
-                "only a string has `values`",
-            ),
-            (
-                "type = \"string\"",
-                "type = \"float32\"",
-                "unknown variant `float32`",
-            ),
+            ("unit = \"mm\"", "unit = \"column unit\"", "names a column that does not exist"),
+            ("type = \"string\"", "type = \"bool\"", "only a string has `values`"),
+            ("type = \"string\"", "type = \"float32\"", "unknown variant `float32`"),
             ("one_row_per", "one_row_for", "unknown field `one_row_for`"),
             ("\"Its length.\"", "\"\"", "a description is missing"),
-            (
-                "version = 1",
-                "version = 1\nreads_from = 1",
-                "reads_from: it is an older version",
-            ),
-            (
-                "unit = \"mm\"",
-                "unit = \"mm\"\nsince = 1",
-                "length_mm: a column with `since`",
-            ),
+            ("version = 1", "version = 1\nreads_from = 1", "reads_from: it is an older version"),
+            ("unit = \"mm\"", "unit = \"mm\"\nsince = 1", "length_mm: a column with `since`"),
         ];
         for (text, replacement, expected) in cases {
-            let error = TableSchema::parse(&SMALL.replace(text, replacement))
-                .unwrap_err()
-                .to_string();
+            let error =
+                TableSchema::parse(&SMALL.replace(text, replacement)).unwrap_err().to_string();
             assert!(error.contains(expected), "{replacement}: {error}");
         }
     }

@@ -94,10 +94,7 @@ impl Columns {
             let column = column.as_ref();
             column.map(|column| one(table, key, column)).transpose()
         };
-        let measured = settings
-            .measured
-            .iter()
-            .map(|own| Measured::find(table, own));
+        let measured = settings.measured.iter().map(|own| Measured::find(table, own));
         let references = settings.references.iter();
         let references = references.filter_map(|own| own.position.as_ref());
         let references = references.map(|own| sums(table, "references.position", own));
@@ -107,16 +104,9 @@ impl Columns {
             joints: sums(table, "joints", &settings.joints)?,
             station: named("station", &settings.station)?,
             target: named("target", &settings.target)?,
-            time: named(
-                "time",
-                &settings.time.as_ref().map(|time| time.column.clone()),
-            )?,
-            temperature: temperature
-                .map(|own| Sum::find(table, "temperature", own))
-                .transpose()?,
-            commanded: commanded
-                .map(|own| Pose::of_command(table, own))
-                .transpose()?,
+            time: named("time", &settings.time.as_ref().map(|time| time.column.clone()))?,
+            temperature: temperature.map(|own| Sum::find(table, "temperature", own)).transpose()?,
+            commanded: commanded.map(|own| Pose::of_command(table, own)).transpose()?,
             measured: measured.collect::<Found<_>>()?,
             references: references.collect::<Found<_>>()?,
             lengths: settings
@@ -152,10 +142,7 @@ impl Pose {
 impl Measured {
     fn find(table: &MeasuredTable, own: &ReadingColumns) -> Found<Self> {
         let sd = own.sd.as_ref().map_or(&[][..], |sd| sd);
-        let covariance = own
-            .covariance
-            .as_ref()
-            .map_or(&[][..], CovarianceColumns::columns);
+        let covariance = own.covariance.as_ref().map_or(&[][..], CovarianceColumns::columns);
         let samples = own.samples.as_ref();
         let turn = own.orientation.as_ref();
         let turn_sd = turn.map_or(&[][..], |turn| &turn.sd);
@@ -164,9 +151,7 @@ impl Measured {
             pose: Pose::find(table, "measured", &own.position, own.orientation.as_ref())?,
             sd: sums(table, "measured.sd", sd)?,
             covariance: sums(table, "measured.covariance", covariance)?,
-            samples: samples
-                .map(|own| Sum::find(table, "measured.samples", own))
-                .transpose()?,
+            samples: samples.map(|own| Sum::find(table, "measured.samples", own)).transpose()?,
             orientation_sd: sums(table, "measured.orientation.sd", turn_sd)?,
             orientation_covariance: sums(
                 table,
@@ -182,9 +167,7 @@ impl Length {
         let sd = own.sd.as_ref();
         Ok(Self {
             reading: Sum::find(table, "lengths.column", &own.column)?,
-            sd: sd
-                .map(|column| Sum::find(table, "lengths.sd", column))
-                .transpose()?,
+            sd: sd.map(|column| Sum::find(table, "lengths.sd", column)).transpose()?,
         })
     }
 }
@@ -201,36 +184,25 @@ impl OrientationForm {
 }
 
 fn sums(table: &MeasuredTable, key: &str, values: &[String]) -> Found<Vec<Sum>> {
-    values
-        .iter()
-        .map(|value| Sum::find(table, key, value))
-        .collect()
+    values.iter().map(|value| Sum::find(table, key, value)).collect()
 }
 
 /// The column of that name.
 pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize> {
-    table
-        .find(column)
-        .map_err(|source| StationTableErrorKind::Column {
-            key: key.to_owned(),
-            value: column.to_owned(),
-            source: Box::new(source),
-        })
+    table.find(column).map_err(|source| StationTableErrorKind::Column {
+        key: key.to_owned(),
+        value: column.to_owned(),
+        source: Box::new(source),
+    })
 }
 
 impl Sum {
     /// The sum that `value` writes: a column of exactly that name, or columns and numbers with ` + ` and ` - ` between them.
     fn find(table: &MeasuredTable, key: &str, value: &str) -> Found<Self> {
         if let Ok(column) = table.find(value) {
-            return Ok(Self {
-                terms: vec![(1.0, column)],
-                constant: 0.0,
-            });
+            return Ok(Self { terms: vec![(1.0, column)], constant: 0.0 });
         }
-        let mut sum = Self {
-            terms: Vec::new(),
-            constant: 0.0,
-        };
+        let mut sum = Self { terms: Vec::new(), constant: 0.0 };
         for (sign, term) in terms(value) {
             match (table.find(term), term.parse::<f64>()) {
                 (Ok(column), _) => sum.terms.push((sign, column)),
@@ -284,9 +256,7 @@ fn terms(value: &str) -> Vec<(f64, &str)> {
     let mut terms = Vec::new();
     loop {
         let next = [(" + ", 1.0), (" - ", -1.0)];
-        let next = next
-            .iter()
-            .filter_map(|(mark, sign)| Some((rest.find(mark)?, *sign)));
+        let next = next.iter().filter_map(|(mark, sign)| Some((rest.find(mark)?, *sign)));
         let Some((at, next_sign)) = next.min_by_key(|(at, _)| *at) else {
             terms.push((sign, rest.trim()));
             return terms;
@@ -303,10 +273,7 @@ mod tests {
     #[test]
     fn operators_stand_between_blanks() {
         assert_eq!(terms("x_t + x_dif"), [(1.0, "x_t"), (1.0, "x_dif")]);
-        assert_eq!(
-            terms("-a - b + 3.5"),
-            [(-1.0, "a"), (-1.0, "b"), (1.0, "3.5")]
-        );
+        assert_eq!(terms("-a - b + 3.5"), [(-1.0, "a"), (-1.0, "b"), (1.0, "3.5")]);
         assert_eq!(terms("pos-x"), [(1.0, "pos-x")]);
     }
 }

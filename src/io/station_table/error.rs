@@ -68,10 +68,7 @@ pub enum StationTableErrorKind {
 impl StationTableErrorKind {
     /// The error of the file at `path`.
     pub(super) fn at(self, path: &Path) -> StationTableError {
-        StationTableError::Stations {
-            path: path.to_owned(),
-            kind: Box::new(self),
-        }
+        StationTableError::Stations { path: path.to_owned(), kind: Box::new(self) }
     }
 
     /// The error of a table without a usable row, by the first one that was left out.

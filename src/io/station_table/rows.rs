@@ -89,11 +89,7 @@ pub(super) fn rows(
             file: reader.file,
             rows,
             apart: reader.apart,
-            references: settings
-                .references
-                .iter()
-                .map(|own| (own.name.clone(), own.on))
-                .collect(),
+            references: settings.references.iter().map(|own| (own.name.clone(), own.on)).collect(),
             rejects: reader.rejects,
         },
         read: (own.len() + broken.len()) as u64,
@@ -104,15 +100,9 @@ pub(super) fn rows(
 /// Lines of rows with too few or too many cells, and why they are no rows; where rows name their sessions, these name none. Repeated
 /// headers and comments are no rows at all.
 fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<(u64, String)> {
-    let left_out = table
-        .left_out()
-        .iter()
-        .filter(|_| settings.session.is_none());
+    let left_out = table.left_out().iter().filter(|_| settings.session.is_none());
     let is_row = |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. });
-    left_out
-        .filter(is_row)
-        .map(|row| (row.line, row.reason.to_string()))
-        .collect()
+    left_out.filter(is_row).map(|row| (row.line, row.reason.to_string())).collect()
 }
 
 impl Reader<'_> {
@@ -229,9 +219,7 @@ impl Reader<'_> {
             return Ok((place, target));
         }
         let line = long.rows[place].line;
-        Err(Fault::of(format!(
-            "the station of line {line} has a reading of this target already"
-        )))
+        Err(Fault::of(format!("the station of line {line} has a reading of this target already")))
     }
 
     /// The station of a row of a long table; one that no earlier row names is new.
@@ -255,11 +243,7 @@ impl Reader<'_> {
     fn target(&self, row: usize, column: usize) -> Result<TargetId, Fault> {
         let named = name(self.table.cell(row, column))
             .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
-        let place = self
-            .settings
-            .targets
-            .iter()
-            .position(|target| *target == named);
+        let place = self.settings.targets.iter().position(|target| *target == named);
         let unknown = || {
             Fault::in_column(
                 Some(column),
@@ -302,11 +286,7 @@ impl Reader<'_> {
 
     /// A station without its readings.
     fn station(&self, row: usize) -> Result<Row, Fault> {
-        let temperature = self
-            .columns
-            .temperature
-            .as_ref()
-            .map(|own| self.value(own, row));
+        let temperature = self.columns.temperature.as_ref().map(|own| self.value(own, row));
         Ok(Row {
             line: self.table.line(row),
             joints: self.joints(row)?,
@@ -325,11 +305,7 @@ impl Reader<'_> {
         let joints = self.columns.joints.iter().enumerate();
         let joint = |(place, sum): (usize, &Sum)| {
             let slides = self.slides.get(place).copied().unwrap_or(false);
-            let factor = if slides {
-                lengths
-            } else {
-                self.settings.joint_unit.to_rad()
-            };
+            let factor = if slides { lengths } else { self.settings.joint_unit.to_rad() };
             Ok(factor * self.value(sum, row)?)
         };
         joints.map(joint).collect()
@@ -348,10 +324,7 @@ impl Reader<'_> {
             (Some(sums), Some(form)) => if_there(self.orientation(sums, row, form))?,
             _ => None,
         };
-        Ok(Some(Command {
-            position,
-            orientation,
-        }))
+        Ok(Some(Command { position, orientation }))
     }
 
     /// When the row was measured, ns; `None` where the table does not state it.
@@ -378,10 +351,9 @@ impl Reader<'_> {
         match self.table.cell(row, column) {
             Cell::Number(number) if number.is_finite() => Ok(Some(round_ns(factor * number))),
             Cell::Number(_) | Cell::Blank => Err(Fault::in_column(Some(column), "it has no time")),
-            Cell::Text(text) => Err(Fault::in_column(
-                Some(column),
-                &format!("{text:?} is no number"),
-            )),
+            Cell::Text(text) => {
+                Err(Fault::in_column(Some(column), &format!("{text:?} is no number")))
+            }
         }
     }
 
@@ -470,10 +442,7 @@ impl Reader<'_> {
             _ => None,
         };
         let stated = self.stated(columns, row, settings, turn.is_some())?;
-        let turn = turn.map(|turn| MeanOrientation {
-            stated_covariance: stated.turn,
-            ..turn
-        });
+        let turn = turn.map(|turn| MeanOrientation { stated_covariance: stated.turn, ..turn });
         let point = MeanPoint {
             position,
             scatter_mm: <[f64; 3]>::try_from(&sd[..])
@@ -495,20 +464,15 @@ impl Reader<'_> {
         let entries = self.entries(&columns.covariance, row)?;
         let logged = logged(&entries);
         let counts = &mut self.covariances;
-        let mut stated = logged.map_or_else(PoseCovariance::default, |logged| {
-            logged.judged(has_turn, counts)
-        });
+        let mut stated =
+            logged.map_or_else(PoseCovariance::default, |logged| logged.judged(has_turn, counts));
         let own = self.entries(&columns.orientation_covariance, row)?;
         if let (Ok(own), true) = (<[f64; 6]>::try_from(own), has_turn) {
             stated.turn = covariances::judged_turn(&symmetric(own), &mut self.covariances);
         }
         let turn = settings.orientation.as_ref();
         let to_rad = turn.map_or(1.0, |turn| to_rad(&turn.form));
-        Ok(covariances::in_units(
-            &stated,
-            settings.unit.to_mm(),
-            to_rad,
-        ))
+        Ok(covariances::in_units(&stated, settings.unit.to_mm(), to_rad))
     }
 
     /// The entries of a covariance; zeros, which say that it is not known, where all cells are blank.
@@ -541,9 +505,7 @@ impl Reader<'_> {
     /// A standard deviation; zero where the cell is blank: the instrument's own uncertainty remains.
     fn deviation(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
         let sd = if_there(self.value(sum, row))?.unwrap_or(0.0);
-        (sd >= 0.0)
-            .then_some(sd)
-            .ok_or_else(|| Fault::of(format!("a standard deviation of {sd}")))
+        (sd >= 0.0).then_some(sd).ok_or_else(|| Fault::of(format!("a standard deviation of {sd}")))
     }
 
     /// A position, mm. Three zeros are what some instruments write for a missing reflector.
@@ -571,9 +533,7 @@ impl Reader<'_> {
         columns: &OrientationColumns,
     ) -> Result<MeanOrientation, Fault> {
         let to_rad = to_rad(&columns.form);
-        let squares = deviations
-            .iter()
-            .map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
+        let squares = deviations.iter().map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
         let squares = squares.collect::<Result<Vec<f64>, Fault>>()?;
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
         Ok(MeanOrientation {
@@ -610,18 +570,13 @@ impl Reader<'_> {
             }
             Cellular::Text(column, text) => {
                 let text: String = text.chars().take(40).collect();
-                Err(Fault::in_column(
-                    Some(column),
-                    &format!("{text:?} is no number"),
-                ))
+                Err(Fault::in_column(Some(column), &format!("{text:?} is no number")))
             }
         }
     }
 
     fn reject(&mut self, kind: RowItem, line: u64, fault: Fault) {
-        let column = fault
-            .column
-            .map(|column| self.table.columns()[column].clone());
+        let column = fault.column.map(|column| self.table.columns()[column].clone());
         self.rejects.push(RowReject {
             kind,
             file: self.file.clone(),
@@ -635,26 +590,16 @@ impl Reader<'_> {
 
 impl Fault {
     fn of(reason: String) -> Self {
-        Self {
-            column: None,
-            reason,
-            is_missing: false,
-        }
+        Self { column: None, reason, is_missing: false }
     }
 
     fn in_column(column: Option<usize>, reason: &str) -> Self {
-        Self {
-            column,
-            ..Self::of(reason.to_owned())
-        }
+        Self { column, ..Self::of(reason.to_owned()) }
     }
 
     /// A value that is not there.
     fn missing(column: Option<usize>, reason: &str) -> Self {
-        Self {
-            is_missing: true,
-            ..Self::in_column(column, reason)
-        }
+        Self { is_missing: true, ..Self::in_column(column, reason) }
     }
 }
 
@@ -701,19 +646,16 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
             let quaternion = Quaternion::new(w, x, y, z);
             let norm = quaternion.norm();
             let near = (norm - 1.0).abs() <= ROTATION;
-            near.then(|| UnitQuaternion::from_quaternion(quaternion))
-                .ok_or_else(|| {
-                    Fault::of(format!(
-                        "a quaternion of norm {norm:.3}, and a rotation has norm 1"
-                    ))
-                })
+            near.then(|| UnitQuaternion::from_quaternion(quaternion)).ok_or_else(|| {
+                Fault::of(format!("a quaternion of norm {norm:.3}, and a rotation has norm 1"))
+            })
         }
         (OrientationForm::Angles(_, order, unit), &[a, b, c]) => {
             Ok(order.rotation([a, b, c].map(|angle| unit.to_rad() * angle)))
         }
-        (OrientationForm::Vector(_, unit), values) if values.len() == 3 => Ok(
-            UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from_row_slice(values)),
-        ),
+        (OrientationForm::Vector(_, unit), values) if values.len() == 3 => {
+            Ok(UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from_row_slice(values)))
+        }
         (OrientationForm::Matrix(_), values) if values.len() == 9 => {
             let matrix = Matrix3::from_row_slice(values);
             let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
@@ -722,9 +664,7 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
                 .then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix)))
                 .ok_or_else(|| Fault::of("a matrix that is no rotation: its rows are not of length 1 and at right angles".to_owned()))
         }
-        _ => Err(Fault::of(
-            "an orientation with a wrong number of values".to_owned(),
-        )),
+        _ => Err(Fault::of("an orientation with a wrong number of values".to_owned())),
     }
 }
 
@@ -732,15 +672,10 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
 fn iso_8601_ns(text: &str) -> Option<i64> {
     let with_offset = chrono::DateTime::parse_from_rfc3339(&text.replacen(' ', "T", 1)).ok();
     let plain = || {
-        let forms = [
-            "%Y-%m-%dT%H:%M:%S%.f",
-            "%Y-%m-%d %H:%M:%S%.f",
-            "%Y-%m-%dT%H:%M",
-            "%Y-%m-%d %H:%M",
-        ];
-        let mut times = forms
-            .iter()
-            .filter_map(|form| chrono::NaiveDateTime::parse_from_str(text, form).ok());
+        let forms =
+            ["%Y-%m-%dT%H:%M:%S%.f", "%Y-%m-%d %H:%M:%S%.f", "%Y-%m-%dT%H:%M", "%Y-%m-%d %H:%M"];
+        let mut times =
+            forms.iter().filter_map(|form| chrono::NaiveDateTime::parse_from_str(text, form).ok());
         times.next()?.and_utc().timestamp_nanos_opt()
     };
     with_offset.map_or_else(plain, |time| time.timestamp_nanos_opt())

@@ -26,22 +26,13 @@ impl Table {
     fn read(&self, section: &str, session: Option<&str>) -> Result<StationTable, String> {
         let settings = settings(section);
         let whose = of_session(session);
-        read(
-            &self.path(),
-            &settings,
-            &whose,
-            &[false, true],
-            Bound::TARGETS,
-        )
-        .map_err(|error| error.to_string())
+        read(&self.path(), &settings, &whose, &[false, true], Bound::TARGETS)
+            .map_err(|error| error.to_string())
     }
 }
 
 fn of_session(session: Option<&str>) -> Whose {
-    Whose {
-        robot: None,
-        session: session.map(str::to_owned),
-    }
+    Whose { robot: None, session: session.map(str::to_owned) }
 }
 
 fn settings(section: &str) -> StationsSettings {
@@ -61,33 +52,21 @@ fn units_sums_and_two_targets_are_read() {
          180,0.5,4,5,6,,9999,0,1,0\n",
     );
     let read = table.read(WIDE, None).unwrap();
-    assert_eq!(
-        (read.read, read.rows.rows.len(), read.rows.rejects.len()),
-        (2, 2, 1)
-    );
+    assert_eq!((read.read, read.rows.rows.len(), read.rows.rejects.len()), (2, 2, 1));
     let first = &read.rows.rows[0];
     assert!((first.joints[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
     assert!((first.joints[1] - 250.0).abs() < 1e-12);
     let Value::Point(point) = first.readings[0].value else {
         panic!("{:?} is no point", first.readings[0].value)
     };
-    assert_eq!(
-        point.position,
-        nalgebra::Point3::new(1000.0, 2000.0, 2000.0)
-    );
-    assert_eq!(
-        nalgebra::Vector3::from(point.scatter_mm),
-        nalgebra::Vector3::repeat(1.0)
-    );
+    assert_eq!(point.position, nalgebra::Point3::new(1000.0, 2000.0, 2000.0));
+    assert_eq!(nalgebra::Vector3::from(point.scatter_mm), nalgebra::Vector3::repeat(1.0));
     assert!(matches!(first.readings[1].value, Value::Pose(..)));
     // The second station's second target was not measured; a blank deviation leaves the instrument's.
     let second = &read.rows.rows[1];
     assert_eq!(second.readings.len(), 1);
     let scatter_mm = second.readings[0].value.point().unwrap().scatter_mm;
-    assert_eq!(
-        nalgebra::Vector3::from(scatter_mm),
-        nalgebra::Vector3::zeros()
-    );
+    assert_eq!(nalgebra::Vector3::from(scatter_mm), nalgebra::Vector3::zeros());
     let reject = &read.rows.rejects[0];
     assert_eq!(
         (reject.kind, reject.line, reject.column.as_deref()),
@@ -120,21 +99,14 @@ fn rows_of_a_long_table_that_name_an_instrument_are_its_lengths() {
     assert_eq!(lengths(first), [(1, 812.5)]);
     assert_eq!(first.readings.len(), 2);
     assert_eq!(lengths(second), [(1, 700.0)]);
-    let rejects: Vec<_> = read
-        .rows
-        .rejects
-        .iter()
-        .map(|own| (own.line, own.reason.as_str()))
-        .collect();
+    let rejects: Vec<_> =
+        read.rows.rejects.iter().map(|own| (own.line, own.reason.as_str())).collect();
     assert_eq!(rejects.len(), 2, "{rejects:?}");
     assert!(
         rejects[0].0 == 5 && rejects[0].1.contains("of this instrument already"),
         "{rejects:?}"
     );
-    assert!(
-        rejects[1].0 == 6 && rejects[1].1.contains("\"other\""),
-        "{rejects:?}"
-    );
+    assert!(rejects[1].0 == 6 && rejects[1].1.contains("\"other\""), "{rejects:?}");
 }
 
 #[test]
@@ -153,18 +125,11 @@ fn rows_of_a_long_table_with_one_name_are_a_station() {
     );
     let read = table.read(section, None).unwrap();
     assert_eq!((read.read, read.rows.rows.len()), (7, 2));
-    let targets: Vec<TargetId> = read.rows.rows[0]
-        .readings
-        .iter()
-        .map(|reading| reading.target)
-        .collect();
+    let targets: Vec<TargetId> =
+        read.rows.rows[0].readings.iter().map(|reading| reading.target).collect();
     assert_eq!(targets, [TargetId(0), TargetId(2)]);
-    let told: Vec<(u64, &str)> = read
-        .rows
-        .rejects
-        .iter()
-        .map(|own| (own.line, own.reason.as_str()))
-        .collect();
+    let told: Vec<(u64, &str)> =
+        read.rows.rejects.iter().map(|own| (own.line, own.reason.as_str())).collect();
     let expected = [
         (5, "not those of line 2"),
         (6, "has a reading of this target already"),
@@ -196,11 +161,7 @@ fn a_session_is_its_own_rows_whatever_stands_beside_them() {
     };
     assert_eq!(own(&one, "mon"), own(&more, "mon"));
     assert_ne!(own(&one, "mon"), own(&one, "tue"));
-    assert!(
-        one.read(section, Some("sun"))
-            .unwrap_err()
-            .contains("no row of a station")
-    );
+    assert!(one.read(section, Some("sun")).unwrap_err().contains("no row of a station"));
 }
 
 #[test]
@@ -209,21 +170,12 @@ fn rows_are_those_of_one_robot_and_those_that_name_none_are_told() {
         [measured]\nposition = [\"x\", \"y\", \"z\"]\nunit = \"mm\"\n";
     let table = Table::new("arm,a,s,x,y,z\n7,1,2,3,4,5\n8,1,2,3,4,6\n,1,2,3,4,6\n7,2,2,3,4,7\n");
     let settings = settings(section);
-    let of_robot = |robot: &str| Whose {
-        robot: Some(robot.to_owned()),
-        session: None,
-    };
+    let of_robot = |robot: &str| Whose { robot: Some(robot.to_owned()), session: None };
     let (names, nameless) = named(&table.path(), &settings, Bound::TARGETS).unwrap();
     assert_eq!(names, [of_robot("7"), of_robot("8")].into());
     assert_eq!(nameless, [4]);
     let rows = |whose: &Whose| {
-        let read = read(
-            &table.path(),
-            &settings,
-            whose,
-            &[false, true],
-            Bound::TARGETS,
-        );
+        let read = read(&table.path(), &settings, whose, &[false, true], Bound::TARGETS);
         read.unwrap().rows.rows.len()
     };
     assert_eq!((rows(&of_robot("7")), rows(&Whose::default())), (2, 4));
@@ -232,24 +184,17 @@ fn rows_are_those_of_one_robot_and_those_that_name_none_are_told() {
 #[test]
 fn a_column_that_is_not_there_is_told_with_its_key() {
     let table = Table::new("a,s,x,y,z,sd,u,v,w,r\n1,2,3,4,5,6,7,8,9,10\n");
-    let told = table
-        .read(&WIDE.replace("\"z - 1\"", "\"zz - 1\""), None)
-        .unwrap_err();
+    let told = table.read(&WIDE.replace("\"z - 1\"", "\"zz - 1\""), None).unwrap_err();
     assert!(
         told.contains("measured.csv") && told.contains("[stations] measured.position = \"zz - 1\""),
         "{told}"
     );
-    let told = table
-        .read(&WIDE.replace("\"z - 1\"", "\"1 - 2\""), None)
-        .unwrap_err();
+    let told = table.read(&WIDE.replace("\"z - 1\"", "\"1 - 2\""), None).unwrap_err();
     assert!(told.contains("names no column"), "{told}");
     // A text in the only row: the error names line and column.
     let table = Table::new("a,s,x,y,z,sd,u,v,w,r\nnone,2,3,4,5,6,7,8,9,10\n");
     let told = table.read(WIDE, None).unwrap_err();
-    assert!(
-        told.contains("none of its 1 rows") && told.contains("line 2, column \"a\""),
-        "{told}"
-    );
+    assert!(told.contains("none of its 1 rows") && told.contains("line 2, column \"a\""), "{told}");
 }
 
 #[test]
@@ -267,36 +212,19 @@ fn what_is_written_is_read_by_the_section_in_its_head() {
     let simulated = crate::simulate::simulate(&arm, &settings).unwrap();
     let stations = simulated.stations_with(&[nalgebra::Vector3::new(120.0, 0.0, 0.0)]);
     let names = ["T1".to_owned(), "T2".to_owned()];
-    let text = csv(
-        &stations,
-        &arm,
-        super::Read {
-            targets: &names,
-            ..super::Read::default()
-        },
-    );
+    let text = csv(&stations, &arm, super::Read { targets: &names, ..super::Read::default() });
     let lines = text.lines().skip(1);
     let section: Vec<&str> = lines.map_while(|line| line.strip_prefix("# ")).collect();
     let section = section.join("\n");
     let table = Table::new(&text);
     let settings: toml::Table = toml::from_str(&section).unwrap();
     let settings: StationsSettings = settings["stations"].clone().try_into().unwrap();
-    let read = read(
-        &table.path(),
-        &settings,
-        &Whose::default(),
-        &[false; 6],
-        Bound::TARGETS,
-    )
-    .unwrap();
+    let read =
+        read(&table.path(), &settings, &Whose::default(), &[false; 6], Bound::TARGETS).unwrap();
     assert_eq!(read.rows.rows.len(), stations.len());
     for (row, station) in read.rows.rows.iter().zip(&stations) {
-        let away = row
-            .joints
-            .iter()
-            .zip(&station.joints)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
+        let away =
+            row.joints.iter().zip(&station.joints).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(away < 1e-8, "{away}");
         assert_eq!(row.readings.len(), station.readings.len());
         for (own, reading) in row.readings.iter().zip(&station.readings) {

@@ -42,13 +42,7 @@ pub struct Read<'a> {
 /// The table of these stations with what is read at them. Angles are in degrees, positions in mm; readings that are missing are blank.
 /// Comments above the header say how a pipeline file reads it.
 pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
-    let Read {
-        targets,
-        lengths,
-        references,
-        looks,
-        turns,
-    } = read;
+    let Read { targets, lengths, references, looks, turns } = read;
     if !turns.is_empty() {
         return unnamed(stations, arm, &read);
     }
@@ -77,10 +71,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     for (place, station) in stations.iter().enumerate() {
         let mut cells = row(station, arm, &parts, lengths.len());
         let own = looks.get(place).map_or(&[][..], |own| own);
-        cells.extend(
-            own.iter()
-                .flat_map(|at| at.iter().map(|x| number(*x)).collect::<Vec<_>>()),
-        );
+        cells.extend(own.iter().flat_map(|at| at.iter().map(|x| number(*x)).collect::<Vec<_>>()));
         writeln!(text, "{}", cells.join(",")).expect("a string");
     }
     text
@@ -189,20 +180,9 @@ fn of_reference(name: &str) -> [String; 3] {
 fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
     let (targets, lengths) = (read.targets, read.lengths);
     let list = |names: &[String]| {
-        format!(
-            "[{}]",
-            names
-                .iter()
-                .map(|name| format!("{name:?}"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        )
+        format!("[{}]", names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", "))
     };
-    let joints: Vec<String> = arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.clone())
-        .collect();
+    let joints: Vec<String> = arm.joints().iter().map(|joint| joint.name.clone()).collect();
     let mut lines = vec![
         "Stations of a simulated session. A pipeline file reads them with".to_owned(),
         "[stations]".to_owned(),
@@ -226,14 +206,8 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
     for (place, target) in targets.iter().enumerate() {
         let columns = of_target(target);
         let several = targets.len() > 1;
-        lines.push(
-            if several {
-                "[[stations.measured]]"
-            } else {
-                "[stations.measured]"
-            }
-            .to_owned(),
-        );
+        lines
+            .push(if several { "[[stations.measured]]" } else { "[stations.measured]" }.to_owned());
         lines.extend(several.then(|| format!("name = {target:?}")));
         lines.push(format!("position = {}", list(&columns[..3])));
         lines.push("unit = \"mm\"".to_owned());
@@ -246,10 +220,7 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
         }
         lines.extend(parts.turned.then(|| {
             let [quaternion @ .., sd] = of_orientation(target);
-            format!(
-                "orientation = {{ quaternion_xyzw = {}, sd = [{sd:?}] }}",
-                list(&quaternion)
-            )
+            format!("orientation = {{ quaternion_xyzw = {}, sd = [{sd:?}] }}", list(&quaternion))
         }));
     }
     for own in lengths {
@@ -281,10 +252,7 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
 fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<String> {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));
-    let temperature = station
-        .readings
-        .first()
-        .and_then(|reading| reading.temperature_c);
+    let temperature = station.readings.first().and_then(|reading| reading.temperature_c);
     let mut cells = vec![station.number.to_string()];
     cells.extend(joints);
     cells.push(temperature.map_or_else(String::new, |celsius| celsius.to_string()));
@@ -332,15 +300,7 @@ fn measured(reading: &Reading) -> [String; 7] {
     };
     let [x, y, z] = point.position.coords.into();
     let [sd_x, sd_y, sd_z] = point.scatter_mm.map(number);
-    [
-        number(x),
-        number(y),
-        number(z),
-        sd_x,
-        sd_y,
-        sd_z,
-        reading.kept.to_string(),
-    ]
+    [number(x), number(y), number(z), sd_x, sd_y, sd_z, reading.kept.to_string()]
 }
 
 fn orientation(turn: &MeanOrientation) -> [String; 5] {

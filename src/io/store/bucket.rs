@@ -174,19 +174,10 @@ impl Bucket {
         let block = |start: u64| {
             let options = GetOptions {
                 if_match: listed.tag.clone(),
-                range: Some(GetRange::Bounded(
-                    start..(start + PART_BYTES).min(listed.bytes),
-                )),
+                range: Some(GetRange::Bounded(start..(start + PART_BYTES).min(listed.bytes))),
                 ..GetOptions::default()
             };
-            async {
-                self.clients
-                    .now()
-                    .get_opts(&object, options)
-                    .await?
-                    .bytes()
-                    .await
-            }
+            async { self.clients.now().get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
         let mut fetched = 0;
@@ -220,11 +211,7 @@ impl Bucket {
             attributes: [(ATTEMPT, attempt.to_owned())].into_iter().collect(),
             ..PutOptions::default()
         };
-        let put = || {
-            self.clients
-                .now()
-                .put_opts(object, payload.clone(), options())
-        };
+        let put = || self.clients.now().put_opts(object, payload.clone(), options());
         let mut left = RETRIES;
         loop {
             match noted(self.runtime.block_on(put())) {
@@ -236,13 +223,8 @@ impl Bucket {
 
     /// The attempt that created an object; `None` where the object does not name it.
     fn attempt_of(&self, object: &Key) -> Result<Option<String>, Error> {
-        let options = GetOptions {
-            head: true,
-            ..GetOptions::default()
-        };
-        let found = self
-            .runtime
-            .block_on(self.clients.now().get_opts(object, options))?;
+        let options = GetOptions { head: true, ..GetOptions::default() };
+        let found = self.runtime.block_on(self.clients.now().get_opts(object, options))?;
         let by = found.attributes.get(&ATTEMPT);
         Ok(by.map(|by| by.to_string()))
     }
@@ -300,14 +282,9 @@ impl Store for Bucket {
 
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError> {
         let prefix = self.object(folder)?;
-        let found: Vec<ObjectMeta> = self.wait(
-            "list",
-            folder,
-            self.clients.now().list(Some(&prefix)).try_collect(),
-        )?;
-        let listed = found
-            .into_iter()
-            .filter_map(|found| self.listed(found, folder, &levels));
+        let found: Vec<ObjectMeta> =
+            self.wait("list", folder, self.clients.now().list(Some(&prefix)).try_collect())?;
+        let listed = found.into_iter().filter_map(|found| self.listed(found, folder, &levels));
         let mut listed: Vec<Listed> = listed.collect();
         listed.sort_by(|a, b| by_parts(&a.key, &b.key));
         Ok(listed)
@@ -325,9 +302,8 @@ impl Store for Bucket {
 
     fn temporary(&self, _key: &str) -> Result<Temporary, StoreError> {
         let local = std::env::temp_dir();
-        let made = self
-            .scratch()
-            .and_then(|scratch| Temporary::beside(&scratch.path().join("upload")));
+        let made =
+            self.scratch().and_then(|scratch| Temporary::beside(&scratch.path().join("upload")));
         made.map_err(StoreError::folder("write a temporary in", &local))
     }
 
@@ -391,10 +367,8 @@ async fn parts(
         while left > 0 && under_way.len() < PARTS_AT_ONCE {
             let count = part_bytes.min(left);
             let mut part = vec![0; usize_of(count)];
-            file.read_exact(&mut part).map_err(|error| Error::Generic {
-                store: "temporary",
-                source: Box::new(error),
-            })?;
+            file.read_exact(&mut part)
+                .map_err(|error| Error::Generic { store: "temporary", source: Box::new(error) })?;
             under_way.push(upload.put_part(PutPayload::from(part)));
             left -= count;
         }
@@ -417,9 +391,7 @@ fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
 fn attempt(written: &Temporary) -> String {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let words = (written.path(), std::process::id(), now.unwrap_or_default());
-    blake3::hash(format!("{words:?}").as_bytes())
-        .to_hex()
-        .to_string()
+    blake3::hash(format!("{words:?}").as_bytes()).to_hex().to_string()
 }
 
 fn payload(written: &Temporary) -> Result<PutPayload, StoreError> {

@@ -103,11 +103,7 @@ impl BucketTrouble {
 impl StoreError {
     /// Makes the error of an operation at a path from the system's error.
     pub fn folder<'a>(doing: &'static str, path: &'a Path) -> impl Fn(io::Error) -> Self + use<'a> {
-        move |source| Self::Folder {
-            doing,
-            path: path.to_owned(),
-            source,
-        }
+        move |source| Self::Folder { doing, path: path.to_owned(), source }
     }
 
     /// Whether there is no such file.
@@ -122,13 +118,7 @@ impl StoreError {
     /// Whether the same request may succeed later: the request itself is valid.
     pub const fn is_worth_a_retry(&self) -> bool {
         use BucketTrouble::{Changed, Clock, NoAnswer};
-        matches!(
-            self,
-            Self::Bucket {
-                trouble: NoAnswer | Changed | Clock,
-                ..
-            }
-        )
+        matches!(self, Self::Bucket { trouble: NoAnswer | Changed | Clock, .. })
     }
 }
 

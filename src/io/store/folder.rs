@@ -24,11 +24,7 @@ impl Folder {
     }
 
     fn path(&self, key: &str) -> PathBuf {
-        if key.is_empty() {
-            self.root.clone()
-        } else {
-            self.root.join(key)
-        }
+        if key.is_empty() { self.root.clone() } else { self.root.join(key) }
     }
 }
 
@@ -43,8 +39,7 @@ impl Store for Folder {
 
     fn exists(&self, key: &str) -> Result<bool, StoreError> {
         let path = self.path(key);
-        path.try_exists()
-            .map_err(StoreError::folder("look for", &path))
+        path.try_exists().map_err(StoreError::folder("look for", &path))
     }
 
     fn open(&self, key: &str) -> Result<File, StoreError> {
@@ -130,12 +125,7 @@ impl Folder {
         let path = self.path(&key);
         let metadata = path.metadata();
         let metadata = metadata.map_err(StoreError::folder("look for", &path))?;
-        Ok(Listed {
-            key,
-            tag: None,
-            bytes: metadata.len(),
-            modified: metadata.modified().ok(),
-        })
+        Ok(Listed { key, tag: None, bytes: metadata.len(), modified: metadata.modified().ok() })
     }
 
     fn names_in(
@@ -195,13 +185,7 @@ mod tests {
     fn files_are_listed_at_their_depth_in_the_order_of_their_names() {
         let root = tempfile::tempdir().unwrap();
         let store = Folder::new(root.path());
-        for key in [
-            "t/a-b/s/1",
-            "t/a/s/2",
-            "t/a/s/.hidden",
-            "t/a/s/deep/3",
-            "t/4",
-        ] {
+        for key in ["t/a-b/s/1", "t/a/s/2", "t/a/s/.hidden", "t/a/s/deep/3", "t/4"] {
             put(&store, key, key);
         }
         let keys = |folder, level| -> Vec<String> {
@@ -213,20 +197,10 @@ mod tests {
         assert_eq!(keys("t/a/s", 0), ["t/a/s/2"]);
         assert!(keys("nowhere", 2).is_empty());
         // All files, hidden ones and deeper ones too, in the order of their parts.
-        let all = [
-            "t/4",
-            "t/a/s/.hidden",
-            "t/a/s/2",
-            "t/a/s/deep/3",
-            "t/a-b/s/1",
-        ];
+        let all = ["t/4", "t/a/s/.hidden", "t/a/s/2", "t/a/s/deep/3", "t/a-b/s/1"];
         assert_eq!(store.all("").unwrap(), all);
         assert_eq!(store.all("t/a-b").unwrap(), ["t/a-b/s/1"]);
         assert!(store.all("nowhere").unwrap().is_empty());
-        assert_eq!(
-            store.list("t", 0..=0).unwrap()[0].bytes,
-            3,
-            "the text \"t/4\""
-        );
+        assert_eq!(store.list("t", 0..=0).unwrap()[0].bytes, 3, "the text \"t/4\"");
     }
 }

@@ -92,10 +92,7 @@ mod tests {
         assert_eq!(path.join("runs/a").to_string(), "lake/runs/a");
         assert_eq!(path.bucket(), None);
         let url = Place::of("s3://bucket/some/lake/");
-        assert_eq!(
-            url.join("runs/a.parquet").to_string(),
-            "s3://bucket/some/lake/runs/a.parquet"
-        );
+        assert_eq!(url.join("runs/a.parquet").to_string(), "s3://bucket/some/lake/runs/a.parquet");
         assert_eq!(url.join("runs/a.parquet").stem(), "a");
         assert_eq!(url.bucket(), Some(("bucket", "some/lake")));
         assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));

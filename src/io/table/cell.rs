@@ -159,10 +159,5 @@ pub(super) fn lists_alike(values: &[f64], rows: usize) -> ArrayRef {
     assert_eq!(values.len(), length * rows, "values of {rows} lists");
     let offsets = OffsetBuffer::from_repeated_length(length, rows);
     let values = Arc::new(Float64Array::from(values.to_vec()));
-    Arc::new(ListArray::new(
-        element(DataType::Float64),
-        offsets,
-        values,
-        None,
-    ))
+    Arc::new(ListArray::new(element(DataType::Float64), offsets, values, None))
 }

@@ -28,10 +28,7 @@ pub(super) fn table(
     for ((column, array), _) in columns.filter(|(_, given)| *given) {
         check_column(schema, column, rows, array)?;
     }
-    let arrow = |source| TableError::Arrow {
-        table: schema.table.clone(),
-        source,
-    };
+    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let names = row_names(schema, key.as_ref(), &batch);
     // Nearly always the rows are in order, and each is compared only with the one before it.
@@ -40,12 +37,7 @@ pub(super) fn table(
     } else {
         in_order(schema, batch, &names)?
     };
-    let table = Table {
-        schema,
-        key,
-        batch,
-        version: schema.version,
-    };
+    let table = Table { schema, key, batch, version: schema.version };
     Ok((table, order))
 }
 
@@ -57,9 +49,7 @@ fn all(
 ) -> Result<Vec<ArrayRef>, TableError> {
     let known = |place: usize| like.map(|table| Arc::clone(table.batch.column(place)));
     let arrays = arrays.into_iter().enumerate();
-    let arrays: Vec<_> = arrays
-        .map(|(place, array)| array.or_else(|| known(place)))
-        .collect();
+    let arrays: Vec<_> = arrays.map(|(place, array)| array.or_else(|| known(place))).collect();
     let missing = schema.columns.iter().zip(&arrays);
     let missing: Vec<_> = missing
         .filter(|(_, array)| array.is_none())
@@ -68,10 +58,7 @@ fn all(
     if missing.is_empty() {
         return Ok(arrays.into_iter().flatten().collect());
     }
-    Err(TableError::Missing {
-        table: schema.table.clone(),
-        columns: missing,
-    })
+    Err(TableError::Missing { table: schema.table.clone(), columns: missing })
 }
 
 /// The rows in the schema's order, if no two have the same name.
@@ -80,10 +67,7 @@ fn in_order(
     batch: RecordBatch,
     names: &[ArrayRef],
 ) -> Result<(RecordBatch, Option<Vec<usize>>), TableError> {
-    let arrow = |source| TableError::Arrow {
-        table: schema.table.clone(),
-        source,
-    };
+    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
     let order = row_order(names, batch.num_rows()).map_err(arrow)?;
     check_rows_differ(schema, &order)?;
     // A table from another program keeps its order: that of targets is the order of the program that visits them.
@@ -144,9 +128,7 @@ fn broken_value(column: &ColumnSchema, array: &ArrayRef) -> Option<(usize, Strin
             // Nearly always all are finite: one check of all elements is enough.
             not_finite(lists.values())?;
             let wrong = |row| Some((row, not_finite(&lists.value(row))?.1));
-            (0..lists.len())
-                .filter(|&row| lists.is_valid(row))
-                .find_map(wrong)
+            (0..lists.len()).filter(|&row| lists.is_valid(row)).find_map(wrong)
         }
         (ColumnType::String, Some(words)) => not_allowed(words, array.as_string()),
         _ => None,
@@ -163,10 +145,7 @@ fn not_finite(array: &ArrayRef) -> Option<(usize, String)> {
     }
     let wrong = |(row, x): (usize, Option<f64>)| Some((row, x.filter(|x| !x.is_finite())?));
     let (row, x) = numbers.iter().enumerate().find_map(wrong)?;
-    Some((
-        row,
-        format!("{x} is not a finite number; what is absent is null"),
-    ))
+    Some((row, format!("{x} is not a finite number; what is absent is null")))
 }
 
 fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)> {
@@ -177,13 +156,7 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
     let wrong =
         |(row, word): (usize, Option<&str>)| Some((row, word.filter(|w| !known(w))?.to_owned()));
     let (row, word) = array.iter().enumerate().find_map(wrong)?;
-    Some((
-        row,
-        format!(
-            "{word:?} is none of the words allowed: {}",
-            words.join(", ")
-        ),
-    ))
+    Some((row, format!("{word:?} is none of the words allowed: {}", words.join(", "))))
 }
 
 /// The columns that identify a row, enumerations as the positions of their words; without enumerations that are the same in
@@ -193,15 +166,11 @@ fn row_names(schema: &TableSchema, key: Option<&RunKey>, batch: &RecordBatch) ->
     let of_several = key.is_none() && schema.role == Role::Published;
     let keys = KEY_COLUMNS.into_iter().filter(|_| of_several);
     let keys = keys.filter(|own| !order().any(|name| name == *own));
-    keys.chain(order())
-        .filter_map(|name| sort_key(schema, batch, name))
-        .collect()
+    keys.chain(order()).filter_map(|name| sort_key(schema, batch, name)).collect()
 }
 
 fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
-    let (place, column) = schema
-        .column(name)
-        .expect("a schema's order names its own columns");
+    let (place, column) = schema.column(name).expect("a schema's order names its own columns");
     let array = batch.column(place);
     let Some(words) = &column.values else {
         return Some(Arc::clone(array));
@@ -242,24 +211,15 @@ struct OrderedRow {
 /// The rows in the schema's order; nulls first, enumerations in the order of their words.
 fn row_order(columns: &[ArrayRef], rows: usize) -> Result<Vec<OrderedRow>, ArrowError> {
     if columns.is_empty() {
-        let row = |given| OrderedRow {
-            given,
-            same_as_previous: given > 0,
-        };
+        let row = |given| OrderedRow { given, same_as_previous: given > 0 };
         return Ok((0..rows).map(row).collect());
     }
-    let fields = columns
-        .iter()
-        .map(|column| SortField::new(column.data_type().clone()))
-        .collect();
+    let fields = columns.iter().map(|column| SortField::new(column.data_type().clone())).collect();
     let names = RowConverter::new(fields)?.convert_columns(columns)?;
     let mut order: Vec<usize> = (0..rows).collect();
     order.sort_by(|&a, &b| names.row(a).cmp(&names.row(b)));
     let same = |place: usize| place > 0 && names.row(order[place]) == names.row(order[place - 1]);
-    let row = |(place, &given)| OrderedRow {
-        given,
-        same_as_previous: same(place),
-    };
+    let row = |(place, &given)| OrderedRow { given, same_as_previous: same(place) };
     Ok(order.iter().enumerate().map(row).collect())
 }
 

@@ -76,25 +76,19 @@ impl Columns {
     /// A column with a value for each row.
     #[must_use]
     pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
-        self.put(name, C::Value::KIND, |_| {
-            C::Value::array(values.into_iter().map(Cell::value))
-        })
+        self.put(name, C::Value::KIND, |_| C::Value::array(values.into_iter().map(Cell::value)))
     }
 
     /// A column of whole numbers, one for each row.
     #[must_use]
     pub fn whole_numbers(self, name: &str, values: Vec<i64>) -> Self {
-        self.put(name, ColumnType::Int64, |_| {
-            Ok(Arc::new(Int64Array::from(values)))
-        })
+        self.put(name, ColumnType::Int64, |_| Ok(Arc::new(Int64Array::from(values))))
     }
 
     /// A column with the same value in each row.
     #[must_use]
     pub fn same<C: Cell<Value: Clone>>(self, name: &str, value: C) -> Self {
-        self.put(name, C::Value::KIND, |rows| {
-            C::Value::same(value.value(), rows)
-        })
+        self.put(name, C::Value::KIND, |rows| C::Value::same(value.value(), rows))
     }
 
     /// A column of lists of one length, their values one after another.
@@ -103,9 +97,7 @@ impl Columns {
     /// When the number of values is no multiple of the number of rows.
     #[must_use]
     pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
-        self.put(name, ColumnType::ListFloat64, |rows| {
-            Ok(cell::lists_alike(values, rows))
-        })
+        self.put(name, ColumnType::ListFloat64, |rows| Ok(cell::lists_alike(values, rows)))
     }
 
     /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
@@ -119,12 +111,9 @@ impl Columns {
         V: Into<Option<[f64; N]>>,
     {
         let rows: Vec<Option<[f64; N]>> = values.into_iter().map(Into::into).collect();
-        names
-            .iter()
-            .enumerate()
-            .fold(self, |columns, (component, name)| {
-                columns.column(name, rows.iter().map(|row| row.map(|row| row[component])))
-            })
+        names.iter().enumerate().fold(self, |columns, (component, name)| {
+            columns.column(name, rows.iter().map(|row| row.map(|row| row[component])))
+        })
     }
 
     /// Columns that are null in every row.
@@ -149,13 +138,7 @@ impl Columns {
         if let Some(error) = self.error {
             return Err(error);
         }
-        check::table(
-            self.schema,
-            self.key,
-            self.rows,
-            self.arrays,
-            self.like.as_ref(),
-        )
+        check::table(self.schema, self.key, self.rows, self.arrays, self.like.as_ref())
     }
 
     /// Takes the array that `make` gives for the rows, unless there was an error before.
@@ -195,16 +178,10 @@ impl Columns {
     fn place(&self, name: &str) -> Result<usize, TableError> {
         let table = || self.schema.table.clone();
         let Some((place, _)) = self.schema.column(name) else {
-            return Err(TableError::UnknownColumn {
-                table: table(),
-                column: name.to_owned(),
-            });
+            return Err(TableError::UnknownColumn { table: table(), column: name.to_owned() });
         };
         if self.arrays[place].is_some() {
-            return Err(TableError::Twice {
-                table: table(),
-                column: name.to_owned(),
-            });
+            return Err(TableError::Twice { table: table(), column: name.to_owned() });
         }
         Ok(place)
     }
@@ -271,10 +248,7 @@ mod tests {
         assert_eq!(table.f64("offset").values(), &[2e-4, 1e-4]);
         assert!(table.i64("joint").is_null(0) && table.i64("joint").value(1) == 1);
         assert_eq!(table.list("confounded_with").value_length(1), 1);
-        assert_eq!(
-            table.batch().column(0).as_ref(),
-            table.text("robot") as &dyn Array
-        );
+        assert_eq!(table.batch().column(0).as_ref(), table.text("robot") as &dyn Array);
         assert_eq!(table.key().map(|key| key.run.as_str()), Some("00ff"));
     }
 
@@ -287,26 +261,14 @@ mod tests {
             "table parameters: missing columns offset; a column without values still has to be there, all null"
         );
         let cases = [
-            (
-                whole().column("ofset", [0.0; 2]),
-                "there is no column \"ofset\"",
-            ),
-            (
-                whole().same("nominal", 0.0),
-                "column \"nominal\" is given twice",
-            ),
-            (
-                whole().column("offset", [0.0; 3]),
-                "\"offset\": 3 values for 2 rows",
-            ),
+            (whole().column("ofset", [0.0; 2]), "there is no column \"ofset\""),
+            (whole().same("nominal", 0.0), "column \"nominal\" is given twice"),
+            (whole().column("offset", [0.0; 3]), "\"offset\": 3 values for 2 rows"),
             (
                 whole().column("offset", [1_u64, 2]),
                 "\"offset\": found int64, the schema states float64",
             ),
-            (
-                whole().column("offset", [Some(0.0), None]),
-                "\"offset\", row 1: null",
-            ),
+            (whole().column("offset", [Some(0.0), None]), "\"offset\", row 1: null"),
             (
                 whole().column("offset", [0.0, f64::NAN]),
                 "\"offset\", row 1: NaN is not a finite number",
@@ -331,9 +293,7 @@ mod tests {
         };
         let first = whole([1e-4, 2e-4]);
         // The first one's rows were sorted: those given now are in that order already.
-        let second = Columns::like(&first)
-            .column("offset", [4e-4, 3e-4])
-            .finish();
+        let second = Columns::like(&first).column("offset", [4e-4, 3e-4]).finish();
         assert_eq!(second.unwrap(), whole([3e-4, 4e-4]));
         let error = refusal(Columns::like(&first).column("offset", [0.0, f64::NAN]));
         assert!(error.contains("\"offset\", row 1: NaN"), "{error}");

@@ -117,10 +117,7 @@ pub fn compare(published: &Table, computed: &Table, ignored: &[&str]) -> Compari
 }
 
 fn one_sided(table: &Table, rows: &[usize]) -> OneSided {
-    OneSided {
-        rows: rows.len(),
-        first: rows.first().map(|&row| rows::name(table, row)),
-    }
+    OneSided { rows: rows.len(), first: rows.first().map(|&row| rows::name(table, row)) }
 }
 
 /// The difference of one column; `None` where there is none.
@@ -154,10 +151,7 @@ impl ColumnDifference {
         self.cells += 1;
         match difference {
             CellDifference::Number(number) => {
-                let absolute = self
-                    .largest
-                    .as_ref()
-                    .map_or(0.0, |largest| largest.absolute);
+                let absolute = self.largest.as_ref().map_or(0.0, |largest| largest.absolute);
                 let absolute = absolute.max(number.absolute());
                 let is_larger = |largest: &Largest| number.relative() > largest.relative;
                 if self.largest.as_ref().is_none_or(is_larger) {
@@ -173,11 +167,7 @@ impl ColumnDifference {
                 }
             }
             CellDifference::Unlike(published, computed) => {
-                self.unlike.get_or_insert_with(|| Unlike {
-                    row: row(),
-                    published,
-                    computed,
-                });
+                self.unlike.get_or_insert_with(|| Unlike { row: row(), published, computed });
             }
         }
     }
@@ -216,10 +206,7 @@ mod tests {
         assert!(compare(&published, &computed, &["run"]).columns.is_empty());
         let told = compare(&published, &computed, &[]);
         let unlike = told.columns[0].unlike.as_ref().unwrap();
-        assert_eq!(
-            (told.columns[0].column.as_str(), unlike.computed.as_str()),
-            ("run", "11ee")
-        );
+        assert_eq!((told.columns[0].column.as_str(), unlike.computed.as_str()), ("run", "11ee"));
         assert_eq!(told.same_values(), None);
     }
 
@@ -229,9 +216,7 @@ mod tests {
         // Off by 1e-5 of 2e-4, 5 % of the larger of both, and by 1.5e-5 of 4e-4, which is a smaller share.
         let computed = curve([-1.0, 0.0, 1.0], [1e-4, 1.9e-4, 3.85e-4], "00ff");
         let told = compare(&published, &computed, &[]);
-        let [column] = &told.columns[..] else {
-            panic!("{told:?}")
-        };
+        let [column] = &told.columns[..] else { panic!("{told:?}") };
         let largest = column.largest.as_ref().unwrap();
         assert_eq!((column.cells, column.compared), (2, 3));
         assert!((largest.relative - 0.05).abs() < 1e-12, "{largest:?}");

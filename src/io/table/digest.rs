@@ -70,12 +70,7 @@ impl ContentDigest {
         let columns = schema.columns.iter().enumerate();
         let own =
             columns.filter(|(_, own)| own.is_in(version) && !except.contains(&own.name.as_str()));
-        Self {
-            columns: own
-                .map(|(place, own)| ColumnDigest::new(place, own))
-                .collect(),
-            rows: 0,
-        }
+        Self { columns: own.map(|(place, own)| ColumnDigest::new(place, own)).collect(), rows: 0 }
     }
 
     /// Adds rows after those before; column by column, on all threads.
@@ -104,10 +99,8 @@ impl ContentDigest {
 
     /// The digest of all rows and the metadata, hexadecimal.
     pub(super) fn finish(self, entries: &[(String, String)]) -> String {
-        let mut own: Vec<_> = entries
-            .iter()
-            .filter(|(key, _)| key.starts_with(OWN) && key != ENTRY)
-            .collect();
+        let mut own: Vec<_> =
+            entries.iter().filter(|(key, _)| key.starts_with(OWN) && key != ENTRY).collect();
         own.sort();
         let mut whole = Hasher::new();
         text(&mut whole, FORM.as_bytes());

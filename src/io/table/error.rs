@@ -175,10 +175,7 @@ impl FileError {
     /// Whether the file itself is damaged or changed, as far as is known; one that is missing, or of another version, is
     /// not.
     pub const fn is_damage(&self) -> bool {
-        !matches!(
-            self.kind,
-            FileErrorKind::Open(_) | FileErrorKind::OtherVersion { .. }
-        )
+        !matches!(self.kind, FileErrorKind::Open(_) | FileErrorKind::OtherVersion { .. })
     }
 }
 
@@ -209,10 +206,7 @@ fn plain_values(error: &ArrowError) -> String {
 impl FileErrorKind {
     /// This problem of the file at `path`.
     pub(in crate::io) fn at(self, path: &Path) -> FileError {
-        FileError {
-            path: path.to_owned(),
-            kind: self,
-        }
+        FileError { path: path.to_owned(), kind: self }
     }
 
     /// The message for a person, with the file's path.
@@ -248,11 +242,7 @@ impl FileErrorKind {
             Self::OtherTable { found, expected } => {
                 format!("{path} holds {found}, not table {expected:?}")
             }
-            Self::OtherVersion {
-                table,
-                found,
-                expected,
-            } => format!(
+            Self::OtherVersion { table, found, expected } => format!(
                 "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
                  run the session again, or use the version of posegrid that wrote it (see table runs)"
             ),

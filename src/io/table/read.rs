@@ -131,10 +131,7 @@ impl Opened {
 
 /// Reads an open file of any size, which errors call `path`, and states whether its content is the one that was written.
 pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
-    let unbounded = Bound {
-        bytes: u64::MAX,
-        ..Bound::TABLE
-    };
+    let unbounded = Bound { bytes: u64::MAX, ..Bound::TABLE };
     open_within(file, path, schema, unbounded)
 }
 
@@ -168,14 +165,7 @@ fn seal(table: &Table, entries: &Entries) -> Seal {
         return Seal::Absent;
     };
     let found = digest::of_file(table, &entries.0);
-    if found == *stated {
-        Seal::Holds
-    } else {
-        Seal::Broken {
-            stated: stated.clone(),
-            found,
-        }
-    }
+    if found == *stated { Seal::Holds } else { Seal::Broken { stated: stated.clone(), found } }
 }
 
 /// The file's metadata entries and its rows, unchanged.
@@ -280,22 +270,12 @@ fn looks_like(start: &[u8]) -> &'static str {
 
 fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("no message")
-        .to_owned()
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }
 
 fn entries(metadata: &ParquetMetaData) -> Entries {
-    let pairs = metadata
-        .file_metadata()
-        .key_value_metadata()
-        .into_iter()
-        .flatten();
-    Entries(
-        pairs
-            .filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)))
-            .collect(),
-    )
+    let pairs = metadata.file_metadata().key_value_metadata().into_iter().flatten();
+    Entries(pairs.filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?))).collect())
 }
 
 fn key(entries: &Entries) -> Option<RunKey> {
@@ -338,10 +318,7 @@ fn columns(
 ) -> Result<Vec<Option<ArrayRef>>, TableError> {
     let accepted = schema.role == Role::Accepted;
     let fields = batch.schema();
-    names_are_clear(
-        fields.fields().iter().map(|field| field.name().as_str()),
-        schema,
-    )?;
+    names_are_clear(fields.fields().iter().map(|field| field.name().as_str()), schema)?;
     let extra = fields.fields().iter().find(|field| {
         let known = schema.column(field.name());
         known.is_none_or(|(_, column)| !column.is_in(version))
@@ -388,15 +365,10 @@ fn names_are_clear<'n>(
 /// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its type.
 fn widened(array: &ArrayRef, wanted: &DataType) -> ArrayRef {
     // Otherwise values that do not fit would silently become null.
-    let strict = CastOptions {
-        safe: false,
-        ..CastOptions::default()
-    };
+    let strict = CastOptions { safe: false, ..CastOptions::default() };
     let as_wanted =
         widens(array.data_type(), wanted).then(|| cast_with_options(array, wanted, &strict));
-    as_wanted
-        .and_then(Result::ok)
-        .unwrap_or_else(|| Arc::clone(array))
+    as_wanted.and_then(Result::ok).unwrap_or_else(|| Arc::clone(array))
 }
 
 fn widens(found: &DataType, wanted: &DataType) -> bool {
@@ -456,10 +428,7 @@ mod tests {
         let refusal =
             |bytes: &[u8], schema| read(saved(bytes).path(), schema).unwrap_err().to_string();
         let other = refusal(&bytes, schema::find("clocks").unwrap());
-        assert!(
-            other.contains("holds table \"joint_errors\", not table \"clocks\""),
-            "{other}"
-        );
+        assert!(other.contains("holds table \"joint_errors\", not table \"clocks\""), "{other}");
         let mut next = curve([-1.0, 0.0, 1.0]).schema().clone();
         next.version = 3;
         next.reads_from = None;
@@ -482,27 +451,16 @@ mod tests {
             ),
         ] {
             let told = refusal(bytes, schema);
-            assert!(
-                told.contains("as a Parquet file") && told.contains(looks),
-                "{told}"
-            );
+            assert!(told.contains("as a Parquet file") && told.contains(looks), "{told}");
         }
         let mut footer = bytes.clone();
         let length = footer.len();
         footer[length - 8..length - 4].copy_from_slice(&u32::MAX.to_le_bytes());
         let told = refusal(&footer, schema);
-        assert!(
-            told.contains("it is damaged: ") && told.contains("get it anew"),
-            "{told}"
-        );
+        assert!(told.contains("it is damaged: ") && told.contains("get it anew"), "{told}");
         assert!(!told.contains("Parquet error"), "{told}");
-        let missing = read(Path::new("/nowhere/x.parquet"), schema)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            missing.starts_with("cannot open /nowhere/x.parquet"),
-            "{missing}"
-        );
+        let missing = read(Path::new("/nowhere/x.parquet"), schema).unwrap_err().to_string();
+        assert!(missing.starts_with("cannot open /nowhere/x.parquet"), "{missing}");
     }
 
     #[test]
@@ -515,25 +473,15 @@ mod tests {
         let bytes = write(&table, Vec::new()).unwrap();
         assert_eq!(opened(&bytes).seal, Seal::Holds);
         // A letter of the digest itself.
-        let key = bytes
-            .windows(digest::ENTRY.len())
-            .position(|own| own == digest::ENTRY.as_bytes());
+        let key =
+            bytes.windows(digest::ENTRY.len()).position(|own| own == digest::ENTRY.as_bytes());
         let letter = key.unwrap() + digest::ENTRY.len() + 20;
         let mut other = bytes.clone();
         other[letter] ^= 1;
         let found = opened(&other);
-        assert!(
-            matches!(found.seal, Seal::Broken { .. }),
-            "{:?}",
-            found.seal
-        );
-        let error = read(saved(&other).path(), table.schema())
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("is not as it was written: its content has the digest"),
-            "{error}"
-        );
+        assert!(matches!(found.seal, Seal::Broken { .. }), "{:?}", found.seal);
+        let error = read(saved(&other).path(), table.schema()).unwrap_err().to_string();
+        assert!(error.contains("is not as it was written: its content has the digest"), "{error}");
         // As a version without digests wrote it: the entry is renamed.
         let mut none = bytes.clone();
         none[key.unwrap()] ^= 1;
@@ -551,9 +499,7 @@ mod tests {
         let mut refused = 0;
         for (place, &byte) in bytes.iter().enumerate() {
             for damage in [0x80, 0x01, 0xff] {
-                writable
-                    .write_all_at(&[byte ^ damage], place as u64)
-                    .unwrap();
+                writable.write_all_at(&[byte ^ damage], place as u64).unwrap();
                 let outcome = catch_unwind(|| read(file.path(), schema));
                 let outcome = outcome.unwrap_or_else(|_| panic!("panic at byte {place}"));
                 // Statistics, sizes and names that this reader does not use may change; no value may.
@@ -570,10 +516,6 @@ mod tests {
             "only {refused} of {} damages were refused",
             3 * bytes.len()
         );
-        assert_eq!(
-            read(file.path(), schema).unwrap(),
-            table,
-            "undone, the file is whole again"
-        );
+        assert_eq!(read(file.path(), schema).unwrap(), table, "undone, the file is whole again");
     }
 }

@@ -12,10 +12,7 @@ pub(super) fn text(array: &StringArray) -> Option<&str> {
     let offsets = array.value_offsets();
     let bytes = &array.value_data()[offsets[0].as_usize()..offsets[array.len()].as_usize()];
     // All texts have one length, and the bytes are the same when shifted by one row.
-    let same = array
-        .offsets()
-        .lengths()
-        .all(|length| length == first.len())
+    let same = array.offsets().lengths().all(|length| length == first.len())
         && bytes[first.len()..] == bytes[..bytes.len() - first.len()];
     same.then_some(first)
 }
@@ -40,10 +37,6 @@ mod tests {
         assert_eq!(text_of(&[Some("aa"), Some("a"), Some("aaa")]), None);
         assert_eq!(text_of(&[Some("ab"), Some("ab"), Some("ac")]), None);
         let several: StringArray = ["x", "y", "y", "y", "z"].map(Some).into_iter().collect();
-        assert_eq!(
-            text(&several.slice(1, 3)),
-            Some("y"),
-            "a part of a longer array"
-        );
+        assert_eq!(text(&several.slice(1, 3)), Some("y"), "a part of a longer array");
     }
 }

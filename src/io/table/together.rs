@@ -14,10 +14,7 @@ use crate::manifest::RunKey;
 /// # Errors
 /// When two tables have rows of one name.
 pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table, TableError> {
-    let arrow = |source| TableError::Arrow {
-        table: schema.table.clone(),
-        source,
-    };
+    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
     let batches = tables.iter().map(Table::batch);
     let batch = concat_batches(&Arc::new(schema.arrow()), batches).map_err(arrow)?;
     let arrays = batch.columns().iter().cloned().map(Some).collect();
@@ -31,14 +28,9 @@ impl Table {
         let keys = self.keys().into_iter().enumerate();
         let kept: BooleanArray = keys.map(|(row, key)| Some(is_kept(row, &key))).collect();
         let batch = filter_record_batch(&self.batch, &kept);
-        let batch = batch.map_err(|source| TableError::Arrow {
-            table: self.schema.table.clone(),
-            source,
-        })?;
-        Ok(Self {
-            batch,
-            ..self.clone()
-        })
+        let batch = batch
+            .map_err(|source| TableError::Arrow { table: self.schema.table.clone(), source })?;
+        Ok(Self { batch, ..self.clone() })
     }
 
     /// Robot, session and run of each row of a published table.

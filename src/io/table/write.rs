@@ -106,20 +106,14 @@ mod tests {
     use crate::io::table::{Columns, read};
     use crate::manifest::RunKey;
 
-    const TURN_COVARIANCES: [&str; 2] = [
-        "stated_orientation_cov_rad2",
-        "stated_position_orientation_cov_mm_rad",
-    ];
+    const TURN_COVARIANCES: [&str; 2] =
+        ["stated_orientation_cov_rad2", "stated_position_orientation_cov_mm_rad"];
 
     /// More rows than a row group has; lists that are absent, empty, of one and of several, and no two alike in a row.
     fn samples(rows: usize) -> Table {
         let angles = |row: usize| match row % 4 {
             0 => None,
-            n => Some(
-                (1..n)
-                    .map(|joint| (row * joint) as f64 / 7.0)
-                    .collect::<Vec<_>>(),
-            ),
+            n => Some((1..n).map(|joint| (row * joint) as f64 / 7.0).collect::<Vec<_>>()),
         };
         let names = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
         let poses = (0..rows).map(|row| (row % 3 > 0).then_some([row as f64; 7]));
@@ -134,9 +128,7 @@ mod tests {
             .absent(["temperature_c"])
             .absent(TURN_COVARIANCES);
         let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
-        let columns = covariances
-            .iter()
-            .fold(columns, |columns, name| columns.absent([name]));
+        let columns = covariances.iter().fold(columns, |columns, name| columns.absent([name]));
         columns.finish().unwrap()
     }
 
@@ -157,16 +149,7 @@ mod tests {
     fn joints(rows: usize, joints: usize, angle: impl Fn(usize, usize) -> f64) -> Table {
         let places = (0..rows).flat_map(|row| (0..joints).map(move |joint| (row, joint)));
         let angles: Vec<f64> = places.map(|(row, joint)| angle(row, joint)).collect();
-        let absent = [
-            "x_mm",
-            "y_mm",
-            "z_mm",
-            "qx",
-            "qy",
-            "qz",
-            "qw",
-            "temperature_c",
-        ];
+        let absent = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw", "temperature_c"];
         let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
         let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
         let table = Columns::new(schema::find("logs").unwrap(), rows)
@@ -177,23 +160,14 @@ mod tests {
             .lists_alike("joints_rad", &angles)
             .absent(absent)
             .absent(TURN_COVARIANCES);
-        let table = covariances
-            .iter()
-            .fold(table, |table, name| table.absent([name]));
+        let table = covariances.iter().fold(table, |table, name| table.absent([name]));
         table.finish().unwrap()
     }
 
     #[test]
     fn lists_of_one_length_come_back_whether_their_numbers_repeat_or_not() {
         // One and several pages, whole and broken bytes of levels, several row groups.
-        let sizes = [
-            (600, 6),
-            (4104, 1),
-            (4999, 3),
-            (17_000, 6),
-            (66_000, 7),
-            (16_391, 9),
-        ];
+        let sizes = [(600, 6), (4104, 1), (4999, 3), (17_000, 6), (66_000, 7), (16_391, 9)];
         for (rows, number) in sizes {
             for repeats in [rows * number, 100] {
                 let angle = |row, joint| ((row * number + joint) % repeats) as f64 / 7.0;
@@ -203,15 +177,9 @@ mod tests {
                 assert_eq!(read(file.path(), table.schema()).unwrap(), table);
                 let reader = SerializedFileReader::new(file.reopen().unwrap()).unwrap();
                 let column = reader.metadata().row_group(0).columns();
-                let column = column
-                    .iter()
-                    .find(|c| c.column_path().string().contains("list"));
+                let column = column.iter().find(|c| c.column_path().string().contains("list"));
                 let dictionary = column.unwrap().dictionary_page_offset();
-                assert_eq!(
-                    dictionary.is_some(),
-                    repeats == 100 || rows == 600,
-                    "{rows}"
-                );
+                assert_eq!(dictionary.is_some(), repeats == 100 || rows == 600, "{rows}");
             }
         }
     }

@@ -281,29 +281,16 @@ fn figures(
         (FigureName::P95, figures.map(|f| f.p95)),
         (FigureName::P99, figures.map(|f| f.p99)),
         (FigureName::Max, figures.map(|f| f.max)),
-        (
-            FigureName::MeanPlus3Sd,
-            figures.map(Figures::mean_plus_3_sd),
-        ),
+        (FigureName::MeanPlus3Sd, figures.map(Figures::mean_plus_3_sd)),
     ];
     let coverage = of.coverage.as_ref();
     let covered = [
         (FigureName::ShareInEllipsoid, coverage.map(|c| c.inside)),
-        (
-            FigureName::MeanMahalanobisSquared,
-            coverage.map(|c| c.mean_squared_distance),
-        ),
+        (FigureName::MeanMahalanobisSquared, coverage.map(|c| c.mean_squared_distance)),
     ];
     let there = |(name, value): (FigureName, Option<f64>)| Some((name, value?));
     let norms = named.into_iter().filter_map(there).map(|(name, value)| {
-        let row = figure(
-            of,
-            FigureKind::PositionError,
-            name,
-            Some(value),
-            Unit::Mm,
-            key,
-        );
+        let row = figure(of, FigureKind::PositionError, name, Some(value), Unit::Mm, key);
         row.with_uncertainty(of.expanded_uncertainty_mm)
     });
     let covered = covered.into_iter().filter_map(there).map(|(name, value)| {

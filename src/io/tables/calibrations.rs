@@ -265,19 +265,19 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
         model: *model,
         of: Of::Calibration(calibration),
     };
-    let full = outcome.full.as_ref().map(|full| Identified {
-        model: Model::Full,
-        of: Of::Full(full),
-    });
+    let full =
+        outcome.full.as_ref().map(|full| Identified { model: Model::Full, of: Of::Full(full) });
     outcome
         .calibrations
         .iter()
         .map(calibration)
         .chain(full)
-        .chain(outcome.on_top.iter().map(|(model, of)| Identified {
-            model: *model,
-            of: Of::OnTop(&**of),
-        }))
+        .chain(
+            outcome
+                .on_top
+                .iter()
+                .map(|(model, of)| Identified { model: *model, of: Of::OnTop(&**of) }),
+        )
         .collect()
 }
 
@@ -299,11 +299,7 @@ impl<'a> Identified<'a> {
         context: &PublishContext<'_>,
     ) -> Result<CalibrationRow, serde_json::Error> {
         let (arm, stated) = (context.arm, &context.valid_for);
-        let names: Vec<&str> = arm
-            .joints()
-            .iter()
-            .map(|joint| joint.name.as_str())
-            .collect();
+        let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         let parallel = arm.parallel_joints();
         let parallel = parallel.iter().filter_map(|j| names.get(j - 1).copied());
         let sessions: Vec<&str> = outcome.training.iter().map(|s| s.name.as_str()).collect();
@@ -530,10 +526,8 @@ fn part_name(name: &'static str) -> &'static str {
 
 /// Number of measured numbers: three for each position, three more where an orientation was fitted.
 fn observations(outcome: &Outcome<'_>) -> usize {
-    let turned = outcome
-        .calibrations
-        .iter()
-        .any(|(_, calibration)| is_turned(&calibration.unknowns));
+    let turned =
+        outcome.calibrations.iter().any(|(_, calibration)| is_turned(&calibration.unknowns));
     let rows = |reading: &Reading| match reading.value.kind() {
         ReadingKind::Pose if !turned => ReadingKind::Point.rows(),
         kind => kind.rows(),

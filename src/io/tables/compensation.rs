@@ -167,10 +167,8 @@ pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -
     let Some(chosen) = &outcome.grids.table else {
         return Vec::new();
     };
-    let (shared, support) = (
-        shared(chosen, outcome, context, key),
-        Support::new(chosen, outcome, context),
-    );
+    let (shared, support) =
+        (shared(chosen, outcome, context, key), Support::new(chosen, outcome, context));
     let nodes = chosen.nodes.iter().enumerate();
     nodes
         .map(|(number, node)| {
@@ -275,11 +273,7 @@ fn of_place(number: usize, chosen: &Chosen, context: &PublishContext<'_>, row: N
         at: at.coords.into(),
         ..row
     };
-    with_error(
-        &chosen.nodes[number],
-        context.command_from_base.isometry(),
-        row,
-    )
+    with_error(&chosen.nodes[number], context.command_from_base.isometry(), row)
 }
 
 /// The node's error transformed into the frame of commands, or why it has none.
@@ -347,10 +341,7 @@ impl<'a> Support<'a> {
 
     /// The number of stations within a step of a node along each axis.
     fn near(&self, number: usize) -> usize {
-        let (node, step) = (
-            self.chosen.lattice.position(number),
-            self.chosen.lattice.step,
-        );
+        let (node, step) = (self.chosen.lattice.position(number), self.chosen.lattice.step);
         let is_near = |tool: &&Point3<f64>| (0..3).all(|k| (tool[k] - node[k]).abs() <= step[k]);
         self.tools.iter().filter(is_near).count()
     }

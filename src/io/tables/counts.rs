@@ -36,10 +36,8 @@ const STREAMS: [(&str, &str); 7] = [
 /// Messages of each stream that the pipeline file maps, where logs were read.
 fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
     let sum = |name: String| -> Option<u64> {
-        let found: Vec<u64> = sessions
-            .iter()
-            .filter_map(|s| s.counts.get(&name).copied())
-            .collect();
+        let found: Vec<u64> =
+            sessions.iter().filter_map(|s| s.counts.get(&name).copied()).collect();
         (!found.is_empty()).then(|| found.iter().sum())
     };
     let stream = |(stream, of): (&'static str, &'static str)| {
@@ -69,10 +67,7 @@ fn stated_covariances(sessions: &[&JoinedSession]) -> Vec<StageCount> {
         let found = sessions.iter().filter_map(|own| own.counts.get(&name));
         found.sum()
     };
-    let kinds = [
-        "stated position covariances",
-        "stated orientation covariances",
-    ];
+    let kinds = ["stated position covariances", "stated orientation covariances"];
     let of = |(of, names): (&'static str, [&str; 4])| {
         let [read, zero, minus_one, not_positive] = names.map(sum);
         (read > 0).then(|| StageCount {
@@ -120,9 +115,7 @@ fn dwells(sessions: &[&JoinedSession]) -> StageCount {
         stage: "join",
         of: "dwells",
         read: all().count() as u64,
-        kept: all()
-            .filter(|station| station.pairing == Pairing::Paired)
-            .count() as u64,
+        kept: all().filter(|station| station.pairing == Pairing::Paired).count() as u64,
         rejected,
     }
 }
@@ -132,10 +125,7 @@ fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
     // Those with readings of other targets alone count in the fit, and have no error of the tool point.
     let shown = outcome.targets.sessions.iter();
     let trained = |name: &str| outcome.training.iter().any(|session| session.name == name);
-    let others: usize = shown
-        .filter(|own| trained(&own.session))
-        .map(|own| own.neither)
-        .sum();
+    let others: usize = shown.filter(|own| trained(&own.session)).map(|own| own.neither).sum();
     let offered = (validity::learnt_from(outcome).count() + others) as u64;
     let count = |(model, of): (Model, &'static str)| {
         let (_, calibration) = outcome.calibrations.iter().find(|(own, _)| *own == model)?;
@@ -158,10 +148,8 @@ fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
 /// Held-out stations offered to the chosen step; `None` where no step gives a table.
 fn grid(outcome: &Outcome<'_>) -> Option<StageCount> {
     let held_out = &outcome.grids.chosen()?.held_out;
-    let mut rejected = nonzero([
-        ("outside", held_out.outside as u64),
-        ("unlike", held_out.unlike as u64),
-    ]);
+    let mut rejected =
+        nonzero([("outside", held_out.outside as u64), ("unlike", held_out.unlike as u64)]);
     for (refusal, count) in &held_out.refused {
         rejected.insert(refusal.name().to_owned(), *count as u64);
     }
@@ -177,6 +165,5 @@ fn grid(outcome: &Outcome<'_>) -> Option<StageCount> {
 
 fn nonzero<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
     let some = counts.into_iter().filter(|(_, count)| *count > 0);
-    some.map(|(reason, count)| (reason.to_owned(), count))
-        .collect()
+    some.map(|(reason, count)| (reason.to_owned(), count)).collect()
 }

@@ -106,8 +106,7 @@ impl From<Hypothesis> for HypothesisKind {
 /// The rows of one robot's sessions, which are in order.
 pub fn rows(sessions: &[PastSession]) -> Vec<DriftRow> {
     let each = sessions.iter().zip(PastSession::lasting(sessions));
-    each.flat_map(|(session, lasting)| of_session(session, lasting))
-        .collect()
+    each.flat_map(|(session, lasting)| of_session(session, lasting)).collect()
 }
 
 fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
@@ -116,11 +115,8 @@ fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
     if judged.asked.is_empty() {
         let hypothesis = Hypothesis::Anything;
         let is_anew = judged.set_up_anew.contains(&hypothesis);
-        let verdict = if is_anew {
-            HypothesisVerdict::SetUpAnew
-        } else {
-            HypothesisVerdict::NotShown
-        };
+        let verdict =
+            if is_anew { HypothesisVerdict::SetUpAnew } else { HypothesisVerdict::NotShown };
         return vec![row(hypothesis, verdict)];
     }
     let verdict = |hypothesis: Hypothesis| {
@@ -138,16 +134,11 @@ fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
         .map(|asked| with_test(row(asked.hypothesis, verdict(asked.hypothesis)), asked));
     let named = judged.finding.named();
     let shifts = judged.moved.iter().filter_map(|shift| {
-        let hypothesis = *named
-            .iter()
-            .find(|hypothesis| hypothesis.has(&shift.column))?;
+        let hypothesis = *named.iter().find(|hypothesis| hypothesis.has(&shift.column))?;
         Some(with_shift(row(hypothesis, verdict(hypothesis)), shift))
     });
     let is_asked = |hypothesis: &&Hypothesis| {
-        !judged
-            .asked
-            .iter()
-            .any(|asked| asked.hypothesis == **hypothesis)
+        !judged.asked.iter().any(|asked| asked.hypothesis == **hypothesis)
     };
     let anew = judged.set_up_anew.iter().filter(is_asked);
     let anew = anew.map(|hypothesis| row(*hypothesis, HypothesisVerdict::SetUpAnew));

@@ -20,11 +20,7 @@ words! {
 
 impl From<&StatedFrame> for ErrorFrameName {
     fn from(frame: &StatedFrame) -> Self {
-        if frame.is_surveyed {
-            Self::Surveyed
-        } else {
-            Self::Fitted
-        }
+        if frame.is_surveyed { Self::Surveyed } else { Self::Fitted }
     }
 }
 

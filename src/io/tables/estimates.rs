@@ -114,9 +114,7 @@ pub fn inputs<'s>(
     };
     let sessions = sessions.into_iter();
     let sessions = sessions.map(|(name, run)| input(name, run));
-    std::iter::once(input(ROBOT, robot_digest))
-        .chain(sessions)
-        .collect()
+    std::iter::once(input(ROBOT, robot_digest)).chain(sessions).collect()
 }
 
 /// The table `estimate_residuals`; `targets` are the names of targets, where there are several.
@@ -139,10 +137,7 @@ pub fn table(
     let row = row(trained, work, written)?;
     let table = |row: EstimateRow| Ok(EstimateRow::table(vec![row], &work.key())?.table);
     let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(EstimateRow {
-        row_digest: Some(row_digest(&unsigned?)),
-        ..row
-    })
+    table(EstimateRow { row_digest: Some(row_digest(&unsigned?)), ..row })
 }
 
 /// The row without its digest.
@@ -160,9 +155,7 @@ fn row(
         cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
         session_names: sessions.iter().map(|input| input.name.clone()).collect(),
         session_runs: sessions.iter().map(|input| input.digest.clone()).collect(),
-        robot_digest: robots
-            .first()
-            .map_or_else(String::new, |robot| robot.digest.clone()),
+        robot_digest: robots.first().map_or_else(String::new, |robot| robot.digest.clone()),
         settings: work.settings.clone(),
         settings_digest: work.settings_digest(),
         models: serde_json::to_string(&trained.models)?,

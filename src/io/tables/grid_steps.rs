@@ -216,11 +216,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
 /// The test session whose stations judged, or the last that trained.
 fn of_session(judged: &Judged, outcome: &Outcome<'_>) -> String {
     let own = || Some(outcome.training.last()?.name.clone());
-    judged
-        .of_test
-        .clone()
-        .or_else(own)
-        .expect("a run has a session that trained")
+    judged.of_test.clone().or_else(own).expect("a run has a session that trained")
 }
 
 /// The power where values are weighted by inverse distance.
@@ -230,9 +226,7 @@ pub(super) fn power(interpolation: Interpolation, idw_power: f64) -> Option<f64>
 
 /// Number of cells refused for one of these reasons.
 fn refused_cells(judged: &Judged, of: &[Refusal]) -> usize {
-    of.iter()
-        .filter_map(|refusal| judged.refused_cells.get(refusal))
-        .sum()
+    of.iter().filter_map(|refusal| judged.refused_cells.get(refusal)).sum()
 }
 
 /// The table that is published has the verdict of the table, which test sessions can make worse.

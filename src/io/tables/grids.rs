@@ -97,11 +97,7 @@ pub fn work(robot: &str, session: &str, estimate: &str, settings: String) -> Wor
         pipeline: String::new(),
         sessions: Vec::new(),
         test_sessions: Vec::new(),
-        inputs: vec![Input {
-            name: ESTIMATE.to_owned(),
-            bytes: 0,
-            digest: estimate.to_owned(),
-        }],
+        inputs: vec![Input { name: ESTIMATE.to_owned(), bytes: 0, digest: estimate.to_owned() }],
         settings,
     }
 }
@@ -147,10 +143,7 @@ pub fn table(
     };
     let table = |row: GridsRow| Ok(GridsRow::table(vec![row], &work.key())?.table);
     let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(GridsRow {
-        row_digest: Some(row_digest(&unsigned?)),
-        ..row
-    })
+    table(GridsRow { row_digest: Some(row_digest(&unsigned?)), ..row })
 }
 
 /// The words that identify a step, and its length by its bits.
@@ -175,9 +168,7 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NoGrids> 
     let places: BTreeMap<Name, usize> = names.collect();
     for own in GridErrorRow::read(&lake.read(GridErrorRow::TABLE, key)?) {
         let name = name(own.step_mm, own.source, own.interpolation, own.judgement);
-        let place = places.get(&name).ok_or(NoGrids::OtherStep {
-            step_mm: own.step_mm,
-        })?;
+        let place = places.get(&name).ok_or(NoGrids::OtherStep { step_mm: own.step_mm })?;
         steps[*place].answers.given.push(Answer {
             station: own.station,
             sample: own.sample,

@@ -130,10 +130,7 @@ pub fn table(
     let row = row(session, work, written)?;
     let table = |row: JoinedSessionRow| Ok(JoinedSessionRow::table(vec![row], &work.key())?.table);
     let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(JoinedSessionRow {
-        row_digest: Some(row_digest(&unsigned?)),
-        ..row
-    })
+    table(JoinedSessionRow { row_digest: Some(row_digest(&unsigned?)), ..row })
 }
 
 /// The row without its digest.

@@ -46,8 +46,7 @@ row! {
 /// The rows of all joints; none without a full error model.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<JointErrorRow> {
     let full = outcome.full.iter();
-    full.flat_map(|full| of_model(full, outcome, context))
-        .collect()
+    full.flat_map(|full| of_model(full, outcome, context)).collect()
 }
 
 fn of_model(
@@ -55,15 +54,12 @@ fn of_model(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
 ) -> Vec<JointErrorRow> {
-    let axes: Vec<Vec<f64>> = learnt_from(outcome)
-        .map(|s| context.arm.axes(&s.joints))
-        .collect();
+    let axes: Vec<Vec<f64>> = learnt_from(outcome).map(|s| context.arm.axes(&s.joints)).collect();
     let curves = full.joint_curves();
     let of_joint = |joint: usize| {
         let angles = axes.iter().map(|axes| axes[joint]);
-        let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
-            (low.min(q), high.max(q))
-        });
+        let (low, high) = angles
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)));
         let own = &context.arm.joints()[joint];
         let (name, slides): (Arc<str>, bool) = (own.name.as_str().into(), own.slides);
         let row = move |error: JointError| JointErrorRow {
@@ -77,21 +73,14 @@ fn of_model(
             gear_lines_rad: error.gear_lines,
             measured: (low..=high).contains(&error.angle),
         };
-        curves
-            .errors(joint, &points(slides, low, high))
-            .into_iter()
-            .map(row)
+        curves.errors(joint, &points(slides, low, high)).into_iter().map(row)
     };
     (0..context.arm.joints().len()).flat_map(of_joint).collect()
 }
 
 /// Where the curve of a joint is given, from `low` to `high` and beyond, rad or mm; none where nothing was measured.
 pub fn points(slides: bool, low: f64, high: f64) -> Vec<f64> {
-    if slides {
-        positions(low, high)
-    } else {
-        degrees(low, high)
-    }
+    if slides { positions(low, high) } else { degrees(low, high) }
 }
 
 /// Multiples of [`EVERY_MM`] around `low` to `high`, mm; none where nothing was measured.

@@ -51,11 +51,7 @@ pub fn rows(residuals: &[LengthResidual], targets: &[String]) -> Vec<LengthResid
 fn row(own: &LengthResidual, targets: &[String]) -> LengthResidualRow {
     LengthResidualRow {
         model: own.model,
-        role: if own.fold.is_some() {
-            Role::HeldOut
-        } else {
-            Role::Training
-        },
+        role: if own.fold.is_some() { Role::HeldOut } else { Role::Training },
         fold: own.fold,
         of_session: own.session.clone(),
         station: own.station,

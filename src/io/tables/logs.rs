@@ -30,10 +30,8 @@ const COVARIANCE: [&str; 6] = [
     "stated_cov_zz_mm2",
 ];
 
-const TURN_COVARIANCE: [&str; 2] = [
-    "stated_orientation_cov_rad2",
-    "stated_position_orientation_cov_mm_rad",
-];
+const TURN_COVARIANCE: [&str; 2] =
+    ["stated_orientation_cov_rad2", "stated_position_orientation_cov_mm_rad"];
 
 type Rows = std::ops::Range<usize>;
 
@@ -138,10 +136,7 @@ fn parts(input: &JoinInput) -> Vec<Part> {
     ];
     let of_source = |(source, samples): (Behind, usize)| {
         let firsts = (0..samples).step_by(ROW_GROUP_ROWS);
-        firsts.map(move |first| Part {
-            source,
-            rows: first..(first + ROW_GROUP_ROWS).min(samples),
-        })
+        firsts.map(move |first| Part { source, rows: first..(first + ROW_GROUP_ROWS).min(samples) })
     };
     samples.into_iter().flat_map(of_source).collect()
 }
@@ -228,12 +223,7 @@ fn joint_rows(
 }
 
 fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
-    let TargetReadings {
-        stamps,
-        positions,
-        orientations,
-        covariances,
-    } = readings;
+    let TargetReadings { stamps, positions, orientations, covariances } = readings;
     let table =
         columns(key, Source::Target, rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
     let table = match covariances {
@@ -244,10 +234,7 @@ fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Ta
             table
                 .group(COVARIANCE, covariances.iter().map(|own| own.position))
                 .column(own, turns.clone().map(|own| own.map(orientation_rows)))
-                .column(
-                    cross,
-                    turns.map(|own| own.map(|own| own.with_position.to_vec())),
-                )
+                .column(cross, turns.map(|own| own.map(|own| own.with_position.to_vec())))
         }
     };
     Ok(placed(table, positions, orientations.as_deref()).finish()?)
@@ -378,19 +365,14 @@ pub(super) mod tests {
             ..NOTHING
         };
         assert_eq!(read(target_rows(&readings, 2..3, &key)), [expected]);
-        let temperatures = TemperatureSamples {
-            stamps: vec![Stamp::<Tracker>::from_ns(9)],
-            celsius: vec![21.5],
-        };
+        let temperatures =
+            TemperatureSamples { stamps: vec![Stamp::<Tracker>::from_ns(9)], celsius: vec![21.5] };
         let expected = LogRow {
             source: Source::Temperature,
             stamp_ns: 9,
             temperature_c: Some(21.5),
             ..NOTHING
         };
-        assert_eq!(
-            read(temperature_rows(&temperatures, 0..1, &key)),
-            [expected]
-        );
+        assert_eq!(read(temperature_rows(&temperatures, 0..1, &key)), [expected]);
     }
 }

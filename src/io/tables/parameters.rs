@@ -136,10 +136,7 @@ enum Subject {
     /// A parameter of the measurement chain.
     Chain(Unknown),
     /// The command–feedback weight of one joint (from 0), in one session or in all.
-    CommandWeight {
-        joint: usize,
-        session: Option<usize>,
-    },
+    CommandWeight { joint: usize, session: Option<usize> },
 }
 
 /// The results for a parameter, other than its place.
@@ -163,17 +160,10 @@ struct Parameters<'a> {
 
 /// The rows of all models' free parameters.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<ParameterRow> {
-    let sessions: Vec<&str> = outcome
-        .training
-        .iter()
-        .map(|session| session.name.as_str())
-        .collect();
-    let of = |model, subjects| Parameters {
-        model,
-        subjects,
-        arm: context.arm,
-        sessions: &sessions,
-    };
+    let sessions: Vec<&str> =
+        outcome.training.iter().map(|session| session.name.as_str()).collect();
+    let of =
+        |model, subjects| Parameters { model, subjects, arm: context.arm, sessions: &sessions };
     let mut rows = Vec::new();
     for (model, calibration) in &outcome.calibrations {
         let subjects = calibration.unknowns.iter().copied().map(Subject::Chain);
@@ -191,11 +181,8 @@ pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<Paramete
 impl Parameters<'_> {
     /// A row for each parameter, with the results for its place.
     fn rows(&self, found: impl Fn(usize) -> Found) -> Vec<ParameterRow> {
-        let labels: Vec<String> = self
-            .subjects
-            .iter()
-            .map(|subject| subject.label(self.sessions))
-            .collect();
+        let labels: Vec<String> =
+            self.subjects.iter().map(|subject| subject.label(self.sessions)).collect();
         let row =
             |(place, subject): (usize, &Subject)| self.row(place, *subject, found(place), &labels);
         self.subjects.iter().enumerate().map(row).collect()
@@ -233,11 +220,7 @@ fn of_calibration(calibration: &Calibration) -> impl Fn(usize) -> Found {
     move |place| {
         let own = identifiability[place];
         Found {
-            offset: if is_reference {
-                0.0
-            } else {
-                calibration.solution.offsets[place]
-            },
+            offset: if is_reference { 0.0 } else { calibration.solution.offsets[place] },
             standard_error: calibration.standard_error(place),
             prior_sd: calibration.prior_sd[place],
             identifiability: match own {
@@ -273,9 +256,8 @@ fn of_full(
     };
     let alone: Vec<Identifiability> = (0..places.len()).map(alone).collect();
     let identifiability = with_correlations(&alone, &covariance);
-    let partners: Vec<Vec<usize>> = (0..places.len())
-        .map(|index| partners(calibrations, subjects, index))
-        .collect();
+    let partners: Vec<Vec<usize>> =
+        (0..places.len()).map(|index| partners(calibrations, subjects, index)).collect();
     move |index| Found {
         offset: full.column_mean(places[index]),
         standard_error: errors[index],
@@ -298,9 +280,7 @@ fn geometric(
     let Subject::Chain(unknown) = subject else {
         return None;
     };
-    let (_, geometric) = calibrations
-        .iter()
-        .find(|(model, _)| *model == Model::Geometric)?;
+    let (_, geometric) = calibrations.iter().find(|(model, _)| *model == Model::Geometric)?;
     let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
     Some((geometric, place))
 }
@@ -319,10 +299,7 @@ fn partners(
         geometric(calibrations, *subject).is_some_and(|(_, other)| structural.contains(&other))
     };
     let numbered = subjects.iter().enumerate();
-    numbered
-        .filter(|(_, subject)| is_partner(subject))
-        .map(|(other, _)| other)
-        .collect()
+    numbered.filter(|(_, subject)| is_partner(subject)).map(|(other, _)| other).collect()
 }
 
 /// The columns that are parameters, with their subjects.
@@ -337,25 +314,13 @@ fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
             }
             Block::CommandWeight => {
                 columns.extend(own.map(|place| {
-                    (
-                        place,
-                        Subject::CommandWeight {
-                            joint: place - first,
-                            session: None,
-                        },
-                    )
+                    (place, Subject::CommandWeight { joint: place - first, session: None })
                 }));
             }
             Block::SessionCommandWeight(session) | Block::OwnCommandWeight(session) => {
                 let session = Some(session);
                 columns.extend(own.map(|place| {
-                    (
-                        place,
-                        Subject::CommandWeight {
-                            joint: place - first,
-                            session,
-                        },
-                    )
+                    (place, Subject::CommandWeight { joint: place - first, session })
                 }));
             }
             _ => {}
@@ -382,18 +347,10 @@ fn prior_sd(
 /// The nominal value of a link's quantity; 0 for base and target.
 fn nominal(arm: &Arm, parameter: Parameter) -> f64 {
     let of_element = |element: &Element| match element {
-        Element::Free {
-            nominal,
-            parameter: own,
-            ..
-        } if *own == parameter => Some(*nominal),
+        Element::Free { nominal, parameter: own, .. } if *own == parameter => Some(*nominal),
         _ => None,
     };
-    arm.chain()
-        .elements()
-        .iter()
-        .find_map(of_element)
-        .unwrap_or(0.0)
+    arm.chain().elements().iter().find_map(of_element).unwrap_or(0.0)
 }
 
 impl Subject {
@@ -428,10 +385,7 @@ impl Subject {
 
     const fn joint(self) -> Option<usize> {
         match self {
-            Self::Chain(Unknown {
-                parameter: Parameter::Link { joint, .. },
-                ..
-            }) => Some(joint),
+            Self::Chain(Unknown { parameter: Parameter::Link { joint, .. }, .. }) => Some(joint),
             Self::Chain(_) => None,
             Self::CommandWeight { joint, .. } => Some(joint + 1),
         }

@@ -146,13 +146,7 @@ pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
         step_mm: Some(row.step_mm),
         not_reached: row.refused_nodes.values().sum(),
         chosen: plan.step == Some(place),
-        ..figures(
-            FigureStudy::Step,
-            Kind::UniformGrid,
-            row.poses,
-            &row.outcomes,
-            settings,
-        )
+        ..figures(FigureStudy::Step, Kind::UniformGrid, row.poses, &row.outcomes, settings)
     });
     let influences = plan.influences.iter().map(|row| FigureRow {
         value: Some(row.study.value()),
@@ -160,43 +154,21 @@ pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
         interpolation: Some(row.interpolation),
         step_mm: Some(row.step_mm),
         not_reached: row.not_reached,
-        ..figures(
-            row.study.into(),
-            Kind::UniformGrid,
-            row.poses,
-            &row.outcomes,
-            settings,
-        )
+        ..figures(row.study.into(), Kind::UniformGrid, row.poses, &row.outcomes, settings)
     });
     let chosen = plan.session.count(|purpose| purpose == Purpose::Identify);
     let designs = plan.designs.iter().map(|row| FigureRow {
         expected_mean_mm: row.expected.map(|Expected { mean_mm, .. }| mean_mm),
         expected_share_mm: row.expected.map(|Expected { share_mm, .. }| share_mm),
         chosen: row.kind == KIND && row.poses == chosen,
-        ..figures(
-            FigureStudy::Design,
-            row.kind,
-            row.poses,
-            &row.outcomes,
-            settings,
-        )
+        ..figures(FigureStudy::Design, row.kind, row.poses, &row.outcomes, settings)
     });
     let measured = plan.session.count(|purpose| purpose != Purpose::Verify);
     let promise = FigureRow {
         chosen: true,
-        ..figures(
-            FigureStudy::Promise,
-            KIND,
-            measured,
-            &plan.promise,
-            settings,
-        )
+        ..figures(FigureStudy::Promise, KIND, measured, &plan.promise, settings)
     };
-    steps
-        .chain(influences)
-        .chain(designs)
-        .chain([promise])
-        .collect()
+    steps.chain(influences).chain(designs).chain([promise]).collect()
 }
 
 /// Figures over robots that were corrected by the identified arm, without a grid.

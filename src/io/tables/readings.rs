@@ -138,9 +138,7 @@ fn of_dwell(station: &Station) -> Vec<ReadingRow> {
         return vec![dwell];
     }
     let readings = station.readings.iter().enumerate();
-    readings
-        .map(|(number, reading)| with_reading(&dwell, number, reading))
-        .collect()
+    readings.map(|(number, reading)| with_reading(&dwell, number, reading)).collect()
 }
 
 /// A dwell's row with one of its readings.
@@ -222,11 +220,7 @@ fn dwell(row: &ReadingRow) -> Station {
 }
 
 fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> {
-    let of = |column| NoStations::Absent {
-        station: row.station,
-        reading: row.reading,
-        column,
-    };
+    let of = |column| NoStations::Absent { station: row.station, reading: row.reading, column };
     let point = || {
         Ok(MeanPoint {
             position: row.at.ok_or_else(|| of("x_mm"))?.into(),
@@ -268,25 +262,16 @@ fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> 
 
 /// The orientation's part of a stated covariance; an error with the column that has a wrong number of entries.
 fn stated_turn(row: &ReadingRow) -> Result<Option<TurnCovariance>, &'static str> {
-    let (own, cross) = (
-        &row.stated_orientation_cov_rad2,
-        &row.stated_position_orientation_cov_mm_rad,
-    );
+    let (own, cross) =
+        (&row.stated_orientation_cov_rad2, &row.stated_position_orientation_cov_mm_rad);
     let Some(own) = own else {
         return Ok(None);
     };
-    let own: [f64; 9] = own[..]
-        .try_into()
-        .map_err(|_| "stated_orientation_cov_rad2")?;
+    let own: [f64; 9] = own[..].try_into().map_err(|_| "stated_orientation_cov_rad2")?;
     let cross = cross.as_deref().unwrap_or_default();
-    let cross: [f64; 9] = cross
-        .try_into()
-        .map_err(|_| "stated_position_orientation_cov_mm_rad")?;
+    let cross: [f64; 9] = cross.try_into().map_err(|_| "stated_position_orientation_cov_mm_rad")?;
     let [xx, xy, xz, _, yy, yz, _, _, zz] = own;
-    Ok(Some(TurnCovariance {
-        own: [xx, xy, xz, yy, yz, zz],
-        with_position: cross,
-    }))
+    Ok(Some(TurnCovariance { own: [xx, xy, xz, yy, yz, zz], with_position: cross }))
 }
 
 /// The quaternion as it was written: normalised anew it would differ in its last bits.

@@ -87,20 +87,14 @@ words! {
 
 /// The places of all references of the run's sessions.
 pub fn places(outcome: &Outcome<'_>) -> Vec<ReferenceRow> {
-    let geometric = outcome
-        .calibrations
-        .iter()
-        .find(|(model, _)| *model == Model::Geometric);
+    let geometric = outcome.calibrations.iter().find(|(model, _)| *model == Model::Geometric);
     let training = outcome.training.iter().enumerate();
     let training = training.flat_map(|(place, session)| {
         let frames = geometric.and_then(|(_, own)| own.frames.get(place));
         let base = frames.map(|own| own.tracker_from_base(SourceId::ONLY).isometry().inverse());
         of_session(session, move |at| base.map(|base| base.transform_point(at)))
     });
-    let test = outcome
-        .test
-        .iter()
-        .flat_map(|session| of_session(session, |_| None));
+    let test = outcome.test.iter().flat_map(|session| of_session(session, |_| None));
     let mut rows: Vec<ReferenceRow> = training.chain(test).collect();
     rows.sort_by(|a, b| {
         let key =
@@ -129,13 +123,7 @@ fn of_session(
     };
     let courses = session.joined.references.iter();
     courses
-        .flat_map(|course| {
-            course
-                .followed
-                .places
-                .iter()
-                .map(move |own| row(course, own))
-        })
+        .flat_map(|course| course.followed.places.iter().map(move |own| row(course, own)))
         .collect()
 }
 
@@ -146,9 +134,9 @@ fn strays(course: &ReferenceCourse, own: &Place) -> usize {
     let until = next.map(|other| other.from).min().unwrap_or(usize::MAX);
     let events = course.followed.events.iter();
     let is_own = |event: &&Event| match event {
-        Event::Stray {
-            look, reference, ..
-        } => *reference == own.reference && (own.from..until).contains(look),
+        Event::Stray { look, reference, .. } => {
+            *reference == own.reference && (own.from..until).contains(look)
+        }
         Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => false,
     };
     events.filter(is_own).count()
@@ -157,11 +145,11 @@ fn strays(course: &ReferenceCourse, own: &Place) -> usize {
 fn moved_by(course: &ReferenceCourse, own: &Place) -> Option<f64> {
     let mut events = course.followed.events.iter();
     events.find_map(|event| match *event {
-        Event::Moved {
-            look,
-            reference,
-            by_mm,
-        } if reference == own.reference && look == own.from => Some(by_mm),
+        Event::Moved { look, reference, by_mm }
+            if reference == own.reference && look == own.from =>
+        {
+            Some(by_mm)
+        }
         Event::Moved { .. } | Event::Bump { .. } | Event::Shock { .. } | Event::Stray { .. } => {
             None
         }
@@ -171,9 +159,7 @@ fn moved_by(course: &ReferenceCourse, own: &Place) -> Option<f64> {
 /// The motion of a session's references.
 pub fn motions(session: &JoinedSession) -> Vec<MotionRow> {
     let courses = session.joined.references.iter();
-    courses
-        .flat_map(|course| (0..course.looks.len()).map(|look| motion(course, look)))
-        .collect()
+    courses.flat_map(|course| (0..course.looks.len()).map(|look| motion(course, look))).collect()
 }
 
 fn motion(course: &ReferenceCourse, look: usize) -> MotionRow {

@@ -87,8 +87,7 @@ pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
     let dwells = session.joined.stations.iter().filter_map(of_dwell);
     let rows = session.joined.row_rejects.iter().map(of_row);
     let all = logs.chain(rows).chain(readings).chain(dwells).enumerate();
-    all.map(|(reject, row)| RejectRow { reject, ..row })
-        .collect()
+    all.map(|(reject, row)| RejectRow { reject, ..row }).collect()
 }
 
 /// A row with this number of items, without its own number and place.
@@ -116,10 +115,7 @@ fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
 fn of_log(log: &LogReject) -> RejectRow {
     let (kind, number) = match log.messages {
         Some(messages) => (RejectKind::Messages, messages),
-        None => (
-            RejectKind::Bytes,
-            log.byte_end.saturating_sub(log.byte_start),
-        ),
+        None => (RejectKind::Bytes, log.byte_end.saturating_sub(log.byte_start)),
     };
     RejectRow {
         file: Some(log.file.clone()),
@@ -149,11 +145,7 @@ fn of_row(reject: &RowReject) -> RejectRow {
 }
 
 fn of_readings(reject: &JoinReject) -> RejectRow {
-    let kind = if reject.is_of_reference {
-        RejectKind::References
-    } else {
-        RejectKind::Readings
-    };
+    let kind = if reject.is_of_reference { RejectKind::References } else { RejectKind::Readings };
     RejectRow {
         clock: Some(SpanClock::Tracker),
         start_ns: Some(reject.start.ns()),

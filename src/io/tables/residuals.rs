@@ -102,9 +102,7 @@ impl ResidualRow {
 pub fn rows(sets: &[ResidualSet], targets: &[String]) -> Vec<ResidualRow> {
     let of_set = |set: &ResidualSet| -> Vec<ResidualRow> {
         let residuals = set.residuals.iter();
-        residuals
-            .map(|r| of_residual(&set.subject, r, targets))
-            .collect()
+        residuals.map(|r| of_residual(&set.subject, r, targets)).collect()
     };
     sets.iter().flat_map(of_set).collect()
 }
@@ -118,10 +116,7 @@ pub fn sets(rows: Vec<ResidualRow>, targets: &[String]) -> Option<Vec<ResidualSe
         sets.entry(row.subject()).or_default().push(residual);
     }
     let sets = sets.into_iter();
-    Some(
-        sets.map(|(subject, residuals)| ResidualSet { subject, residuals })
-            .collect(),
-    )
+    Some(sets.map(|(subject, residuals)| ResidualSet { subject, residuals }).collect())
 }
 
 fn residual(row: &ResidualRow, targets: &[String]) -> Option<Residual> {

@@ -133,10 +133,7 @@ impl Work {
         let table = |row: RunRow| Ok(RunRow::table(vec![row], &self.key())?.table);
         let row = row(self, serde_json::to_string(counts)?, written, ending);
         let unsigned: Result<Table, PublishError> = table(row.clone());
-        table(RunRow {
-            row_digest: Some(row_digest(&unsigned?)),
-            ..row
-        })
+        table(RunRow { row_digest: Some(row_digest(&unsigned?)), ..row })
     }
 }
 
@@ -176,9 +173,7 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
         stations_covered_share: ending.stations_covered_share,
         made_of: ending.made_of.as_ref().map(|sessions| {
             let names = sessions.iter();
-            names
-                .map(|own| format!("{}/{}", own.session, own.run))
-                .collect()
+            names.map(|own| format!("{}/{}", own.session, own.run)).collect()
         }),
         estimate: ending.estimate.clone(),
         grids: ending.grids.clone(),
@@ -222,11 +217,7 @@ mod tests {
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();
         assert_eq!(row.text("row_digest").value(0), row_digest(&row));
-        assert!(
-            row.text("counts")
-                .value(0)
-                .contains(r#""rejected":{"outlier":1,"settling":2}"#)
-        );
+        assert!(row.text("counts").value(0).contains(r#""rejected":{"outlier":1,"settling":2}"#));
         let error = work().runs_table(&[count(6)], &[], &outcome).unwrap_err();
         assert!(error.to_string().contains("6 + 3 is not 10"), "{error}");
     }

@@ -76,10 +76,7 @@ pub fn rows(
 
 fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<SemivariogramRow> {
     let noise_mm2 = noise_mm2.map(|noise| noise * axes(of.quantity));
-    let row = |entry| SemivariogramRow {
-        noise_mm2,
-        ..empty(errors, of, entry)
-    };
+    let row = |entry| SemivariogramRow { noise_mm2, ..empty(errors, of, entry) };
     let bins = of.bins.iter().map(|bin| with_bin(&row(Entry::Bin), bin));
     let models = of.models.iter().enumerate();
     let models = models.map(|(place, model)| with_model(&row(Entry::Fitted), model, place == 0));
@@ -139,10 +136,7 @@ fn with_model(row: &SemivariogramRow, model: &VariogramModel, best: bool) -> Sem
 }
 
 /// Bins are of equal width from 0, and those without pairs are left out.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a small count; the cast saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "a small count; the cast saturates")]
 fn number(bin: &Bin) -> i64 {
     (bin.from / (bin.to - bin.from)).round() as i64
 }

@@ -91,11 +91,7 @@ impl From<ReadingKind> for SourceReads {
 /// the size of what they state. `sessions` are those that trained.
 pub fn rows(all: &[Source], sized: &[FoundSize], sessions: &[&str]) -> Vec<SourceRow> {
     let several = all.iter().any(|own| own.size.source != SourceId::ONLY);
-    let all = if several || !sized.is_empty() {
-        all
-    } else {
-        &[]
-    };
+    let all = if several || !sized.is_empty() { all } else { &[] };
     let row = |own: &Source| {
         let sized = sized.iter().filter(|of| of.source == own.size.source);
         with_sizes(of_source(own, all), sized, sessions)
@@ -115,8 +111,7 @@ fn with_sizes<'f>(
         row.stated_size_ses.push(own.standard_error.position);
         if own.has_orientations {
             row.stated_orientation_sizes.push(own.size.orientation);
-            row.stated_orientation_size_ses
-                .push(own.standard_error.orientation);
+            row.stated_orientation_size_ses.push(own.standard_error.orientation);
         }
     }
     row

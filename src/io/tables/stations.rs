@@ -147,11 +147,7 @@ impl Unpaired {
 
 /// The rows of one session's stations.
 pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
-    let names: Arc<[String]> = arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.clone())
-        .collect();
+    let names: Arc<[String]> = arm.joints().iter().map(|joint| joint.name.clone()).collect();
     let run = session.driven_by.as_ref();
     let run: Option<Arc<str>> = run.map(|by| by.file.key.run.as_str().into());
     let commanded = commanded_joints(session, arm);
@@ -227,18 +223,8 @@ fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>>
         .expect("a robot file's joint map was checked to be invertible");
     let commanded = |(station, settling_error): (&Station, &Option<SettlingError>)| {
         let away = &joints_from_axes * DVector::from_column_slice(settling_error.as_ref()?.sent()?);
-        Some(
-            station
-                .joints
-                .iter()
-                .zip(&away)
-                .map(|(q, away)| q + away)
-                .collect(),
-        )
+        Some(station.joints.iter().zip(&away).map(|(q, away)| q + away).collect())
     };
     let stations = session.joined.stations.iter();
-    stations
-        .zip(&session.commanded.settling_errors)
-        .map(commanded)
-        .collect()
+    stations.zip(&session.commanded.settling_errors).map(commanded).collect()
 }

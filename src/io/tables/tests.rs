@@ -74,19 +74,9 @@ fn as_schema<R: Row>() -> &'static str {
         assert_eq!(field.kind, column.kind, "{}", of(field.name));
         assert_eq!(field.nullable, column.nullable, "{}", of(field.name));
         let is_enumeration = (field.knows)("").is_some();
-        assert_eq!(
-            is_enumeration,
-            column.values.is_some(),
-            "{}",
-            of(field.name)
-        );
+        assert_eq!(is_enumeration, column.values.is_some(), "{}", of(field.name));
         for word in column.values.iter().flatten() {
-            assert_eq!(
-                (field.knows)(word),
-                Some(true),
-                "{}: {word}",
-                of(field.name)
-            );
+            assert_eq!((field.knows)(word), Some(true), "{}: {word}", of(field.name));
         }
     }
     R::TABLE
@@ -138,9 +128,7 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
 /// The rows where a text column has a word.
 fn rows(table: &Table, column: &str, word: &str) -> Vec<usize> {
     let texts = table.text(column);
-    (0..table.rows())
-        .filter(|&row| texts.is_valid(row) && texts.value(row) == word)
-        .collect()
+    (0..table.rows()).filter(|&row| texts.is_valid(row) && texts.value(row) == word).collect()
 }
 
 fn numbers(table: &Table, columns: [&str; 3], row: usize) -> Vector3<f64> {
@@ -161,15 +149,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let started = [(); 2].map(|()| lake.start(&key()).unwrap().expect("a new run"));
     let ends = started.map(|run| {
         let rows = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
-        publish(
-            &OUTCOME,
-            rows,
-            &context(),
-            run,
-            &work(),
-            &Statements::default(),
-        )
-        .unwrap()
+        publish(&OUTCOME, rows, &context(), run, &work(), &Statements::default()).unwrap()
     });
     assert_eq!(ends, [Commit::Done, Commit::AlreadyThere]);
     assert!(lake.start(&key()).unwrap().is_none());
@@ -197,11 +177,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     assert_read_back(&lake, &run.compensation);
     assert_read_back(&lake, &run.accuracy);
     let runs = lake.read("runs", &key()).unwrap();
-    assert_eq!(
-        runs.list("table_names").value_length(0),
-        17,
-        "sixteen tables and the page"
-    );
+    assert_eq!(runs.list("table_names").value_length(0), 17, "sixteen tables and the page");
     assert_eq!(
         runs.text("verdict").value(0),
         TableVerdict::from(&OUTCOME.verdict.verdict()).word()
@@ -223,11 +199,7 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let (model, session) = (OUTCOME.full.as_ref().unwrap(), OUTCOME.training.len() - 1);
     let own = ToolErrors::new(model, session, &OUTCOME.error_frame);
     let error_frame = back.arm.error_frame();
-    let read = ToolErrors::new(
-        &*back.arm.model.predicts,
-        back.arm.model.session,
-        &error_frame,
-    );
+    let read = ToolErrors::new(&*back.arm.model.predicts, back.arm.model.session, &error_frame);
     let station = learnt_from(&OUTCOME).next().unwrap();
     let (error, covariance) = own.error_with_covariance(&station.joints).unwrap();
     let (read_error, read_covariance) = read.error_with_covariance(&station.joints).unwrap();
@@ -242,8 +214,7 @@ fn the_same_outcome_gives_the_same_bytes() {
         let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
         let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
         let all = session.tables().chain(run.tables());
-        all.map(|table| crate::io::table::write(table, Vec::new()).unwrap())
-            .collect()
+        all.map(|table| crate::io::table::write(table, Vec::new()).unwrap()).collect()
     };
     assert_eq!(bytes(), bytes());
 }
@@ -252,11 +223,7 @@ fn the_same_outcome_gives_the_same_bytes() {
 fn what_came_in_was_kept_or_rejected() {
     let counts = counts::counts(&OUTCOME);
     for count in &counts {
-        assert_eq!(
-            count.read,
-            count.kept + count.rejected.values().sum::<u64>(),
-            "{count:?}"
-        );
+        assert_eq!(count.read, count.kept + count.rejected.values().sum::<u64>(), "{count:?}");
     }
     let dwells = counts.iter().find(|count| count.of == "dwells").unwrap();
     assert_eq!(dwells.read, 45, "3 × 5 × 3 nodes");
@@ -265,10 +232,7 @@ fn what_came_in_was_kept_or_rejected() {
     // The rejects name the counted items: 3 messages, 64 bytes, 5 readings (one of them in a table), and each lost dwell.
     let table = table(rejects::rows(&OUTCOME.training[0]));
     let sum = |kind: &str| -> i64 {
-        rows(&table, "kind", kind)
-            .iter()
-            .map(|&row| table.i64("number").value(row))
-            .sum()
+        rows(&table, "kind", kind).iter().map(|&row| table.i64("number").value(row)).sum()
     };
     assert_eq!([sum("messages"), sum("bytes"), sum("readings")], [3, 64, 5]);
     assert_eq!(sum("dwell"), i64::try_from(lost).unwrap());
@@ -288,11 +252,7 @@ fn stations_carry_their_verdict_and_their_command() {
     let joints = table.list("commanded_joints_rad").value(paired);
     let joints: Vec<f64> = joints.as_primitive::<Float64Type>().values().to_vec();
     let tool = ARM.flange(&joints).isometry() * Point3::new(25.0, -40.0, 100.0);
-    let command = numbers(
-        &table,
-        ["command_x_mm", "command_y_mm", "command_z_mm"],
-        paired,
-    );
+    let command = numbers(&table, ["command_x_mm", "command_y_mm", "command_z_mm"], paired);
     assert!((tool.coords - command).norm() < 0.02, "{tool} {command}");
 }
 
@@ -306,25 +266,19 @@ fn parameters_say_what_is_identifiable() {
             (table.f64("nominal").value(row) - 1200.0).abs() < 1e-9,
             "the nominal arm of pipelines/robots"
         );
-        let parts = [
-            table.f64("nominal").value(row),
-            table.f64("offset").value(row),
-        ];
+        let parts = [table.f64("nominal").value(row), table.f64("offset").value(row)];
         assert!((table.f64("identified").value(row) - parts[0] - parts[1]).abs() < 1e-9);
     }
     // From 45 stations in one tool orientation some parameters stay at their prior: the last joint's length and the target
     // trade.
     let geometric = rows(&table, "model", "geometric");
-    let weak = geometric
-        .iter()
-        .filter(|&&row| table.text("identifiability").value(row) != "identifiable");
+    let weak =
+        geometric.iter().filter(|&&row| table.text("identifiability").value(row) != "identifiable");
     assert!(weak.count() > 0);
     let full = rows(&table, "model", "full");
     let (_, geometric) = &OUTCOME.calibrations[1];
-    let weights = full
-        .iter()
-        .filter(|&&row| table.text("quantity").value(row) == "command_weight")
-        .count();
+    let weights =
+        full.iter().filter(|&&row| table.text("quantity").value(row) == "command_weight").count();
     assert_eq!(full.len(), geometric.unknowns.len() + weights);
     // Parameters of the full error model have the standard errors of its own covariance.
     let full_model = OUTCOME.full.as_ref().unwrap();
@@ -349,23 +303,12 @@ fn query(joints: &[f64]) -> Query<'_> {
 #[test]
 fn a_saved_full_model_predicts_as_the_model_did() {
     let saved = SavedFull::read(&model_text("full")).unwrap();
-    let (model, again) = (
-        OUTCOME.full.as_ref().unwrap(),
-        FullModel::from_saved(&saved).unwrap(),
-    );
+    let (model, again) = (OUTCOME.full.as_ref().unwrap(), FullModel::from_saved(&saved).unwrap());
     for station in &OUTCOME.training[0].joined.stations[..5] {
-        let (there, back) = (
-            model.predict(&query(&station.joints)),
-            again.predict(&query(&station.joints)),
-        );
-        assert!(
-            (there.position - back.position).norm() < 1e-11,
-            "1e-12 of some metres"
-        );
-        let (here, then) = (
-            model.covariances(&there.rows)[0],
-            again.covariances(&back.rows)[0],
-        );
+        let (there, back) =
+            (model.predict(&query(&station.joints)), again.predict(&query(&station.joints)));
+        assert!((there.position - back.position).norm() < 1e-11, "1e-12 of some metres");
+        let (here, then) = (model.covariances(&there.rows)[0], again.covariances(&back.rows)[0]);
         assert!((here - then).norm() < 1e-12 * here.norm(), "{here} {then}");
     }
     // Text restores numbers to the last digit or the one before.
@@ -387,9 +330,7 @@ fn a_damaged_full_model_is_refused() {
     let error = |change: fn(&mut SavedFull)| {
         let mut saved = sound.clone();
         change(&mut saved);
-        FullModel::from_saved(&saved)
-            .expect_err("damaged")
-            .to_string()
+        FullModel::from_saved(&saved).expect_err("damaged").to_string()
     };
     let cases: [(Damage, &str); 8] = [
         (|s| s.mean.truncate(3), "3 columns"),
@@ -398,24 +339,14 @@ fn a_damaged_full_model_is_refused() {
         (|s| s.factor.truncate(32), "numbers in the factor"),
         (|s| s.factor.replace_range(..1, "!"), "is not base64"),
         (|s| s.sessions.clear(), "sessions"),
-        (
-            |s| "theta_9".clone_into(&mut s.unknowns[0].parameter),
-            "theta_9",
-        ),
+        (|s| "theta_9".clone_into(&mut s.unknowns[0].parameter), "theta_9"),
         (|s| "luck".clone_into(&mut s.parts[0].name), "luck"),
     ];
     for (change, expected) in cases {
-        assert!(
-            error(change).contains(expected),
-            "{expected}: {}",
-            error(change)
-        );
+        assert!(error(change).contains(expected), "{expected}: {}", error(change));
     }
     let text = model_text("full");
-    assert!(matches!(
-        SavedFull::read(&text[..text.len() / 2]),
-        Err(SavedError::Json(_))
-    ));
+    assert!(matches!(SavedFull::read(&text[..text.len() / 2]), Err(SavedError::Json(_))));
 }
 
 #[test]
@@ -423,19 +354,11 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
     let saved = SavedCalibration::read(&model_text("geometric")).unwrap();
     let (_, calibration) = &OUTCOME.calibrations[1];
     let joints = &OUTCOME.training[0].joined.stations[0].joints;
-    let (there, back) = (
-        calibration.chain.nominal(joints),
-        saved.chain().unwrap().nominal(joints),
-    );
+    let (there, back) = (calibration.chain.nominal(joints), saved.chain().unwrap().nominal(joints));
     assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);
     let frames = saved.sessions[0].frames().unwrap().one().unwrap();
     let apart = frames.tracker_from_base.origin().coords()
-        - calibration.frames[0]
-            .one()
-            .unwrap()
-            .tracker_from_base
-            .origin()
-            .coords();
+        - calibration.frames[0].one().unwrap().tracker_from_base.origin().coords();
     assert!(apart.norm() < 1e-9);
     assert!((saved.covariance[5][2] - calibration.covariance[(5, 2)]).abs() < 1e-18);
 }
@@ -448,9 +371,7 @@ fn joint_errors_are_those_of_the_model() {
     let joint = usize::try_from(table.i64("joint").value(row)).unwrap() - 1;
     let angle = table.f64("angle_rad").value(row);
     // The error of joint j is the contribution of its curve to the rows of a pose there: by the columns' own coefficients.
-    let coefficients = full
-        .coefficients(crate::fit::full::layout::Block::Curve(joint))
-        .unwrap();
+    let coefficients = full.coefficients(crate::fit::full::layout::Block::Curve(joint)).unwrap();
     let curve: f64 = (0..coefficients.len() / 2)
         .map(|pair| {
             let (sin, cos) = ((pair + 1) as f64 * angle).sin_cos();
@@ -467,11 +388,7 @@ fn joint_errors_are_those_of_the_model() {
 fn compensation_is_stated_in_the_frame_of_commands() {
     let table = table(compensation::rows(&OUTCOME, &context(), &key()));
     let chosen = OUTCOME.grids.table.as_ref().expect("a table");
-    let node = chosen
-        .nodes
-        .iter()
-        .position(|node| node.error.is_ok())
-        .unwrap();
+    let node = chosen.nodes.iter().position(|node| node.error.is_ok()).unwrap();
     let (error, covariance) = chosen.nodes[node].error.unwrap();
     let place = numbers(&table, ["x_mm", "y_mm", "z_mm"], node);
     let [x, y, z]: [f64; 3] = chosen.lattice.position(node).coords.into();
@@ -487,21 +404,14 @@ fn compensation_is_stated_in_the_frame_of_commands() {
     assert_eq!(lists, [context().arm.joints().len(); 2]);
     let target = numbers(
         &table,
-        [
-            "flange_from_target_x_mm",
-            "flange_from_target_y_mm",
-            "flange_from_target_z_mm",
-        ],
+        ["flange_from_target_x_mm", "flange_from_target_y_mm", "flange_from_target_z_mm"],
         node,
     );
     let frames = OUTCOME.error_frame.frames();
     assert_eq!(target, frames.flange_from_target.origin().coords());
     // The base frame stated in the table brings the node back to its lattice.
-    let origin = ["x", "y", "z"].map(|axis| {
-        table
-            .f64(&format!("command_from_base_{axis}_mm"))
-            .value(node)
-    });
+    let origin =
+        ["x", "y", "z"].map(|axis| table.f64(&format!("command_from_base_{axis}_mm")).value(node));
     let [qx, qy, qz, qw] = ["x", "y", "z", "w"]
         .map(|axis| table.f64(&format!("command_from_base_q{axis}")).value(node));
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(qw, qx, qy, qz));
@@ -516,19 +426,10 @@ fn steps_account_for_every_station_that_judges() {
     let table = table(grid_steps::rows(&OUTCOME, &context()));
     assert_eq!(table.rows(), OUTCOME.grids.judged.len());
     assert_eq!(table.bool("chosen").true_count(), 1);
-    let paired = OUTCOME.training[0]
-        .joined
-        .stations
-        .iter()
-        .filter(|s| s.one_reading().is_some())
-        .count();
+    let paired =
+        OUTCOME.training[0].joined.stations.iter().filter(|s| s.one_reading().is_some()).count();
     for row in rows(&table, "source", "model") {
-        let parts = [
-            "held_out",
-            "held_out_refused",
-            "held_out_outside",
-            "held_out_unlike",
-        ];
+        let parts = ["held_out", "held_out_refused", "held_out_outside", "held_out_unlike"];
         let sum: i64 = parts.iter().map(|part| table.i64(part).value(row)).sum();
         assert_eq!(sum, i64::try_from(paired).unwrap(), "row {row}");
         assert_eq!(table.text("model").value(row), "geometric");
@@ -563,16 +464,10 @@ fn semivariograms_have_bins_models_and_a_word() {
     let expected: usize = found.iter().map(|s| s.bins.len() + s.models.len()).sum();
     assert_eq!(table.rows(), expected);
     let fitted = rows(&table, "entry", "fitted");
-    let best = fitted
-        .iter()
-        .filter(|&&row| table.bool("best").value(row))
-        .count();
+    let best = fitted.iter().filter(|&&row| table.bool("best").value(row)).count();
     assert_eq!(best, found.iter().filter(|s| !s.models.is_empty()).count());
     let norm = rows(&table, "axis", "norm")[0];
-    assert!(
-        (table.f64("noise_mm2").value(norm) - 3e-3).abs() < 1e-15,
-        "three axes"
-    );
+    assert!((table.f64("noise_mm2").value(norm) - 3e-3).abs() < 1e-15, "three axes");
     assert!(semivariograms::rows(&[], None).is_empty());
 }
 
@@ -593,11 +488,7 @@ fn accuracy_says_what_is_not_shown() {
         assert_eq!(table.text("verdict").value(row), "not_shown");
         assert!(table.text("reason").value(row).contains("59"));
     }
-    assert_eq!(
-        rows(&table, "name", "mean").len(),
-        1,
-        "no figure is made up"
-    );
+    assert_eq!(rows(&table, "name", "mean").len(), 1, "no figure is made up");
     let of_table = rows(&table, "model", "table");
     assert_eq!(table.text("table_id").value(of_table[0]), key().run);
     assert!(
@@ -639,31 +530,16 @@ fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
         &OUTCOME.starts(),
     ));
     let own = rows(&table, "quantity", "iso_9283");
-    let names: Vec<&str> = own
-        .iter()
-        .map(|&row| table.text("name").value(row))
-        .collect();
+    let names: Vec<&str> = own.iter().map(|&row| table.text("name").value(row)).collect();
     // In the order of the schema's names.
     assert_eq!(names, ["AP_p", "AP_a", "vAP_p"]);
     let (accuracy, angle, missing) = (own[0], own[1], own[2]);
     assert_eq!(table.text("unit").value(angle), "rad");
-    assert!(
-        table.f64("expanded_uncertainty").is_null(angle),
-        "of positions alone"
-    );
+    assert!(table.f64("expanded_uncertainty").is_null(angle), "of positions alone");
     assert_eq!(table.text("unit").value(accuracy), "mm");
     assert_eq!(table.i64("pose").value(accuracy), 4);
-    assert_eq!(
-        [
-            table.i64("n").value(accuracy),
-            table.i64("n_needed").value(accuracy)
-        ],
-        [2, 30]
-    );
-    assert!(
-        table.text("verdict").is_null(accuracy),
-        "the standard has no limit"
-    );
+    assert_eq!([table.i64("n").value(accuracy), table.i64("n_needed").value(accuracy)], [2, 30]);
+    assert!(table.text("verdict").is_null(accuracy), "the standard has no limit");
     assert!(table.f64("value").is_null(missing) && table.i64("pose").is_null(missing));
     assert!(table.text("reason").value(missing).contains("no pose"));
 }

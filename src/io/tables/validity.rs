@@ -15,10 +15,7 @@ use crate::report::{ResidualSet, Split};
 
 /// The paired stations that a run learnt from.
 pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
-    let stations = outcome
-        .training
-        .iter()
-        .flat_map(|session| &session.joined.stations);
+    let stations = outcome.training.iter().flat_map(|session| &session.joined.stations);
     stations.filter(|station| !station.measured().is_empty())
 }
 
@@ -76,8 +73,6 @@ pub(super) fn joint_ranges(outcome: &Outcome<'_>, joints: usize) -> Vec<(f64, f6
     let empty = vec![(f64::INFINITY, f64::NEG_INFINITY); joints];
     learnt_from(outcome).fold(empty, |ranges, station| {
         let widened = ranges.iter().zip(&station.joints);
-        widened
-            .map(|((low, high), q)| (low.min(*q), high.max(*q)))
-            .collect()
+        widened.map(|((low, high), q)| (low.min(*q), high.max(*q))).collect()
     })
 }

@@ -213,11 +213,7 @@ pub(in crate::io) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
 /// Radians that one unit of each joint's variable counts as, from the units of [`joint_units`]; empty without them.
 pub(in crate::io) fn counted(units: Option<&[String]>) -> Vec<f64> {
     let of_unit = |unit: &String| {
-        if unit == Unit::Mm.word() {
-            1.0 / SLIDE_MM_PER_RAD
-        } else {
-            1.0
-        }
+        if unit == Unit::Mm.word() { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 }
     };
     units.unwrap_or_default().iter().map(of_unit).collect()
 }

@@ -17,10 +17,7 @@ pub struct JointUnits {
 impl From<AngleUnit> for JointUnits {
     /// Units of an arm whose joints all turn.
     fn from(angle: AngleUnit) -> Self {
-        Self {
-            angle,
-            slides: Vec::new(),
-        }
+        Self { angle, slides: Vec::new() }
     }
 }
 
@@ -32,10 +29,7 @@ impl JointUnits {
 
     /// Units for the joints of `arm`, those that turn in `angle`.
     pub fn of(arm: &Arm, angle: AngleUnit) -> Self {
-        Self::new(
-            angle,
-            arm.joints().iter().map(|joint| joint.slides).collect(),
-        )
+        Self::new(angle, arm.joints().iter().map(|joint| joint.slides).collect())
     }
 
     /// The unit of the joints that turn.
@@ -54,11 +48,7 @@ impl JointUnits {
 
     /// The ending of the name of a joint's column (from 0), which states its unit.
     pub(super) fn suffix(&self, joint: usize) -> &'static str {
-        if self.slides_at(joint) {
-            "mm"
-        } else {
-            suffix(self.angle)
-        }
+        if self.slides_at(joint) { "mm" } else { suffix(self.angle) }
     }
 
     /// A joint's value (from 0) in its unit as rad or mm.
@@ -76,9 +66,7 @@ impl JointUnits {
         TargetJoints {
             names: Vec::new(),
             slides: Some(slides.collect()),
-            angles: values
-                .map(|(joint, value)| self.inside(joint, *value))
-                .collect(),
+            angles: values.map(|(joint, value)| self.inside(joint, *value)).collect(),
         }
     }
 
@@ -127,15 +115,8 @@ impl AngleColumns {
         }
         let slides: Vec<bool> = found.iter().map(|(_, unit, _)| unit.is_none()).collect();
         let places = found.into_iter().map(|(_, _, place)| place).collect();
-        let slides = if slides.contains(&true) {
-            slides
-        } else {
-            Vec::new()
-        };
-        Ok(Some(Self {
-            units: JointUnits::new(angle, slides),
-            places,
-        }))
+        let slides = if slides.contains(&true) { slides } else { Vec::new() };
+        Ok(Some(Self { units: JointUnits::new(angle, slides), places }))
     }
 }
 
@@ -176,10 +157,7 @@ mod tests {
     #[test]
     fn columns_are_found_by_number_wherever_they_stand() {
         let found = of(&["target", "q2_deg", "note", "q1_deg"]).unwrap();
-        let expected = AngleColumns {
-            units: AngleUnit::Deg.into(),
-            places: vec![3, 1],
-        };
+        let expected = AngleColumns { units: AngleUnit::Deg.into(), places: vec![3, 1] };
         assert_eq!(found, Some(expected));
         assert_eq!(of(&["target", "q_rad", "qx", "q1_m"]), Ok(None));
     }
@@ -187,17 +165,11 @@ mod tests {
     #[test]
     fn joints_that_slide_are_in_mm_beside_angles() {
         let found = of(&["q1_mm", "q2_deg"]).unwrap().expect("columns");
-        assert_eq!(
-            found.units,
-            JointUnits::new(AngleUnit::Deg, vec![true, false])
-        );
+        assert_eq!(found.units, JointUnits::new(AngleUnit::Deg, vec![true, false]));
         assert!((found.units.inside(0, 90.0) - 90.0).abs() < 1e-12);
         assert!((found.units.inside(1, 90.0) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         assert_eq!(found.units.shown(0, 1500.0), "1500.000000");
-        assert_eq!(
-            [0, 1, 2].map(|joint| found.units.suffix(joint)),
-            ["mm", "deg", "deg"]
-        );
+        assert_eq!([0, 1, 2].map(|joint| found.units.suffix(joint)), ["mm", "deg", "deg"]);
     }
 
     #[test]

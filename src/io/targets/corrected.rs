@@ -266,11 +266,7 @@ fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
         correction_frame_sd_mm: Some(done.frame_deviation_norm()),
         correction_cov_mm2: Some(upper(&done.covariance)),
         iterations: Some(done.iterations),
-        allowed: done
-            .allowed
-            .iter()
-            .map(|own| own.word().to_owned())
-            .collect(),
+        allowed: done.allowed.iter().map(|own| own.word().to_owned()).collect(),
         ..row
     }
 }

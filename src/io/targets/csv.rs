@@ -21,9 +21,7 @@ const TEXTS: [&str; 2] = ["configuration", "tool"];
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
-    let mut reader = ReaderBuilder::new()
-        .trim(Trim::All)
-        .from_reader(bytes.as_slice());
+    let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(bytes.as_slice());
     let header = Header::new(path, reader.headers().map_err(failed)?)?;
     let mut rows = Vec::new();
     for record in reader.records() {
@@ -34,12 +32,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     }
     let units = header.angles.as_ref();
     let units = units.map_or_else(|| AngleUnit::Rad.into(), |own| own.units.clone());
-    Ok(Rows {
-        placed: rows,
-        unused: header.unused(),
-        units,
-        list: None,
-    })
+    Ok(Rows { placed: rows, unused: header.unused(), units, list: None })
 }
 
 /// The columns that the first line names.
@@ -67,14 +60,9 @@ impl Header {
     /// Columns that every file of targets has: a name, and a position or joint angles.
     fn missing(&self) -> Vec<String> {
         let has_position = POSITION.iter().any(|column| self.place(column).is_some());
-        let position = POSITION
-            .iter()
-            .filter(|_| has_position || self.angles.is_none());
+        let position = POSITION.iter().filter(|_| has_position || self.angles.is_none());
         let needed = [TARGET].into_iter().chain(position.copied());
-        needed
-            .filter(|column| self.place(column).is_none())
-            .map(str::to_owned)
-            .collect()
+        needed.filter(|column| self.place(column).is_none()).map(str::to_owned).collect()
     }
 
     fn place(&self, column: &str) -> Option<usize> {
@@ -98,10 +86,7 @@ impl Header {
     }
 
     fn row(&self, record: &StringRecord) -> Result<Row, RowProblem> {
-        let cells = Cells {
-            header: self,
-            record,
-        };
+        let cells = Cells { header: self, record };
         let [x, y, z] = POSITION.map(|column| cells.number(column));
         let [qx, qy, qz, qw] = QUATERNION.map(|column| cells.number(column));
         let [configuration, tool] = TEXTS.map(|column| cells.text(column));
@@ -152,10 +137,7 @@ impl Cells<'_> {
         };
         match text.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(Some(number)),
-            _ => Err(RowProblem::NoNumber {
-                column: self.header.columns[place].clone(),
-                text,
-            }),
+            _ => Err(RowProblem::NoNumber { column: self.header.columns[place].clone(), text }),
         }
     }
 
@@ -251,26 +233,14 @@ mod tests {
                 "B,1.0e400,2,3,,,,,\n",
                 "line 3: column \"x_mm\" holds \"1.0e400\", which is no finite number",
             ),
-            (
-                "B,1,2 mm,3,,,,,\n",
-                "line 3: column \"y_mm\" holds \"2 mm\"",
-            ),
+            ("B,1,2 mm,3,,,,,\n", "line 3: column \"y_mm\" holds \"2 mm\""),
             ("B,1,2,,,,,,\n", "line 3: a position is three numbers"),
             ("B,,,,,,,,\n", "line 3: target \"B\" has neither a position"),
             (",1,2,3,,,,,\n", "line 3: column \"target\" is empty"),
-            (
-                "A,1,2,3,,,,,\n",
-                "line 3: target \"A\" is in line 2 already",
-            ),
-            (
-                "B,1,2,3,0,0,,1,\n",
-                "line 3: an orientation is four numbers",
-            ),
+            ("A,1,2,3,,,,,\n", "line 3: target \"A\" is in line 2 already"),
+            ("B,1,2,3,0,0,,1,\n", "line 3: an orientation is four numbers"),
             ("B,1,2,3,0,0,1,1,\n", "line 3: qx qy qz qw have norm 1.414"),
-            (
-                "B,1,2,3,,,,,t-1\n",
-                "target \"B\" is corrected already, with table \"t-1\"",
-            ),
+            ("B,1,2,3,,,,,t-1\n", "target \"B\" is corrected already, with table \"t-1\""),
             ("B,1,2\n", "line: 3"),
         ];
         for (line, expected) in cases {
@@ -295,17 +265,9 @@ mod tests {
             assert!(error.contains(expected), "{error}");
         }
         let error = read(Path::new("targets.txt")).unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "targets.txt: files of targets are .csv, .parquet, .json or .dat (KUKA)"
-        );
-        let error = read(Path::new("/nowhere/targets.csv"))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.starts_with("cannot read /nowhere/targets.csv: No such file"),
-            "{error}"
-        );
+        assert_eq!(error, "targets.txt: files of targets are .csv, .parquet, .json or .dat (KUKA)");
+        let error = read(Path::new("/nowhere/targets.csv")).unwrap_err().to_string();
+        assert!(error.starts_with("cannot read /nowhere/targets.csv: No such file"), "{error}");
     }
 
     #[test]
@@ -313,19 +275,13 @@ mod tests {
         for head in ["Table_ID", "TABLE_ID ", "corrected_by", "Corrected_By"] {
             let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,t-1\n");
             let error = targets(&text).unwrap_err();
-            assert!(
-                error.contains("line 2: target \"A\" is corrected already"),
-                "{error}"
-            );
+            assert!(error.contains("line 2: target \"A\" is corrected already"), "{error}");
             let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,\n");
             assert_eq!(targets(&text).unwrap().unused.len(), 0);
         }
         for (head, expected) in [
             ("target,X_mm,y_mm,z_mm", "\"x_mm\" is; write it so"),
-            (
-                "target,x_mm,y_mm,z_mm,X_MM",
-                "\"X_MM\" is no name that is known here",
-            ),
+            ("target,x_mm,y_mm,z_mm,X_MM", "\"X_MM\" is no name that is known here"),
             ("target,x_mm,y_mm,z_mm,id,ID", "\"id\" and \"ID\" differ"),
         ] {
             let error = targets(&format!("{head}\n")).unwrap_err();
@@ -337,10 +293,7 @@ mod tests {
     fn a_name_that_a_spreadsheet_would_run_comes_back_as_it_was() {
         let found = targets("target,x_mm,y_mm,z_mm,tool\n'=1+1,-1.5,+2,3,'-drill\n'A',1,2,3,\n");
         let found = found.unwrap().targets;
-        assert_eq!(
-            (found[0].name.as_str(), found[1].name.as_str()),
-            ("=1+1", "'A'")
-        );
+        assert_eq!((found[0].name.as_str(), found[1].name.as_str()), ("=1+1", "'A'"));
         assert_eq!(found[0].tool.as_deref(), Some("-drill"));
         assert_eq!(found[0].position.unwrap().coords().x.to_string(), "-1.5");
     }

@@ -50,10 +50,8 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         Form::Json => from_json(path, bound)?,
         Form::Krl => return Err(TargetsErrorKind::NotDriving.at(path)),
     };
-    let of: BTreeSet<_> = rows
-        .iter()
-        .map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by))
-        .collect();
+    let of: BTreeSet<_> =
+        rows.iter().map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by)).collect();
     let mut of = of.into_iter();
     let Some((robot, session, run, table)) = of.next() else {
         return Err(TargetsErrorKind::Empty.at(path));
@@ -78,10 +76,7 @@ fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> 
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
-    reader
-        .deserialize()
-        .map(|row| row.map(DrivingRow::unmarked).map_err(failed))
-        .collect()
+    reader.deserialize().map(|row| row.map(DrivingRow::unmarked).map_err(failed)).collect()
 }
 
 fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
@@ -101,9 +96,7 @@ fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsErr
 
 /// Checks that all numbers are finite: `nan` and `inf` can be written as text.
 fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
-    let wrong = rows
-        .iter()
-        .position(|row| !row.numbers().all(f64::is_finite));
+    let wrong = rows.iter().position(|row| !row.numbers().all(f64::is_finite));
     match wrong {
         None => Ok(()),
         Some(row) => {
@@ -145,12 +138,7 @@ impl DrivingRow {
 
     /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
     fn unmarked(mut self) -> Self {
-        let texts = [
-            &mut self.robot,
-            &mut self.session,
-            &mut self.run,
-            &mut self.target,
-        ];
+        let texts = [&mut self.robot, &mut self.session, &mut self.run, &mut self.target];
         for text in texts {
             *text = formula::unmarked(text).to_owned();
         }
@@ -166,21 +154,14 @@ impl DrivingRow {
             self.correction_cov_zz_mm2,
             self.correction_frame_sd_mm,
         ];
-        command
-            .into_iter()
-            .chain(target)
-            .chain(uncertainty)
-            .flatten()
+        command.into_iter().chain(target).chain(uncertainty).flatten()
     }
 
     /// The target with its command; `None` where it was refused.
     fn corrected(&self) -> Option<CorrectedTarget> {
         let point = |[x, y, z]: [Option<f64>; 3]| Some(Point3::new(x?, y?, z?));
-        let [xx, yy, zz] = [
-            self.correction_cov_xx_mm2?,
-            self.correction_cov_yy_mm2?,
-            self.correction_cov_zz_mm2?,
-        ];
+        let [xx, yy, zz] =
+            [self.correction_cov_xx_mm2?, self.correction_cov_yy_mm2?, self.correction_cov_zz_mm2?];
         let of_frame_mm = self.correction_frame_sd_mm.unwrap_or_default();
         Some(CorrectedTarget {
             name: self.target.clone(),
@@ -222,10 +203,7 @@ mod tests {
         ))
         .expect("a good file");
         assert_eq!(file.key, RunKey::new("kr", "mon", "00ff"));
-        assert_eq!(
-            (file.targets.len(), file.refused, file.table.as_str()),
-            (1, 1, "compensation")
-        );
+        assert_eq!((file.targets.len(), file.refused, file.table.as_str()), (1, 1, "compensation"));
         assert_eq!(
             file.targets[0].command - file.targets[0].target,
             nalgebra::Vector3::new(0.5, 0.0, 0.0)
@@ -262,11 +240,7 @@ mod tests {
             iterations: 2,
             allowed: Vec::new(),
         };
-        let refused = Refused {
-            target: "B".to_owned(),
-            reason: Reason::NoOrientation,
-            slip: None,
-        };
+        let refused = Refused { target: "B".to_owned(), reason: Reason::NoOrientation, slip: None };
         let key = RunKey::new("kr", "mon", "00ff");
         let by = CorrectedBy {
             key: &key,
@@ -315,12 +289,7 @@ mod tests {
             sparse.set_len(6 << 30).expect("no room is taken");
             let limits = crate::io::log::Limits::default();
             let told = read(&path, Bound::of(limits)).unwrap_err().to_string();
-            for part in [
-                name,
-                "6442450944 bytes",
-                "limit of 67108864",
-                "file_bytes in [limits]",
-            ] {
+            for part in [name, "6442450944 bytes", "limit of 67108864", "file_bytes in [limits]"] {
                 assert!(told.contains(part), "{told}");
             }
         }
@@ -354,11 +323,7 @@ mod tests {
         assert!(two.contains("several tables"), "{two}");
         assert!(from(HEAD).unwrap_err().contains("holds no target"));
         let nothing = format!("{HEAD}{}", row("00ff").replace("compensation", "stations"));
-        assert!(
-            from(&nothing)
-                .unwrap_err()
-                .contains("corrected by \"stations\"")
-        );
+        assert!(from(&nothing).unwrap_err().contains("corrected by \"stations\""));
         let other = from("target,x_mm\nA,1\n").unwrap_err();
         assert!(other.contains("missing field"), "{other}");
     }

@@ -77,10 +77,7 @@ pub enum TargetsErrorKind {
 impl TargetsErrorKind {
     /// This problem of the file at `path`.
     pub(super) fn at(self, path: &Path) -> TargetsError {
-        TargetsError::File {
-            path: path.to_owned(),
-            kind: self,
-        }
+        TargetsError::File { path: path.to_owned(), kind: self }
     }
 
     /// The message for a person, with the file's path.

@@ -15,11 +15,7 @@ fn is_marked_or_formula(text: &str) -> bool {
 
 /// A text as a cell that no spreadsheet runs.
 pub(crate) fn marked(text: String) -> String {
-    if is_marked_or_formula(&text) {
-        format!("{MARK}{text}")
-    } else {
-        text
-    }
+    if is_marked_or_formula(&text) { format!("{MARK}{text}") } else { text }
 }
 
 /// The text of such a cell.

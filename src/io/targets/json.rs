@@ -104,9 +104,8 @@ impl Found {
             return Ok(None);
         }
         let angles: Result<Vec<f64>, usize> = angles.into_iter().collect();
-        let angles = angles.map_err(|place| RowProblem::PartOfJoints {
-            missing: names[place].clone(),
-        })?;
+        let angles =
+            angles.map_err(|place| RowProblem::PartOfJoints { missing: names[place].clone() })?;
         Ok(Some(units.joints(&angles)))
     }
 }
@@ -120,9 +119,7 @@ impl Keys {
         let mut found = None;
         for (key, cell) in &self.0 {
             match cell {
-                Cell::Other {
-                    mark: Some(mark), ..
-                } => {
+                Cell::Other { mark: Some(mark), .. } => {
                     return Err(RowProblem::Marked {
                         key: mark.key.clone(),
                         value: mark.value.clone(),

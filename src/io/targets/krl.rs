@@ -84,9 +84,8 @@ const POSITIONS: [&str; 4] = ["POS", "E3POS", "E6POS", "FRAME"];
 pub const MARK: &str = "POSEGRID_CORRECTED";
 
 /// The components of a position: a FRAME has the first six, a POS the first eight.
-const COMPONENTS: [&str; 14] = [
-    "X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6",
-];
+const COMPONENTS: [&str; 14] =
+    ["X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"];
 
 /// The components that a position of a type has.
 fn components_of(kind: &str) -> &'static [&'static str] {
@@ -106,12 +105,7 @@ fn is_position(kind: &str) -> bool {
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let text = bounded::read(path, bound)?;
     let (rows, list) = read(text).map_err(|error| error.at(path))?;
-    Ok(Rows {
-        placed: rows,
-        unused: Vec::new(),
-        units: AngleUnit::Deg.into(),
-        list: Some(list),
-    })
+    Ok(Rows { placed: rows, unused: Vec::new(), units: AngleUnit::Deg.into(), list: Some(list) })
 }
 
 /// A fault and its line, from 1; 0 for the file as a whole.
@@ -141,18 +135,9 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
     };
     for line in inside.lines {
         let read = reading.line(line);
-        read.map_err(|problem| InLine {
-            line: line.number,
-            problem,
-        })?;
+        read.map_err(|problem| InLine { line: line.number, problem })?;
     }
-    let Reading {
-        rows,
-        points,
-        frames,
-        others,
-        ..
-    } = reading;
+    let Reading { rows, points, frames, others, .. } = reading;
     let list = DataList {
         head: inside.head,
         end: inside.end,
@@ -343,12 +328,7 @@ impl Reading<'_> {
         if first == found {
             return Ok(());
         }
-        Err(KrlProblem::SeveralFrames {
-            first,
-            first_line,
-            other: found,
-        }
-        .into())
+        Err(KrlProblem::SeveralFrames { first, first_line, other: found }.into())
     }
 }
 

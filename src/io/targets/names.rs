@@ -48,10 +48,7 @@ pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), 
     for name in names {
         let folded = folded(name);
         if let Some(known) = known(&folded).filter(|known| known != name) {
-            return Err(NamesProblem::OtherLetters {
-                found: name.to_owned(),
-                known,
-            });
+            return Err(NamesProblem::OtherLetters { found: name.to_owned(), known });
         }
         match seen.insert(folded, name) {
             None => {}

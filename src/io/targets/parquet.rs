@@ -66,21 +66,12 @@ fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
     let joints = row.joints_rad.map(|angles| {
         let names = row.joint_names.unwrap_or_default();
         if lacks_an_angle {
-            return Err(RowProblem::PartOfJoints {
-                missing: "an angle of joints_rad".to_owned(),
-            });
+            return Err(RowProblem::PartOfJoints { missing: "an angle of joints_rad".to_owned() });
         }
         if !names.is_empty() && names.len() != angles.len() {
-            return Err(RowProblem::JointNames {
-                names: names.len(),
-                angles: angles.len(),
-            });
+            return Err(RowProblem::JointNames { names: names.len(), angles: angles.len() });
         }
-        Ok(TargetJoints {
-            names,
-            angles,
-            slides: None,
-        })
+        Ok(TargetJoints { names, angles, slides: None })
     });
     Ok(Row {
         target: row.target,

@@ -38,11 +38,8 @@ impl<'t> Spread<'t> {
     /// The columns of a table that become at least one.
     pub(crate) fn all(table: &'t Table) -> Vec<Self> {
         let arrays = table.schema().columns.iter().zip(table.batch().columns());
-        let spread = arrays.map(|(schema, array)| Self {
-            schema,
-            array,
-            columns: count(schema, array),
-        });
+        let spread =
+            arrays.map(|(schema, array)| Self { schema, array, columns: count(schema, array) });
         spread.filter(|spread| spread.columns > 0).collect()
     }
 
@@ -75,9 +72,7 @@ impl<'t> Spread<'t> {
             let list = self.array.as_list::<i32>().value(row);
             let angles = list.as_primitive::<Float64Type>().values().iter();
             let angles = angles.enumerate();
-            angles
-                .map(|(joint, &angle)| Cell::Number(units.shown(joint, angle)))
-                .collect()
+            angles.map(|(joint, &angle)| Cell::Number(units.shown(joint, angle))).collect()
         } else {
             vec![cell(self.array, self.schema, row)]
         };

@@ -45,11 +45,7 @@ pub(super) fn find(
     let mut clusters = Clusters {
         tracker_from_base: placement.tracker_from_base,
         places: Vec::new(),
-        scale: Scale {
-            own,
-            shared,
-            gate: gate_mm + shared,
-        },
+        scale: Scale { own, shared, gate: gate_mm + shared },
         distances: Vec::new(),
         readings: Vec::new(),
     };
@@ -75,9 +71,7 @@ fn by_means(
 ) -> Result<(Placement, Option<usize>), AssignError> {
     let complete = |own: &&StationPoints| own.points.len() == targets;
     let enough = stations.iter().filter(complete).count() >= 2 * MIN_PAIRS;
-    let used = stations
-        .iter()
-        .filter(|own| !own.points.is_empty() && (!enough || complete(own)));
+    let used = stations.iter().filter(|own| !own.points.is_empty() && (!enough || complete(own)));
     let means: Vec<ReadingAtFlange> = used.map(mean).collect();
     let placement = Placement::fit_far(&means).ok_or(AssignError::NoFrame)?;
     let whole = stations.iter().enumerate().filter(|(_, own)| complete(own));
@@ -88,10 +82,7 @@ fn by_means(
 
 fn mean(station: &StationPoints) -> ReadingAtFlange {
     let sum: Vector3<f64> = station.points.iter().map(|point| point.coords).sum();
-    ReadingAtFlange {
-        flange: station.flange,
-        attained: sum / station.points.len().max(1) as f64,
-    }
+    ReadingAtFlange { flange: station.flange, attained: sum / station.points.len().max(1) as f64 }
 }
 
 /// The first places: the positions of the complete station, otherwise the stated ones, shifted so that their mean is in its place.
@@ -184,12 +175,8 @@ impl Clusters {
     /// Measured distances among the places, and the number of readings of each.
     fn measure(&mut self, stations: &[StationPoints], assigned: &[Vec<Option<usize>>]) {
         let count = self.places.len();
-        let of = |cluster: usize| {
-            assigned
-                .iter()
-                .flatten()
-                .filter(move |own| **own == Some(cluster))
-        };
+        let of =
+            |cluster: usize| assigned.iter().flatten().filter(move |own| **own == Some(cluster));
         self.readings = (0..count).map(|cluster| of(cluster).count()).collect();
         let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| [one, other]));
         self.distances = pairs

@@ -51,12 +51,7 @@ pub(in crate::join) fn of<'a>(
     each(all, |row, at, position| parting.take(row, at, position))?;
     let lanes = parting.lanes.into_iter().map(|own| own.rows);
     let read = lanes.filter(|rows| !rows.is_empty());
-    Ok(read
-        .map(|rows| Lane {
-            all,
-            rows: Some(rows),
-        })
-        .collect())
+    Ok(read.map(|rows| Lane { all, rows: Some(rows) }).collect())
 }
 
 /// Half of the least stated distance between two reflectors, mm; `None` where none is stated.
@@ -119,10 +114,7 @@ struct Parting {
 
 impl Parting {
     fn new(lanes: usize, reach_mm: f64) -> Self {
-        Self {
-            lanes: vec![Open::default(); lanes],
-            reach_mm,
-        }
+        Self { lanes: vec![Open::default(); lanes], reach_mm }
     }
 
     fn take(&mut self, row: usize, at: Stamp<Tracker>, position: &[f64; 3]) {
@@ -146,8 +138,7 @@ impl Parting {
             Some((place, (position - last).norm()))
         });
         let near = away.filter(|(_, away_mm)| *away_mm <= self.reach_mm);
-        near.min_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(place, _)| place)
+        near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
     }
 
     /// The lane whose last reading is the oldest: one without any first.
@@ -175,11 +166,7 @@ impl Poses<Tracker> for Lane<'_> {
         while let Some(&first) = wanted.first() {
             let near = wanted.partition_point(|row| *row < first + PIECE);
             let span = self.all.read(first..wanted[near - 1] + 1)?;
-            picked(
-                &mut read,
-                &span,
-                wanted[..near].iter().map(|row| row - first),
-            );
+            picked(&mut read, &span, wanted[..near].iter().map(|row| row - first));
             wanted = &wanted[near..];
         }
         Ok(read)
@@ -209,13 +196,8 @@ fn picked(
         }
     }
     to.stamps.extend(rows.clone().map(|row| from.stamps[row]));
-    to.positions
-        .extend(rows.clone().map(|row| from.positions[row]));
-    column(
-        &mut to.orientations,
-        from.orientations.as_ref(),
-        rows.clone(),
-    );
+    to.positions.extend(rows.clone().map(|row| from.positions[row]));
+    column(&mut to.orientations, from.orientations.as_ref(), rows.clone());
     column(&mut to.covariances, from.covariances.as_ref(), rows);
 }
 
@@ -273,18 +255,13 @@ mod tests {
             &[a, [0.0; 3], c],
             &[b, c, a],
         ];
-        let all = (0..)
-            .zip(moments)
-            .flat_map(|(at, seen)| seen.iter().map(move |own| (at, *own)));
+        let all = (0..).zip(moments).flat_map(|(at, seen)| seen.iter().map(move |own| (at, *own)));
         let all: Vec<_> = all.collect();
         let mut found = lanes(&stream(&all));
         found.sort_by(|a, b| a[0].total_cmp(&b[0]));
         // Zeros are in the first lane, which is A's.
         let of_a = vec![1000.0, 1000.0, 1000.0, 1000.0, 1000.0, 0.0, 1000.0];
-        assert_eq!(
-            found,
-            [of_a, vec![1001.0; 6], vec![1100.0; 4], vec![5000.0]]
-        );
+        assert_eq!(found, [of_a, vec![1001.0; 6], vec![1100.0; 4], vec![5000.0]]);
         // Every reading is in one lane.
         assert_eq!(found.iter().map(Vec::len).sum::<usize>(), all.len());
     }

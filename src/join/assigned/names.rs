@@ -48,17 +48,11 @@ pub(super) fn of_clusters(clusters: &Clusters, stated: &Stated) -> Result<Vec<us
 
 /// Names of the targets at which two permutations differ.
 fn differing(one: &[usize], other: &[usize], stated: &Stated) -> String {
-    let mut targets: Vec<usize> = one
-        .iter()
-        .zip(other)
-        .filter(|(a, b)| a != b)
-        .map(|(a, _)| *a)
-        .collect();
+    let mut targets: Vec<usize> =
+        one.iter().zip(other).filter(|(a, b)| a != b).map(|(a, _)| *a).collect();
     targets.sort_unstable();
-    let names: Vec<String> = targets
-        .iter()
-        .map(|target| format!("{:?}", stated.names[*target]))
-        .collect();
+    let names: Vec<String> =
+        targets.iter().map(|target| format!("{:?}", stated.names[*target])).collect();
     names.join(" and ")
 }
 

@@ -50,23 +50,13 @@ pub fn middles(rows: &Rows) -> Rows {
     let most = rows.rows.iter().map(count).max().unwrap_or(0);
     for row in &mut middles.rows {
         let is_whole = count(row) == most;
-        let first = row
-            .readings
-            .iter()
-            .find(|own| position(own).is_some())
-            .copied();
+        let first = row.readings.iter().find(|own| position(own).is_some()).copied();
         let places = row.readings.iter().filter_map(position);
         let sum: Vector3<f64> = places.map(|at| at.coords).sum();
         let middle = first.filter(|_| is_whole).and_then(|first| {
-            let point = MeanPoint {
-                position: Point3::from(sum / most as f64),
-                ..*first.value.point()?
-            };
-            Some(RowReading {
-                target: TargetId::MAIN,
-                value: Value::Point(point),
-                ..first
-            })
+            let point =
+                MeanPoint { position: Point3::from(sum / most as f64), ..*first.value.point()? };
+            Some(RowReading { target: TargetId::MAIN, value: Value::Point(point), ..first })
         });
         row.readings = middle.into_iter().collect();
     }
@@ -78,9 +68,7 @@ fn points(row: &Row, motion: Option<&Motion>, arm: &Arm) -> StationPoints {
     let read = row.readings.iter().filter_map(position);
     StationPoints {
         flange: *arm.flange(&row.joints).isometry(),
-        points: read
-            .map(|at| motion.map_or(at, |motion| motion.undone(&at)))
-            .collect(),
+        points: read.map(|at| motion.map_or(at, |motion| motion.undone(&at))).collect(),
     }
 }
 
@@ -90,10 +78,8 @@ fn position(reading: &RowReading) -> Option<Point3<f64>> {
 
 /// Gives the readings of a row their targets; lines of those left out, and why.
 fn take(row: &mut Row, assignment: StationAssignment) -> Vec<(u64, String)> {
-    let (places, mut kept): (Vec<RowReading>, Vec<RowReading>) = row
-        .readings
-        .drain(..)
-        .partition(|own| position(own).is_some());
+    let (places, mut kept): (Vec<RowReading>, Vec<RowReading>) =
+        row.readings.drain(..).partition(|own| position(own).is_some());
     let mut left_out = Vec::new();
     match assignment {
         StationAssignment::Ambiguous(own) => {
@@ -104,10 +90,9 @@ fn take(row: &mut Row, assignment: StationAssignment) -> Vec<(u64, String)> {
             row.assigned = assigned;
             for (reading, target) in places.into_iter().zip(targets) {
                 match target {
-                    PointTarget::Of(target) => kept.push(RowReading {
-                        target: TargetId(target),
-                        ..reading
-                    }),
+                    PointTarget::Of(target) => {
+                        kept.push(RowReading { target: TargetId(target), ..reading })
+                    }
                     PointTarget::OfNone(_) => {
                         left_out.extend(target.why_none().map(|reason| (reading.line, reason)));
                     }

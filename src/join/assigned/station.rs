@@ -141,10 +141,7 @@ pub(super) fn decided(
     let runner_up = search(&kept, places, scale, false, Some(&targets));
     let off = |targets: &[Option<usize>]| offsets(&kept, places, targets);
     let assigned = runner_up.filter(|_| !kept.is_empty()).map(|(cost, other)| {
-        let assigned = Assigned {
-            misfit_mm: rms(&off(&targets)),
-            runner_up_mm: rms(&off(&other)),
-        };
+        let assigned = Assigned { misfit_mm: rms(&off(&targets)), runner_up_mm: rms(&off(&other)) };
         (cost - scale.cost(&off(&targets)) < DECIDED, assigned)
     });
     if let Some((true, assigned)) = assigned {
@@ -164,8 +161,7 @@ pub(super) fn offsets(
     targets: &[Option<usize>],
 ) -> Vec<Vector3<f64>> {
     let own = points.iter().zip(targets);
-    own.filter_map(|(point, target)| Some(point - places[(*target)?]))
-        .collect()
+    own.filter_map(|(point, target)| Some(point - places[(*target)?])).collect()
 }
 
 fn rms(off: &[Vector3<f64>]) -> f64 {

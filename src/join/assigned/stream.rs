@@ -67,12 +67,7 @@ impl<'a> Part<'a> {
             before
         });
         let before = before.collect();
-        Self {
-            lanes,
-            rows,
-            before,
-            count,
-        }
+        Self { lanes, rows, before, count }
     }
 
     /// The range that a row is in, and its place in the lane.
@@ -141,10 +136,7 @@ fn spots(dwells: &[TargetDwell], stretches: &[usize], same_mm: f64) -> Vec<Spot>
         let same = |own: &&mut Spot| (own.position - position).norm() <= same_mm;
         match spots.iter_mut().find(same) {
             Some(own) => own.stretches.push(stretch),
-            None => spots.push(Spot {
-                stretches: vec![stretch],
-                position,
-            }),
+            None => spots.push(Spot { stretches: vec![stretch], position }),
         }
     }
     spots
@@ -243,14 +235,10 @@ pub(in crate::join) fn by_target<'a>(
     settings: &JoinSettings,
 ) -> Result<ByTarget<'a>, JoinError> {
     let stations = spots_of_stations(&seen.arm, dwells.dwells, clock, seen.stationary_mm);
-    let points = seen
-        .arm
-        .iter()
-        .zip(&stations)
-        .map(|(arm, spots)| StationPoints {
-            flange: arm.flange,
-            points: spots.iter().map(|own| Point3::from(own.position)).collect(),
-        });
+    let points = seen.arm.iter().zip(&stations).map(|(arm, spots)| StationPoints {
+        flange: arm.flange,
+        points: spots.iter().map(|own| Point3::from(own.position)).collect(),
+    });
     let points: Vec<StationPoints> = points.collect();
     let decided = assign(&points, stated, settings.geometry_gate_mm)?;
     let mut found = Found {
@@ -267,10 +255,7 @@ pub(in crate::join) fn by_target<'a>(
     let rows: Vec<Vec<LaneRows>> = rows.collect();
     Ok(ByTarget {
         assigned_rows: rows.concat(),
-        targets: rows
-            .into_iter()
-            .map(|rows| Part::new(lanes, rows))
-            .collect(),
+        targets: rows.into_iter().map(|rows| Part::new(lanes, rows)).collect(),
         left_out: found.left_out,
         assigned: found.assigned,
         ambiguous: found.ambiguous,
@@ -339,8 +324,7 @@ impl Found {
 
     fn leave_out(&mut self, spot: &Spot, dwells: &LaneDwells<'_>, reason: &str) {
         let rows = rows_of(spot, dwells).into_iter();
-        self.left_out
-            .extend(rows.map(|(rows, _)| (rows, reason.to_owned())));
+        self.left_out.extend(rows.map(|(rows, _)| (rows, reason.to_owned())));
     }
 
     /// The rows of a target in order of time; of rows of the same time in two lanes the first stay.
@@ -375,10 +359,7 @@ fn rows_of(spot: &Spot, dwells: &LaneDwells<'_>) -> Vec<Timed> {
                 *end = own.end;
             }
             _ => {
-                let rows = LaneRows {
-                    lane,
-                    rows: own.stretch.first..own.stretch.last + 1,
-                };
+                let rows = LaneRows { lane, rows: own.stretch.first..own.stretch.last + 1 };
                 ranges.push((place, (rows, [own.start, own.end])));
             }
         }
@@ -416,16 +397,10 @@ pub(in crate::join) fn firsts(
         let visit = &visits.target[pair.target];
         let place = dwells.partition_point(|own| own.start < visit.start);
         if let Some(first) = dwells.get(place).filter(|own| own.start <= visit.end) {
-            kept.push(Pair {
-                target: target.len(),
-                ..*pair
-            });
+            kept.push(Pair { target: target.len(), ..*pair });
             target.push((*first).clone());
         }
     }
-    let seen = Observation {
-        target,
-        ..visits.clone()
-    };
+    let seen = Observation { target, ..visits.clone() };
     (seen, kept)
 }

@@ -3,21 +3,15 @@
 use super::*;
 use crate::geometry::isometry_from_rpy;
 
-const PLACES: [[f64; 3]; 3] = [
-    [60.0, 20.0, 80.0],
-    [-40.0, 70.0, 60.0],
-    [-10.0, -75.0, 120.0],
-];
+const PLACES: [[f64; 3]; 3] = [[60.0, 20.0, 80.0], [-40.0, 70.0, 60.0], [-10.0, -75.0, 120.0]];
 
 /// Numbers that look random, from −1 to 1.
 struct Noise(u64);
 
 impl Noise {
     fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
     }
 
@@ -27,9 +21,7 @@ impl Noise {
 
     fn below(&mut self, count: usize) -> usize {
         let share = f64::midpoint(self.next(), 1.0);
-        (0..count)
-            .rfind(|&n| share >= n as f64 / count as f64)
-            .unwrap_or(0)
+        (0..count).rfind(|&n| share >= n as f64 / count as f64).unwrap_or(0)
     }
 }
 
@@ -58,10 +50,7 @@ fn session(places: &[[f64; 3]], missing: f64, seed: u64) -> Session {
             let own = tracker_from_base * flange * off * Point3::from(places[target]);
             own + noise.vector(0.05)
         });
-        stations.push(StationPoints {
-            flange,
-            points: points.collect(),
-        });
+        stations.push(StationPoints { flange, points: points.collect() });
         truth.push(order);
     }
     Session { stations, truth }
@@ -84,17 +73,9 @@ fn by_distances(places: &[[f64; 3]]) -> Stated {
     let pairs = (0..places.len()).flat_map(|a| (a + 1..places.len()).map(move |b| [a, b]));
     let distances = pairs.map(|between| {
         let [a, b] = between.map(|target| Vector3::from(places[target]));
-        StatedDistance {
-            between,
-            mm: (a - b).norm(),
-            sd_mm: 0.05,
-        }
+        StatedDistance { between, mm: (a - b).norm(), sd_mm: 0.05 }
     });
-    Stated {
-        places: vec![None; places.len()],
-        distances: distances.collect(),
-        ..stated
-    }
+    Stated { places: vec![None; places.len()], distances: distances.collect(), ..stated }
 }
 
 /// Numbers of right, wrong and undecided readings.
@@ -130,11 +111,7 @@ fn every_reading_gets_its_target_with_some_missing_and_places_a_little_off() {
                     StationAssignment::Decided(_, assigned) => *assigned,
                     StationAssignment::Ambiguous(_) => None,
                 });
-                assert!(
-                    misfits
-                        .into_iter()
-                        .all(|own| own.runner_up_mm > 5.0 * own.misfit_mm)
-                );
+                assert!(misfits.into_iter().all(|own| own.runner_up_mm > 5.0 * own.misfit_mm));
             }
         }
     }
@@ -159,21 +136,14 @@ fn targets_that_nothing_distinguishes_are_an_error_and_near_ones_are_ambiguous()
     let equal = [[0.0, 0.0, 80.0], [100.0, 0.0, 80.0], [50.0, h, 80.0]];
     let equilateral = session(&equal, 0.0, 1);
     let refused = assign(&equilateral.stations, &by_distances(&equal), 30.0);
-    assert!(
-        matches!(refused, Err(AssignError::Alike { .. })),
-        "{refused:?}"
-    );
+    assert!(matches!(refused, Err(AssignError::Alike { .. })), "{refused:?}");
     let found = assign(&equilateral.stations, &by_places(&equal, 0.3), 30.0).expect("by places");
     assert_eq!(tally(&equilateral, &found), [180, 0, 0]);
     // Two 2 mm apart, one of which is often missing: the arm's error is larger.
     let near = [[0.0, 0.0, 80.0], [2.0, 0.0, 80.0]];
     let near_session = session(&near, 0.3, 2);
     let mut stated = by_places(&near, 0.0);
-    stated
-        .places
-        .iter_mut()
-        .flatten()
-        .for_each(|own| own.1 = 0.05);
+    stated.places.iter_mut().flatten().for_each(|own| own.1 = 0.05);
     match assign(&near_session.stations, &stated, 30.0) {
         Err(AssignError::Alike { .. }) => {}
         Ok(found) => {
@@ -184,15 +154,8 @@ fn targets_that_nothing_distinguishes_are_an_error_and_near_ones_are_ambiguous()
     }
     // Places that are somebody else's.
     let other = [[0.0, 0.0, 300.0], [150.0, 0.0, 80.0], [0.0, 200.0, 0.0]];
-    let refused = assign(
-        &session(&PLACES, 0.0, 1).stations,
-        &by_places(&other, 0.0),
-        30.0,
-    );
-    assert!(
-        matches!(refused, Err(AssignError::NotAsStated { .. })),
-        "{refused:?}"
-    );
+    let refused = assign(&session(&PLACES, 0.0, 1).stations, &by_places(&other, 0.0), 30.0);
+    assert!(matches!(refused, Err(AssignError::NotAsStated { .. })), "{refused:?}");
 }
 
 #[test]

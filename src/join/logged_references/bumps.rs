@@ -68,22 +68,13 @@ impl<'a> Targets<'a> {
         let mut carried = |own: &'a dyn Poses<Tracker>| {
             let rows = used_rows(own, &parts)?;
             rejects.extend(left_out(own, &rows)?);
-            let carried = Carried {
-                own,
-                rows,
-                parts: Arc::clone(&parts),
-            };
+            let carried = Carried { own, rows, parts: Arc::clone(&parts) };
             Ok(Box::new(carried) as Box<dyn Poses<Tracker> + 'a>)
         };
         let main = carried(&*input.readings)?;
         let others = input.others.iter().map(|own| carried(&**own));
         let others: Result<_, JoinError> = others.collect();
-        Ok(Self {
-            main,
-            others: others?,
-            parts,
-            rejects,
-        })
+        Ok(Self { main, others: others?, parts, rejects })
     }
 
     /// What was joined, with the readings of its stations as the instrument took them, and with those that were not joined.
@@ -96,9 +87,7 @@ impl<'a> Targets<'a> {
                 let part = part_of(&self.parts, reading.first);
                 moved_by(&mut reading.value, &part.moved);
             }
-            let middle = station
-                .start
-                .plus_ns(station.end.since_ns(station.start) / 2);
+            let middle = station.start.plus_ns(station.end.since_ns(station.start) / 2);
             let part = part_of(&self.parts, joined.clock.model.to_tracker(middle));
             if station.readings.is_empty() && !part.is_used {
                 station.pairing = Pairing::Unmeasured(Unmeasured::InstrumentMoved);
@@ -200,18 +189,13 @@ impl Poses<Tracker> for Carried<'_> {
 
 /// An orientation x y z w, turned.
 fn turned(by: &UnitQuaternion<f64>, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
-    (by.quaternion() * Quaternion::new(w, x, y, z))
-        .coords
-        .into()
+    (by.quaternion() * Quaternion::new(w, x, y, z)).coords.into()
 }
 
 /// The parts of a session; one where no bump is too large for the join.
 fn parts(input: &JoinInput, settings: &JoinSettings) -> Result<Vec<Part>, JoinError> {
-    let first = Part {
-        from: Stamp::from_ns(i64::MIN),
-        moved: Isometry3::identity(),
-        is_used: true,
-    };
+    let first =
+        Part { from: Stamp::from_ns(i64::MIN), moved: Isometry3::identity(), is_used: true };
     let Some(told) = Told::of(&input.references, settings)? else {
         return Ok(vec![first]);
     };
@@ -356,10 +340,7 @@ impl Told {
                 continue;
             };
             let rows = between(&*own.readings, from, until)?;
-            let seen = Seen {
-                readings: own.readings.read(rows.clone())?,
-                rows,
-            };
+            let seen = Seen { readings: own.readings.read(rows.clone())?, rows };
             for row in seen.measured() {
                 let at = Point3::from(seen.position(row));
                 let [before_mm, behind_mm] = places.map(|place| (at - place).norm());
@@ -371,11 +352,7 @@ impl Told {
                 }
             }
         }
-        let (last, first) = if last <= first {
-            (last, first)
-        } else {
-            (from, until)
-        };
+        let (last, first) = if last <= first { (last, first) } else { (from, until) };
         Ok(last.plus_ns(first.since_ns(last) / 2))
     }
 
@@ -395,10 +372,7 @@ type Span = (Stamp<Tracker>, Stamp<Tracker>);
 fn span(references: &[(usize, &ReferenceReadings)]) -> Result<Option<Span>, JoinError> {
     let mut span: Option<Span> = None;
     for (_, own) in references {
-        let ends = (
-            own.readings.stamp(0)?,
-            own.readings.stamp(own.readings.count() - 1)?,
-        );
+        let ends = (own.readings.stamp(0)?, own.readings.stamp(own.readings.count() - 1)?);
         span = Some(span.map_or(ends, |(first, last)| (first.min(ends.0), last.max(ends.1))));
     }
     Ok(span)
@@ -410,10 +384,7 @@ fn look(runs: &[Run], first: Stamp<Tracker>) -> Look {
     let ends = runs.iter().map(|run| run.end.since_ns(first));
     let (start, end) = (starts.min().unwrap_or(0), ends.max().unwrap_or(0));
     let seen = runs.iter().map(|run| (run.reference, run.position));
-    Look {
-        at_s: i64::midpoint(start, end) as f64 / NS_PER_S,
-        seen: seen.collect(),
-    }
+    Look { at_s: i64::midpoint(start, end) as f64 / NS_PER_S, seen: seen.collect() }
 }
 
 /// Rows of readings from one moment to another.

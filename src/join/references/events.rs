@@ -103,10 +103,7 @@ fn candidates(work: &Work<'_>, course: &Course, noise_mm2: f64) -> Vec<Candidate
     for (reference, own) in &left {
         all.extend(own.iter().map(|(look, residual, share)| {
             let (squares, freedom) = squared(residual, share);
-            (
-                Found::Stray(*look, *reference),
-                rarity(squares / noise_mm2, freedom),
-            )
+            (Found::Stray(*look, *reference), rarity(squares / noise_mm2, freedom))
         }));
     }
     let seen = |look: &usize| !work.looks[*look].seen.is_empty();
@@ -136,9 +133,7 @@ fn residuals(work: &Work<'_>, course: &Course) -> BTreeMap<ReferenceId, Vec<Left
         let (state, covariance) = &course.states[i];
         for (reference, row, y) in work.rows(i, look) {
             let share = Matrix3::identity() - row * covariance * row.transpose();
-            all.entry(reference)
-                .or_default()
-                .push((i, y - row * state, share));
+            all.entry(reference).or_default().push((i, y - row * state, share));
         }
     }
     all

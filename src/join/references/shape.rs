@@ -35,10 +35,8 @@ impl Shape {
         for (reference, at) in looks.iter().flat_map(|look| &look.seen) {
             seen.entry(*reference).or_default().push(at.coords);
         }
-        let places: BTreeMap<_, _> = seen
-            .into_iter()
-            .map(|(reference, all)| ((reference, 0), middle(&all)))
-            .collect();
+        let places: BTreeMap<_, _> =
+            seen.into_iter().map(|(reference, all)| ((reference, 0), middle(&all))).collect();
         let count = places.len().max(1) as f64;
         let middle = places.values().sum::<Vector3<f64>>() / count;
         let squares: f64 = places.values().map(|at| (at - middle).norm_squared()).sum();
@@ -64,9 +62,7 @@ impl Shape {
         }
         let places = sums.into_iter();
         Self {
-            places: places
-                .map(|(key, (sum, count))| (key, sum / count))
-                .collect(),
+            places: places.map(|(key, (sum, count))| (key, sum / count)).collect(),
             ..self.clone()
         }
     }
@@ -99,8 +95,7 @@ impl Shape {
         if self.moves == Moves::ShiftsAndTurns {
             let turned = -arm.cross_matrix() * about.jacobian;
             free += turned * about.turn;
-            row.fixed_view_mut::<3, 3>(0, 3)
-                .copy_from(&(turned / self.radius_mm));
+            row.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turned / self.radius_mm));
         }
         (row, free)
     }
@@ -116,11 +111,7 @@ pub(super) struct Turned {
 
 impl Turned {
     pub fn of((_, turn): &State) -> Self {
-        Self {
-            turn: *turn,
-            rotation: Rotation3::new(*turn),
-            jacobian: left_jacobian(turn),
-        }
+        Self { turn: *turn, rotation: Rotation3::new(*turn), jacobian: left_jacobian(turn) }
     }
 }
 

@@ -40,33 +40,19 @@ pub(super) fn robust(looks: &[Look]) -> Robust {
     let coordinates = variance(next.iter().map(|(_, by)| *by)) / 2.0;
     let noise = between(looks).map_or(coordinates, |distances| distances / 4.0);
     let noise_mm2 = noise.max(FINEST_MM * FINEST_MM);
-    let shock = if each.len() > 1 {
-        coordinates - noise
-    } else {
-        0.0
-    };
+    let shock = if each.len() > 1 { coordinates - noise } else { 0.0 };
     let next_s = middle(next.iter().map(|(s, _)| *s));
     let walk_by = |apart: usize| {
         let far = differences(&each, apart);
         let walked = variance(far.iter().map(|(_, by)| *by)) / 2.0 - coordinates;
         let seconds = middle(far.iter().map(|(s, _)| *s)) - next_s;
-        if seconds > 0.0 {
-            2.0 * walked / seconds
-        } else {
-            0.0
-        }
+        if seconds > 0.0 { 2.0 * walked / seconds } else { 0.0 }
     };
     let is_long = looks.len() > sample::ALL;
     let farther = is_long.then(|| walk_by(looks.len() / FARTHER));
     let walk = walk_by(FAR).max(farther.unwrap_or(0.0));
     let ratio = |variance: f64| (variance / noise_mm2).clamp(LEAST, MOST);
-    Robust {
-        noise_mm2,
-        ratios: Ratios {
-            walk: [ratio(walk); 2],
-            shock: [ratio(shock); 2],
-        },
-    }
+    Robust { noise_mm2, ratios: Ratios { walk: [ratio(walk); 2], shock: [ratio(shock); 2] } }
 }
 
 /// The ratios of greatest likelihood, one after another from a start; of very many looks by a sample of them. The references of a single place do not tell a shock from
@@ -95,13 +81,9 @@ fn logs(Ratios { walk, shock }: Ratios) -> [f64; 4] {
 
 fn ratios(logs: [f64; 4]) -> Ratios {
     // The least is none at all.
-    let [a, b, c, d] = logs
-        .map(|log| 10_f64.powf(log))
-        .map(|ratio| if ratio > 2.0 * LEAST { ratio } else { 0.0 });
-    Ratios {
-        walk: [a, b],
-        shock: [c, d],
-    }
+    let [a, b, c, d] =
+        logs.map(|log| 10_f64.powf(log)).map(|ratio| if ratio > 2.0 * LEAST { ratio } else { 0.0 });
+    Ratios { walk: [a, b], shock: [c, d] }
 }
 
 /// The place of the least value of `of` between two ends, by golden sections from two decades around the start, or from the whole
@@ -111,11 +93,7 @@ fn least(of: impl Fn(f64) -> f64, [low, high]: [f64; 2], start: f64) -> f64 {
     let found = golden(&of, near);
     let at_end = (found - near[0] < 2.0 * WIDTH && near[0] > low)
         || (near[1] - found < 2.0 * WIDTH && near[1] < high);
-    if at_end {
-        golden(&of, [low, high])
-    } else {
-        found
-    }
+    if at_end { golden(&of, [low, high]) } else { found }
 }
 
 fn golden(of: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
@@ -172,9 +150,7 @@ fn between(looks: &[Look]) -> Option<f64> {
             }
         }
     }
-    let changes = distances
-        .values()
-        .flat_map(|own| own.windows(2).map(|two| two[1] - two[0]));
+    let changes = distances.values().flat_map(|own| own.windows(2).map(|two| two[1] - two[0]));
     let changes: Vec<f64> = changes.collect();
     (changes.len() >= FEWEST).then(|| variance(changes))
 }

@@ -12,11 +12,7 @@ struct Scene {
     rng: ChaCha8Rng,
 }
 
-const THREE: [[f64; 3]; 3] = [
-    [2000.0, 0.0, 300.0],
-    [2150.0, 120.0, 300.0],
-    [1950.0, 200.0, 420.0],
-];
+const THREE: [[f64; 3]; 3] = [[2000.0, 0.0, 300.0], [2150.0, 120.0, 300.0], [1950.0, 200.0, 420.0]];
 
 impl Scene {
     fn new(places: &[[f64; 3]], looks: usize, seed: u64) -> Self {
@@ -29,10 +25,8 @@ impl Scene {
     }
 
     fn gaussian(&mut self) -> f64 {
-        let (u, v): (f64, f64) = (
-            self.rng.random_range(1e-12..1.0),
-            self.rng.random_range(0.0..1.0),
-        );
+        let (u, v): (f64, f64) =
+            (self.rng.random_range(1e-12..1.0), self.rng.random_range(0.0..1.0));
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     }
 
@@ -53,28 +47,18 @@ impl Scene {
                 let now = motion(i);
                 let all = places.iter().enumerate().filter(|(k, _)| seen(i, *k));
                 let seen = all.map(|(k, at)| (ReferenceId(k), now * at + self.noise()));
-                Look {
-                    at_s: 60.0 * i as f64,
-                    seen: seen.collect(),
-                }
+                Look { at_s: 60.0 * i as f64, seen: seen.collect() }
             })
             .collect()
     }
 }
 
 fn turned(shift: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Vector3::from(shift).into(),
-        Rotation3::new(Vector3::from(turn)).into(),
-    )
+    Isometry3::from_parts(Vector3::from(shift).into(), Rotation3::new(Vector3::from(turn)).into())
 }
 
 fn bumps(found: &Followed) -> Vec<&Event> {
-    found
-        .events
-        .iter()
-        .filter(|event| matches!(event, Event::Bump { .. }))
-        .collect()
+    found.events.iter().filter(|event| matches!(event, Event::Bump { .. })).collect()
 }
 
 /// How far the motion is off at a place of the target, mm, and the standard deviation that it states there.
@@ -86,10 +70,7 @@ fn off(
 ) -> (f64, f64) {
     let now = truth * first.inverse() * at;
     let back = motion.undone(&now);
-    (
-        (back - at).norm(),
-        motion.covariance_at(&now).trace().sqrt(),
-    )
+    ((back - at).norm(), motion.covariance_at(&now).trace().sqrt())
 }
 
 #[test]
@@ -98,11 +79,7 @@ fn nothing_moves_so_nothing_is_corrected() {
     let found = follow(&looks).unwrap();
     assert!(found.events.is_empty(), "{:?}", found.events);
     assert!(found.tells_turns);
-    assert!(
-        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.1,
-        "{:?}",
-        found.sizes
-    );
+    assert!((found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.1, "{:?}", found.sizes);
     // A correction by each look alone would be off by 0.02 mm at the references and far more at the target.
     let at = Point3::new(1500.0, 500.0, 900.0);
     for motion in &found.motions {
@@ -131,11 +108,7 @@ fn a_drift_is_followed_within_what_it_states() {
         squares += (off / sd).powi(2) / found.motions.len() as f64;
         assert!(off < 0.12, "look {i}: {off} mm");
     }
-    assert!(
-        squares < 4.0,
-        "errors are {} times their standard deviation",
-        squares.sqrt()
-    );
+    assert!(squares < 4.0, "errors are {} times their standard deviation", squares.sqrt());
 }
 
 #[test]
@@ -144,15 +117,7 @@ fn a_bump_is_found_at_its_look_and_bridged() {
     let motion = |i: usize| if i < 130 { Isometry3::identity() } else { bump };
     let looks = Scene::new(&THREE, 300, 5).looks(motion, |_, _| true);
     let found = follow(&looks).unwrap();
-    let [
-        Event::Bump {
-            after: 129,
-            before: 130,
-            turn_rad,
-            ..
-        },
-    ] = found.events[..]
-    else {
+    let [Event::Bump { after: 129, before: 130, turn_rad, .. }] = found.events[..] else {
         panic!("{:?}", found.events);
     };
     assert!((turn_rad - bump.rotation.angle()).abs() < 2e-4);
@@ -172,14 +137,7 @@ fn two_references_tell_a_bump_and_do_not_bridge_it() {
     assert!(!found.tells_turns);
     // It is known only to be between the two looks that saw the references.
     assert!(
-        matches!(
-            bumps(&found)[..],
-            [Event::Bump {
-                after: 50,
-                before: 60,
-                ..
-            }]
-        ),
+        matches!(bumps(&found)[..], [Event::Bump { after: 50, before: 60, .. }]),
         "{:?}",
         found.events
     );
@@ -194,11 +152,7 @@ fn strays_and_shocks_are_left_out_of_the_drift() {
     let mut scene = Scene::new(&THREE, 250, 7);
     let shock = turned([0.0, 1.2, 0.0], [0.0; 3]);
     let motion = |i: usize| {
-        if i == 77 || i == 201 {
-            shock
-        } else {
-            Isometry3::identity()
-        }
+        if i == 77 || i == 201 { shock } else { Isometry3::identity() }
     };
     let mut looks = scene.looks(motion, |_, _| true);
     for (look, k) in [(20, 0), (50, 1), (120, 2), (121, 2)] {
@@ -209,28 +163,17 @@ fn strays_and_shocks_are_left_out_of_the_drift() {
         .events
         .iter()
         .filter_map(|event| match event {
-            Event::Stray {
-                look, reference, ..
-            } => Some((*look, reference.0)),
+            Event::Stray { look, reference, .. } => Some((*look, reference.0)),
             Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
         })
         .collect();
-    assert_eq!(
-        strays,
-        [(20, 0), (50, 1), (120, 2), (121, 2)],
-        "{:?}",
-        found.events
-    );
+    assert_eq!(strays, [(20, 0), (50, 1), (120, 2), (121, 2)], "{:?}", found.events);
     let shocks = found.events.iter().filter_map(|event| match event {
         Event::Shock { look, .. } => Some(*look),
         Event::Bump { .. } | Event::Stray { .. } | Event::Moved { .. } => None,
     });
     assert_eq!(shocks.collect::<Vec<_>>(), [77, 201], "{:?}", found.events);
-    assert!(
-        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.1,
-        "{:?}",
-        found.sizes
-    );
+    assert!((found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.1, "{:?}", found.sizes);
     assert!(found.sizes.shock_mm < 0.01, "{:?}", found.sizes);
 }
 
@@ -242,14 +185,7 @@ fn a_reference_that_was_moved_begins_anew() {
         look.seen[1].1 += Vector3::new(0.4, 0.3, -0.2);
     }
     let found = follow(&looks).unwrap();
-    let [
-        Event::Moved {
-            look: 90,
-            reference: ReferenceId(1),
-            by_mm,
-        },
-    ] = found.events[..]
-    else {
+    let [Event::Moved { look: 90, reference: ReferenceId(1), by_mm }] = found.events[..] else {
         panic!("{:?}", found.events);
     };
     assert!((by_mm - 0.539).abs() < 0.03, "{by_mm}");
@@ -269,16 +205,8 @@ fn a_very_long_session_is_followed_by_a_sample_of_its_looks() {
     };
     let looks = Scene::new(&THREE, 12_000, 21).looks(motion, |i, k| (i * 7 + k * 3) % 11 != 0);
     let found = follow(&looks).unwrap();
-    assert!(
-        matches!(found.events[..], [Event::Bump { before: 7000, .. }]),
-        "{:?}",
-        found.events
-    );
-    assert!(
-        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.03,
-        "{:?}",
-        found.sizes
-    );
+    assert!(matches!(found.events[..], [Event::Bump { before: 7000, .. }]), "{:?}", found.events);
+    assert!((found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.03, "{:?}", found.sizes);
     let at = Point3::new(1500.0, 500.0, 900.0);
     for (i, now) in found.motions.iter().enumerate().step_by(50) {
         let (off, sd) = off(now, &motion(i), &motion(0), &at);
@@ -327,14 +255,6 @@ fn many_strays_and_shocks_hide_neither_each_other_nor_a_bump() {
         strays.abs_diff(52) <= 2 && shocks.abs_diff(16) <= 2,
         "{strays} strays, {shocks} shocks"
     );
-    assert!(
-        matches!(bumps(&found)[..], [Event::Bump { before: 501, .. }]),
-        "{:?}",
-        bumps(&found)
-    );
-    assert!(
-        (found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.05,
-        "{:?}",
-        found.sizes
-    );
+    assert!(matches!(bumps(&found)[..], [Event::Bump { before: 501, .. }]), "{:?}", bumps(&found));
+    assert!((found.sizes.reading_mm / 0.02 - 1.0).abs() < 0.05, "{:?}", found.sizes);
 }

@@ -121,11 +121,7 @@ pub(super) fn course(
     // Score of everything from the next look on, and its variance.
     let (mut later, mut spread) = (Vector6::zeros(), Matrix6::zeros());
     for (i, step) in steps.iter().enumerate().rev() {
-        let Step {
-            predicted: p,
-            precision: b,
-            ..
-        } = step;
+        let Step { predicted: p, precision: b, .. } = step;
         let w = Matrix6::from_diagonal(&step.shock);
         let left = Matrix6::identity() - p * b;
         let of_shock = step.gain - b * (p * later);
@@ -206,13 +202,7 @@ fn filtered(
         squares += apart - away.dot(&(whole * gain));
         log_determinant += solved.determinant().max(f64::MIN_POSITIVE).ln();
         rows += look.rows;
-        keep(Step {
-            predicted: covariance,
-            mean,
-            gain,
-            precision,
-            shock: shock.diagonal(),
-        });
+        keep(Step { predicted: covariance, mean, gain, precision, shock: shock.diagonal() });
         mean += covariance * gain;
         covariance = symmetric(&(covariance - covariance * precision * covariance));
     }
@@ -292,10 +282,7 @@ mod tests {
     #[test]
     fn the_course_is_the_dense_conditional() {
         let mut rng = ChaCha8Rng::seed_from_u64(11);
-        let ratios = Ratios {
-            walk: [0.3, 0.1],
-            shock: [0.05, 0.2],
-        };
+        let ratios = Ratios { walk: [0.3, 0.1], shock: [0.05, 0.2] };
         let moves = Moves::ShiftsAndTurns;
         let seen = looks(7, &mut rng);
         let n = seen.len();
@@ -355,10 +342,9 @@ mod tests {
             (i..n).for_each(|later| jump.view_mut((6 * later, 0), (6, 6)).fill_with_identity());
             let mut shock = DMatrix::zeros(6 * n, 6);
             shock.view_mut((6 * i, 0), (6, 6)).fill_with_identity();
-            for (name, effect, own) in [
-                ("jump", jump, found.jumps[i]),
-                ("shock", shock, found.shocks[i]),
-            ] {
+            for (name, effect, own) in
+                [("jump", jump, found.jumps[i]), ("shock", shock, found.shocks[i])]
+            {
                 let x = &h * effect;
                 let score = x.transpose() * &solved * &y;
                 let spread = x.transpose() * &solved * &x;

@@ -239,10 +239,8 @@ impl Pace {
 
 /// The median interval between samples, ns; at least one.
 fn usual_interval_ns(stamps_ns: &[i64]) -> i64 {
-    let mut steps: Vec<i64> = stamps_ns
-        .windows(2)
-        .map(|pair| pair[1].saturating_sub(pair[0]))
-        .collect();
+    let mut steps: Vec<i64> =
+        stamps_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
     if steps.is_empty() {
         return 1;
     }

@@ -65,10 +65,7 @@ mod tests {
     #[test]
     fn short_stretches_are_turning_points() {
         // The 90 % quantile of eleven is 40: 12 is shorter than half of it.
-        assert_eq!(
-            of(&[40, 40, 40, 40, 40, 12, 40, 40, 40, 40, 40]).count(),
-            10
-        );
+        assert_eq!(of(&[40, 40, 40, 40, 40, 12, 40, 40, 40, 40, 40]).count(), 10);
         assert_eq!(of(&[]).count(), 0);
         assert_eq!(of(&[7]).count(), 1);
     }

@@ -130,11 +130,7 @@ impl Levels {
         for place in level..self.level.max(level) {
             let by = &mut self.by[place];
             if !by.goes_on(first) {
-                by.close(
-                    self.min_stretch_ns,
-                    self.kept.contains(&place),
-                    samples.columns,
-                );
+                by.close(self.min_stretch_ns, self.kept.contains(&place), samples.columns);
                 by.begin(first, samples);
             }
         }
@@ -160,20 +156,12 @@ impl Levels {
 
     /// Ends open stretches at the last of all samples.
     pub fn finish(&mut self, last: usize, samples: &Samples) {
-        let end = || End {
-            last,
-            at_ns: samples.stamp_ns(last),
-            after_ns: None,
-        };
+        let end = || End { last, at_ns: samples.stamp_ns(last), after_ns: None };
         for by in &mut self.by[self.level..] {
             by.end(end(), self.min_stretch_ns, samples);
         }
         for (place, by) in self.by.iter_mut().enumerate() {
-            by.close(
-                self.min_stretch_ns,
-                self.kept.contains(&place),
-                samples.columns,
-            );
+            by.close(self.min_stretch_ns, self.kept.contains(&place), samples.columns);
         }
     }
 
@@ -232,10 +220,7 @@ impl ByThreshold {
 
     /// Ends a stretch at the previous window, the last stationary one.
     fn end(&mut self, end: End, min_stretch_ns: i64, samples: &Samples) {
-        let open = self
-            .open
-            .as_mut()
-            .expect("by this threshold it was stationary");
+        let open = self.open.as_mut().expect("by this threshold it was stationary");
         open.end = Some(end);
         if open.lasts(end, min_stretch_ns) {
             samples.sums_before(end.last + 1, &mut self.sums_to_end);
@@ -264,10 +249,7 @@ impl ByThreshold {
             let mut means: Vec<f64> = sums.flat_map(|(from, to)| means(from, to, count)).collect();
             means.truncate(columns);
             self.stretches.push(StationaryStretch {
-                stretch: Stretch {
-                    first: open.first,
-                    last: end.last,
-                },
+                stretch: Stretch { first: open.first, last: end.last },
                 start_ns: open.start_ns,
                 end_ns: end.at_ns,
                 before_ns: open.before_ns,
@@ -318,11 +300,7 @@ mod tests {
         };
         let range = |i: i32| {
             let slow = (f64::from(i) * 0.05).sin() + 1.0;
-            if i % 97 == 0 {
-                f64::INFINITY
-            } else {
-                6.0 * slow * slow + f64::from(i * 7919 % 13)
-            }
+            if i % 97 == 0 { f64::INFINITY } else { 6.0 * slow * slow + f64::from(i * 7919 % 13) }
         };
         (samples, (0..count - 3).map(range).collect())
     }
@@ -353,10 +331,7 @@ mod tests {
             for stretch in &stretches {
                 let Stretch { first, last } = stretch.stretch;
                 let at = |sample: usize| samples.stamps_ns.get(sample).copied();
-                assert_eq!(
-                    (Some(stretch.start_ns), Some(stretch.end_ns)),
-                    (at(first), at(last))
-                );
+                assert_eq!((Some(stretch.start_ns), Some(stretch.end_ns)), (at(first), at(last)));
                 assert_eq!(stretch.before_ns, first.checked_sub(1).and_then(at));
                 assert_eq!(stretch.after_ns, at(last + 1));
                 assert_eq!(stretch.means, [(first + last) as f64 / 2.0]);
@@ -367,10 +342,7 @@ mod tests {
     #[test]
     fn the_lengths_of_dropped_stretches_are_kept() {
         let (samples, ranges) = scene();
-        let (all, mut near) = (
-            levels(&ranges, &samples, false),
-            levels(&ranges, &samples, true),
-        );
+        let (all, mut near) = (levels(&ranges, &samples, false), levels(&ranges, &samples, true));
         for threshold in (1..=40).map(f64::from) {
             assert_eq!(all.lengths(threshold), near.lengths(threshold));
         }

@@ -50,19 +50,13 @@ impl Ladder {
         let begin = self.0.partition_point(|&rung| rung < flicker);
         let begin = begin.min(self.0.len() - 1);
         let end = ABOVE_ALL * top.max(self.0[begin]);
-        let ladder: Vec<f64> = self.0[begin..]
-            .iter()
-            .copied()
-            .take_while(|&rung| rung < end)
-            .collect();
+        let ladder: Vec<f64> =
+            self.0[begin..].iter().copied().take_while(|&rung| rung < end).collect();
         let counts: Vec<usize> = (0..ladder.len()).map(|rung| count(begin + rung)).collect();
         chosen_plateau(&counts).map_or(self.0[begin], |(first, last)| {
             let (low, high) = (usize::midpoint(first, last), (first + last).div_ceil(2));
-            let middle = if low == high {
-                ladder[low]
-            } else {
-                (ladder[low] * ladder[high]).sqrt()
-            };
+            let middle =
+                if low == high { ladder[low] } else { (ladder[low] * ladder[high]).sqrt() };
             middle.min(ladder[first] * ABOVE_PLATEAU_START)
         })
     }
@@ -106,11 +100,7 @@ mod tests {
             for last in first..70 {
                 // Twenty stretches on a plateau, none elsewhere.
                 let count = |rung: usize| {
-                    if (first..=last).contains(&rung) {
-                        20
-                    } else {
-                        0
-                    }
+                    if (first..=last).contains(&rung) { 20 } else { 0 }
                 };
                 let chosen = ladder.choose(0.0, f64::MAX / 100.0, count);
                 assert!(thresholds.contains(&chosen), "{first} {last}");
@@ -124,9 +114,6 @@ mod tests {
         let ladder = Ladder::from(1e-3);
         // Everywhere six stretches: the plateau begins where the ladder does, at the rung above 2.5 quanta of 0.01.
         let chosen = ladder.choose(0.01, 1.0, |_| 6);
-        assert!(
-            (0.025 * 6.0..0.025 * 9.0 + 1e-9).contains(&chosen),
-            "{chosen}"
-        );
+        assert!((0.025 * 6.0..0.025 * 9.0 + 1e-9).contains(&chosen), "{chosen}");
     }
 }

@@ -29,21 +29,14 @@ struct Steps {
 
 impl Default for Steps {
     fn default() -> Self {
-        Self {
-            least: f64::INFINITY,
-            small: 0,
-            whole: 0,
-        }
+        Self { least: f64::INFINITY, small: 0, whole: 0 }
     }
 }
 
 impl Quanta {
     /// No steps yet, of `columns` columns.
     pub fn of(columns: usize) -> Self {
-        Self {
-            of_columns: vec![Steps::default(); columns],
-            before: Vec::new(),
-        }
+        Self { of_columns: vec![Steps::default(); columns], before: Vec::new() }
     }
 
     /// Adds the next samples, their values sample after sample.
@@ -79,9 +72,7 @@ impl Quanta {
     /// Adds the steps from one sample's values to the next sample's.
     fn steps(&mut self, before: &[f64], after: &[f64]) {
         let columns = self.of_columns.len();
-        let samples = before
-            .chunks_exact(columns)
-            .zip(after.chunks_exact(columns));
+        let samples = before.chunks_exact(columns).zip(after.chunks_exact(columns));
         for (before, after) in samples {
             let values = before.iter().zip(after);
             for (steps, (before, after)) in self.of_columns.iter_mut().zip(values) {
@@ -95,9 +86,7 @@ impl Quanta {
     pub fn largest(&self, counted: &[f64]) -> f64 {
         let counted = counted.iter().copied().chain(std::iter::repeat(1.0));
         let quanta = self.of_columns.iter().zip(counted);
-        quanta.fold(0.0, |largest, (steps, counted)| {
-            largest.max(counted * steps.quantum())
-        })
+        quanta.fold(0.0, |largest, (steps, counted)| largest.max(counted * steps.quantum()))
     }
 }
 

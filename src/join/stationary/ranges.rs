@@ -53,8 +53,7 @@ impl Ranges {
     }
 
     fn gather_block_ends(&mut self, samples: usize) {
-        self.to_block_end
-            .resize(self.smooth.len(), Default::default());
+        self.to_block_end.resize(self.smooth.len(), Default::default());
         let ends = self.to_block_end.chunks_mut(samples);
         for (ends, block) in ends.zip(self.smooth.chunks(samples)) {
             let last = block[block.len() - 1];
@@ -93,10 +92,7 @@ fn median_of_three(
         return;
     };
     smooth.extend(values.map(|next| {
-        let median = largest(
-            smallest(before, here),
-            smallest(largest(before, here), next),
-        );
+        let median = largest(smallest(before, here), smallest(largest(before, here), next));
         (before, here) = (here, next);
         median
     }));
@@ -122,11 +118,7 @@ mod tests {
         // A break between samples 3 and 4 lies in the windows that begin at 2 and 3.
         ranges.break_at(3, 3);
         assert_eq!(ranges.of_windows[..2], [1.0, 1.0]);
-        assert!(
-            ranges.of_windows[2..]
-                .iter()
-                .all(|range| range.is_infinite())
-        );
+        assert!(ranges.of_windows[2..].iter().all(|range| range.is_infinite()));
     }
 
     /// The ranges, computed for each window separately.

@@ -128,11 +128,7 @@ pub(super) fn carry(
         return Carried::default();
     }
     let stops = stops(rows, apart, timed);
-    let origin = Origin {
-        file,
-        is_timed: timed,
-        is_logged: false,
-    };
+    let origin = Origin { file, is_timed: timed, is_logged: false };
     let (mut courses, rejects) = courses(&stops, references, &origin);
     let read = read(&stops, references);
     let mut left_out = BTreeMap::new();
@@ -148,12 +144,7 @@ pub(super) fn carry(
             }
         }
     }
-    Carried {
-        courses,
-        read,
-        rejects,
-        left_out,
-    }
+    Carried { courses, read, rejects, left_out }
 }
 
 /// The motion at each row where it is known, by the row's place.
@@ -163,17 +154,11 @@ pub(in crate::join) fn motions(rows: &Rows) -> BTreeMap<usize, Motion> {
     }
     let timed = is_timed(&rows.rows);
     let stops = stops(&rows.rows, &rows.apart, timed);
-    let origin = Origin {
-        file: &rows.file,
-        is_timed: timed,
-        is_logged: false,
-    };
+    let origin = Origin { file: &rows.file, is_timed: timed, is_logged: false };
     let (mut courses, _) = courses(&stops, &rows.references, &origin);
     let measured = |place: usize| !rows.rows[place].readings.is_empty();
     let motions = taken_out(&mut courses, measured).into_iter();
-    motions
-        .filter_map(|(place, motion)| Some((place, motion.ok()?)))
-        .collect()
+    motions.filter_map(|(place, motion)| Some((place, motion.ok()?))).collect()
 }
 
 /// How often and where each of `references` was read at `stops`, which are in order of time.
@@ -301,10 +286,7 @@ fn looks(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool) -> Vec<Look> 
         for own in stop.references.iter().filter(|own| stands(own.reference)) {
             seen.entry(own.reference).or_insert(own.position);
         }
-        Look {
-            at_s: (stop.at_ns - first_ns) as f64 / NS_PER_S,
-            seen: seen.into_iter().collect(),
-        }
+        Look { at_s: (stop.at_ns - first_ns) as f64 / NS_PER_S, seen: seen.into_iter().collect() }
     };
     stops.iter().map(look).collect()
 }
@@ -351,22 +333,15 @@ fn alone(
         "references on the {} were read in one row only: there is no motion to follow",
         on.word()
     );
-    let own = stops
-        .iter()
-        .flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
+    let own = stops.iter().flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
     let own = own.filter(|(_, own)| stands(own.reference));
-    own.map(|(stop, own)| reject(stop, own.line, reason.clone(), file))
-        .collect()
+    own.map(|(stop, own)| reject(stop, own.line, reason.clone(), file)).collect()
 }
 
 /// The stray readings of a course, as rejects.
 fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowReject> {
     let stray = |event: &Event| match *event {
-        Event::Stray {
-            look,
-            reference,
-            away_mm,
-        } => {
+        Event::Stray { look, reference, away_mm } => {
             let stop = &stops[look];
             let mut own = stop.references.iter();
             let own = own.find(|own| own.reference == reference);
@@ -374,12 +349,7 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowRe
                 "reference {:?} is {away_mm:.2} mm from where the others and its own readings put it",
                 course.names[reference.0]
             );
-            Some(reject(
-                stop,
-                own.map_or(stop.line, |own| own.line),
-                reason,
-                file,
-            ))
+            Some(reject(stop, own.map_or(stop.line, |own| own.line), reason, file))
         }
         Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
     };
@@ -397,9 +367,7 @@ fn main_part(course: &ReferenceCourse, measured: impl Fn(usize) -> bool) -> Opti
         *stations.entry(motion.part).or_default() += 1;
     }
     // Of equal parts the first.
-    let largest = stations
-        .into_iter()
-        .max_by_key(|(part, count)| (*count, usize::MAX - part));
+    let largest = stations.into_iter().max_by_key(|(part, count)| (*count, usize::MAX - part));
     largest.map(|(part, _)| part)
 }
 
@@ -416,9 +384,7 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
                     course.place_of(before)
                 ));
             }
-            Event::Shock {
-                look: at, shift_mm, ..
-            } if at == look => {
+            Event::Shock { look: at, shift_mm, .. } if at == look => {
                 return Some(format!(
                     "all references were elsewhere at this station alone, by {shift_mm:.2} mm: something moved while it was measured"
                 ));
@@ -440,9 +406,7 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
 
 /// Takes a motion out of what was read.
 pub(in crate::join) fn undo(value: &mut Value, motion: &Motion) {
-    let covariance = value
-        .point()
-        .map(|point| motion.covariance_at(&point.position));
+    let covariance = value.point().map(|point| motion.covariance_at(&point.position));
     if let Some(point) = value.point_mut() {
         point.position = motion.undone(&point.position);
         point.motion_covariance = covariance.map(|own| upper(&own));

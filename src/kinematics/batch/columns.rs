@@ -73,27 +73,20 @@ impl BatchColumns {
                     steps.extend(shifts.map(|(axis, by)| Step::of(Motion::Translation(axis), by)));
                     steps.extend(turns.map(|(axis, by)| Step::of(Motion::Rotation(axis), by)));
                 }
-                Element::Free {
-                    motion, nominal, ..
-                } => {
+                Element::Free { motion, nominal, .. } => {
                     if unknowns[parameter].is_some() {
                         steps.push(Step::Unknown(*motion));
                     }
                     steps.push(Step::of(*motion, nominal + offsets[parameter]));
                     parameter += 1;
                 }
-                Element::Joint {
-                    motion,
-                    joint,
-                    sign,
-                } => steps.push(Step::Joint(*motion, *joint, *sign)),
+                Element::Joint { motion, joint, sign } => {
+                    steps.push(Step::Joint(*motion, *joint, *sign))
+                }
             }
         }
         steps.retain(Step::moves);
-        Self {
-            steps,
-            unknowns: unknowns[..parameter].iter().flatten().copied().collect(),
-        }
+        Self { steps, unknowns: unknowns[..parameter].iter().flatten().copied().collect() }
     }
 
     /// The unknown of each column, in the order of the columns.
@@ -155,11 +148,7 @@ impl Variables {
             (sines, cosines)
         };
         let (sines, cosines) = values.iter().map(turned).unzip();
-        Self {
-            values,
-            sines,
-            cosines,
-        }
+        Self { values, sines, cosines }
     }
 
     /// The variables of each axis.
@@ -208,11 +197,8 @@ impl Step {
 }
 
 impl Column {
-    const EMPTY: Self = Self {
-        linear: [[0.0; BLOCK]; 3],
-        angular: [[0.0; BLOCK]; 3],
-        turns: false,
-    };
+    const EMPTY: Self =
+        Self { linear: [[0.0; BLOCK]; 3], angular: [[0.0; BLOCK]; 3], turns: false };
 
     /// Motion of the end's orientation, rad per unit, by row; `None` for a length, which turns nothing.
     pub fn angular(&self) -> Option<&[Block; 3]> {
@@ -238,10 +224,7 @@ impl Walk {
     fn root() -> Self {
         let unit =
             |axis: usize| std::array::from_fn(|row| [f64::from(u8::from(row == axis)); BLOCK]);
-        Self {
-            axes: std::array::from_fn(unit),
-            origin: [[0.0; BLOCK]; 3],
-        }
+        Self { axes: std::array::from_fn(unit), origin: [[0.0; BLOCK]; 3] }
     }
 
     /// Begins an unknown's column: a length's is its axis; an angle's axis and place are kept until the end is known.

@@ -19,16 +19,9 @@ pub struct Joint {
 #[derive(Debug, Clone, Copy)]
 pub enum Link {
     /// A turn about x between two turning joints, whose angles include the constant turns about z.
-    AboutX {
-        sin: f64,
-        cos: f64,
-        origin: [f64; 3],
-    },
+    AboutX { sin: f64, cos: f64, origin: [f64; 3] },
     /// Any transform, anywhere else.
-    Any {
-        rotation: [[f64; 3]; 3],
-        origin: [f64; 3],
-    },
+    Any { rotation: [[f64; 3]; 3], origin: [f64; 3] },
 }
 
 impl Link {
@@ -55,24 +48,13 @@ pub fn links(chain: &Chain, offsets: &[f64]) -> (Vec<(Link, Joint)>, Isometry3<f
     for element in chain.elements() {
         match element {
             Element::Fixed(transform) => constant *= transform,
-            Element::Free {
-                motion, nominal, ..
-            } => {
+            Element::Free { motion, nominal, .. } => {
                 let offset = next.next().expect("one offset for each free parameter");
                 constant *= motion.by(nominal + offset);
             }
-            Element::Joint {
-                motion,
-                joint,
-                sign,
-            } => {
+            Element::Joint { motion, joint, sign } => {
                 let (turned, slides) = along_z(*motion);
-                let mut joint = Joint {
-                    axis: *joint,
-                    sign: *sign,
-                    shift: 0.0,
-                    slides,
-                };
+                let mut joint = Joint { axis: *joint, sign: *sign, shift: 0.0, slides };
                 let link = between(links.last_mut(), &(constant * turned), &mut joint);
                 links.push((link, joint));
                 constant = Isometry3::from_parts(Translation3::identity(), turned.inverse());

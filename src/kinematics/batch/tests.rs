@@ -6,29 +6,20 @@ use crate::kinematics::{HeldChain, RobotFile};
 /// Poses of `axes` variables within ±3, without randomness; 150 is two whole blocks and part of a third.
 fn columns(axes: usize, poses: usize) -> Vec<Vec<f64>> {
     let angle = |axis: usize, i: usize| 3.0 * ((i * 37 + axis * 101) as f64 * 0.618).sin();
-    (0..axes)
-        .map(|axis| (0..poses).map(|i| angle(axis, i)).collect())
-        .collect()
+    (0..axes).map(|axis| (0..poses).map(|i| angle(axis, i)).collect()).collect()
 }
 
 fn free(motion: Motion, nominal: f64) -> Element {
     Element::Free {
         motion,
         nominal,
-        parameter: Parameter::Link {
-            joint: 1,
-            quantity: LinkQuantity::A,
-        },
+        parameter: Parameter::Link { joint: 1, quantity: LinkQuantity::A },
     }
 }
 
 /// Turning and sliding joints about all three axes, one variable twice, constants in any direction between them.
 fn odd_chain() -> Chain {
-    let joint = |motion, joint, sign| Element::Joint {
-        motion,
-        joint,
-        sign,
-    };
+    let joint = |motion, joint, sign| Element::Joint { motion, joint, sign };
     Chain::new(vec![
         Element::Fixed(Motion::Rotation(Axis::X).by(0.3) * Motion::Translation(Axis::Y).by(40.0)),
         free(Motion::Translation(Axis::Z), 120.0),
@@ -55,11 +46,7 @@ fn upright_chain() -> Chain {
         turn * (turn.inverse() * Motion::Rotation(Axis::Y).by(std::f64::consts::FRAC_PI_2))
             * Motion::Rotation(Axis::X).by(part)
     };
-    let joint = |joint| Element::Joint {
-        motion: Motion::Rotation(Axis::Z),
-        joint,
-        sign: 1.0,
-    };
+    let joint = |joint| Element::Joint { motion: Motion::Rotation(Axis::Z), joint, sign: 1.0 };
     Chain::new(vec![
         Element::Fixed(right(0.7)),
         joint(0),
@@ -91,11 +78,7 @@ fn offsets(chain: &Chain) -> Vec<f64> {
         if p.is_angle() { 1e-3 * by } else { 0.3 * by }
     };
     let parameters = chain.parameters();
-    parameters
-        .iter()
-        .enumerate()
-        .map(|(place, parameter)| size(place, parameter))
-        .collect()
+    parameters.iter().enumerate().map(|(place, parameter)| size(place, parameter)).collect()
 }
 
 fn pose_of(axes: &[Vec<f64>], i: usize) -> Vec<f64> {
@@ -111,10 +94,7 @@ fn a_batch_equals_its_chain_within_a_picometre() {
         let batch = BatchChain::new(&chain, &offsets);
         let (poses, positions) = (batch.poses(&axes), batch.positions(&axes));
         assert_eq!((poses.len(), positions[2].len()), (150, 150));
-        assert_eq!(
-            poses.position, positions,
-            "positions and poses have the same arithmetic"
-        );
+        assert_eq!(poses.position, positions, "positions and poses have the same arithmetic");
         for i in 0..150 {
             let wanted = chain.forward(&pose_of(&axes, i), &offsets);
             let found = poses.isometry(i);
@@ -133,9 +113,8 @@ fn columns_are_the_chains_own_differential() {
         let offsets = offsets(&chain);
         // Every third parameter is fixed; the others are counted from the last.
         let count = offsets.len();
-        let unknowns: Vec<_> = (0..count)
-            .map(|place| (place % 3 != 1).then_some(count - place))
-            .collect();
+        let unknowns: Vec<_> =
+            (0..count).map(|place| (place % 3 != 1).then_some(count - place)).collect();
         let batch = BatchColumns::new(&chain, &offsets, &unknowns);
         let held = HeldChain::new(&chain, &offsets, &unknowns);
         let mut found = Vec::new();

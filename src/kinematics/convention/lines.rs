@@ -65,10 +65,7 @@ pub fn cpc(
     zero: f64,
 ) -> Vec<Element> {
     let mut elements = own(joint, zero);
-    elements.push(Element::Fixed(Isometry3::from_parts(
-        Translation3::identity(),
-        z_to(next),
-    )));
+    elements.push(Element::Fixed(Isometry3::from_parts(Translation3::identity(), z_to(next))));
     elements.extend([
         joint.free(Motion::Rotation(Axis::X), 0.0, LinkQuantity::Rx),
         joint.free(Motion::Rotation(Axis::Y), 0.0, LinkQuantity::Ry),
@@ -82,11 +79,8 @@ pub fn cpc(
 
 /// The joint's variable about or along z, with its zero.
 fn own(joint: &Moving, zero: f64) -> Vec<Element> {
-    let motion = if joint.slides {
-        Motion::Translation(Axis::Z)
-    } else {
-        Motion::Rotation(Axis::Z)
-    };
+    let motion =
+        if joint.slides { Motion::Translation(Axis::Z) } else { Motion::Rotation(Axis::Z) };
     let mut elements = Vec::with_capacity(2);
     if zero != 0.0 {
         elements.push(Element::Fixed(motion.by(zero)));

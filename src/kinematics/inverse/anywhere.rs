@@ -63,19 +63,10 @@ impl<'a> Anywhere<'a> {
         let ranges: Vec<_> = joints.map(|(own, joint)| own.range(joint)).collect();
         let seed = |number| {
             let joints = spread(number, &ranges);
-            Seed {
-                base_from_end: search.end(&joints),
-                joints,
-            }
+            Seed { base_from_end: search.end(&joints), joints }
         };
         let seeds = (0..SEEDS).map(seed).collect();
-        Self {
-            arm,
-            offsets,
-            flange_from_end,
-            settings,
-            seeds,
-        }
+        Self { arm, offsets, flange_from_end, settings, seeds }
     }
 
     /// Joint angles within the limits at which the end has the pose; an error where no seed leads to it.
@@ -113,12 +104,7 @@ impl<'a> Anywhere<'a> {
     }
 
     fn search(&self) -> Search<'_> {
-        Search::new(
-            self.arm,
-            self.offsets,
-            &self.flange_from_end,
-            &self.settings,
-        )
+        Search::new(self.arm, self.offsets, &self.flange_from_end, &self.settings)
     }
 
     /// Seeds in the order in which they are tried.
@@ -173,28 +159,20 @@ impl Search<'_> {
 /// The error of the search that came nearer to a solution.
 fn nearer(before: Option<InverseError>, error: InverseError) -> InverseError {
     let Some(before) = before else { return error };
-    if key(&error) < key(&before) {
-        error
-    } else {
-        before
-    }
+    if key(&error) < key(&before) { error } else { before }
 }
 
 /// Smaller for an error that is nearer to a solution: first by its kind, then by how far off it is.
 fn key(error: &InverseError) -> (u8, f64) {
     match error {
         InverseError::NearSingularity { factor, .. } => (0, -factor),
-        InverseError::LimitReached {
-            value,
-            lower,
-            upper,
-            ..
-        } => (1, (lower - value).max(value - upper)),
+        InverseError::LimitReached { value, lower, upper, .. } => {
+            (1, (lower - value).max(value - upper))
+        }
         InverseError::Orientation { off_deg, .. } => (2, *off_deg),
-        InverseError::NotReachable {
-            position_mm,
-            orientation_rad,
-        } => (3, position_mm.hypot(*orientation_rad * 500.0)),
+        InverseError::NotReachable { position_mm, orientation_rad } => {
+            (3, position_mm.hypot(*orientation_rad * 500.0))
+        }
         InverseError::ConfigurationChanged { .. } | InverseError::BranchChanged => (4, 0.0),
     }
 }

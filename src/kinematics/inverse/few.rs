@@ -66,6 +66,5 @@ impl Search<'_> {
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let svd = matrix.clone().svd(true, true);
     let least = ZERO * svd.singular_values.max();
-    svd.pseudo_inverse(least)
-        .unwrap_or_else(|_| DMatrix::zeros(matrix.ncols(), matrix.nrows()))
+    svd.pseudo_inverse(least).unwrap_or_else(|_| DMatrix::zeros(matrix.ncols(), matrix.nrows()))
 }

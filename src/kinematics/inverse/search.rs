@@ -34,14 +34,7 @@ impl<'a> Search<'a> {
     ) -> Self {
         let variables = JointVariable::of(arm);
         let scales = variables.iter().map(|own| own.scale());
-        Self {
-            arm,
-            offsets,
-            flange_from_end,
-            settings,
-            scales: scales.collect(),
-            variables,
-        }
+        Self { arm, offsets, flange_from_end, settings, scales: scales.collect(), variables }
     }
 
     /// This search of a redundant arm with its linear axes held: a millimetre of theirs counts like a radian, so a track under
@@ -59,18 +52,13 @@ impl<'a> Search<'a> {
     /// Joint values moved by a step in the search's units.
     pub(super) fn moved(&self, joints: &[f64], step: &DVector<f64>) -> Vec<f64> {
         let steps = step.iter().zip(&self.scales);
-        let moved = joints
-            .iter()
-            .zip(steps)
-            .map(|(q, (d, scale))| q + d * scale);
+        let moved = joints.iter().zip(steps).map(|(q, (d, scale))| q + d * scale);
         moved.collect()
     }
 
     /// `to − from` in the search's units.
     pub(super) fn apart(&self, from: &[f64], to: &[f64]) -> DVector<f64> {
-        DVector::from_fn(from.len(), |joint, _| {
-            (to[joint] - from[joint]) / self.scales[joint]
-        })
+        DVector::from_fn(from.len(), |joint, _| (to[joint] - from[joint]) / self.scales[joint])
     }
 
     pub(super) fn end(&self, joints: &[f64]) -> Isometry3<f64> {
@@ -89,11 +77,7 @@ impl<'a> Search<'a> {
         let mut joints = seed.to_vec();
         for step in 1..=steps {
             let way = f64::from(step) / f64::from(steps);
-            let waypoint = if step == steps {
-                *target
-            } else {
-                between(&start, target, way)
-            };
+            let waypoint = if step == steps { *target } else { between(&start, target, way) };
             joints = match self.solve(&waypoint, &joints) {
                 Ok(next) => next,
                 Err(_) => return Err(self.not_reachable(target, &joints)),
@@ -138,11 +122,7 @@ impl<'a> Search<'a> {
     ) -> Vec<f64> {
         let step = self.step(&joints, residual, 0.0);
         let next = self.moved(&joints, &step);
-        if self.residual(target, &self.end(&next)).norm() < residual.norm() {
-            next
-        } else {
-            joints
-        }
+        if self.residual(target, &self.end(&next)).norm() < residual.norm() { next } else { joints }
     }
 
     /// The damped Newton step `(JᵀJ + λ I)⁻¹ Jᵀ r` in the search's units, shortened to [`LONGEST_STEP`]; `λ` in mm².
@@ -169,10 +149,7 @@ impl<'a> Search<'a> {
 
     /// Six rows per joint, per unit of the search: mm, and rad times the lever.
     pub(super) fn jacobian(&self, joints: &[f64]) -> DMatrix<f64> {
-        let at = self
-            .arm
-            .chain()
-            .differential(&self.arm.axes(joints), self.offsets);
+        let at = self.arm.chain().differential(&self.arm.axes(joints), self.offsets);
         let twists = self.arm.joint_twists(&at.joints);
         let lever = at.end.rotation * self.flange_from_end.translation.vector;
         DMatrix::from_fn(6, joints.len(), |row, joint| {
@@ -191,9 +168,7 @@ impl<'a> Search<'a> {
         let rotation = (target.rotation * end.rotation.inverse()).scaled_axis();
         let mut residual = Vector6::zeros();
         residual.fixed_rows_mut::<3>(0).copy_from(&position);
-        residual
-            .fixed_rows_mut::<3>(3)
-            .copy_from(&(rotation * self.settings.lever_mm));
+        residual.fixed_rows_mut::<3>(3).copy_from(&(rotation * self.settings.lever_mm));
         residual
     }
 
@@ -210,10 +185,7 @@ impl<'a> Search<'a> {
 
     pub(super) fn not_reachable(&self, target: &Isometry3<f64>, joints: &[f64]) -> InverseError {
         let (position_mm, orientation_rad) = self.parts(&self.residual(target, &self.end(joints)));
-        InverseError::NotReachable {
-            position_mm,
-            orientation_rad,
-        }
+        InverseError::NotReachable { position_mm, orientation_rad }
     }
 
     /// The solution, or why it is refused. `is_tracked` where the way from the seed was taken in the smallest steps.
@@ -297,11 +269,7 @@ impl<'a> Search<'a> {
     ) -> Result<(), InverseError> {
         let least = self.settings.least_singularity_factor;
         if factor < least {
-            return Err(InverseError::NearSingularity {
-                factor,
-                least,
-                configuration,
-            });
+            return Err(InverseError::NearSingularity { factor, least, configuration });
         }
         Ok(())
     }
@@ -310,19 +278,12 @@ impl<'a> Search<'a> {
 /// A step in the search's units no longer than [`LONGEST_STEP`].
 pub(super) fn shortened(step: DVector<f64>) -> DVector<f64> {
     let longest = step.amax();
-    if longest > LONGEST_STEP {
-        step * (LONGEST_STEP / longest)
-    } else {
-        step
-    }
+    if longest > LONGEST_STEP { step * (LONGEST_STEP / longest) } else { step }
 }
 
 /// The pose `way` (0 to 1) of the way from `start` to `target`: a straight line and the shortest turn.
 fn between(start: &Isometry3<f64>, target: &Isometry3<f64>, way: f64) -> Isometry3<f64> {
-    let position = start
-        .translation
-        .vector
-        .lerp(&target.translation.vector, way);
+    let position = start.translation.vector.lerp(&target.translation.vector, way);
     let turn = (target.rotation * start.rotation.inverse()).scaled_axis() * way;
     Isometry3::from_parts(
         Translation3::from(position),

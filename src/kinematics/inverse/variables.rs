@@ -27,26 +27,20 @@ impl JointVariable {
         let joints = arm.joints().len();
         let at_rest = arm.axes(&vec![0.0; joints]);
         let moved = |joint: usize| -> Vec<f64> {
-            let unit: Vec<f64> = (0..joints)
-                .map(|own| f64::from(u8::from(own == joint)))
-                .collect();
+            let unit: Vec<f64> = (0..joints).map(|own| f64::from(u8::from(own == joint))).collect();
             let axes = arm.axes(&unit).into_iter().zip(&at_rest);
             axes.map(|(axis, rest)| axis - rest).collect()
         };
-        (0..joints)
-            .map(|joint| Self::moving(arm, &moved(joint)))
-            .collect()
+        (0..joints).map(|joint| Self::moving(arm, &moved(joint))).collect()
     }
 
     /// A joint variable of which one unit moves each axis variable by `axes`.
     fn moving(arm: &Arm, axes: &[f64]) -> Self {
         let elements = arm.chain().elements().iter();
         let moves = elements.filter_map(|element| match element {
-            Element::Joint {
-                motion,
-                joint,
-                sign,
-            } if axes[*joint] != 0.0 => Some((motion, sign * axes[*joint])),
+            Element::Joint { motion, joint, sign } if axes[*joint] != 0.0 => {
+                Some((motion, sign * axes[*joint]))
+            }
             _ => None,
         });
         let mut own = Self::Turning;
@@ -58,11 +52,7 @@ impl JointVariable {
                 own = Self::Angle;
             }
         }
-        if own == Self::Angle && !turns {
-            Self::Length
-        } else {
-            own
-        }
+        if own == Self::Angle && !turns { Self::Length } else { own }
     }
 
     /// Unit of the search for this joint: 1 rad for an angle; for a length the mm that count as one.
@@ -77,10 +67,7 @@ impl JointVariable {
     /// are not finite count as a turn, or 10 m, about zero.
     pub(super) fn range(self, joint: &Joint) -> [f64; 2] {
         let widest = if self == Self::Length { 1e4 } else { PI };
-        let [low, high] = [
-            joint.lower.max(-1e3 * widest),
-            joint.upper.min(1e3 * widest),
-        ];
+        let [low, high] = [joint.lower.max(-1e3 * widest), joint.upper.min(1e3 * widest)];
         let middle = 0.0_f64.clamp(low, high.max(low));
         match self {
             Self::Turning if high - low > TAU => {
@@ -106,11 +93,7 @@ impl JointVariable {
         } else {
             nearest
         };
-        if is_within(joint, turned) {
-            turned
-        } else {
-            value
-        }
+        if is_within(joint, turned) { turned } else { value }
     }
 }
 
@@ -126,10 +109,7 @@ pub fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
     // The root of φ^degree = φ + 1, by fixed-point iteration.
     let golden = (0..60).fold(1.5_f64, |golden, _| (golden + 1.0).powf(degree.recip()));
     let share = |joint: i32| (0.5 + f64::from(number) * golden.powi(-joint)).fract();
-    (1..)
-        .zip(ranges)
-        .map(|(joint, [low, high])| low + (high - low) * share(joint))
-        .collect()
+    (1..).zip(ranges).map(|(joint, [low, high])| low + (high - low) * share(joint)).collect()
 }
 
 #[cfg(test)]
@@ -140,21 +120,12 @@ mod tests {
     use crate::kinematics::motion::Axis;
 
     fn joint(lower: f64, upper: f64) -> Joint {
-        Joint {
-            name: "joint".to_owned(),
-            lower,
-            upper,
-            slides: false,
-        }
+        Joint { name: "joint".to_owned(), lower, upper, slides: false }
     }
 
     #[test]
     fn a_joint_is_what_the_axes_that_it_moves_are() {
-        let element = |motion, joint, sign| Element::Joint {
-            motion,
-            joint,
-            sign,
-        };
+        let element = |motion, joint, sign| Element::Joint { motion, joint, sign };
         let (turn, slide) = (Motion::Rotation(Axis::Z), Motion::Translation(Axis::X));
         let chain = Chain::new(vec![
             element(slide, 0, 1.0),
@@ -174,14 +145,8 @@ mod tests {
         ];
         let joints = vec![joint(-1.0, 1.0); 4];
         let map = map.map(Vec::from);
-        let arm = Arm::new(
-            "arm".to_owned(),
-            Convention::StandardDh,
-            joints,
-            &map,
-            chain,
-        )
-        .expect("an arm");
+        let arm = Arm::new("arm".to_owned(), Convention::StandardDh, joints, &map, chain)
+            .expect("an arm");
         let (length, angle) = (JointVariable::Length, JointVariable::Angle);
         let expected = [length, JointVariable::Turning, angle, angle];
         assert_eq!(JointVariable::of(&arm), expected);
@@ -192,8 +157,7 @@ mod tests {
         let wide = joint(-350_f64.to_radians(), 350_f64.to_radians());
         let turned = |value: f64, near: f64| {
             let own = JointVariable::Turning;
-            own.within(&wide, value.to_radians(), near.to_radians())
-                .to_degrees()
+            own.within(&wide, value.to_radians(), near.to_radians()).to_degrees()
         };
         for (value, near, taken) in [
             (40.0, 0.0, 40.0),
@@ -224,10 +188,6 @@ mod tests {
         is(range(turning, 1.0, 9.0), 1.0, 1.0 + TAU);
         is(range(turning, f64::NEG_INFINITY, f64::INFINITY), -PI, PI);
         is(range(angle, -6.1, 6.1), -6.1, 6.1);
-        is(
-            range(JointVariable::Length, -6000.0, 6000.0),
-            -6000.0,
-            6000.0,
-        );
+        is(range(JointVariable::Length, -6000.0, 6000.0), -6000.0, 6000.0);
     }
 }

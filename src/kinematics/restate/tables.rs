@@ -76,10 +76,7 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
         let here = Normal::of(&Line::z_of(&frame), &lines[place], &hint_of(&frame));
         let ahead = match next {
             Some(next) => {
-                let at = Hint {
-                    point: here.on_second,
-                    across: here.across,
-                };
+                let at = Hint { point: here.on_second, across: here.across };
                 let normal = Normal::of(&lines[place], next, &at);
                 refuse_far(file, place, &lines[place], next, &normal, &here.on_second)?;
                 frame_at(&normal.on_first, &normal.across, &lines[place])
@@ -96,10 +93,7 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
 
 /// The hint of a frame that stands there: its origin and its x axis.
 fn hint_of(frame: &Isometry3<f64>) -> Hint {
-    Hint {
-        point: frame.translation.vector.into(),
-        across: frame.rotation * Vector3::x(),
-    }
+    Hint { point: frame.translation.vector.into(), across: frame.rotation * Vector3::x() }
 }
 
 /// The frame of standard DH behind a joint: on the next line where the common normal meets it, x along the normal.
@@ -130,12 +124,7 @@ fn refuse_far(
     Err(RestateError::NearlyParallel {
         joint: file.joint[place].name.clone(),
         convention: file.convention.word(),
-        angle_deg: line
-            .direction
-            .cross(&next.direction)
-            .norm()
-            .asin()
-            .to_degrees(),
+        angle_deg: line.direction.cross(&next.direction).norm().asin().to_degrees(),
         distance_m: distance / 1000.0,
     })
 }
@@ -167,11 +156,7 @@ impl Normal {
             } else {
                 apart.normalize()
             };
-            return Self {
-                on_first,
-                on_second,
-                across,
-            };
+            return Self { on_first, on_second, across };
         }
         // The feet of the common normal: the distance along each line where the difference is across both.
         let sine2 = cross.norm_squared();
@@ -181,11 +166,7 @@ impl Normal {
         let on_second = second.point + next * along_second;
         let apart = cross.dot(&between) / cross.norm();
         let across = cross.normalize() * if apart < -MEET { -1.0 } else { 1.0 };
-        Self {
-            on_first,
-            on_second,
-            across,
-        }
+        Self { on_first, on_second, across }
     }
 }
 

@@ -44,35 +44,20 @@ fn skew_axes_a_track_and_a_passive_joint_are_the_same_in_every_convention() {
         let restated = file.restated(convention).expect("the same arm");
         let (mm, rad) = apart(&arm, &restated.arm().expect("an arm"), 10_000);
         // A table puts this arm's common normals up to 9 m away: rounding there is that of 10 m.
-        assert!(
-            mm < 1e-8 && rad < 1e-12,
-            "{convention:?}: {mm:e} mm, {rad:e} rad"
-        );
+        assert!(mm < 1e-8 && rad < 1e-12, "{convention:?}: {mm:e} mm, {rad:e} rad");
     }
 }
 
 #[test]
 fn nearly_parallel_axes_have_no_place_in_a_table() {
-    let mut file = read(FILES[0])
-        .restated(Convention::Urdf)
-        .expect("the same arm");
+    let mut file = read(FILES[0]).restated(Convention::Urdf).expect("the same arm");
     let axis = file.joint[2].axis.expect("an axis");
     // The third axis is turned by a millionth of a radian from the second, to which it was parallel.
     file.joint[2].axis = Some([axis[0], axis[1], axis[2] + 1e-6]);
-    let told = file
-        .restated(Convention::StandardDh)
-        .expect_err("far away")
-        .to_string();
-    assert!(
-        told.contains("joint_2") && told.contains("from parallel"),
-        "{told}"
-    );
+    let told = file.restated(Convention::StandardDh).expect_err("far away").to_string();
+    assert!(told.contains("joint_2") && told.contains("from parallel"), "{told}");
     for convention in [Convention::Cpc, Convention::Poe, Convention::MinimalPoe] {
-        let other = file
-            .restated(convention)
-            .expect("no such place")
-            .arm()
-            .expect("an arm");
+        let other = file.restated(convention).expect("no such place").arm().expect("an arm");
         let (mm, _) = apart(&file.arm().expect("an arm"), &other, 1000);
         assert!(mm < 1e-9, "{convention:?}: {mm:e} mm");
     }
@@ -86,10 +71,7 @@ fn an_arm_alone_is_stated_again() {
         for convention in Convention::ALL {
             let file = RobotFile::of_arm(&arm, convention).expect("the same arm");
             let (mm, rad) = apart(&arm, &file.arm().expect("an arm"), 200);
-            assert!(
-                mm < 1e-8 && rad < 1e-12,
-                "{convention:?}: {mm:e} mm, {rad:e} rad"
-            );
+            assert!(mm < 1e-8 && rad < 1e-12, "{convention:?}: {mm:e} mm, {rad:e} rad");
         }
     }
 }
@@ -102,9 +84,8 @@ fn an_arm_is_the_same_in_every_convention() {
         for convention in Convention::ALL {
             let restated = file.restated(convention).expect("the same arm");
             let written = toml::to_string(&restated).expect("TOML");
-            let other = read(&written)
-                .arm()
-                .unwrap_or_else(|e| panic!("{convention:?}: {e}\n{written}"));
+            let other =
+                read(&written).arm().unwrap_or_else(|e| panic!("{convention:?}: {e}\n{written}"));
             let (mm, rad) = apart(&arm, &other, 10_000);
             assert!(
                 mm < 1e-9 && rad < 1e-12,

@@ -16,16 +16,8 @@ const RADIANS: f64 = 2e-4;
 impl RobotFile {
     /// The first fault of the file, joint by joint.
     pub(super) fn check(&self) -> Result<(), ArmError> {
-        let moving = self
-            .joint
-            .iter()
-            .filter(|joint| joint.is_reported())
-            .count();
-        let all = self
-            .joint
-            .iter()
-            .filter(|j| j.kind != JointKind::Fixed)
-            .count();
+        let moving = self.joint.iter().filter(|joint| joint.is_reported()).count();
+        let all = self.joint.iter().filter(|j| j.kind != JointKind::Fixed).count();
         if moving == 0 || all > MOST_JOINTS || self.joint.len() > MOST_TABLES {
             return Err(ArmError::JointCount { found: all });
         }
@@ -33,17 +25,13 @@ impl RobotFile {
             joint.check(self.convention)?;
             let before = &self.joint[..index];
             if before.iter().any(|other| other.name == joint.name) {
-                return Err(ArmError::DuplicateJoint {
-                    joint: joint.name.clone(),
-                });
+                return Err(ArmError::DuplicateJoint { joint: joint.name.clone() });
             }
             self.check_mimic(joint)?;
         }
         let is_exponential = matches!(self.convention, Convention::Poe | Convention::MinimalPoe);
         if is_exponential && self.flange.is_none() {
-            return Err(ArmError::NoFlange {
-                convention: self.convention.word(),
-            });
+            return Err(ArmError::NoFlange { convention: self.convention.word() });
         }
         self.check_lengths()
     }
@@ -59,33 +47,21 @@ impl RobotFile {
         if self.joint.iter().any(followed) {
             Ok(())
         } else {
-            Err(ArmError::Mimic {
-                joint: joint.name.clone(),
-                found: mimic.joint.clone(),
-            })
+            Err(ArmError::Mimic { joint: joint.name.clone(), found: mimic.joint.clone() })
         }
     }
 
     /// Refuses an arm whose lengths are in metres.
     fn check_lengths(&self) -> Result<(), ArmError> {
         let lengths = || {
-            let own = |joint| {
-                JointFile::lengths(joint)
-                    .into_iter()
-                    .map(move |l| (joint, l))
-            };
+            let own = |joint| JointFile::lengths(joint).into_iter().map(move |l| (joint, l));
             self.joint.iter().flat_map(own)
         };
         let largest = lengths().max_by(|a, b| a.1.1.abs().total_cmp(&b.1.1.abs()));
         let total: f64 = lengths().map(|(_, (_, length))| length.abs()).sum();
         match largest {
             Some((joint, (key, found))) if total > 0.0 && total < LEAST_LENGTHS_MM => {
-                Err(ArmError::Metres {
-                    joint: joint.name.clone(),
-                    key,
-                    found,
-                    total,
-                })
+                Err(ArmError::Metres { joint: joint.name.clone(), key, found, total })
             }
             _ => Ok(()),
         }
@@ -111,10 +87,7 @@ impl JointFile {
             })));
         }
         if let Some(found) = self.sign.filter(|sign| sign.abs() != 1) {
-            return Err(ArmError::Sign {
-                joint: self.name.clone(),
-                found,
-            });
+            return Err(ArmError::Sign { joint: self.name.clone(), found });
         }
         self.check_limits()?;
         self.check_numbers()?;
@@ -122,20 +95,12 @@ impl JointFile {
     }
 
     fn check_limits(&self) -> Result<(), ArmError> {
-        for (key, limits) in [
-            ("limits_deg", self.limits_deg),
-            ("limits_mm", self.limits_mm),
-        ] {
+        for (key, limits) in [("limits_deg", self.limits_deg), ("limits_mm", self.limits_mm)] {
             let Some([lower, upper]) = limits else {
                 continue;
             };
             if !(lower.is_finite() && upper.is_finite() && lower < upper) {
-                return Err(ArmError::Limits {
-                    joint: self.name.clone(),
-                    key,
-                    lower,
-                    upper,
-                });
+                return Err(ArmError::Limits { joint: self.name.clone(), key, lower, upper });
             }
         }
         Ok(())
@@ -152,12 +117,9 @@ impl JointFile {
         let limits = [("limits_deg", lower), ("limits_deg", upper)];
         let mut angles = angles.into_iter().chain(limits);
         match angles.find_map(|(key, found)| Some((key, found, in_radians(found)?))) {
-            Some((key, found, degrees)) => Err(ArmError::Radians {
-                joint: self.name.clone(),
-                key,
-                found,
-                degrees,
-            }),
+            Some((key, found, degrees)) => {
+                Err(ArmError::Radians { joint: self.name.clone(), key, found, degrees })
+            }
             None => Ok(()),
         }
     }
@@ -167,21 +129,14 @@ impl JointFile {
             let Some(found) = direction else { continue };
             let norm = nalgebra::Vector3::from(found).norm();
             if !(norm.is_finite() && norm > 1e-9) {
-                return Err(ArmError::NoDirection {
-                    joint: self.name.clone(),
-                    key,
-                    found,
-                });
+                return Err(ArmError::NoDirection { joint: self.name.clone(), key, found });
             }
         }
         Ok(())
     }
 
     fn not_finite(&self, quantity: &'static str) -> ArmError {
-        ArmError::NotFinite {
-            joint: self.name.clone(),
-            quantity,
-        }
+        ArmError::NotFinite { joint: self.name.clone(), quantity }
     }
 
     /// Every length with its key, mm.
@@ -199,15 +154,9 @@ impl JointFile {
             ("point_mm", self.point_mm),
             ("origin.xyz_mm", self.origin.map(|origin| origin.xyz_mm)),
         ];
-        let single = single
-            .into_iter()
-            .filter_map(|(key, value)| Some((key, value?)));
-        let triple = triple
-            .into_iter()
-            .filter_map(|(key, value)| Some((key, value?)));
-        single
-            .chain(triple.flat_map(|(key, values)| values.map(|value| (key, value))))
-            .collect()
+        let single = single.into_iter().filter_map(|(key, value)| Some((key, value?)));
+        let triple = triple.into_iter().filter_map(|(key, value)| Some((key, value?)));
+        single.chain(triple.flat_map(|(key, values)| values.map(|value| (key, value)))).collect()
     }
 
     /// Every angle with its key, degrees; limits apart.
@@ -219,9 +168,7 @@ impl JointFile {
             ("gamma_deg", self.gamma_deg),
             ("mimic.offset_deg", mimic.and_then(|mimic| mimic.offset_deg)),
         ];
-        all.into_iter()
-            .filter_map(|(key, value)| Some((key, value?)))
-            .collect()
+        all.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
     }
 }
 

@@ -43,10 +43,7 @@ fn file(text: &str) -> RobotFile {
 /// The error of the file with a text in another's place.
 fn error(from: &str, to: &str) -> String {
     assert!(TRACK.contains(from), "{from}");
-    file(&TRACK.replacen(from, to, 1))
-        .arm()
-        .expect_err("a fault")
-        .to_string()
+    file(&TRACK.replacen(from, to, 1)).arm().expect_err("a fault").to_string()
 }
 
 #[test]
@@ -79,15 +76,11 @@ fn tracks_passive_and_fixed_joints_are_one_chain() {
         * Isometry3::translation(300.0, 0.0, 0.0)
         * about(tilted, -elbow + 30.0_f64.to_radians());
     let flange = *arm.flange(&[slide, shoulder, elbow]).isometry();
-    let apart = (flange.to_homogeneous() - by_hand.to_homogeneous())
-        .abs()
-        .max();
+    let apart = (flange.to_homogeneous() - by_hand.to_homogeneous()).abs().max();
     assert!(apart < 1e-10, "{apart:e}");
     // The elbow's own twist is that of both its joints: the numerical derivative says so.
     let offsets = vec![0.0; arm.chain().parameters().len()];
-    let at = arm
-        .chain()
-        .differential(&[slide, shoulder, elbow], &offsets);
+    let at = arm.chain().differential(&[slide, shoulder, elbow], &offsets);
     let step = 1e-6;
     let ahead = arm.flange(&[slide, shoulder, elbow + step]);
     let slope = (ahead.isometry().translation.vector - flange.translation.vector) / step;
@@ -102,22 +95,13 @@ fn a_fault_names_joint_key_and_remedy() {
         "joint \"track\", convention \"urdf\": needs limits_mm and has limits_deg, which nothing reads there"
     );
     let told = error("joint = \"elbow\"", "joint = \"post\"");
-    assert!(
-        told.contains("\"parallelogram\" follows \"post\""),
-        "{told}"
-    );
+    assert!(told.contains("\"parallelogram\" follows \"post\""), "{told}");
     let told = error("axis = [1, 0, 0]", "axis = [0, 0, 0]");
-    assert!(
-        told.contains("\"track\": axis = [0.0, 0.0, 0.0] has no direction"),
-        "{told}"
-    );
+    assert!(told.contains("\"track\": axis = [0.0, 0.0, 0.0] has no direction"), "{told}");
     let told = error("offset_deg = 30.0", "offset_deg = 1.5708");
     assert!(told.contains("1.5708 is 90° in radians"), "{told}");
     let told = error("limits_deg = [-180, 180]", "limits_deg = [-3.1416, 3.1416]");
-    assert!(
-        told.contains("\"shoulder\": limits_deg = -3.1416 is -180° in radians"),
-        "{told}"
-    );
+    assert!(told.contains("\"shoulder\": limits_deg = -3.1416 is -180° in radians"), "{told}");
 }
 
 #[test]
@@ -129,10 +113,7 @@ fn an_arm_in_metres_is_named() {
         }
     }
     let told = metres.arm().expect_err("metres").to_string();
-    assert!(
-        told.contains("joint \"elbow\"") && told.contains("origin.xyz_mm = 0.6"),
-        "{told}"
-    );
+    assert!(told.contains("joint \"elbow\"") && told.contains("origin.xyz_mm = 0.6"), "{told}");
 }
 
 #[test]
@@ -141,8 +122,5 @@ fn a_file_without_joints_that_move_is_no_arm() {
     for joint in &mut still.joint {
         joint.kind = JointKind::Fixed;
     }
-    assert!(matches!(
-        still.arm(),
-        Err(ArmError::JointCount { found: 0 })
-    ));
+    assert!(matches!(still.arm(), Err(ArmError::JointCount { found: 0 })));
 }

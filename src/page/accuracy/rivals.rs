@@ -50,10 +50,7 @@ fn row(figures: &[AccuracyRow], difference: &AccuracyRow) -> Markup {
 }
 
 fn outcome(difference: &AccuracyRow) -> Option<Outcome> {
-    Some(Outcome::of(
-        difference.value?,
-        difference.expanded_uncertainty?,
-    ))
+    Some(Outcome::of(difference.value?, difference.expanded_uncertainty?))
 }
 
 /// The best rival on stations that did not choose it, in a sentence.

@@ -51,13 +51,7 @@ fn row(content: &Content, session: &Session) -> Markup {
         html! { @for place in 0..2 { td { (words::optional(means.map(|own| own[place].mean), 3)) } } }
     };
     let inside = of(alone, Split::Session, FigureName::ShareInEllipsoid);
-    let bound = figure(
-        figures,
-        &session.name,
-        alone,
-        Split::Session,
-        FigureName::Bound,
-    );
+    let bound = figure(figures, &session.name, alone, Split::Session, FigureName::Bound);
     html! {
         tr {
             th.word scope="row" { (session.name) @if !session.trained { small { "only judged" } } }

@@ -9,9 +9,8 @@ use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let newest = content.measured().map(|(_, newest)| newest);
-    let mut ratios: Vec<(f64, TableVerdict)> = newest
-        .filter_map(|newest| Some((newest.ratio()?, newest.verdict)))
-        .collect();
+    let mut ratios: Vec<(f64, TableVerdict)> =
+        newest.filter_map(|newest| Some((newest.ratio()?, newest.verdict))).collect();
     if ratios.len() < 2 {
         return None;
     }
@@ -19,16 +18,11 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let of = |own: TableVerdict| {
         let places = ratios.iter().enumerate();
         let points = places.filter(|(_, (_, verdict))| *verdict == own);
-        let points: Vec<[f64; 2]> = points
-            .map(|(place, (ratio, _))| [place as f64 + 1.0, *ratio])
-            .collect();
+        let points: Vec<[f64; 2]> =
+            points.map(|(place, (ratio, _))| [place as f64 + 1.0, *ratio]).collect();
         (!points.is_empty()).then(|| Series::new(verdict(own), vec![Marks::Points(points)]))
     };
-    let verdicts = [
-        TableVerdict::Met,
-        TableVerdict::NotMet,
-        TableVerdict::NotShown,
-    ];
+    let verdicts = [TableVerdict::Met, TableVerdict::NotMet, TableVerdict::NotShown];
     let chart = Chart {
         title: "Bound over tolerance of each robot".to_owned(),
         description:
@@ -37,10 +31,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         x: Axis::of_whole_numbers("robot by rank", ""),
         y: Axis::new("bound over tolerance", "").including(&[0.0, 1.1]),
         series: verdicts.into_iter().filter_map(of).collect(),
-        limits: vec![Limit {
-            name: "tolerance".to_owned(),
-            value: 1.0,
-        }],
+        limits: vec![Limit { name: "tolerance".to_owned(), value: 1.0 }],
     };
     Some(html! {
         figure {

@@ -62,10 +62,7 @@ pub struct Newest {
 impl Content {
     /// The time that the page is of, as text.
     pub(super) fn as_of_text(&self) -> String {
-        self.as_of.map_or_else(
-            || "a time that is not known".to_owned(),
-            |time| time.to_string(),
-        )
+        self.as_of.map_or_else(|| "a time that is not known".to_owned(), |time| time.to_string())
     }
 
     /// Robots with their newest sessions.
@@ -101,9 +98,5 @@ impl Newest {
 
 /// A number of robots, in words.
 pub(super) fn how_many(robots: usize) -> String {
-    if robots == 1 {
-        "1 robot".to_owned()
-    } else {
-        format!("{robots} robots")
-    }
+    if robots == 1 { "1 robot".to_owned() } else { format!("{robots} robots") }
 }

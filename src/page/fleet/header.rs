@@ -54,10 +54,7 @@ fn status(content: &Content) -> (&'static str, &'static str, String) {
     let [met, not_met, ..] = counts(content).map(|(_, count)| count);
     if not_met > 0 {
         let verb = if not_met == 1 { "does" } else { "do" };
-        let headline = format!(
-            "{not_met} of {} {verb} not meet the tolerance",
-            how_many(all)
-        );
+        let headline = format!("{not_met} of {} {verb} not meet the tolerance", how_many(all));
         ("not-met", "✗", headline)
     } else if met < all {
         let headline = format!("{met} of {all} robots are shown to meet the tolerance");

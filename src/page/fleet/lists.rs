@@ -36,9 +36,8 @@ pub(super) fn moved(content: &Content) -> Markup {
     let mut own: Vec<Measured<'_>> = content.measured().collect();
     own.retain(|(_, newest)| newest.is_changed());
     own.sort_by_key(|(_, newest)| Reverse(newest.started));
-    let (last, earlier): (Vec<_>, Vec<_>) = own
-        .into_iter()
-        .partition(|(_, newest)| content.is_last_night(newest));
+    let (last, earlier): (Vec<_>, Vec<_>) =
+        own.into_iter().partition(|(_, newest)| content.is_last_night(newest));
     html! {
         @if last.is_empty() { p { "Nothing moved last night, and no figure left its control limits." } }
         @else { p { "Last night, of " (how_many(last.len())) ":" } (changes(&last)) }
@@ -52,11 +51,7 @@ pub(super) fn moved(content: &Content) -> Markup {
 fn changes(own: &[Measured<'_>]) -> Markup {
     let head = html! { th { "Robot" } th.word { "Session" } th.word { "Began" } th.word { "What moved" } th.word { "Out of control" } };
     let row = |(robot, newest): &Measured<'_>| {
-        let out: Vec<String> = newest
-            .out_of_control
-            .iter()
-            .map(|name| figure_name(name))
-            .collect();
+        let out: Vec<String> = newest.out_of_control.iter().map(|name| figure_name(name)).collect();
         html! {
             tr {
                 th scope="row" { (link(robot)) }
@@ -74,11 +69,8 @@ pub(super) fn not_measured(content: &Content) -> Markup {
     let mut own: Vec<Measured<'_>> = content.measured().collect();
     own.retain(|(_, newest)| !content.is_last_night(newest));
     own.sort_by_key(|(_, newest)| newest.started);
-    let without: Vec<&Robot> = content
-        .robots
-        .iter()
-        .filter(|robot| robot.newest.is_none())
-        .collect();
+    let without: Vec<&Robot> =
+        content.robots.iter().filter(|robot| robot.newest.is_none()).collect();
     let head = html! { th { "Robot" } th.n { "Days ago" } th.n { "Usually every" } th.word { "Newest session" } th.word { "Began" } };
     let row = |(robot, newest): &Measured<'_>| {
         html! {
@@ -114,11 +106,7 @@ pub(super) fn all(content: &Content) -> Markup {
         sort_by_ratio(&mut of);
         of
     };
-    let verdicts = [
-        TableVerdict::NotMet,
-        TableVerdict::NotShown,
-        TableVerdict::Met,
-    ];
+    let verdicts = [TableVerdict::NotMet, TableVerdict::NotShown, TableVerdict::Met];
     let groups = verdicts.map(|own| (own, of(own)));
     html! {
         @for (own, robots) in groups.iter().filter(|(_, robots)| !robots.is_empty()) {
@@ -177,16 +165,12 @@ fn link(robot: &Robot) -> Markup {
 }
 
 fn began(newest: &Newest) -> String {
-    newest
-        .started
-        .map_or_else(|| "no date".to_owned(), |time| time.to_string())
+    newest.started.map_or_else(|| "no date".to_owned(), |time| time.to_string())
 }
 
 fn capital(word: &str) -> String {
     let mut letters = word.chars();
-    letters.next().map_or_else(String::new, |first| {
-        first.to_uppercase().chain(letters).collect()
-    })
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 const fn class(verdict: TableVerdict) -> &'static str {

@@ -47,15 +47,10 @@ fn the_verdict_stands_first_names_are_escaped_and_each_robot_has_its_link() {
         robot("b", 2, TableVerdict::NotMet, 0.75),
         robot("c", 72, TableVerdict::NotShown, 0.4),
     ]));
-    let options = ParsingOptions {
-        allow_dtd: true,
-        ..ParsingOptions::default()
-    };
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let parsed = Document::parse_with_options(&page, options).expect("well-formed");
     assert!(!page.contains("<script") && !page.contains("<img"));
-    let links = parsed
-        .descendants()
-        .filter(|node| node.attribute("href") == Some("a%2520b.html"));
+    let links = parsed.descendants().filter(|node| node.attribute("href") == Some("a%2520b.html"));
     // All of them by verdict, one that moved, one that was not measured.
     assert_eq!(links.count(), 5);
     for expected in [
@@ -71,10 +66,8 @@ fn the_verdict_stands_first_names_are_escaped_and_each_robot_has_its_link() {
 
 #[test]
 fn a_fleet_without_a_date_or_a_session_says_so() {
-    let mut robots = vec![
-        robot("a", 0, TableVerdict::Met, 0.25),
-        robot("b", 0, TableVerdict::Met, 0.25),
-    ];
+    let mut robots =
+        vec![robot("a", 0, TableVerdict::Met, 0.25), robot("b", 0, TableVerdict::Met, 0.25)];
     let all_met = html(&content(robots.clone()));
     assert!(
         all_met.contains("All 2 robots meet the tolerance")
@@ -82,10 +75,7 @@ fn a_fleet_without_a_date_or_a_session_says_so() {
     );
     robots[0].newest.as_mut().expect("there").started = None;
     robots[1].newest = None;
-    let page = html(&Content {
-        as_of: None,
-        ..content(robots)
-    });
+    let page = html(&Content { as_of: None, ..content(robots) });
     for expected in [
         "No session has a date",
         "1 of 2 robots are shown to meet",

@@ -12,12 +12,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let is_told = |session: &Session| {
         session.moved.is_some() || !session.out_of_control.is_empty() || session.against == 0
     };
-    let told: Vec<(usize, &Session)> = content
-        .sessions
-        .iter()
-        .enumerate()
-        .filter(|(_, own)| is_told(own))
-        .collect();
+    let told: Vec<(usize, &Session)> =
+        content.sessions.iter().enumerate().filter(|(_, own)| is_told(own)).collect();
     if told.is_empty() {
         return None;
     }

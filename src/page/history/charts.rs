@@ -11,11 +11,7 @@ use crate::report::chart::{Axis, Chart, Limit, Marks, Series as Drawn};
 const MOST: usize = 400;
 
 pub(super) fn accuracy(content: &Content) -> Option<Markup> {
-    let own: Vec<&Series> = content
-        .series
-        .iter()
-        .filter(|series| series.is_accuracy)
-        .collect();
+    let own: Vec<&Series> = content.series.iter().filter(|series| series.is_accuracy).collect();
     if own.is_empty() {
         return None;
     }
@@ -54,32 +50,14 @@ type Group = (&'static str, &'static [&'static str], &'static str, f64);
 
 const GROUPS: [Group; 5] = [
     ("Base, place", &["base_x", "base_y", "base_z"], "mm", 1.0),
-    (
-        "Base, orientation",
-        &["base_rx", "base_ry", "base_rz"],
-        "mrad",
-        1e3,
-    ),
-    (
-        "Target, place",
-        &["target_x", "target_y", "target_z"],
-        "mm",
-        1.0,
-    ),
-    (
-        "Target, orientation",
-        &["target_rx", "target_ry", "target_rz"],
-        "mrad",
-        1e3,
-    ),
+    ("Base, orientation", &["base_rx", "base_ry", "base_rz"], "mrad", 1e3),
+    ("Target, place", &["target_x", "target_y", "target_z"], "mm", 1.0),
+    ("Target, orientation", &["target_rx", "target_ry", "target_rz"], "mrad", 1e3),
     ("Joint offsets", &["theta_"], "mrad", 1e3),
 ];
 
 pub(super) fn since_first(content: &Content) -> Option<Markup> {
-    let figures: Vec<Markup> = GROUPS
-        .iter()
-        .filter_map(|group| place(content, group))
-        .collect();
+    let figures: Vec<Markup> = GROUPS.iter().filter_map(|group| place(content, group)).collect();
     (!figures.is_empty()).then(|| {
         html! {
             p {
@@ -93,12 +71,8 @@ pub(super) fn since_first(content: &Content) -> Option<Markup> {
 
 fn place(content: &Content, (title, names, unit, scale): &Group) -> Option<Markup> {
     let is_own = |series: &&Series| names.iter().any(|name| series.name.starts_with(name));
-    let own: Vec<&Series> = content
-        .series
-        .iter()
-        .filter(|series| !series.is_accuracy)
-        .filter(is_own)
-        .collect();
+    let own: Vec<&Series> =
+        content.series.iter().filter(|series| !series.is_accuracy).filter(is_own).collect();
     if own.is_empty() {
         return None;
     }
@@ -116,32 +90,20 @@ fn place(content: &Content, (title, names, unit, scale): &Group) -> Option<Marku
 
 fn banded(series: &Series, scale: f64) -> Drawn {
     let at = |point: &Point| point.session as f64;
-    let line: Vec<[f64; 2]> = thinned(&series.points)
-        .map(|point| [at(point), scale * point.value])
-        .collect();
+    let line: Vec<[f64; 2]> =
+        thinned(&series.points).map(|point| [at(point), scale * point.value]).collect();
     let band = thinned(&series.points).map(|point| {
         let half = 2.0 * point.sd.unwrap_or(0.0);
-        [
-            at(point),
-            scale * (point.value - half),
-            scale * (point.value + half),
-        ]
+        [at(point), scale * (point.value - half), scale * (point.value + half)]
     });
     Drawn::new(
         &series.name,
-        vec![
-            Marks::Band(band.collect()),
-            Marks::Line(line.clone()),
-            Marks::Points(line),
-        ],
+        vec![Marks::Band(band.collect()), Marks::Line(line.clone()), Marks::Points(line)],
     )
 }
 
 pub(super) fn control(content: &Content) -> Markup {
-    let groups = [
-        (true, "Accuracy figures"),
-        (false, "Base, target and joint offsets"),
-    ];
+    let groups = [(true, "Accuracy figures"), (false, "Base, target and joint offsets")];
     let figures = groups.map(|(is_accuracy, caption)| {
         let own = content.series.iter();
         let own = own.filter(|series| series.is_accuracy == is_accuracy);
@@ -171,10 +133,7 @@ fn averages(series: &Series) -> Vec<[f64; 2]> {
 }
 
 fn figure(caption: &str, drawn: Vec<Drawn>) -> Markup {
-    let limit = |value: f64| Limit {
-        name: format!("limit {}", fixed(value, 0)),
-        value,
-    };
+    let limit = |value: f64| Limit { name: format!("limit {}", fixed(value, 0)), value };
     let chart = Chart {
         title: format!("Moving averages: {caption}"),
         description: "Exponentially weighted moving averages over their control limits.".to_owned(),

@@ -8,11 +8,7 @@ use crate::page::words::fixed;
 use crate::report::chart::{Axis, Chart, Series};
 
 pub(super) fn curves(content: &Content) -> Option<Markup> {
-    let own: Vec<&Curve> = content
-        .curves
-        .iter()
-        .filter(|curve| !curve.newest.is_empty())
-        .collect();
+    let own: Vec<&Curve> = content.curves.iter().filter(|curve| !curve.newest.is_empty()).collect();
     (!own.is_empty()).then(|| {
         html! {
             p { "Error curve of each joint where stations measured it, with bands of two standard deviations; every session's curves are in " code { "history" } "." }
@@ -23,21 +19,11 @@ pub(super) fn curves(content: &Content) -> Option<Markup> {
 
 fn figure(curve: &Curve) -> Markup {
     let slides = curve.slides;
-    let (per_place, per_error) = if slides {
-        (1.0, 1.0)
-    } else {
-        (1.0_f64.to_degrees(), 1e3)
-    };
+    let (per_place, per_error) = if slides { (1.0, 1.0) } else { (1.0_f64.to_degrees(), 1e3) };
     let drawn = |name: &str, points: &[[f64; 3]]| {
-        let line = points
-            .iter()
-            .map(|[angle, error, _]| [angle * per_place, per_error * error]);
+        let line = points.iter().map(|[angle, error, _]| [angle * per_place, per_error * error]);
         let band = points.iter().map(|[angle, error, sd]| {
-            [
-                angle * per_place,
-                per_error * (error - 2.0 * sd),
-                per_error * (error + 2.0 * sd),
-            ]
+            [angle * per_place, per_error * (error - 2.0 * sd), per_error * (error + 2.0 * sd)]
         });
         Series::band(name, line.collect(), band.collect())
     };
@@ -45,11 +31,7 @@ fn figure(curve: &Curve) -> Markup {
         title: format!("Error curve of joint {}", curve.joint),
         description: "Deviation of the joint over its angle in the first and the newest session."
             .to_owned(),
-        x: if slides {
-            Axis::new("joint position", "mm")
-        } else {
-            Axis::new("joint angle", "°")
-        },
+        x: if slides { Axis::new("joint position", "mm") } else { Axis::new("joint angle", "°") },
         y: Axis::new("deviation", if slides { "mm" } else { "mrad" }),
         series: vec![drawn("first", &curve.first), drawn("newest", &curve.newest)],
         limits: Vec::new(),
@@ -73,11 +55,7 @@ pub(super) fn parameters(content: &Content) -> Option<Markup> {
 }
 
 fn row(parameter: &Parameter) -> Markup {
-    let (scale, unit) = if parameter.unit == "rad" {
-        (1e3, "mrad")
-    } else {
-        (1.0, "mm")
-    };
+    let (scale, unit) = if parameter.unit == "rad" { (1e3, "mrad") } else { (1.0, "mm") };
     let cells = |found: Option<(f64, f64)>| {
         let text =
             |value: Option<f64>| value.map_or("–".to_owned(), |value| fixed(scale * value, 4));

@@ -25,18 +25,9 @@ fn counts(content: &Content) -> [(&'static str, usize); 6] {
     [
         ("Sessions", content.sessions.len()),
         ("With a change", sessions(|own| own.moved.is_some())),
-        (
-            "Changes that last",
-            sessions(|own| own.lasting == Some(true)),
-        ),
-        (
-            "Out of control",
-            sessions(|own| !own.out_of_control.is_empty()),
-        ),
-        (
-            "Segments",
-            content.sessions.last().map_or(0, |last| last.segment),
-        ),
+        ("Changes that last", sessions(|own| own.lasting == Some(true))),
+        ("Out of control", sessions(|own| !own.out_of_control.is_empty())),
+        ("Segments", content.sessions.last().map_or(0, |last| last.segment)),
         ("Runs left out", content.left_out.len()),
     ]
 }
@@ -47,11 +38,9 @@ fn status(content: &Content) -> (&'static str, &'static str, &'static str) {
         None => ("not-shown", "?", "There is no session to report"),
         Some(last) if last.moved.is_some() => ("not-met", "✗", "Something moved"),
         Some(last) if !last.out_of_control.is_empty() => ("not-met", "✗", "Out of control"),
-        Some(last) if last.against == 0 => (
-            "not-shown",
-            "?",
-            "Nothing to compare the newest session with",
-        ),
+        Some(last) if last.against == 0 => {
+            ("not-shown", "?", "Nothing to compare the newest session with")
+        }
         Some(_) => ("met", "✓", "Nothing moved"),
     }
 }

@@ -63,10 +63,7 @@ fn the_verdict_stands_first_and_everything_is_escaped() {
     assert!(page.contains("Nothing moved"), "{page}");
     assert!(page.contains("ur10 &lt;b&gt;") && !page.contains("ur10 <b>"));
     assert!(page.contains("base by 0.200 mm") && page.contains("replaced by another run"));
-    assert!(
-        !page.contains("<script") && !page.contains("http"),
-        "no script and no network"
-    );
+    assert!(!page.contains("<script") && !page.contains("http"), "no script and no network");
     let page = page.trim_start_matches("<!DOCTYPE html>");
     let tree = roxmltree::Document::parse(page).expect("well-formed");
     let charts = tree.descendants().filter(|node| node.has_tag_name("svg"));

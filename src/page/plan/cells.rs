@@ -40,9 +40,5 @@ pub(super) fn errors(figure: &FigureRow) -> Markup {
 
 /// `95 % of robots (95 % confidence)`.
 pub(super) fn asked(share: f64, confidence: f64) -> String {
-    format!(
-        "{} % of robots, {} % confidence",
-        percent(share),
-        percent(confidence)
-    )
+    format!("{} % of robots, {} % confidence", percent(share), percent(confidence))
 }

@@ -10,12 +10,7 @@ use crate::plan::Kind;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 /// In the order of the legend; a design has the same look in every chart.
-const DESIGNS: [Kind; 4] = [
-    Kind::GreedyVariance,
-    Kind::UniformGrid,
-    Kind::Random,
-    Kind::DOptimal,
-];
+const DESIGNS: [Kind; 4] = [Kind::GreedyVariance, Kind::UniformGrid, Kind::Random, Kind::DOptimal];
 /// The look of the error model's own expectation.
 const EXPECTED: usize = 4;
 
@@ -45,8 +40,7 @@ fn points(
     value: impl Fn(&FigureRow) -> Option<f64>,
 ) -> Vec<[f64; 2]> {
     let own = rows.iter().filter(|row| row.design == design);
-    own.filter_map(|row| Some([row.poses as f64, value(row)?]))
-        .collect()
+    own.filter_map(|row| Some([row.poses as f64, value(row)?])).collect()
 }
 
 fn series(rows: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64> + Copy) -> Vec<Series> {
@@ -85,12 +79,7 @@ fn bounds(content: &Content, rows: &[&FigureRow]) -> Markup {
     let mut all = series(rows, |row| row.bound_mm);
     all.push(ring(rows, |row| row.bound_mm));
     let y = Axis::new("bound over robots", "mm").including(&[0.0]);
-    chart(
-        "Bound against the number of poses",
-        y,
-        all,
-        steps::tolerance(content),
-    )
+    chart("Bound against the number of poses", y, all, steps::tolerance(content))
 }
 
 fn chart(title: &str, y: Axis, series: Vec<Series>, limits: Vec<Limit>) -> Markup {
@@ -106,9 +95,7 @@ fn chart(title: &str, y: Axis, series: Vec<Series>, limits: Vec<Limit>) -> Marku
 }
 
 fn all_rows(content: &Content, rows: &[&FigureRow]) -> Markup {
-    let share = content
-        .promise()
-        .map_or(0.95, |promise| promise.bound_share);
+    let share = content.promise().map_or(0.95, |promise| promise.bound_share);
     let head = html! {
         th.word { "Design" } th { "Poses" } th { "Mean" } th { "Mean expected" } th { "p95" }
         th { (percent(share)) " % expected" } th { "Bound" } (cells::robots_head())

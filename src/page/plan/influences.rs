@@ -47,10 +47,8 @@ const STUDIES: [Study; 4] = [
     },
 ];
 /// Sources of node values and their looks for mean and 95th percentile.
-const SOURCES: [(CorrectedBy, [usize; 2]); 2] = [
-    (CorrectedBy::Measured, [1, 3]),
-    (CorrectedBy::Model, [0, 2]),
-];
+const SOURCES: [(CorrectedBy, [usize; 2]); 2] =
+    [(CorrectedBy::Measured, [1, 3]), (CorrectedBy::Model, [0, 2])];
 /// The interpolation that is drawn.
 const DRAWN: Interpolation = Interpolation::Trilinear;
 
@@ -79,12 +77,9 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 
 fn chart(study: &Study, rows: &[&FigureRow]) -> Markup {
     let points = |source: CorrectedBy, value: fn(&FigureRow) -> Option<f64>| {
-        let own = rows
-            .iter()
-            .filter(|row| row.source == source && is_drawn(row));
-        let mut points: Vec<[f64; 2]> = own
-            .filter_map(|row| Some([row.value?, value(row)?]))
-            .collect();
+        let own = rows.iter().filter(|row| row.source == source && is_drawn(row));
+        let mut points: Vec<[f64; 2]> =
+            own.filter_map(|row| Some([row.value?, value(row)?])).collect();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
         points
     };
@@ -123,18 +118,11 @@ fn missing(rows: &[&FigureRow]) -> String {
     let none = values(unjudged().filter(|row| !is_absent(row)));
     let few = values(drawn().filter(|row| row.mean_mm.is_some() && row.judged == 0));
     let say = |words: &str, values: String| {
-        if values.is_empty() {
-            values
-        } else {
-            format!(" {words} {values}.")
-        }
+        if values.is_empty() { values } else { format!(" {words} {values}.") }
     };
     say("The region has no poses, so nothing was judged, at", absent)
         + &say("No pose could be judged at", none)
-        + &say(
-            "Too few fresh poses for a bound, so read with care, at",
-            few,
-        )
+        + &say("Too few fresh poses for a bound, so read with care, at", few)
 }
 
 /// The values of rows, each once, from the smallest.

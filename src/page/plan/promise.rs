@@ -33,11 +33,7 @@ impl Status {
         match self {
             Self::Met => ("met", "✓", "The plan meets the tolerance"),
             Self::NotMet => ("not-met", "✗", "The plan does not meet the tolerance"),
-            Self::NotShown => (
-                "not-shown",
-                "?",
-                "The plan is not shown to meet the tolerance",
-            ),
+            Self::NotShown => ("not-shown", "?", "The plan is not shown to meet the tolerance"),
         }
     }
 }
@@ -104,16 +100,9 @@ fn shown(content: &Content, promise: &VisitRow, status: Status) -> Markup {
 
 fn facts(content: &Content, promise: &VisitRow) -> Markup {
     let count = |purpose: VisitPurpose| {
-        content
-            .visits
-            .iter()
-            .filter(|visit| visit.purpose == purpose)
-            .count() as u64
+        content.visits.iter().filter(|visit| visit.purpose == purpose).count() as u64
     };
-    let bound = format!(
-        "Promised bound on {} % of errors",
-        percent(promise.bound_share)
-    );
+    let bound = format!("Promised bound on {} % of errors", percent(promise.bound_share));
     let over = asked(promise.promised_share, promise.promised_confidence);
     html! {
         dl.facts {

@@ -12,11 +12,8 @@ const MOST_LISTED: usize = 500;
 /// Most places of one purpose that are drawn: more would hide each other.
 const MOST_DRAWN: usize = 400;
 /// Projections of the work space: name, across, upwards.
-const VIEWS: [(&str, usize, usize); 3] = [
-    ("From above", 0, 1),
-    ("From the front", 0, 2),
-    ("From the side", 1, 2),
-];
+const VIEWS: [(&str, usize, usize); 3] =
+    [("From above", 0, 1), ("From the front", 0, 2), ("From the side", 1, 2)];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -49,10 +46,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 
 fn view_of(visits: &[VisitRow], (name, across, up): (&str, usize, usize)) -> Markup {
     let places = |purpose: VisitPurpose| {
-        let own: Vec<&VisitRow> = visits
-            .iter()
-            .filter(|visit| visit.purpose == purpose)
-            .collect();
+        let own: Vec<&VisitRow> = visits.iter().filter(|visit| visit.purpose == purpose).collect();
         let every = own.len().div_ceil(MOST_DRAWN).max(1);
         own.iter()
             .step_by(every)
@@ -68,11 +62,8 @@ fn view_of(visits: &[VisitRow], (name, across, up): (&str, usize, usize)) -> Mar
         series: vec![
             Series::points("verify", places(VisitPurpose::Verify)).looking(1),
             Series::points("identify", places(VisitPurpose::Identify)).looking(0),
-            Series::new(
-                "again, for drift",
-                vec![Marks::Rings(places(VisitPurpose::DriftCheck))],
-            )
-            .looking(2),
+            Series::new("again, for drift", vec![Marks::Rings(places(VisitPurpose::DriftCheck))])
+                .looking(2),
         ],
         limits: Vec::new(),
     }
@@ -147,9 +138,6 @@ fn rows(content: &Content) -> Markup {
 
 /// The name of the visit whose pose this one repeats.
 fn repeated<'c>(content: &'c Content, visit: &VisitRow) -> Option<&'c str> {
-    let first = content
-        .visits
-        .iter()
-        .find(|own| Some(own.pose) == visit.repeats)?;
+    let first = content.visits.iter().find(|own| Some(own.pose) == visit.repeats)?;
     Some(&first.target)
 }

@@ -14,11 +14,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let steps = content.of_study(FigureStudy::Step);
     let chosen = steps.iter().copied().find(|row| row.chosen);
     let shown = chosen.or_else(|| best(&steps))?;
-    let own: Vec<&FigureRow> = steps
-        .iter()
-        .copied()
-        .filter(|row| is_alike(row, shown))
-        .collect();
+    let own: Vec<&FigureRow> = steps.iter().copied().filter(|row| is_alike(row, shown)).collect();
     Some(html! {
         p { (sentence(chosen)) }
         p {
@@ -39,10 +35,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 /// Where no step holds: the row that comes nearest.
 fn best<'c>(steps: &[&'c FigureRow]) -> Option<&'c FigureRow> {
     let key = |row: &FigureRow| row.bound_mm.or(row.p95_mm).unwrap_or(f64::INFINITY);
-    steps
-        .iter()
-        .copied()
-        .min_by(|a, b| key(a).total_cmp(&key(b)))
+    steps.iter().copied().min_by(|a, b| key(a).total_cmp(&key(b)))
 }
 
 fn is_alike(row: &FigureRow, other: &FigureRow) -> bool {
@@ -107,11 +100,7 @@ fn all_rows(steps: &[&FigureRow]) -> Markup {
 
 fn in_order<'c>(steps: &[&'c FigureRow]) -> Vec<&'c FigureRow> {
     let mut rows = steps.to_vec();
-    rows.sort_by(|a, b| {
-        a.step_mm
-            .unwrap_or(0.0)
-            .total_cmp(&b.step_mm.unwrap_or(0.0))
-    });
+    rows.sort_by(|a, b| a.step_mm.unwrap_or(0.0).total_cmp(&b.step_mm.unwrap_or(0.0)));
     rows
 }
 
@@ -143,10 +132,7 @@ fn chart(
 
 /// The tolerance as a line.
 pub(super) fn tolerance(content: &Content) -> Vec<Limit> {
-    let limit = |mm: f64| Limit {
-        name: format!("tolerance {mm} mm"),
-        value: mm,
-    };
+    let limit = |mm: f64| Limit { name: format!("tolerance {mm} mm"), value: mm };
     let promise = content.promise().into_iter();
     promise.map(|promise| limit(promise.tolerance_mm)).collect()
 }
@@ -159,9 +145,7 @@ fn points(steps: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64>) -> Ve
 
 /// Bounds of each source and interpolation that is not the drawn one.
 fn other_bounds(steps: &[&FigureRow], own: &[&FigureRow]) -> Vec<Series> {
-    let others = steps
-        .iter()
-        .filter(|row| !own.iter().any(|drawn| is_alike(row, drawn)));
+    let others = steps.iter().filter(|row| !own.iter().any(|drawn| is_alike(row, drawn)));
     let mut families: BTreeMap<String, Vec<&FigureRow>> = BTreeMap::new();
     for row in others {
         families.entry(words::family(row)).or_default().push(row);
@@ -175,17 +159,11 @@ fn other_bounds(steps: &[&FigureRow], own: &[&FigureRow]) -> Vec<Series> {
 
 fn caption(shown: &FigureRow, own: &[&FigureRow]) -> String {
     let unjudged = own.iter().filter(|row| row.mean_mm.is_none());
-    let steps: Vec<String> = unjudged
-        .filter_map(|row| Some(row.step_mm?.to_string()))
-        .collect();
+    let steps: Vec<String> = unjudged.filter_map(|row| Some(row.step_mm?.to_string())).collect();
     let none = if steps.is_empty() {
         String::new()
     } else {
         format!(" No pose could be judged at {} mm.", steps.join(", "))
     };
-    format!(
-        "On {} simulated robots; drawn are {}.{none}",
-        shown.robots,
-        words::origin(shown)
-    )
+    format!("On {} simulated robots; drawn are {}.{none}", shown.robots, words::origin(shown))
 }

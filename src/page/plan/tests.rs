@@ -54,10 +54,7 @@ fn on_grid(study: FigureStudy, value: Option<f64>, step_mm: f64) -> FigureRow {
 }
 
 fn figures() -> Vec<FigureRow> {
-    let chosen = FigureRow {
-        chosen: true,
-        ..on_grid(FigureStudy::Step, None, 500.0)
-    };
+    let chosen = FigureRow { chosen: true, ..on_grid(FigureStudy::Step, None, 500.0) };
     let unjudged = FigureRow {
         mean_mm: None,
         p95_mm: None,
@@ -82,11 +79,7 @@ fn figures() -> Vec<FigureRow> {
         unjudged,
         on_grid(FigureStudy::Step, None, 250.0),
         few,
-        on_grid(
-            FigureStudy::OrientationMismatch,
-            Some(10.000_000_000_000_002),
-            500.0,
-        ),
+        on_grid(FigureStudy::OrientationMismatch, Some(10.000_000_000_000_002), 500.0),
         on_grid(FigureStudy::MixedConfiguration, Some(0.2), 500.0),
         on_grid(FigureStudy::SingularityDistance, Some(0.5), 500.0),
         greedy,
@@ -139,10 +132,7 @@ fn content(name: &str) -> Content {
         robot: text(),
         plan: "00ff".to_owned(),
         figures: figures(),
-        visits: (0..)
-            .zip(purposes)
-            .map(|(pose, purpose)| visit(pose, purpose, name))
-            .collect(),
+        visits: (0..).zip(purposes).map(|(pose, purpose)| visit(pose, purpose, name)).collect(),
         counts: vec![Count {
             stage: "plan".to_owned(),
             of: "candidate poses".to_owned(),
@@ -164,40 +154,19 @@ fn content(name: &str) -> Content {
 fn every_section_is_there_once_in_order() {
     let page = html(&content("kr210"));
     let document = parsed(&page);
-    let sections = document
-        .descendants()
-        .filter(|node| node.has_tag_name("section"));
-    let ids: Vec<_> = sections
-        .filter_map(|section| section.attribute("id"))
-        .collect();
-    assert_eq!(
-        ids,
-        [
-            "grid",
-            "designs",
-            "influences",
-            "session",
-            "provenance",
-            "reading"
-        ]
-    );
+    let sections = document.descendants().filter(|node| node.has_tag_name("section"));
+    let ids: Vec<_> = sections.filter_map(|section| section.attribute("id")).collect();
+    assert_eq!(ids, ["grid", "designs", "influences", "session", "provenance", "reading"]);
     // Step; mean and bound of designs; four influences; three views and what an early end leaves.
     assert_eq!(page.matches("<svg").count(), 1 + 2 + 4 + 4);
-    assert_eq!(
-        page,
-        html(&content("kr210")),
-        "the same content gives the same bytes"
-    );
+    assert_eq!(page, html(&content("kr210")), "the same content gives the same bytes");
 }
 
 #[test]
 fn the_promise_stands_first_in_words_with_its_share_and_confidence() {
     let page = html(&content("kr210"));
     let document = parsed(&page);
-    let header = document
-        .descendants()
-        .find(|node| node.has_tag_name("header"))
-        .expect("a head");
+    let header = document.descendants().find(|node| node.has_tag_name("header")).expect("a head");
     let words: String = header
         .descendants()
         .filter(roxmltree::Node::is_text)
@@ -221,12 +190,9 @@ fn the_promise_stands_first_in_words_with_its_share_and_confidence() {
 fn figures_carry_the_values_of_the_tables() {
     let page = html(&content("kr210"));
     let document = parsed(&page);
-    let figures = document
-        .descendants()
-        .filter(|node| node.has_tag_name("data"));
-    let values: BTreeMap<&str, &str> = figures
-        .filter_map(|node| Some((node.attribute("value")?, node.text()?)))
-        .collect();
+    let figures = document.descendants().filter(|node| node.has_tag_name("data"));
+    let values: BTreeMap<&str, &str> =
+        figures.filter_map(|node| Some((node.attribute("value")?, node.text()?))).collect();
     // Promised mean and bound; mean, 95th percentile and bound of rows; what the model expects; the share, in percent.
     for (value, shown) in [
         ("0.136375", "0.136"),
@@ -281,12 +247,8 @@ fn a_plan_that_falls_short_and_one_of_too_few_robots_say_so() {
 
 #[test]
 fn a_plan_of_nothing_still_has_a_page() {
-    let bare = Content {
-        figures: Vec::new(),
-        visits: Vec::new(),
-        counts: Vec::new(),
-        ..content("kr210")
-    };
+    let bare =
+        Content { figures: Vec::new(), visits: Vec::new(), counts: Vec::new(), ..content("kr210") };
     let page = html(&bare);
     parsed(&page);
     assert!(page.contains("The plan is not shown to meet the tolerance"));
@@ -295,16 +257,9 @@ fn a_plan_of_nothing_still_has_a_page() {
 #[test]
 fn the_page_of_a_long_session_can_be_mailed() {
     // As many as a plan may have: 2000 poses to identify, 2000 to verify, one of the first again after each.
-    let purposes = [
-        VisitPurpose::Identify,
-        VisitPurpose::Verify,
-        VisitPurpose::DriftCheck,
-    ];
+    let purposes = [VisitPurpose::Identify, VisitPurpose::Verify, VisitPurpose::DriftCheck];
     let visits = (0..6000).map(|pose| visit(pose, purposes[pose % 3], "joint_a1"));
-    let long = Content {
-        visits: visits.collect(),
-        ..content("kr210")
-    };
+    let long = Content { visits: visits.collect(), ..content("kr210") };
     let page = html(&long);
     assert!(page.len() < 500_000, "{} bytes", page.len());
     assert!(page.contains("The first 500 of 6\u{202f}000"));

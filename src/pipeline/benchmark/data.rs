@@ -33,10 +33,8 @@ impl ArmData {
         data: Option<&Path>,
         progress: &dyn Progress,
     ) -> Result<Self, BenchmarkError> {
-        let of_pipeline = |source| BenchmarkError::Pipeline {
-            arm: arm.name.clone(),
-            source: Box::new(source),
-        };
+        let of_pipeline =
+            |source| BenchmarkError::Pipeline { arm: arm.name.clone(), source: Box::new(source) };
         let path = base.join(&arm.pipeline);
         let mut files = files::read(&path, None).map_err(of_pipeline)?;
         let section = &mut files.file.input;
@@ -57,12 +55,7 @@ impl ArmData {
         let sessions = sessions(arm, &configuration, progress)?;
         let mut inputs = vec![robot(arm, &configuration.robot_file)?];
         inputs.extend(checked.inputs);
-        Ok(Self {
-            configuration,
-            sessions,
-            inputs,
-            remarks: checked.remarks,
-        })
+        Ok(Self { configuration, sessions, inputs, remarks: checked.remarks })
     }
 
     /// The session of that name.
@@ -84,10 +77,7 @@ struct Checked {
 
 /// Digests every file, and compares it with the suite's.
 fn checked(arm: &SuiteArm, folder: &Path) -> Result<Checked, BenchmarkError> {
-    let mut checked = Checked {
-        inputs: Vec::new(),
-        remarks: Vec::new(),
-    };
+    let mut checked = Checked { inputs: Vec::new(), remarks: Vec::new() };
     for session in &arm.sessions {
         for file in &session.files {
             let input = digested(arm, file, folder.join(&file.path))?;
@@ -136,11 +126,7 @@ pub(super) fn input(arm: &SuiteArm, path: &Path, name: &str) -> Result<Input, Be
         path: path.to_owned(),
         source,
     })?;
-    Ok(Input {
-        name: name.to_owned(),
-        bytes,
-        digest,
-    })
+    Ok(Input { name: name.to_owned(), bytes, digest })
 }
 
 /// The sessions of an arm, read and joined, in the suite's order.
@@ -150,10 +136,8 @@ fn sessions(
     progress: &dyn Progress,
 ) -> Result<Vec<JoinedSession>, BenchmarkError> {
     let pieces = configuration.pieces.iter();
-    let found: BTreeMap<&str, &SessionFiles> = pieces
-        .flat_map(|piece| &piece.training)
-        .map(|files| (&*files.name, files))
-        .collect();
+    let found: BTreeMap<&str, &SessionFiles> =
+        pieces.flat_map(|piece| &piece.training).map(|files| (&*files.name, files)).collect();
     let mut sessions = Vec::new();
     for own in &arm.sessions {
         let wrong = |reason: String| BenchmarkError::Session {
@@ -165,11 +149,7 @@ fn sessions(
             let mut aside = configuration.set_aside.iter();
             let aside = aside.find(|aside| aside.session == own.name);
             let reason = aside.map(|aside| Why::reason(&aside.why));
-            return Err(wrong(
-                reason
-                    .unwrap_or("the pipeline file does not find it")
-                    .to_owned(),
-            ));
+            return Err(wrong(reason.unwrap_or("the pipeline file does not find it").to_owned()));
         };
         let joined = run::session(configuration, files, None, progress);
         let joined = joined.map_err(|source| BenchmarkError::Run {
@@ -198,24 +178,15 @@ fn told(session: &JoinedSession) -> String {
         measured.count()
     );
     let counts = session.counts.keys();
-    let streams: BTreeSet<&str> = counts
-        .filter_map(|name| name.strip_suffix(".messages"))
-        .collect();
+    let streams: BTreeSet<&str> =
+        counts.filter_map(|name| name.strip_suffix(".messages")).collect();
     for stream in streams {
-        let number = |part: &str| {
-            session
-                .counts
-                .get(&format!("{stream}.{part}"))
-                .copied()
-                .unwrap_or(0)
-        };
+        let number =
+            |part: &str| session.counts.get(&format!("{stream}.{part}")).copied().unwrap_or(0);
         let (read, rejected) = (number("messages"), number("rejected"));
         let kept = read.saturating_sub(rejected);
-        write!(
-            told,
-            "; {stream}: {read} read = {kept} kept + {rejected} left out"
-        )
-        .expect("a string");
+        write!(told, "; {stream}: {read} read = {kept} kept + {rejected} left out")
+            .expect("a string");
     }
     told
 }

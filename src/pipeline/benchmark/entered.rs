@@ -37,10 +37,7 @@ impl Program {
         if !self.path.is_dir() {
             return Some(self.path.clone());
         }
-        let path = self
-            .path
-            .join(&arm.name)
-            .join(format!("{}.csv", split.name));
+        let path = self.path.join(&arm.name).join(format!("{}.csv", split.name));
         path.exists().then_some(path)
     }
 
@@ -53,12 +50,8 @@ impl Program {
     ) -> Result<(Vec<Compared>, Input), BenchmarkError> {
         let wrong = |fault| self.fault(arm, split, fault);
         let read = predictions::read(path).map_err(|error| wrong(error.into()))?;
-        let compared = compared(&read, tested).map_err(|fault| {
-            wrong(PredictionsFault::Stations {
-                path: path.to_owned(),
-                fault,
-            })
-        })?;
+        let compared = compared(&read, tested)
+            .map_err(|fault| wrong(PredictionsFault::Stations { path: path.to_owned(), fault }))?;
         let name = format!("predictions/{}", self.name);
         Ok((compared, input(arm, path, &name)?))
     }
@@ -88,7 +81,7 @@ fn compared(read: &[PredictedStation], tested: &[Tested]) -> Result<Vec<Compared
             Some(session) => session.as_str(),
             None if several => {
                 return Err(
-                    "several sessions test: a column session says which a station is of".to_owned(),
+                    "several sessions test: a column session says which a station is of".to_owned()
                 );
             }
             None => tested.first().map_or("", |own| &own.session),
@@ -131,9 +124,7 @@ fn named(stations: &[(&str, usize)]) -> String {
         return String::new();
     }
     let some = stations.iter().take(NAMED);
-    let some: Vec<String> = some
-        .map(|(session, station)| format!("{session}/{station}"))
-        .collect();
+    let some: Vec<String> = some.map(|(session, station)| format!("{session}/{station}")).collect();
     let more = if stations.len() > NAMED { ", …" } else { "" };
     format!(" ({}{more})", some.join(", "))
 }

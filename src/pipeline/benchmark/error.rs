@@ -222,10 +222,6 @@ impl BenchmarkError {
     }
 
     pub(super) fn stage(arm: &str, split: &str, source: &StageError) -> Self {
-        Self::Split {
-            arm: arm.to_owned(),
-            split: split.to_owned(),
-            fault: source.to_string(),
-        }
+        Self::Split { arm: arm.to_owned(), split: split.to_owned(), fault: source.to_string() }
     }
 }

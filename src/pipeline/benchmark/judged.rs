@@ -58,14 +58,7 @@ impl<'a> Opened<'a> {
         );
         let divided =
             divided.map_err(|error| BenchmarkError::stage(&arm.name, &split.name, &error))?;
-        let own = Self {
-            suite,
-            path,
-            arm,
-            split,
-            data,
-            divided,
-        };
+        let own = Self { suite, path, arm, split, data, divided };
         own.check()?;
         Ok(own)
     }
@@ -74,10 +67,8 @@ impl<'a> Opened<'a> {
     fn check(&self) -> Result<(), BenchmarkError> {
         for (part, lists) in self.split.lists() {
             for (session, numbers) in lists {
-                let stations = self
-                    .data
-                    .session(session)
-                    .map_or(0, |own| own.joined.stations.len());
+                let stations =
+                    self.data.session(session).map_or(0, |own| own.joined.stations.len());
                 if let Some(last) = numbers.all().last().filter(|last| **last >= stations) {
                     return Err(self.suite_fault(SuiteError {
                         place: format!("arm {:?}, split {:?}, {part}", self.arm.name, self.split.name),
@@ -106,10 +97,7 @@ impl<'a> Opened<'a> {
     }
 
     fn suite_fault(&self, source: SuiteError) -> BenchmarkError {
-        BenchmarkError::Suite {
-            path: self.path.clone(),
-            source,
-        }
+        BenchmarkError::Suite { path: self.path.clone(), source }
     }
 
     /// Whether a station finds the base and judges nothing.
@@ -126,10 +114,7 @@ impl<'a> Opened<'a> {
     /// Places of the stations that judge.
     fn judging(&self) -> Vec<usize> {
         let tested = self.divided.test.iter().enumerate();
-        tested
-            .filter(|(_, own)| !self.finds_base(own))
-            .map(|(place, _)| place)
-            .collect()
+        tested.filter(|(_, own)| !self.finds_base(own)).map(|(place, _)| place).collect()
     }
 
     /// Places of the stations that predictions are aligned with; `None` where the base is that of the training.
@@ -139,10 +124,7 @@ impl<'a> Opened<'a> {
             SplitBase::Named(NamedBase::Training) => None,
             SplitBase::Named(NamedBase::Test) => Some(self.judging()),
             SplitBase::Found(_) => Some(
-                tested
-                    .filter(|(_, own)| self.finds_base(own))
-                    .map(|(place, _)| place)
-                    .collect(),
+                tested.filter(|(_, own)| self.finds_base(own)).map(|(place, _)| place).collect(),
             ),
         }
     }
@@ -153,9 +135,8 @@ impl<'a> Opened<'a> {
         let axes = |own: &Observation| in_rad(&own.axes, &slides);
         let train: Vec<Vec<f64>> = self.divided.train.iter().map(axes).collect();
         let judging = self.judging().into_iter();
-        let test: Vec<Vec<f64>> = judging
-            .map(|place| axes(&self.divided.test[place].observation))
-            .collect();
+        let test: Vec<Vec<f64>> =
+            judging.map(|place| axes(&self.divided.test[place].observation)).collect();
         let mixed = mixed(&train, &test, self.split.kind);
         let mixed =
             mixed.ok_or_else(|| self.fault("none of the training stations has a reading"))?;
@@ -196,10 +177,7 @@ impl<'a> Opened<'a> {
         let blocks = self.blocks();
         let common = self.row(&self.key(inputs)?, &mixed, &blocks);
         let draws = Draws::new(&blocks, &self.suite.bootstrap);
-        let references = References {
-            base_target: base_target.as_deref(),
-            full: full.as_deref(),
-        };
+        let references = References { base_target: base_target.as_deref(), full: full.as_deref() };
         let mut rows = self.published(&common);
         for entry in entries {
             let errors = self.errors(&entry.compared)?;
@@ -212,9 +190,7 @@ impl<'a> Opened<'a> {
 
     /// The models of posegrid, trained on the training stations.
     fn models(&self, progress: &dyn Progress) -> Result<Vec<Entry>, BenchmarkError> {
-        let sets = self
-            .divided
-            .compared(&self.data.configuration.arm, progress);
+        let sets = self.divided.compared(&self.data.configuration.arm, progress);
         let sets =
             sets.map_err(|error| BenchmarkError::stage(&self.arm.name, &self.split.name, &error))?;
         let entry = |(model, angles, set): &(Model, Angles, ResidualSet)| Entry {
@@ -302,10 +278,7 @@ impl<'a> Opened<'a> {
     /// The block of each station that judges: of its session's work space.
     fn blocks(&self) -> Vec<usize> {
         let judging = self.judging();
-        let own: Vec<&Tested> = judging
-            .iter()
-            .map(|&place| &self.divided.test[place])
-            .collect();
+        let own: Vec<&Tested> = judging.iter().map(|&place| &self.divided.test[place]).collect();
         let positions: Vec<_> = own.iter().map(|own| own.flange).collect();
         let cells = Blocks::default().cells(&positions);
         let mut known: BTreeMap<(&str, [i64; 3]), usize> = BTreeMap::new();
@@ -320,11 +293,7 @@ impl<'a> Opened<'a> {
     }
 
     fn key(&self, inputs: Vec<Input>) -> Result<RunKey, BenchmarkError> {
-        let settings = (
-            &self.split,
-            &self.suite.bootstrap,
-            &self.data.configuration.settings,
-        );
+        let settings = (&self.split, &self.suite.bootstrap, &self.data.configuration.settings);
         let work = Work {
             robot: self.arm.name.clone(),
             session: names(self.split.test.keys()),
@@ -380,22 +349,11 @@ impl<'a> Opened<'a> {
 /// Axis variables, those that slide in the length that counts as 1 rad.
 fn in_rad(axes: &[f64], slides: &[bool]) -> Vec<f64> {
     let each = axes.iter().zip(slides);
-    each.map(|(own, slides)| {
-        if *slides {
-            own / SLIDE_MM_PER_RAD
-        } else {
-            *own
-        }
-    })
-    .collect()
+    each.map(|(own, slides)| if *slides { own / SLIDE_MM_PER_RAD } else { *own }).collect()
 }
 
 const fn unit(figure: FigureName) -> Unit {
-    if figure.is_length() {
-        Unit::Mm
-    } else {
-        Unit::One
-    }
+    if figure.is_length() { Unit::Mm } else { Unit::One }
 }
 
 fn names<'n>(names: impl Iterator<Item = &'n String>) -> String {
@@ -404,9 +362,7 @@ fn names<'n>(names: impl Iterator<Item = &'n String>) -> String {
 
 fn parts(lists: &BTreeMap<String, Numbers>) -> Parts {
     let lists = lists.iter();
-    lists
-        .map(|(session, own)| (session.clone(), own.all().clone()))
-        .collect()
+    lists.map(|(session, own)| (session.clone(), own.all().clone())).collect()
 }
 
 fn parts_of_base(split: &SuiteSplit) -> Parts {

@@ -17,10 +17,8 @@ use crate::page::benchmark::html;
 /// Copies the robot file of an arm into its folder.
 pub(super) fn robot(data: &ArmData, folder: &Path) -> Result<PathBuf, BenchmarkError> {
     let path = &data.configuration.robot_file;
-    let bytes = input::bytes(path, Bound::ANY).map_err(|source| BenchmarkError::Write {
-        path: path.clone(),
-        source,
-    })?;
+    let bytes = input::bytes(path, Bound::ANY)
+        .map_err(|source| BenchmarkError::Write { path: path.clone(), source })?;
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     put(folder, &format!("robot.{ending}"), &bytes)
 }
@@ -37,21 +35,13 @@ pub(super) fn stations(opened: &Opened<'_>, folder: &Path) -> Result<Vec<PathBuf
     };
     let names = opened.data.sessions.iter().map(|own| &own.name);
     let names: Vec<&String> = names.filter(|name| sessions.contains(name)).collect();
-    let train = divided
-        .train
-        .iter()
-        .map(|own| given(names[own.session], own, true));
+    let train = divided.train.iter().map(|own| given(names[own.session], own, true));
     let test = divided.test.iter();
     let test = test.map(|own| given(&own.session, &own.observation, opened.finds_base(own)));
-    let files = [
-        ("train.csv", train.collect::<Vec<_>>()),
-        ("test.csv", test.collect()),
-    ];
+    let files = [("train.csv", train.collect::<Vec<_>>()), ("test.csv", test.collect())];
     let written = files.into_iter().map(|(name, stations)| {
-        let bytes = csv_of(&stations).map_err(|source| BenchmarkError::Write {
-            path: folder.join(name),
-            source,
-        })?;
+        let bytes = csv_of(&stations)
+            .map_err(|source| BenchmarkError::Write { path: folder.join(name), source })?;
         put(folder, name, &bytes)
     });
     written.collect()

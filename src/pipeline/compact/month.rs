@@ -46,10 +46,7 @@ type RunTables = [Vec<Table>; TABLES.len()];
 impl Month {
     /// A month with these rows in the earlier state.
     pub(super) fn of(keys: BTreeSet<String>) -> Self {
-        Self {
-            keys,
-            ..Self::default()
-        }
+        Self { keys, ..Self::default() }
     }
 
     /// Finds the rows that are no longer there.
@@ -146,9 +143,7 @@ impl Month {
                 Ok(tables) => {
                     done.added += usize::from(request_of(&run.file.key).is_none());
                     self.keys.insert(run.file.key.clone());
-                    new.iter_mut()
-                        .zip(tables)
-                        .for_each(|(new, own)| new.extend(own));
+                    new.iter_mut().zip(tables).for_each(|(new, own)| new.extend(own));
                 }
             }
         }
@@ -243,10 +238,7 @@ pub(super) fn of(row: &Table) -> String {
         rows.find_map(|row| row.session_started)
     };
     // Its text begins with year and month: 2020-11-09 12:34:56.
-    started.map_or_else(
-        || UNDATED.to_owned(),
-        |time| time.to_string().chars().take(7).collect(),
-    )
+    started.map_or_else(|| UNDATED.to_owned(), |time| time.to_string().chars().take(7).collect())
 }
 
 fn in_parts(mut runs: Vec<NewRun>) -> impl Iterator<Item = Vec<NewRun>> {

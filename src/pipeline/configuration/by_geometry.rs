@@ -27,10 +27,7 @@ pub(super) fn unnamed(file: &PipelineFile) -> Option<Stated> {
 
 /// Stated places and distances of the targets of these names.
 fn stated(names: &[String], fit: &FitSettings) -> Stated {
-    let own = FitSettings {
-        target_names: names.to_vec(),
-        ..fit.clone()
-    };
+    let own = FitSettings { target_names: names.to_vec(), ..fit.clone() };
     let prior = own.prior();
     let place = |name: &String| {
         let known = fit.targets.get(name)?;
@@ -55,10 +52,7 @@ pub(super) fn targets(file: &PipelineFile) -> Check {
         return Ok(());
     }
     let key = format!("[{section}] targets_by_geometry");
-    let twice = names
-        .iter()
-        .enumerate()
-        .any(|(place, name)| names[..place].contains(name));
+    let twice = names.iter().enumerate().any(|(place, name)| names[..place].contains(name));
     wrong_unless(
         (2..=MOST).contains(&names.len()) && !twice,
         &key,
@@ -70,9 +64,8 @@ pub(super) fn targets(file: &PipelineFile) -> Check {
     wrong_unless(
         unknown.is_none(),
         &key,
-        unknown.map_or_else(String::new, |pair| {
-            format!("no distance between {}", pair.join(" and "))
-        }),
+        unknown
+            .map_or_else(String::new, |pair| format!("no distance between {}", pair.join(" and "))),
         "the places of both at the flange in [fit.targets], or their distance in [[fit.target_distances]]: by them it is found which \
          reading is of which target",
     )

@@ -37,9 +37,7 @@ pub(super) fn check(
     joints: usize,
 ) -> Result<(), ConfigurationError> {
     numbers(file, joints).map_err(|wrong| told(path, wrong))?;
-    file.join
-        .check()
-        .map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
+    file.join.check().map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
     commands(path, file)?;
     own_rows(path, file)?;
     let states_orientations = match &file.tracker.uncertainty {
@@ -115,23 +113,15 @@ pub(super) fn length_unit(
         ),
         _ => return Ok(()),
     };
-    let section = if file.stations.is_some() {
-        "stations"
-    } else {
-        "controller"
-    };
+    let section = if file.stations.is_some() { "stations" } else { "controller" };
     let key = format!("[{section}] length_unit");
     Err(told(path, Wrong { key, found, wanted }))
 }
 
 /// The error of an invalid value in the file at `path`.
 pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
-    ConfigurationErrorKind::Setting {
-        key: wrong.key,
-        found: wrong.found,
-        wanted: wrong.wanted,
-    }
-    .at(path)
+    ConfigurationErrorKind::Setting { key: wrong.key, found: wrong.found, wanted: wrong.wanted }
+        .at(path)
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {
@@ -139,12 +129,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         ("[input] max_lost_share", file.input.max_lost_share),
         ("[input] max_rejected_share", file.input.max_rejected_share),
     ] {
-        wrong_unless(
-            (0.0..=1.0).contains(&share),
-            key,
-            share,
-            "a share from 0 to 1",
-        )?;
+        wrong_unless((0.0..=1.0).contains(&share), key, share, "a share from 0 to 1")?;
     }
     if let Some(latest) = file.input.pool_latest {
         wrong_unless(
@@ -165,13 +150,8 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         not_negative("[robot.valid_for] payload_kg", kg)?;
     }
     if let Some(name) = &file.robot.name {
-        let refused = |error| {
-            wrong(
-                "[robot] name",
-                format!("{name:?}"),
-                format!("another: {error}"),
-            )
-        };
+        let refused =
+            |error| wrong("[robot] name", format!("{name:?}"), format!("another: {error}"));
         lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;
@@ -270,18 +250,11 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
     let is_long = stations.target.is_some();
     wrong_unless(
         !names.is_empty(),
-        if is_long {
-            "[stations] targets"
-        } else {
-            "[stations] measured"
-        },
+        if is_long { "[stations] targets" } else { "[stations] measured" },
         "empty",
         "the targets that are measured, the main one first",
     )?;
-    let twice = names
-        .iter()
-        .enumerate()
-        .find(|(place, name)| names[..*place].contains(name));
+    let twice = names.iter().enumerate().find(|(place, name)| names[..*place].contains(name));
     wrong_unless(
         twice.is_none(),
         "[stations] targets",
@@ -329,11 +302,7 @@ fn references(stations: &StationsSettings) -> Check {
         wrong_unless(
             own.position.is_some() != is_long && own.unit.is_some() != is_long,
             "[[stations.references]] position",
-            if is_long {
-                "columns in a long table"
-            } else {
-                "no columns"
-            },
+            if is_long { "columns in a long table" } else { "no columns" },
             if is_long {
                 "left out, as `unit`: rows of references have the columns of [stations.measured]"
             } else {
@@ -361,8 +330,7 @@ fn uncertainty(u: &TrackerUncertainty) -> Check {
     not_negative(key("transverse_um"), u.transverse_um)?;
     not_negative(key("transverse_um_per_m"), u.transverse_um_per_m)?;
     positive(key("divisor"), u.divisor)?;
-    u.orientation_rad
-        .map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
+    u.orientation_rad.map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
 }
 
 fn camera(own: &CameraUncertainty) -> Check {
@@ -444,9 +412,7 @@ fn full(full: &FullSettings, joints: usize) -> Check {
         ("noise_mm", full.noise_mm),
         ("joint_noise_rad", full.joint_noise_rad),
     ];
-    each(positives, |(key, value)| {
-        positive(format!("[fit.full] {key}"), value)
-    })?;
+    each(positives, |(key, value)| positive(format!("[fit.full] {key}"), value))?;
     not_negative("[fit.full] session_scale_ppm", full.session_scale_ppm)?;
     not_negative("[fit.full] line_threshold", full.line_threshold)?;
     not_negative("[fit.full] student_t", full.student_t)?;
@@ -480,9 +446,7 @@ fn similarity(similarity: &SimilaritySettings, joints: usize) -> Check {
         format!("{} weights", weights.len()),
         format!("one for each of the arm's {joints} joints"),
     )?;
-    each(weights.iter().copied(), |weight| {
-        not_negative("[similarity] joint_weights", weight)
-    })
+    each(weights.iter().copied(), |weight| not_negative("[similarity] joint_weights", weight))
 }
 
 fn grid(grid: &GridSettings) -> Check {
@@ -493,9 +457,7 @@ fn grid(grid: &GridSettings) -> Check {
         "[]",
         "one step or more, for example [50, 100, 200]",
     )?;
-    each(steps.iter().copied(), |step| {
-        positive("[grid] steps_mm", step)
-    })?;
+    each(steps.iter().copied(), |step| positive("[grid] steps_mm", step))?;
     let twice = |place: &usize| steps[..*place].contains(&steps[*place]);
     if let Some(place) = (0..steps.len()).find(twice) {
         return Err(wrong("[grid] steps_mm", steps[place], "given once"));
@@ -548,16 +510,10 @@ fn work_box(bounds: &WorkBox) -> Check {
 
 fn tolerance(tolerance: &Tolerance) -> Check {
     positive("[tolerance] mm", tolerance.mm)?;
-    for (key, found) in [
-        ("[tolerance] share", tolerance.share),
-        ("[tolerance] confidence", tolerance.confidence),
-    ] {
-        wrong_unless(
-            found > 0.0 && found < 1.0,
-            key,
-            found,
-            "between 0 and 1, for example 0.95",
-        )?;
+    for (key, found) in
+        [("[tolerance] share", tolerance.share), ("[tolerance] confidence", tolerance.confidence)]
+    {
+        wrong_unless(found > 0.0 && found < 1.0, key, found, "between 0 and 1, for example 0.95")?;
     }
     Ok(())
 }
@@ -598,9 +554,9 @@ fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
     match value {
         toml::Value::Float(float) => (!float.is_finite()).then_some((String::new(), *float)),
         toml::Value::Array(values) => values.iter().find_map(not_a_number),
-        toml::Value::Table(table) => table
-            .iter()
-            .find_map(|(key, value)| inside(key.clone(), value)),
+        toml::Value::Table(table) => {
+            table.iter().find_map(|(key, value)| inside(key.clone(), value))
+        }
         _ => None,
     }
 }
@@ -626,17 +582,9 @@ pub(in crate::pipeline) fn wrong_unless(
     found: impl Display,
     wanted: impl Into<String>,
 ) -> Check {
-    if holds {
-        Ok(())
-    } else {
-        Err(wrong(key, found, wanted))
-    }
+    if holds { Ok(()) } else { Err(wrong(key, found, wanted)) }
 }
 
 fn wrong(key: impl Into<String>, found: impl Display, wanted: impl Into<String>) -> Wrong {
-    Wrong {
-        key: key.into(),
-        found: found.to_string(),
-        wanted: wanted.into(),
-    }
+    Wrong { key: key.into(), found: found.to_string(), wanted: wanted.into() }
 }

@@ -161,10 +161,7 @@ pub enum ConfigurationErrorKind {
 impl ConfigurationErrorKind {
     /// This fault of the pipeline file at `path`.
     pub(in crate::pipeline) fn at(self, path: &Path) -> ConfigurationError {
-        ConfigurationError::At {
-            path: path.to_owned(),
-            kind: self,
-        }
+        ConfigurationError::At { path: path.to_owned(), kind: self }
     }
 
     /// The message for a person, with the file's path.
@@ -179,25 +176,18 @@ impl ConfigurationErrorKind {
             Self::Setting { key, found, wanted } => {
                 format!("{path}: {key} = {found}, but it has to be {wanted}")
             }
-            Self::Robots {
-                table: Some(table),
-                reason,
-            } => format!(
+            Self::Robots { table: Some(table), reason } => format!(
                 "{}, the table of robots that {path} names under [input] robots: {reason}",
                 table.display()
             ),
-            Self::Robots {
-                table: None,
-                reason,
-            } => format!("{path}: {reason}"),
+            Self::Robots { table: None, reason } => format!("{path}: {reason}"),
             Self::NoRobot { name, known } if known.is_empty() => format!(
                 "{path} has no robot {name:?} to choose: it is of one robot, so leave --robot out; several stand in [[robots]], or in the table that [input] \
                  robots names"
             ),
-            Self::NoRobot { name, known } => format!(
-                "{path} has no robot {name:?}; its robots: {}",
-                some_of(known)
-            ),
+            Self::NoRobot { name, known } => {
+                format!("{path} has no robot {name:?}; its robots: {}", some_of(known))
+            }
             Self::SeveralRobots { known } => format!(
                 "{path} is of several robots: name one of them with --robot: {}",
                 some_of(known)
@@ -229,19 +219,11 @@ fn some_of(names: &[String]) -> String {
 }
 
 fn listed(names: &[String]) -> String {
-    if names.is_empty() {
-        "none".to_owned()
-    } else {
-        names.join(", ")
-    }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 fn besides(left_out: &[String]) -> String {
-    if left_out.is_empty() {
-        String::new()
-    } else {
-        format!("; left out: {}", left_out.join(", "))
-    }
+    if left_out.is_empty() { String::new() } else { format!("; left out: {}", left_out.join(", ")) }
 }
 
 impl ConfigurationError {
@@ -283,25 +265,16 @@ mod tests {
                 "cell/my.toml: [robot] up = [0, 0, 2], but it has to be a direction",
             ),
             (
-                ConfigurationErrorKind::Missing {
-                    key: "[plan]",
-                    reason: "it states the cell",
-                },
+                ConfigurationErrorKind::Missing { key: "[plan]", reason: "it states the cell" },
                 "cell/my.toml: [plan] is missing: it states the cell",
             ),
             (
-                ConfigurationErrorKind::Robot {
-                    robot: "arm.toml".into(),
-                    source: absent(),
-                },
+                ConfigurationErrorKind::Robot { robot: "arm.toml".into(), source: absent() },
                 "cannot read the robot file arm.toml, which cell/my.toml names under [robot] file: entity not found; nominal \
                  arms are in pipelines/robots/",
             ),
             (
-                ConfigurationErrorKind::Folder {
-                    folder: "sessions".into(),
-                    source: absent(),
-                },
+                ConfigurationErrorKind::Folder { folder: "sessions".into(), source: absent() },
                 "cannot read the folder sessions, which cell/my.toml names under [input] folder: entity not found; it has to \
                  hold the sessions",
             ),

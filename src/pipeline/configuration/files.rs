@@ -63,12 +63,7 @@ impl Source {
         let values: Table = toml::from_str(&text).map_err(|source| unread(path, source))?;
         checks::finite(path, &values)?;
         let base = folder_of(path)?;
-        Ok(Self {
-            robots: Robots::of(path, &base, &values)?,
-            path: path.to_owned(),
-            base,
-            text,
-        })
+        Ok(Self { robots: Robots::of(path, &base, &values)?, path: path.to_owned(), base, text })
     }
 
     /// The files of the only robot.
@@ -82,8 +77,7 @@ impl Source {
     /// The files of one of several robots.
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
         let values = robots.file_of(&robot.entry);
-        self.of_values(&values)
-            .map_err(|source| robot.fault(source))
+        self.of_values(&values).map_err(|source| robot.fault(source))
     }
 
     /// The pipeline file of a robot that stands for all of them: its sessions are those of every robot.

@@ -49,10 +49,7 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
         )?;
         let named: Vec<&str> = own.field.iter().map(String::as_str).collect();
         paths("[[tracker.lengths]] field", &named)?;
-        let mut alike = tracker
-            .lengths
-            .iter()
-            .filter(|other| other.topic == own.topic);
+        let mut alike = tracker.lengths.iter().filter(|other| other.topic == own.topic);
         let differs = alike
             .find(|other| other.stamp != own.stamp || (other.field.is_none() && *other != own));
         wrong_unless(
@@ -64,12 +61,7 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
     })?;
     let own: Vec<LengthSource<'_>> = tracker.lengths.iter().map(LoggedLength::source).collect();
     let references: Vec<StandsOn> = tracker.references.iter().map(|own| own.on).collect();
-    sources(
-        "[[tracker.lengths]]",
-        &own,
-        &tracker.target_names(),
-        &references,
-    )
+    sources("[[tracker.lengths]]", &own, &tracker.target_names(), &references)
 }
 
 /// Checks what is stated of the instruments that read one length, beside references that stand on these.
@@ -86,9 +78,7 @@ fn sources(
     wrong_unless(
         twice.is_none(),
         key("name"),
-        twice.map_or_else(String::new, |(_, length)| {
-            format!("{:?} twice", length.name)
-        }),
+        twice.map_or_else(String::new, |(_, length)| format!("{:?} twice", length.name)),
         "names, each of one instrument",
     )?;
     each(own.iter(), |length| {

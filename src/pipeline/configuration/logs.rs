@@ -102,9 +102,7 @@ fn add_once(
 ) -> Result<(), Lack> {
     if let Some(twice) = files.iter().find(|file| found.contains(*file)) {
         let name = twice.strip_prefix(folder).unwrap_or(twice).display();
-        return Err(Lack::Wrong(format!(
-            "its {name} is named twice, by {names}"
-        )));
+        return Err(Lack::Wrong(format!("its {name} is named twice, by {names}")));
     }
     found.extend(files);
     Ok(())
@@ -245,10 +243,7 @@ mod tests {
             })
         };
         assert_eq!(find(&["arm_*.mcap"]).unwrap(), ["arm_0.mcap", "arm_1.mcap"]);
-        assert_eq!(
-            find(&["laser.mcap", "arm_1.mcap"]).unwrap(),
-            ["laser.mcap", "arm_1.mcap"]
-        );
+        assert_eq!(find(&["laser.mcap", "arm_1.mcap"]).unwrap(), ["laser.mcap", "arm_1.mcap"]);
         assert_eq!(find(&["bag_*.mcap"]).unwrap_err(), "it has no bag_*.mcap");
         assert_eq!(find(&["arm_3.mcap"]).unwrap_err(), "it has no arm_3.mcap");
         let twice = find(&["arm_*.mcap", "arm_1.mcap"]).unwrap_err();
@@ -261,16 +256,9 @@ mod tests {
             let (before, after) = pattern.split_once(SESSION_PLACE).unwrap();
             between(&letters(before), &letters(after), &letters(name))
         };
-        assert_eq!(
-            session("{session}_arm.mcap", "mon_arm.mcap").unwrap(),
-            "mon"
-        );
+        assert_eq!(session("{session}_arm.mcap", "mon_arm.mcap").unwrap(), "mon");
         assert_eq!(session("arm-{session}", "arm-2026.11").unwrap(), "2026.11");
-        assert_eq!(
-            session("{session}_arm.mcap", "_arm.mcap"),
-            None,
-            "no name at all"
-        );
+        assert_eq!(session("{session}_arm.mcap", "_arm.mcap"), None, "no name at all");
         // A split recording: the shortest name, so that both parts belong to one session.
         for part in ["mon_arm_0.mcap", "mon_arm_1.mcap"] {
             assert_eq!(session("{session}_arm_*.mcap", part).unwrap(), "mon");

@@ -84,11 +84,7 @@ impl Robots {
                 ));
             }
             (None, Some(other)) => {
-                return Err(wrong(
-                    "[input] robots",
-                    &other.to_string(),
-                    "the path of a table",
-                ));
+                return Err(wrong("[input] robots", &other.to_string(), "the path of a table"));
             }
             (None, None) => {
                 let wanted = "beside [input] robots, a table of the robots, or [[robots]]";
@@ -112,11 +108,7 @@ impl Robots {
         found.ok_or_else(|| {
             let known = self.stated.iter().map(|own| own.entry.name.clone());
             let known = known.collect();
-            ConfigurationErrorKind::NoRobot {
-                name: name.to_owned(),
-                known,
-            }
-            .at(path)
+            ConfigurationErrorKind::NoRobot { name: name.to_owned(), known }.at(path)
         })
     }
 
@@ -129,9 +121,7 @@ impl Robots {
     pub fn file_of(&self, entry: &RobotEntry) -> Table {
         let mut file = self.common.clone();
         put(&entry.settings, &mut file);
-        let robot = file
-            .entry("robot")
-            .or_insert_with(|| Value::Table(Table::new()));
+        let robot = file.entry("robot").or_insert_with(|| Value::Table(Table::new()));
         if let Some(robot) = robot.as_table_mut() {
             robot.insert("name".to_owned(), Value::String(entry.name.clone()));
         }
@@ -201,16 +191,12 @@ impl Robots {
             }
             let folder = entry.folder.as_ref().unwrap_or(&entry.name);
             if self.by == RobotsBy::Folder && !folders.insert(folder) {
-                return Err(wrong(
-                    stated,
-                    format!("the folder {folder:?} is another robot's"),
-                ));
+                return Err(wrong(stated, format!("the folder {folder:?} is another robot's")));
             }
             is_one_below(entry, self.by).map_err(|reason| wrong(stated, reason))?;
         }
         if self.by == RobotsBy::FileName {
-            self.distinguished()
-                .map_err(|reason| robots_error(path, None, reason))?;
+            self.distinguished().map_err(|reason| robots_error(path, None, reason))?;
         }
         Ok(())
     }
@@ -218,11 +204,7 @@ impl Robots {
     /// Checks that file names with `{robot}` are of one robot each.
     fn distinguished(&self) -> Result<(), String> {
         let patterns = self.patterns();
-        if !self.names_files()
-            || patterns
-                .iter()
-                .any(|own| own.matches(ROBOT_PLACE).count() != 1)
-        {
+        if !self.names_files() || patterns.iter().any(|own| own.matches(ROBOT_PLACE).count() != 1) {
             return Err(format!(
                 "robots_by = \"file_name\" needs one {ROBOT_PLACE} in each name of [input] controller and tracker, or of stations"
             ));
@@ -241,9 +223,7 @@ impl Robots {
 fn of_two<'n>(pattern: &str, names: &[&'n str]) -> Option<(&'n str, &'n str)> {
     let (before, after) = pattern.split_once(ROBOT_PLACE)?;
     let behind = after.find(['{', '*', '?']).map(|end| &after[..end]);
-    let ahead = before
-        .rfind(['}', '*', '?'])
-        .map(|start| &before[start + 1..]);
+    let ahead = before.rfind(['}', '*', '?']).map(|start| &before[start + 1..]);
     let alike = |one: &str, other: &str| {
         let rest = behind.zip(other.strip_prefix(one));
         let rest_before = ahead.zip(other.strip_suffix(one));
@@ -265,10 +245,7 @@ fn is_one_below(entry: &RobotEntry, by: RobotsBy) -> Result<(), String> {
             Err("`folder` is for robots_by = \"folder\"".to_owned())
         }
         (RobotsBy::FileName, None) if entry.name.contains(['*', '?', '{', '}', '/']) => {
-            Err(format!(
-                "{:?} has signs that have a meaning in file names; rename it",
-                entry.name
-            ))
+            Err(format!("{:?} has signs that have a meaning in file names; rename it", entry.name))
         }
         (RobotsBy::Folder, folder) => {
             let folder = folder.as_ref().unwrap_or(&entry.name);
@@ -295,12 +272,9 @@ fn named_after(input: &mut Table, robot: &str) {
 fn with_robot(names: Value, robot: &str) -> Value {
     match names {
         Value::String(name) => Value::String(name.replace(ROBOT_PLACE, robot)),
-        Value::Array(names) => Value::Array(
-            names
-                .into_iter()
-                .map(|own| with_robot(own, robot))
-                .collect(),
-        ),
+        Value::Array(names) => {
+            Value::Array(names.into_iter().map(|own| with_robot(own, robot)).collect())
+        }
         other => other,
     }
 }
@@ -308,11 +282,7 @@ fn with_robot(names: Value, robot: &str) -> Value {
 /// The texts of a value that is a text or a list of them.
 fn texts(value: &Value) -> Vec<&str> {
     let own = value.as_str().into_iter();
-    let several = value
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str);
+    let several = value.as_array().into_iter().flatten().filter_map(Value::as_str);
     own.chain(several).collect()
 }
 
@@ -339,11 +309,7 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
 }
 
 fn robots_error(path: &Path, table: Option<&Path>, reason: String) -> ConfigurationError {
-    ConfigurationErrorKind::Robots {
-        table: table.map(Path::to_owned),
-        reason,
-    }
-    .at(path)
+    ConfigurationErrorKind::Robots { table: table.map(Path::to_owned), reason }.at(path)
 }
 
 fn setting(key: &str, found: &str, wanted: &str) -> ConfigurationErrorKind {
@@ -393,30 +359,18 @@ mod tests {
         let by_name = "input = { folder = 'x', robots_by = 'file_name', controller = '{robot}_{session}.mcap', tracker = '{robot}_{session}.mcap' }\n";
         for (text, words) in [
             ("robots = []", "there is no robot"),
-            (
-                "robots = [{ name = 'a' }, { name = 'a' }]",
-                "[[robots]] 2: \"a\" is stated twice",
-            ),
+            ("robots = [{ name = 'a' }, { name = 'a' }]", "[[robots]] 2: \"a\" is stated twice"),
             (
                 "robots = [{ name = 'a' }, { name = 'b', folder = 'a' }]",
                 "the folder \"a\" is another robot's",
             ),
-            (
-                "robots = [{ name = 'a', folder = '../b' }]",
-                "\"../b\" is no folder below",
-            ),
-            (
-                "robots = [{ name = 'a', mm = 1 }]",
-                "[[robots]] 1: unknown field `mm`",
-            ),
+            ("robots = [{ name = 'a', folder = '../b' }]", "\"../b\" is no folder below"),
+            ("robots = [{ name = 'a', mm = 1 }]", "[[robots]] 1: unknown field `mm`"),
             (
                 "input = { robots_by = 'colour' }\nrobots = [{ name = 'a' }]",
                 "[input] robots_by = \"colour\"",
             ),
-            (
-                "input = { robots_by = 'folder' }",
-                "[input] robots_by = alone",
-            ),
+            ("input = { robots_by = 'folder' }", "[input] robots_by = alone"),
             (
                 "input = { robots = 'r.csv' }\nrobots = [{ name = 'a' }]",
                 "left out where [[robots]]",
@@ -433,24 +387,15 @@ mod tests {
                 ),
                 "a file of \"1_a\" may be",
             ),
-            (
-                &format!("{by_name}robots = [{{ name = 'a*' }}]"),
-                "have a meaning in file names",
-            ),
-            (
-                "input = { robots_by = 'file_name' }\nrobots = [{ name = 'a' }]",
-                "needs one {robot}",
-            ),
+            (&format!("{by_name}robots = [{{ name = 'a*' }}]"), "have a meaning in file names"),
+            ("input = { robots_by = 'file_name' }\nrobots = [{ name = 'a' }]", "needs one {robot}"),
             (
                 "input = { robots_by = 'metadata' }\nrobots = [{ name = 'a', folder = 'b' }]",
                 "`folder` is for robots_by",
             ),
         ] {
             let found = robots(text).expect_err(text);
-            assert!(
-                found.contains("cell.toml") && found.contains(words),
-                "{text}: {found}"
-            );
+            assert!(found.contains("cell.toml") && found.contains(words), "{text}: {found}");
         }
     }
 }

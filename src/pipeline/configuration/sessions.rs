@@ -53,11 +53,7 @@ impl Recorded {
     /// The path of each file, for changes.
     pub fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
         match self {
-            Self::Logs(logs) => logs
-                .controller
-                .iter_mut()
-                .chain(&mut logs.tracker)
-                .collect(),
+            Self::Logs(logs) => logs.controller.iter_mut().chain(&mut logs.tracker).collect(),
             Self::Table(table) => vec![&mut table.path],
             Self::Joined(_) => Vec::new(),
         }
@@ -175,10 +171,7 @@ pub(in crate::pipeline) fn look(
     file: &PipelineFile,
 ) -> Result<FoundSessions, ConfigurationError> {
     let (input, stations) = (&file.input, file.stations.as_ref());
-    let logs = [
-        ("controller", &input.controller),
-        ("tracker", &input.tracker),
-    ];
+    let logs = [("controller", &input.controller), ("tracker", &input.tracker)];
     let table = input.stations.as_ref().map(|names| ("stations", names));
     let named = logs.into_iter().filter(|_| table.is_none()).chain(table);
     for (key, names) in named {
@@ -191,31 +184,19 @@ pub(in crate::pipeline) fn look(
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
-    Ok(FoundSessions {
-        sessions: found.sessions,
-        left_out: found.left_out,
-        by: input.sessions_by,
-    })
+    Ok(FoundSessions { sessions: found.sessions, left_out: found.left_out, by: input.sessions_by })
 }
 
 impl FoundSessions {
     /// Sessions that were found elsewhere.
     pub const fn of(sessions: Vec<Session>) -> Self {
-        Self {
-            sessions,
-            left_out: Vec::new(),
-            by: SessionsBy::Folder,
-        }
+        Self { sessions, left_out: Vec::new(), by: SessionsBy::Folder }
     }
 
     /// These sessions alone.
     #[must_use]
     pub fn only(&self, sessions: Vec<Session>) -> Self {
-        Self {
-            sessions,
-            left_out: Vec::new(),
-            by: self.by,
-        }
+        Self { sessions, left_out: Vec::new(), by: self.by }
     }
 
     /// The session of a name.
@@ -347,9 +328,7 @@ impl Candidates<'_> {
         ConfigurationError::NoSessions {
             folder: self.place.clone(),
             wanted: self.wanted.clone(),
-            left_out: left
-                .map(|left| format!("{} ({})", left.name, left.reason))
-                .collect(),
+            left_out: left.map(|left| format!("{} ({})", left.name, left.reason)).collect(),
         }
     }
 }
@@ -362,22 +341,18 @@ fn by_what_there_is(
 ) -> Result<(), ConfigurationError> {
     let has_column = stations.is_some_and(|stations| stations.session.is_some());
     let (found, wanted) = match (input.sessions_by, stations.is_some()) {
-        (SessionsBy::Column, false) => (
-            "column",
-            "\"folder\", \"file_name\" or \"metadata\": logs have no columns",
-        ),
-        (SessionsBy::Metadata, true) => (
-            "metadata",
-            "\"folder\", \"file_name\" or \"column\": tables have no metadata",
-        ),
-        (SessionsBy::Column, true) if !has_column => (
-            "column",
-            "with [stations] session, the column that names a row's session",
-        ),
-        (SessionsBy::Folder | SessionsBy::FileName, true) if has_column => (
-            "not column",
-            "\"column\", as [stations] session names a column of sessions",
-        ),
+        (SessionsBy::Column, false) => {
+            ("column", "\"folder\", \"file_name\" or \"metadata\": logs have no columns")
+        }
+        (SessionsBy::Metadata, true) => {
+            ("metadata", "\"folder\", \"file_name\" or \"column\": tables have no metadata")
+        }
+        (SessionsBy::Column, true) if !has_column => {
+            ("column", "with [stations] session, the column that names a row's session")
+        }
+        (SessionsBy::Folder | SessionsBy::FileName, true) if has_column => {
+            ("not column", "\"column\", as [stations] session names a column of sessions")
+        }
         _ => return Ok(()),
     };
     let setting = ConfigurationErrorKind::Setting {
@@ -410,11 +385,7 @@ fn name_sessions(
     };
     let right = usize::from(by == SessionsBy::FileName);
     let patterns = names.patterns();
-    if !patterns.is_empty()
-        && patterns
-            .iter()
-            .all(|pattern| places(pattern) == (right, right))
-    {
+    if !patterns.is_empty() && patterns.iter().all(|pattern| places(pattern) == (right, right)) {
         return Ok(());
     }
     Err(ConfigurationErrorKind::Setting {
@@ -499,9 +470,7 @@ impl WorkPiece {
     /// Each session of these pieces by itself, in their order.
     pub fn each_session(pieces: &[Self]) -> Vec<Self> {
         let mut seen = BTreeSet::new();
-        let sessions = pieces
-            .iter()
-            .flat_map(|own| own.training.iter().chain(&own.test));
+        let sessions = pieces.iter().flat_map(|own| own.training.iter().chain(&own.test));
         let sessions = sessions.filter(|files| seen.insert(files.name.clone()));
         let piece = |files: &SessionFiles| Self {
             session: files.name.clone(),
@@ -514,11 +483,7 @@ impl WorkPiece {
 
 impl SetAside {
     fn new(session: &str, why: Why, before: usize) -> Self {
-        Self {
-            session: session.to_owned(),
-            why,
-            before,
-        }
+        Self { session: session.to_owned(), why, before }
     }
 }
 
@@ -532,10 +497,7 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), ConfigurationErro
         } else {
             continue;
         };
-        return Err(ConfigurationError::NamedTwice {
-            session: name.clone(),
-            how,
-        });
+        return Err(ConfigurationError::NamedTwice { session: name.clone(), how });
     }
     Ok(())
 }

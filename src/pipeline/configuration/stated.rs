@@ -33,18 +33,10 @@ impl StatedSetUp {
                 base_from_command: frames
                     .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
                 flange_from_tool: placed.flange_from_tool,
-                target: file
-                    .fit
-                    .geometric
-                    .target
-                    .map(|target| Vector3::from(target.xyz_mm)),
+                target: file.fit.geometric.target.map(|target| Vector3::from(target.xyz_mm)),
                 target_is_tool: placed.target_is_tool == Some(true),
                 tracker_from_base: surveyed,
-                unit_keys: if file.stations.is_some() {
-                    UnitKeys::TABLES
-                } else {
-                    UnitKeys::LOGS
-                },
+                unit_keys: if file.stations.is_some() { UnitKeys::TABLES } else { UnitKeys::LOGS },
                 ..SetUp::of_arm(arm.clone())
             },
             alternatives: Alternatives {
@@ -63,25 +55,15 @@ fn other_conventions(file: &PipelineFile) -> Vec<OtherReading> {
         Some(TrackerFromBase::Fitted) | None => None,
     };
     let stated: [(FrameKey, Option<Placement>); 3] = [
-        (
-            FrameKey::Commands,
-            commanded.map(|section| section.base_from_command),
-        ),
-        (
-            FrameKey::Tool,
-            commanded.and_then(|section| section.flange_from_tool),
-        ),
+        (FrameKey::Commands, commanded.map(|section| section.base_from_command)),
+        (FrameKey::Tool, commanded.and_then(|section| section.flange_from_tool)),
         (FrameKey::Survey, survey),
     ];
     let mut all = Vec::new();
     for (frame, placement) in stated {
         let others = placement.map_or_else(Vec::new, |placement| placement.other_conventions());
         let others = others.into_iter();
-        all.extend(others.map(|(convention, placed)| OtherReading {
-            frame,
-            convention,
-            placed,
-        }));
+        all.extend(others.map(|(convention, placed)| OtherReading { frame, convention, placed }));
     }
     all
 }

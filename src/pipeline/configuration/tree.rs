@@ -38,10 +38,7 @@ impl Tree {
         let store = store::at(place)?;
         let listed = store.list("", LEVELS)?.into_iter();
         let files = listed.map(|listed| (store.place(&listed.key).named(), listed));
-        Ok(Self::Listed {
-            files: Arc::new(files.collect()),
-            store,
-        })
+        Ok(Self::Listed { files: Arc::new(files.collect()), store })
     }
 
     /// Whether there is such a folder.
@@ -71,9 +68,9 @@ impl Tree {
     /// The entries of a folder, by name.
     pub fn entries(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
         let mut paths: Vec<PathBuf> = match self {
-            Self::Folder => fs::read_dir(folder)?
-                .map(|entry| Ok(entry?.path()))
-                .collect::<io::Result<_>>()?,
+            Self::Folder => {
+                fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<io::Result<_>>()?
+            }
             Self::Listed { files, .. } => below(files, folder)
                 .filter_map(|path| {
                     let rest = path.strip_prefix(folder).ok()?;
@@ -94,8 +91,7 @@ fn below<'a>(
 ) -> impl Iterator<Item = &'a Path> {
     let from = files.range::<Path, _>((Bound::Included(folder), Bound::Unbounded));
     let from = from.map(|(path, _)| &**path);
-    from.skip_while(move |path| *path == folder)
-        .take_while(move |path| path.starts_with(folder))
+    from.skip_while(move |path| *path == folder).take_while(move |path| path.starts_with(folder))
 }
 
 #[cfg(test)]
@@ -107,12 +103,8 @@ mod tests {
     fn what_was_listed_is_a_tree_of_its_own() {
         let root = "s3://bucket/cell";
         let keys = ["mon/a.mcap", "mon/bags/b.mcap", "mon-2/a.mcap", "tue"];
-        let listed = |key: &str| Listed {
-            key: key.to_owned(),
-            tag: None,
-            bytes: 1,
-            modified: None,
-        };
+        let listed =
+            |key: &str| Listed { key: key.to_owned(), tag: None, bytes: 1, modified: None };
         let tree = Tree::Listed {
             store: Arc::new(Folder::new("nowhere")),
             files: Arc::new(
@@ -122,10 +114,7 @@ mod tests {
             ),
         };
         let at = |key: &str| Path::new(root).join(key);
-        assert_eq!(
-            tree.entries(Path::new(root)).unwrap(),
-            [at("mon"), at("mon-2"), at("tue")]
-        );
+        assert_eq!(tree.entries(Path::new(root)).unwrap(), [at("mon"), at("mon-2"), at("tue")]);
         assert!(
             tree.is_dir(&at("mon")) && tree.is_dir(&at("mon/bags")) && !tree.is_dir(&at("tue"))
         );

@@ -60,14 +60,8 @@ impl TableRun {
             (Common { path, rows }.validity(), Model::Full)
         };
         let promise = promise(model, &accuracy);
-        let of = |valid_for| Self {
-            valid_for,
-            calibrations,
-            promise,
-        };
-        Ok(valid_for
-            .map(of)
-            .map_err(|wrong| NotShown::Unreadable(wrong.to_string())))
+        let of = |valid_for| Self { valid_for, calibrations, promise };
+        Ok(valid_for.map(of).map_err(|wrong| NotShown::Unreadable(wrong.to_string())))
     }
 
     /// The promise of the run.
@@ -103,10 +97,7 @@ impl TableRun {
         let met = stations.filter_map(|station| station.one_reading()?.temperature_c);
         let (low, high) = extremes(met).unzip();
         let outside = |temperature_c| {
-            let used = UsedWith {
-                conditions: stated.clone(),
-                temperature_c,
-            };
+            let used = UsedWith { conditions: stated.clone(), temperature_c };
             self.valid_for.hold(&used).outside
         };
         let mut outside: Vec<Outside> = [low, high].into_iter().flat_map(outside).collect();

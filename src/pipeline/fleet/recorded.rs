@@ -70,14 +70,8 @@ fn unknown(session: Session, robot: &str) -> (String, Why) {
 /// The robot that a session's logs name, or why they name none.
 fn robot_of(session: &Session, limits: Limits) -> Result<String, Why> {
     let recorded = session.recorded.as_ref().map_err(Clone::clone)?;
-    let Recorded::Logs(SessionLogs {
-        controller,
-        tracker,
-    }) = recorded
-    else {
-        return Err(Why::Bad(
-            "it has no logs, whose metadata name the robot".to_owned(),
-        ));
+    let Recorded::Logs(SessionLogs { controller, tracker }) = recorded else {
+        return Err(Why::Bad("it has no logs, whose metadata name the robot".to_owned()));
     };
     let mut named: Option<(String, &PathBuf)> = None;
     for path in controller.iter().chain(tracker) {
@@ -97,37 +91,28 @@ fn robot_of(session: &Session, limits: Limits) -> Result<String, Why> {
         }
     }
     let nothing = "its logs have no metadata record `session` with a `robot`";
-    named
-        .map(|(robot, _)| robot)
-        .ok_or_else(|| Why::Waits(nothing.to_owned()))
+    named.map(|(robot, _)| robot).ok_or_else(|| Why::Waits(nothing.to_owned()))
 }
 
 /// Checks that sessions are of a kind, and in a place, that names robots so.
 fn check(within: &Within<'_>) -> Result<(), ConfigurationError> {
     let (by, are_tables) = (within.robots.by, within.file.input.stations.is_some());
-    let has_column = within
-        .file
-        .stations
-        .as_ref()
-        .is_some_and(|own| own.robot.is_some());
+    let has_column = within.file.stations.as_ref().is_some_and(|own| own.robot.is_some());
     let is_here = matches!(within.tree, Tree::Folder);
     let (found, wanted) = match by {
-        RobotsBy::Column if !are_tables => (
-            "column",
-            "\"folder\", \"file_name\" or \"metadata\": logs have no columns",
-        ),
-        RobotsBy::Column if !has_column => (
-            "column",
-            "with [stations] robot, the column that names a row's robot",
-        ),
+        RobotsBy::Column if !are_tables => {
+            ("column", "\"folder\", \"file_name\" or \"metadata\": logs have no columns")
+        }
+        RobotsBy::Column if !has_column => {
+            ("column", "with [stations] robot, the column that names a row's robot")
+        }
         RobotsBy::Column if !is_here => (
             "column",
             "\"folder\" or \"file_name\": it opens every table, and these are on object storage",
         ),
-        RobotsBy::Metadata if are_tables => (
-            "metadata",
-            "\"folder\", \"file_name\" or \"column\": tables have no metadata",
-        ),
+        RobotsBy::Metadata if are_tables => {
+            ("metadata", "\"folder\", \"file_name\" or \"column\": tables have no metadata")
+        }
         RobotsBy::Metadata if !is_here => (
             "metadata",
             "\"folder\" or \"file_name\": it opens every file, and these are on object storage",

@@ -65,10 +65,7 @@ struct OfSession {
 impl OfSession {
     /// The figures on its control charts, which the history has without reading anything.
     fn charted(session: &PastSession) -> Self {
-        Self {
-            figures: session.judged.charted.iter().map(charted).collect(),
-            ..Self::default()
-        }
+        Self { figures: session.judged.charted.iter().map(charted).collect(), ..Self::default() }
     }
 
     fn read(lake: &Lake, session: &PastSession) -> Self {
@@ -127,25 +124,16 @@ fn charted(charted: &Charted) -> Figure {
     let is_accuracy = charted.name.contains(' ');
     let is_angle = charted.name.contains("_r") || charted.name.starts_with("theta");
     // The zero of a joint that turns, or of one that slides.
-    let joint = ["theta_", "d_"]
-        .iter()
-        .find_map(|zero| charted.name.strip_prefix(zero)?.parse().ok());
+    let joint =
+        ["theta_", "d_"].iter().find_map(|zero| charted.name.strip_prefix(zero)?.parse().ok());
     Figure {
-        kind: if is_accuracy {
-            Kind::Accuracy
-        } else {
-            Kind::SinceFirst
-        },
+        kind: if is_accuracy { Kind::Accuracy } else { Kind::SinceFirst },
         name: charted.name.clone(),
         joint,
         angle_rad: None,
         value: charted.value,
         sd: charted.sd,
-        unit: if is_angle && !is_accuracy {
-            Unit::Rad
-        } else {
-            Unit::Mm
-        },
+        unit: if is_angle && !is_accuracy { Unit::Rad } else { Unit::Mm },
         charted: Some(charted.clone()),
     }
 }
@@ -154,9 +142,7 @@ fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String>
     let rows: Vec<ParameterRow> = read(lake, session)?;
     let has = |model: &Model| rows.iter().any(|row| row.model == *model);
     let best = Model::serving().find(has);
-    let own = rows
-        .into_iter()
-        .filter(|row| Some(row.model) == best && row.unit != Unit::One);
+    let own = rows.into_iter().filter(|row| Some(row.model) == best && row.unit != Unit::One);
     // Several targets and instruments have parameters of one name each, in their order.
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
     let mut named = |name: String| {

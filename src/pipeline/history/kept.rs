@@ -101,11 +101,7 @@ impl Kept {
             return None;
         }
         let own: Vec<&Table> = tables.filter(|table| table.key() == Some(&key)).collect();
-        let named = |name: &str| {
-            own.iter()
-                .copied()
-                .find(|table| table.schema().table == name)
-        };
+        let named = |name: &str| own.iter().copied().find(|table| table.schema().table == name);
         let digest = |name: &str| {
             let is_own = |file: &&Written| file.table == name && file.session == key.session;
             Some(written.iter().find(is_own)?.digest.clone())

@@ -54,24 +54,12 @@ pub(super) fn current(lake: &Lake, rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<Left
 /// The readable rows, and the others as left out.
 fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
-    for Row {
-        place,
-        digest,
-        fact,
-        ..
-    } in rows
-    {
+    for Row { place, digest, fact, .. } in rows {
         match fact {
-            Ok(fact) => kept.push(CurrentRow {
-                place,
-                digest,
-                fact,
-            }),
-            Err(reason) => left_out.push(LeftOut {
-                place,
-                key: None,
-                reason: Reason::Unreadable(reason),
-            }),
+            Ok(fact) => kept.push(CurrentRow { place, digest, fact }),
+            Err(reason) => {
+                left_out.push(LeftOut { place, key: None, reason: Reason::Unreadable(reason) })
+            }
         }
     }
     (kept, left_out)
@@ -86,9 +74,7 @@ fn current_of_each(lake: &Lake, rows: &[CurrentRow]) -> BTreeMap<String, Result<
     let current = |(session, runs): (&str, Vec<&RunKey>)| {
         let run = match runs[..] {
             [only] => Ok(only.run.clone()),
-            _ => lake
-                .current(runs[0])
-                .map(|own| own.map_or_else(String::new, |own| own.run)),
+            _ => lake.current(runs[0]).map(|own| own.map_or_else(String::new, |own| own.run)),
         };
         (session.to_owned(), run.map_err(|error| error.to_string()))
     };
@@ -98,11 +84,7 @@ fn current_of_each(lake: &Lake, rows: &[CurrentRow]) -> BTreeMap<String, Result<
 impl CurrentRow {
     /// The row as a run that takes no part.
     pub(super) fn left_out(self, reason: Reason) -> LeftOut {
-        LeftOut {
-            place: self.place,
-            key: Some(self.fact.key),
-            reason,
-        }
+        LeftOut { place: self.place, key: Some(self.fact.key), reason }
     }
 }
 
@@ -125,10 +107,7 @@ pub(super) fn within(
     let last = last.unwrap_or(usize::MAX);
     let (mut kept, mut number) = (Vec::new(), 0..);
     for row in rows {
-        if number
-            .next()
-            .is_some_and(|number| (first..=last).contains(&number))
-        {
+        if number.next().is_some_and(|number| (first..=last).contains(&number)) {
             kept.push(row);
         } else {
             left_out.push(row.left_out(Reason::NotAsked));

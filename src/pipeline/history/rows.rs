@@ -84,9 +84,7 @@ impl RunResult {
     pub fn before_and_after(&self) -> Option<String> {
         let (before, after) = (self.mean_before_mm?, self.mean_after_mm?);
         let of = self.means_of.as_ref()?;
-        Some(format!(
-            "before → after: mean {before:.3} → {after:.3} mm ({of})"
-        ))
+        Some(format!("before → after: mean {before:.3} → {after:.3} mm ({of})"))
     }
 }
 
@@ -111,10 +109,7 @@ pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotRows>, HistoryError> {
         let folder = file.key.split('/').nth(1).unwrap_or_default();
         match robots.last_mut().filter(|last| last.folder == folder) {
             Some(last) => last.files.push(file),
-            None => robots.push(RobotRows {
-                folder: folder.to_owned(),
-                files: vec![file],
-            }),
+            None => robots.push(RobotRows { folder: folder.to_owned(), files: vec![file] }),
         }
     }
     Ok(robots)
@@ -147,21 +142,14 @@ fn row(lake: &Lake, file: &Listed, summary: &Summary) -> Row {
         (String::new(), Err(reason))
     });
     let tagged = file.tag.clone().map(|tag| (file.key.clone(), tag));
-    Row {
-        place,
-        tagged,
-        digest,
-        fact,
-    }
+    Row { place, tagged, digest, fact }
 }
 
 /// A row that was read: its digest, and its facts or why there are none.
 type Read = (String, Result<Fact, String>);
 
 fn read(lake: &Lake, listed: &Listed, place: &Path, summary: &Summary) -> Result<Read, String> {
-    let mut file = lake
-        .open_listed(listed)
-        .map_err(|error| error.to_string())?;
+    let mut file = lake.open_listed(listed).map_err(|error| error.to_string())?;
     let mut bytes = Vec::new();
     let most = Bound::TABLE.bytes;
     let read = (&file).take(most).read_to_end(&mut bytes);
@@ -192,9 +180,7 @@ fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String>
 
 fn result(row: RunRow, settings: &str) -> RunResult {
     let settings: Option<serde_json::Value> = serde_json::from_str(settings).ok();
-    let tolerance = settings
-        .as_ref()
-        .and_then(|own| own.pointer("/tolerance/mm"));
+    let tolerance = settings.as_ref().and_then(|own| own.pointer("/tolerance/mm"));
     RunResult {
         started_us: row.session_started.map(crate::units::WallTime::us),
         verdict: row.verdict.word().to_owned(),

@@ -27,13 +27,8 @@ use crate::report::{Angles, BaseRefit, Model, Point, Split};
 /// The figures of one session: those that are kept, or of its tables where there are none or `is_fresh`; or, as text, why there are none.
 pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFigures, String> {
     let kept = (!is_fresh).then(|| Kept::of_fact(lake, fact)).flatten();
-    let Kept {
-        model,
-        estimate,
-        accuracy,
-        noticed,
-        ..
-    } = kept.map_or_else(|| of_tables(lake, fact), Ok)?;
+    let Kept { model, estimate, accuracy, noticed, .. } =
+        kept.map_or_else(|| of_tables(lake, fact), Ok)?;
     Ok(SessionFigures {
         basis: Basis {
             pipeline: fact.pipeline.clone(),
@@ -100,10 +95,7 @@ pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Esti
     let row = of(Model::Geometric).ok_or("neither model full nor geometric is there")?;
     let saved = SavedCalibration::read(&row.model).map_err(|error| error.to_string())?;
     let estimate = Estimate::of_geometric(&saved).map_err(|error| error.to_string())?;
-    Ok((
-        Model::Geometric,
-        estimate.ok_or("the covariance of model geometric is none")?,
-    ))
+    Ok((Model::Geometric, estimate.ok_or("the covariance of model geometric is none")?))
 }
 
 /// The size from which a change of a session counts, by its tolerance and U; `None` where its tables do not state them.
@@ -138,14 +130,9 @@ fn ranges(row: &CalibrationRow, axes_from_joints: &[Vec<f64>]) -> Vec<[f64; 2]> 
             (*share - f64::from(u8::from(joint == axis))).abs() == 0.0
         };
         let is_alone = map.iter().enumerate().all(is_own);
-        let ends = row
-            .joint_lower_rad
-            .get(axis)
-            .zip(row.joint_upper_rad.get(axis));
+        let ends = row.joint_lower_rad.get(axis).zip(row.joint_upper_rad.get(axis));
         let ends = ends.filter(|_| is_alone);
-        ends.map_or([f64::INFINITY, f64::NEG_INFINITY], |(low, high)| {
-            [*low, *high]
-        })
+        ends.map_or([f64::INFINITY, f64::NEG_INFINITY], |(low, high)| [*low, *high])
     };
     axes_from_joints.iter().enumerate().map(range).collect()
 }
@@ -154,10 +141,7 @@ fn ranges(row: &CalibrationRow, axes_from_joints: &[Vec<f64>]) -> Vec<[f64; 2]> 
 pub(super) fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
     let figure = |row: &AccuracyRow| {
         let words = [row.moment.word(), row.model.word(), row.name.word()];
-        Some(AccuracyFigure {
-            name: words.join(" "),
-            value: row.value?,
-        })
+        Some(AccuracyFigure { name: words.join(" "), value: row.value? })
     };
     let rows = AccuracyRow::read(accuracy);
     let charted = rows.iter().filter(|row| is_charted(row, session));

@@ -65,10 +65,8 @@ impl Summary {
 
     fn parse(rest: &str) -> Option<Self> {
         let lines: Vec<&str> = rest.lines().collect();
-        let lines: Result<Vec<Line>, _> = lines
-            .par_iter()
-            .map(|line| serde_json::from_str(line))
-            .collect();
+        let lines: Result<Vec<Line>, _> =
+            lines.par_iter().map(|line| serde_json::from_str(line)).collect();
         let mut summary = Self::default();
         for line in lines.ok()? {
             match line {

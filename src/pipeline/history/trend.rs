@@ -78,13 +78,9 @@ fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
         let own = session.into_iter().flatten();
         let own =
             own.filter(|figure| figure.kind == Kind::JointCurve && figure.joint == Some(joint));
-        own.filter_map(|figure| Some([figure.angle_rad?, figure.value, figure.sd?]))
-            .collect()
+        own.filter_map(|figure| Some([figure.angle_rad?, figure.value, figure.sd?])).collect()
     };
-    let joints = figures
-        .iter()
-        .flatten()
-        .filter(|figure| figure.kind == Kind::JointCurve);
+    let joints = figures.iter().flatten().filter(|figure| figure.kind == Kind::JointCurve);
     let joints = joints.filter_map(|figure| figure.joint).max().unwrap_or(0);
     let slides = |joint: usize| {
         let mut all = figures.iter().flatten();
@@ -104,17 +100,14 @@ fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
 /// Parameters of the first and of the newest session.
 fn parameters(figures: &[Vec<Figure>]) -> Vec<Parameter> {
     let of = |session: &[Figure], name: &str| {
-        let own = session
-            .iter()
-            .find(|figure| figure.kind == Kind::Parameter && figure.name == name)?;
+        let own =
+            session.iter().find(|figure| figure.kind == Kind::Parameter && figure.name == name)?;
         Some((own.value, own.sd?))
     };
     let (Some(first), Some(newest)) = (figures.first(), figures.last()) else {
         return Vec::new();
     };
-    let own = newest
-        .iter()
-        .filter(|figure| figure.kind == Kind::Parameter);
+    let own = newest.iter().filter(|figure| figure.kind == Kind::Parameter);
     let own = own
         .filter(|figure| !figure.name.starts_with("base_") && !figure.name.starts_with("target_"));
     own.map(|figure| Parameter {

@@ -12,17 +12,12 @@ struct Reads {
 }
 
 /// What ingest and join read: sections and keys that say so.
-const JOIN: Reads = Reads {
-    section: |own| own.joins == Some(true),
-    key: |own| own.joins,
-};
+const JOIN: Reads = Reads { section: |own| own.joins == Some(true), key: |own| own.joins };
 
 /// What training reads: all sections and keys but those that come after it, so that a key that says nothing never gives one name to two
 /// estimates.
-const ESTIMATE: Reads = Reads {
-    section: |own| own.estimates != Some(false),
-    key: |own| own.estimates,
-};
+const ESTIMATE: Reads =
+    Reads { section: |own| own.estimates != Some(false), key: |own| own.estimates };
 
 /// What the grids of an estimate read: what training reads, and sections and keys that say so.
 const GRIDS: Reads = Reads {
@@ -53,8 +48,7 @@ fn read_by(stage: &Reads, all: &Value) -> Value {
         });
         Value::Object(sections.collect())
     };
-    all.as_object()
-        .map_or_else(|| Value::Object(Map::new()), read)
+    all.as_object().map_or_else(|| Value::Object(Map::new()), read)
 }
 
 /// The section of this name.
@@ -75,9 +69,7 @@ fn in_section(stage: &Reads, section: &KeySection, value: &Value) -> Option<Valu
             (!read.is_empty()).then_some(Value::Object(read))
         }
         Value::Array(items) => {
-            let read = items
-                .iter()
-                .filter_map(|item| in_section(stage, section, item));
+            let read = items.iter().filter_map(|item| in_section(stage, section, item));
             let read: Vec<Value> = read.collect();
             (!read.is_empty()).then_some(Value::Array(read))
         }
@@ -91,8 +83,7 @@ fn of_key(stage: &Reads, own: &KeySection, key: &str, value: &Value) -> Option<V
     }
     let of_key = own.keys.iter().find(|known| known.key == key);
     let read = of_key.and_then(stage.key);
-    read.unwrap_or_else(|| (stage.section)(own))
-        .then(|| value.clone())
+    read.unwrap_or_else(|| (stage.section)(own)).then(|| value.clone())
 }
 
 /// Whether a value is a table, or a list of tables.

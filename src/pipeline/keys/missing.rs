@@ -46,10 +46,7 @@ struct Found<'t, 'i> {
 /// Everything that a file which was not read lacks; `None` where that is a single key or none, of which the reader tells more.
 pub fn told_at_once(reference: &'static KeyReference, text: &str) -> Option<Incomplete> {
     let lacks = lacks(reference, text);
-    (count(&lacks) > 1).then_some(Incomplete {
-        file: &reference.file,
-        lacks,
-    })
+    (count(&lacks) > 1).then_some(Incomplete { file: &reference.file, lacks })
 }
 
 /// The line where the table `joint` of that name begins, from 1; `None` where the file has none.
@@ -70,17 +67,12 @@ fn lacks(reference: &'static KeyReference, text: &str) -> Vec<Lack> {
     };
     let sections = reference.sections.iter();
     let lacks = sections.flat_map(|section| of_section(reference, section, file.get_ref(), text));
-    lacks
-        .filter(|lack| !lack.missing.is_empty() || !lack.unknown.is_empty())
-        .collect()
+    lacks.filter(|lack| !lack.missing.is_empty() || !lack.unknown.is_empty()).collect()
 }
 
 /// Number of keys that are missing or unknown.
 fn count(lacks: &[Lack]) -> usize {
-    lacks
-        .iter()
-        .map(|lack| lack.missing.len() + lack.unknown.len())
-        .sum()
+    lacks.iter().map(|lack| lack.missing.len() + lack.unknown.len()).sum()
 }
 
 fn told(lacks: &[Lack]) -> String {
@@ -166,9 +158,7 @@ fn of_table(
     Lack {
         place: heading(section, place, found),
         missing: missing.collect(),
-        unknown: unknown
-            .filter(|name| !is_known(reference, section, place, name))
-            .collect(),
+        unknown: unknown.filter(|name| !is_known(reference, section, place, name)).collect(),
     }
 }
 
@@ -185,11 +175,7 @@ fn heading(section: &KeySection, place: &str, found: &Found<'_, '_>) -> String {
 
 /// Whether a key of a section is read: it is one of its keys, or a section inside it.
 fn is_known(reference: &KeyReference, section: &KeySection, place: &str, name: &str) -> bool {
-    let inside = if place.is_empty() {
-        name.to_owned()
-    } else {
-        format!("{place}.{name}")
-    };
+    let inside = if place.is_empty() { name.to_owned() } else { format!("{place}.{name}") };
     section.keys.iter().any(|key| key.key == name)
         || reference
             .sections
@@ -199,11 +185,7 @@ fn is_known(reference: &KeyReference, section: &KeySection, place: &str, name: &
 
 /// The tables at a path, several where a step is a list of tables.
 fn tables<'t, 'i>(file: &'t DeTable<'i>, steps: &[&str], text: &str) -> Vec<Found<'t, 'i>> {
-    let top = Found {
-        table: file,
-        line: None,
-        number: None,
-    };
+    let top = Found { table: file, line: None, number: None };
     steps.iter().fold(vec![top], |found, step| {
         let inside = found.iter().flat_map(|own| own.inside(step, text));
         inside.collect()
@@ -218,11 +200,7 @@ impl<'t, 'i> Found<'t, 'i> {
             return Vec::new();
         };
         let table = |value: &'t Spanned<DeValue<'i>>, at: usize, number| match value.get_ref() {
-            DeValue::Table(table) => Some(Found {
-                table,
-                line: Some(line(text, at)),
-                number,
-            }),
+            DeValue::Table(table) => Some(Found { table, line: Some(line(text, at)), number }),
             _ => None,
         };
         match value.get_ref() {
@@ -257,11 +235,7 @@ impl fmt::Display for Lack {
 
 /// A key with the words that it can be, where there are such.
 fn wanted(key: &Key) -> String {
-    let words: Vec<String> = key
-        .values
-        .iter()
-        .map(|word| format!("\"{word}\""))
-        .collect();
+    let words: Vec<String> = key.values.iter().map(|word| format!("\"{word}\"")).collect();
     match words.split_last() {
         Some((last, others)) if !others.is_empty() && key.kind == "word" => {
             format!("{} ({} or {last})", key.key, others.join(", "))
@@ -275,10 +249,7 @@ mod tests {
     use super::*;
 
     fn told(reference: &'static KeyReference, text: &str) -> Vec<String> {
-        lacks(reference, text)
-            .iter()
-            .map(ToString::to_string)
-            .collect()
+        lacks(reference, text).iter().map(ToString::to_string).collect()
     }
 
     #[test]

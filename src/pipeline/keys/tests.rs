@@ -18,28 +18,18 @@ struct Parity {
 }
 
 const PIPELINE_FILE: fn(Value) -> Result<String, String> = |value| {
-    let file: PipelineFile = value
-        .try_into()
-        .map_err(|e: toml::de::Error| e.to_string())?;
+    let file: PipelineFile = value.try_into().map_err(|e: toml::de::Error| e.to_string())?;
     Ok(format!("{file:?}"))
 };
 const ROBOT_FILE: fn(Value) -> Result<String, String> = |value| {
-    let file: RobotFile = value
-        .try_into()
-        .map_err(|e: toml::de::Error| e.to_string())?;
+    let file: RobotFile = value.try_into().map_err(|e: toml::de::Error| e.to_string())?;
     Ok(format!("{file:?}"))
 };
 
 fn both() -> [Parity; 2] {
     [
-        Parity {
-            reference: KeyReference::pipeline(),
-            read: PIPELINE_FILE,
-        },
-        Parity {
-            reference: KeyReference::robot(),
-            read: ROBOT_FILE,
-        },
+        Parity { reference: KeyReference::pipeline(), read: PIPELINE_FILE },
+        Parity { reference: KeyReference::robot(), read: ROBOT_FILE },
     ]
 }
 
@@ -69,28 +59,14 @@ impl Parity {
             self.fill(table, "");
         }
         for step in place.split('.').filter(|step| !step.is_empty()) {
-            path = if path.is_empty() {
-                step.to_owned()
-            } else {
-                format!("{path}.{step}")
-            };
+            path = if path.is_empty() { step.to_owned() } else { format!("{path}.{step}") };
             let section = self.section_at(&path);
             let repeated = section.is_some_and(|own| own.repeated);
-            if !table
-                .get(step)
-                .is_some_and(|value| is_open(value, repeated))
-            {
+            if !table.get(step).is_some_and(|value| is_open(value, repeated)) {
                 let mut new = Table::new();
                 self.fill(&mut new, &path);
                 let new = Value::Table(new);
-                table.insert(
-                    step.to_owned(),
-                    if repeated {
-                        Value::Array(vec![new])
-                    } else {
-                        new
-                    },
-                );
+                table.insert(step.to_owned(), if repeated { Value::Array(vec![new]) } else { new });
             }
             table = match table.get_mut(step).expect("inserted") {
                 Value::Table(table) => table,
@@ -163,21 +139,12 @@ impl Parity {
     /// Every place of every section that is a table and nothing else.
     fn places(&self) -> impl Iterator<Item = (&'static KeySection, &'static str)> {
         let sections = self.reference.sections.iter();
-        sections.flat_map(|section| {
-            section
-                .places()
-                .into_iter()
-                .map(move |place| (section, place))
-        })
+        sections.flat_map(|section| section.places().into_iter().map(move |place| (section, place)))
     }
 
     /// The keys that the reference has at a path: those of the section and the sections inside it.
     fn keys_at(&self, section: &KeySection, place: &str) -> BTreeSet<String> {
-        let inside = if place.is_empty() {
-            String::new()
-        } else {
-            format!("{place}.")
-        };
+        let inside = if place.is_empty() { String::new() } else { format!("{place}.") };
         let sections = self.places().filter_map(|(_, other)| {
             let rest = other.strip_prefix(&inside)?;
             let first = rest.split('.').next()?;
@@ -213,13 +180,8 @@ fn every_section_has_the_keys_that_are_read_and_no_other() {
             let strange = |table: &mut Table| {
                 table.insert(STRANGE.to_owned(), Value::Boolean(true));
             };
-            let message = parity
-                .with(place, strange)
-                .expect_err("a strange key is refused");
-            assert!(
-                message.contains(STRANGE),
-                "{file} file, [{place}]: {message}"
-            );
+            let message = parity.with(place, strange).expect_err("a strange key is refused");
+            assert!(message.contains(STRANGE), "{file} file, [{place}]: {message}");
             let mut read = expected(&message);
             if place == "fit" {
                 // [fit.full] is taken out before the other keys are read.

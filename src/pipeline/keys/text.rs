@@ -47,11 +47,7 @@ impl KeySection {
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = self.unit.as_deref().filter(|unit| *unit != "1");
-        let parts = [
-            Some(self.kind.clone()),
-            unit.map(str::to_owned),
-            Some(self.without()),
-        ];
+        let parts = [Some(self.kind.clone()), unit.map(str::to_owned), Some(self.without())];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
         writeln!(f, "\n  {}  {}", self.key, parts.join(", "))?;
         writeln!(f, "    {}", self.about)?;

@@ -30,13 +30,9 @@ impl<'p> Placed<'p> {
         file: &PipelineFile,
         section: &PlanSection,
     ) -> Result<Self, ConfigurationError> {
-        let tool = file
-            .commanded
-            .as_ref()
-            .and_then(|section| section.flange_from_tool);
-        let tool = tool
-            .map(|tool| placed(path, "[commanded] flange_from_tool", &tool))
-            .transpose()?;
+        let tool = file.commanded.as_ref().and_then(|section| section.flange_from_tool);
+        let tool =
+            tool.map(|tool| placed(path, "[commanded] flange_from_tool", &tool)).transpose()?;
         let target = of_main_target(file).target.map(|target| target.xyz_mm);
         let flange_from_target = match (target, tool) {
             (Some(xyz_mm), tool) => Isometry3::from_parts(
@@ -83,27 +79,17 @@ impl<'p> Placed<'p> {
             .map(|(value, joint)| joint.read(*value))
             .collect();
         let at_home = arm.flange(&home).isometry() * self.flange_from_target;
-        let orientation = file
-            .grid
-            .orientation_xyzw
-            .map_or(at_home.rotation, |[x, y, z, w]| {
-                // The table's orientation is the tool's: that of the target here.
-                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
-            });
+        let orientation = file.grid.orientation_xyzw.map_or(at_home.rotation, |[x, y, z, w]| {
+            // The table's orientation is the tool's: that of the target here.
+            UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+        });
         let fit = of_main_target(file);
         let up = file.robot.up;
         Ok(PlanSettings {
             seed: section.seed,
             flange_from_target: self.flange_from_target,
-            region: Region {
-                bounds,
-                orientation,
-                cone_rad: section.cone_deg.to_radians(),
-            },
-            candidate_cone_rad: section
-                .candidate_cone_deg
-                .max(section.cone_deg)
-                .to_radians(),
+            region: Region { bounds, orientation, cone_rad: section.cone_deg.to_radians() },
+            candidate_cone_rad: section.candidate_cone_deg.max(section.cone_deg).to_radians(),
             constraints: self.constraints(arm, &home, &section.constraints)?,
             grid: file.grid.clone(),
             tolerance: file.tolerance,
@@ -192,9 +178,7 @@ impl<'p> Placed<'p> {
 fn of_main_target(file: &PipelineFile) -> FitSettings {
     let fit = &file.fit.geometric;
     let names = several_targets(file);
-    let main = names
-        .first()
-        .and_then(|name| fit.targets.get(name).copied());
+    let main = names.first().and_then(|name| fit.targets.get(name).copied());
     FitSettings {
         target: fit.target.or(main),
         targets: BTreeMap::new(),
@@ -212,9 +196,7 @@ fn tracker(uncertainty: &TrackerUncertainty) -> TrackerErrors {
         transverse_mm: uncertainty.transverse_um * 1e-3,
         transverse_per_mm: uncertainty.transverse_um_per_m * 1e-6,
         divisor: uncertainty.divisor,
-        orientation_rad: uncertainty
-            .orientation_rad
-            .unwrap_or(simulated.orientation_rad),
+        orientation_rad: uncertainty.orientation_rad.unwrap_or(simulated.orientation_rad),
         ..simulated
     }
 }

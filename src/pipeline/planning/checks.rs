@@ -50,10 +50,8 @@ fn counts(section: &PlanSection) -> Check {
         let holds = (1..=MOST).contains(&count);
         wrong_unless(holds, format!("[plan] {key}"), count, "1 to 100000")
     })?;
-    let extras = [
-        ("drift_check_every", section.drift_check_every),
-        ("verify_poses", section.verify_poses),
-    ];
+    let extras =
+        [("drift_check_every", section.drift_check_every), ("verify_poses", section.verify_poses)];
     each(extras, |(key, count)| {
         let holds = count <= MOST_POSES;
         wrong_unless(holds, format!("[plan] {key}"), count, "0 to 2000")
@@ -61,11 +59,7 @@ fn counts(section: &PlanSection) -> Check {
 }
 
 fn poses(section: &PlanSection) -> Check {
-    let least = if section.known.is_some() {
-        LEAST_KNOWN_POSES
-    } else {
-        LEAST_POSES
-    };
+    let least = if section.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES };
     let sizes = least..=MOST_POSES;
     let holds = !section.poses.is_empty() && section.poses.iter().all(|n| sizes.contains(n));
     wrong_unless(
@@ -79,10 +73,8 @@ fn poses(section: &PlanSection) -> Check {
 }
 
 fn angles(section: &PlanSection) -> Check {
-    let angles = [
-        ("cone_deg", section.cone_deg),
-        ("candidate_cone_deg", section.candidate_cone_deg),
-    ];
+    let angles =
+        [("cone_deg", section.cone_deg), ("candidate_cone_deg", section.candidate_cone_deg)];
     each(angles, |(key, deg)| {
         let holds = (0.0..=180.0).contains(&deg);
         wrong_unless(holds, format!("[plan] {key}"), deg, "0 to 180 degrees")
@@ -103,9 +95,7 @@ fn sizes(expect: &Expect) -> Check {
         ("target_sd_mm", expect.target_sd_mm),
         ("base_drift_mm", expect.base_drift_mm),
     ];
-    each(sizes, |(key, size)| {
-        not_negative(format!("[plan] expect.{key}"), size)
-    })
+    each(sizes, |(key, size)| not_negative(format!("[plan] expect.{key}"), size))
 }
 
 fn instruments(instruments: &[InstrumentSection]) -> Check {
@@ -120,10 +110,8 @@ fn instruments(instruments: &[InstrumentSection]) -> Check {
 }
 
 fn shares(section: &PlanSection) -> Check {
-    let shares = [
-        ("share", section.robots_meet.share),
-        ("confidence", section.robots_meet.confidence),
-    ];
+    let shares =
+        [("share", section.robots_meet.share), ("confidence", section.robots_meet.confidence)];
     each(shares, |(key, share)| {
         let holds = share > 0.0 && share < 1.0;
         let wanted = "between 0 and 1, for example 0.95";

@@ -133,10 +133,7 @@ pub enum KnownMisfit {
 impl KnownMisfit {
     /// This misfit of the table at `path`.
     fn at(self, path: &Path) -> KnownError {
-        KnownError::Misfit {
-            path: path.to_owned(),
-            kind: self,
-        }
+        KnownError::Misfit { path: path.to_owned(), kind: self }
     }
 
     /// The message for a person, with the table's path.
@@ -150,22 +147,14 @@ impl KnownMisfit {
             Self::Joints { found, wanted } => format!(
                 "the arm of {path} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm"
             ),
-            Self::OtherNominal {
-                found,
-                wanted,
-                what,
-            } => format!(
+            Self::OtherNominal { found, wanted, what } => format!(
                 "the nominal arm of {path} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
                  mean nothing here; plan with the robot file of that run"
             ),
             Self::GeometryAlone => format!(
                 "{path} has no full error model, only geometry: run that session with [fit.full] enabled = true"
             ),
-            Self::OtherTarget {
-                found,
-                wanted,
-                away_mm,
-            } => format!(
+            Self::OtherTarget { found, wanted, away_mm } => format!(
                 "the target of {path} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this \
                  plan: say target = \"other\""
             ),
@@ -187,10 +176,7 @@ pub(super) fn table(
     lakes: [&Place; 2],
     robot: &str,
 ) -> Result<PathBuf, KnownError> {
-    let named = |found| KnownError::Named {
-        path: path.to_owned(),
-        found,
-    };
+    let named = |found| KnownError::Named { path: path.to_owned(), found };
     match (&known.calibrations, &known.session) {
         (Some(file), None) => Ok(base.join(file)),
         (None, Some(session)) => match current(lakes[0], robot, session) {
@@ -266,12 +252,7 @@ fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), Know
         let (found, wanted) = (found.joints.len(), wanted.joints.len());
         return Err(KnownMisfit::Joints { found, wanted }.at(path));
     }
-    let names = |arm: &SavedArm| {
-        arm.joints
-            .iter()
-            .map(|j| j.name.clone())
-            .collect::<Vec<_>>()
-    };
+    let names = |arm: &SavedArm| arm.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
     let what = if names(&found) != names(&wanted) {
         "names of joints"
     } else if found.elements != wanted.elements {
@@ -282,12 +263,7 @@ fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), Know
         return Ok(());
     };
     let (found, wanted) = (found.model, wanted.model);
-    Err(KnownMisfit::OtherNominal {
-        found,
-        wanted,
-        what,
-    }
-    .at(path))
+    Err(KnownMisfit::OtherNominal { found, wanted, what }.at(path))
 }
 
 fn mounting(
@@ -314,18 +290,12 @@ fn mounting(
         return Err(KnownMisfit::NoBase.at(path));
     }
     let sat = past.flange_from_target(TargetId::MAIN);
-    let (found, wanted) = (
-        sat.isometry().translation.vector,
-        settings.flange_from_target.translation.vector,
-    );
+    let (found, wanted) =
+        (sat.isometry().translation.vector, settings.flange_from_target.translation.vector);
     let away_mm = (found - wanted).norm();
     if known.target != TargetMounted::Other && away_mm > SAME_PLACE_MM {
         let (found, wanted) = (found.into(), wanted.into());
-        let other = KnownMisfit::OtherTarget {
-            found,
-            wanted,
-            away_mm,
-        };
+        let other = KnownMisfit::OtherTarget { found, wanted, away_mm };
         return Err(other.at(path));
     }
     Ok(Mounting {

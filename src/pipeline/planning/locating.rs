@@ -98,10 +98,7 @@ fn table(
     }
     let lake = Lake::at(lake)?;
     let newest = history::newest(&lake, robot).map_err(|source| {
-        Box::new(KnownError::NoNewest {
-            robot: robot.to_owned(),
-            source: Box::new(source),
-        })
+        Box::new(KnownError::NoNewest { robot: robot.to_owned(), source: Box::new(source) })
     })?;
     Ok(known::local(&lake, &newest).map_err(Box::new)?)
 }

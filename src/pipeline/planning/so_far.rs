@@ -104,17 +104,12 @@ impl Planning {
         let stations = &joined.joined.stations;
         let counted = self.arm.counted();
         let is_verify = |station: &Station| {
-            let own = poses
-                .iter()
-                .find(|pose| is_same_pose(&pose.joints_rad, &station.joints, &counted));
+            let own =
+                poses.iter().find(|pose| is_same_pose(&pose.joints_rad, &station.joints, &counted));
             own.is_some_and(|pose| pose.purpose == VisitPurpose::Verify)
         };
         let measured = |station: &&Station| station.pairing == Pairing::Paired;
-        let verify = stations
-            .iter()
-            .filter(measured)
-            .filter(|s| is_verify(s))
-            .count();
+        let verify = stations.iter().filter(measured).filter(|s| is_verify(s)).count();
         let taken: Vec<Station> = stations.iter().filter(|s| !is_verify(s)).cloned().collect();
         let model = self.model_of(&joined, &taken, &stages)?;
         let region = self.region()?;
@@ -123,9 +118,7 @@ impl Planning {
             .iter()
             .filter(|pose| pose.purpose == VisitPurpose::Identify)
             .filter(|pose| {
-                !stations
-                    .iter()
-                    .any(|s| is_same_pose(&pose.joints_rad, &s.joints, &counted))
+                !stations.iter().any(|s| is_same_pose(&pose.joints_rad, &s.joints, &counted))
             })
             .collect();
         let next = self.next(&model, &region, &left, &promise);
@@ -135,16 +128,9 @@ impl Planning {
             identify,
             verify,
             unmeasured: stations.len() - identify - verify,
-            planned: poses
-                .iter()
-                .filter(|pose| pose.purpose == VisitPurpose::Identify)
-                .count(),
+            planned: poses.iter().filter(|pose| pose.purpose == VisitPurpose::Identify).count(),
             promise,
-            next: next
-                .poses
-                .iter()
-                .map(|&place| left[place].target.clone())
-                .collect(),
+            next: next.poses.iter().map(|&place| left[place].target.clone()).collect(),
             next_are_enough: next.are_enough,
         })
     }
@@ -166,11 +152,7 @@ impl Planning {
             from_grids: false,
         };
         let configuration = Configuration::load(path, &overrides)?;
-        let files = configuration
-            .pieces
-            .iter()
-            .flat_map(|piece| &piece.training)
-            .next();
+        let files = configuration.pieces.iter().flat_map(|piece| &piece.training).next();
         let files = files.expect("a configuration of one session has its files");
         let joined = run::session(&configuration, files, None, progress).map_err(Box::new)?;
         Ok((joined, configuration.stages))
@@ -185,24 +167,12 @@ impl Planning {
     ) -> Result<FullModel, PlanningError> {
         let numbers = |number: usize| stations.iter().any(|station| station.number == number);
         let mut observations = fit::observations(0, stations, &self.arm, &stages.noise);
-        fit::add_commands(
-            &mut observations,
-            &joined.joined.stations,
-            &joined.commanded,
-        );
+        fit::add_commands(&mut observations, &joined.joined.stations, &joined.commanded);
         observations.retain(|observation| numbers(observation.station));
-        let found = self.trained(&observations, stages).map_err(|source| {
-            Box::new(SoFarError::Fit {
-                session: joined.name.clone(),
-                source,
-            })
-        })?;
-        found.ok_or_else(|| {
-            Box::new(SoFarError::NoModel {
-                session: joined.name.clone(),
-            })
-            .into()
-        })
+        let found = self
+            .trained(&observations, stages)
+            .map_err(|source| Box::new(SoFarError::Fit { session: joined.name.clone(), source }))?;
+        found.ok_or_else(|| Box::new(SoFarError::NoModel { session: joined.name.clone() }).into())
     }
 
     fn trained(
@@ -240,10 +210,7 @@ impl Planning {
         left: &[&VisitRow],
         promise: &Outcomes,
     ) -> Next {
-        let none = Next {
-            poses: Vec::new(),
-            are_enough: promise.holds(),
-        };
+        let none = Next { poses: Vec::new(), are_enough: promise.holds() };
         let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else {
             return none;
         };

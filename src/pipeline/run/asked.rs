@@ -22,11 +22,7 @@ impl Done {
             return Ok(self);
         };
         let again = "is current again, in place of";
-        let how = if self.already_there {
-            again
-        } else {
-            "takes the place of"
-        };
+        let how = if self.already_there { again } else { "takes the place of" };
         let row = |run: &str| {
             let row = lake.read(RunRow::TABLE, &RunKey::new(&key.robot, &key.session, run));
             RunRow::read(&row.ok()?).pop()
@@ -52,14 +48,12 @@ fn changes(before: &RunRow, now: &RunRow) -> Vec<String> {
     });
     let mut names: BTreeSet<&String> = was.keys().chain(is.keys()).copied().collect();
     names.retain(|name| was.get(name) != is.get(name));
-    let files = names
-        .into_iter()
-        .map(|name| match was.get(name).zip(is.get(name)) {
-            _ if name == ROBOT => "another robot file".to_owned(),
-            Some(_) => format!("another {name}"),
-            None if is.contains_key(name) => format!("{name} added"),
-            None => format!("{name} left out"),
-        });
+    let files = names.into_iter().map(|name| match was.get(name).zip(is.get(name)) {
+        _ if name == ROBOT => "another robot file".to_owned(),
+        Some(_) => format!("another {name}"),
+        None if is.contains_key(name) => format!("{name} added"),
+        None => format!("{name} left out"),
+    });
     let mut all: Vec<String> = settings.chain(files).collect();
     let more = all.split_off(all.len().min(MOST_NAMED)).len();
     all.extend((more > 0).then(|| format!("{more} more settings and files")));

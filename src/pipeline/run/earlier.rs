@@ -36,11 +36,7 @@ struct Line {
 impl Earlier {
     /// What a lake's index knows of the sessions of a piece of work; nothing where each is learnt by itself, or the robot is named in logs.
     pub(super) fn of(configuration: &Configuration, piece: &WorkPiece) -> Result<Self, RunError> {
-        let Some(robot) = configuration
-            .robot
-            .clone()
-            .filter(|_| configuration.grows())
-        else {
+        let Some(robot) = configuration.robot.clone().filter(|_| configuration.grows()) else {
             return Ok(Self::default());
         };
         let digest = super::input(&configuration.robot_file, ROBOT)?.digest;

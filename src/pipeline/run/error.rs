@@ -228,20 +228,16 @@ pub enum RunError {
 impl RunError {
     /// Whether readings and the stated set-up contradict each other.
     pub(super) const fn is_of_set_up(&self) -> bool {
-        matches!(
-            self,
-            Self::SetUp { .. } | Self::Join { .. } | Self::Unexplained { .. }
-        )
+        matches!(self, Self::SetUp { .. } | Self::Join { .. } | Self::Unexplained { .. })
     }
 
     /// Whether the machine or the storage failed, so that the same work may have a result later.
     pub fn is_fault(&self) -> bool {
         use std::io::ErrorKind::{InvalidInput, IsADirectory, NotFound, PermissionDenied};
         match self {
-            Self::Input { source, .. } => !matches!(
-                source.kind(),
-                NotFound | PermissionDenied | IsADirectory | InvalidInput
-            ),
+            Self::Input { source, .. } => {
+                !matches!(source.kind(), NotFound | PermissionDenied | IsADirectory | InvalidInput)
+            }
             Self::Lake(error) | Self::Publish(PublishError::Lake(error)) => error.is_fault(),
             Self::Fetch(_) => true,
             Self::OfSession { source, .. } => source.is_fault(),
@@ -269,9 +265,6 @@ impl RunError {
     }
 
     pub(super) fn of(self, files: &SessionFiles) -> Self {
-        Self::OfSession {
-            session: files.name.clone(),
-            source: Box::new(self),
-        }
+        Self::OfSession { session: files.name.clone(), source: Box::new(self) }
     }
 }

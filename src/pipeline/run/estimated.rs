@@ -27,11 +27,7 @@ impl Estimator<'_> {
         if let Some(estimate) = self.stored(&sessions, &key)? {
             return Ok((estimate, key));
         }
-        let Joiner {
-            configuration,
-            progress,
-            ..
-        } = self.joiner;
+        let Joiner { configuration, progress, .. } = self.joiner;
         let estimate = if configuration.grows() {
             self.on_top(sessions)?
         } else {
@@ -45,10 +41,7 @@ impl Estimator<'_> {
 
     /// The estimate for later runs, in words.
     pub(super) fn made(&self, sessions: Sessions) -> Result<EstimateDone, RunError> {
-        let already_there = self
-            .joiner
-            .lake
-            .has(ESTIMATES, &self.work_of(&sessions).key())?;
+        let already_there = self.joiner.lake.has(ESTIMATES, &self.work_of(&sessions).key())?;
         let (estimate, key) = self.estimate(sessions)?;
         Ok(EstimateDone {
             session: key.session,
@@ -67,11 +60,7 @@ impl Estimator<'_> {
 
     /// An estimate of this session from these sessions as joined.
     pub(super) fn work_with(&self, session: &str, training: &[RunKey]) -> Work {
-        let Joiner {
-            configuration,
-            work,
-            ..
-        } = self.joiner;
+        let Joiner { configuration, work, .. } = self.joiner;
         let robot = work.inputs.iter().find(|input| input.name == ROBOT);
         let digest = robot.map_or("", |robot| robot.digest.as_str());
         let training = training.iter().map(|own| (&own.session, &own.run));
@@ -89,11 +78,7 @@ impl Estimator<'_> {
         let is_all_there_is = configuration.from_estimates;
         if !self.joiner.lake.has(ESTIMATES, key)? {
             let session = key.session.clone();
-            return if is_all_there_is {
-                Err(RunError::NoEstimate { session })
-            } else {
-                Ok(None)
-            };
+            return if is_all_there_is { Err(RunError::NoEstimate { session }) } else { Ok(None) };
         }
         match self.restored(sessions, key) {
             Ok(estimate) => Ok(Some(estimate)),
@@ -125,12 +110,7 @@ impl Estimator<'_> {
             run: key.run.clone(),
             source: Box::new(source),
         };
-        let Joiner {
-            configuration,
-            lake,
-            progress,
-            ..
-        } = self.joiner;
+        let Joiner { configuration, lake, progress, .. } = self.joiner;
         let settings = &configuration.stages;
         let targets = &settings.fit.target_names;
         let stored = estimates::restored(lake, key, targets).map_err(unread)?;

@@ -28,16 +28,8 @@ impl<'a> Gridder<'a> {
     /// Where the grids of an estimate are made.
     pub(super) fn of(configuration: &'a Configuration, lake: &'a Lake, estimate: &RunKey) -> Self {
         let settings = configuration.grids_settings.clone();
-        let RunKey {
-            robot,
-            session,
-            run,
-        } = estimate;
-        Self {
-            configuration,
-            lake,
-            work: grids::work(robot, session, run, settings),
-        }
+        let RunKey { robot, session, run } = estimate;
+        Self { configuration, lake, work: grids::work(robot, session, run, settings) }
     }
 
     /// Whether the lake has them.
@@ -63,11 +55,7 @@ impl<'a> Gridder<'a> {
         let key = self.work.key();
         if !self.is_there()? {
             let session = key.session;
-            return if is_all_there_is {
-                Err(RunError::NoGrids { session })
-            } else {
-                Ok(None)
-            };
+            return if is_all_there_is { Err(RunError::NoGrids { session }) } else { Ok(None) };
         }
         match grids::restored(self.lake, &key) {
             Ok(steps) => Ok(Some(steps)),
@@ -93,9 +81,5 @@ impl<'a> Gridder<'a> {
 }
 
 fn unread(key: RunKey, source: NoGrids) -> RunError {
-    RunError::GridsUnread {
-        session: key.session,
-        run: key.run,
-        source: Box::new(source),
-    }
+    RunError::GridsUnread { session: key.session, run: key.run, source: Box::new(source) }
 }

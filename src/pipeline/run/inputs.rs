@@ -43,11 +43,9 @@ fn session_inputs(
     let mut inputs = match &files.recorded {
         Recorded::Logs(logs) => both_logs(logs, name)?,
         Recorded::Joined(before) => before.inputs.clone(),
-        Recorded::Table(table) => vec![table_input(
-            configuration,
-            table,
-            &format!("{name}/stations"),
-        )?],
+        Recorded::Table(table) => {
+            vec![table_input(configuration, table, &format!("{name}/stations"))?]
+        }
     };
     let corrected = files.corrected.iter();
     let corrected = corrected.map(|path| input(path, &format!("{name}/corrected")));
@@ -75,16 +73,9 @@ fn table_input(
     };
     let bound = Bound::of(configuration.limits);
     let rows = station_table::own_text(&table.path, settings, &table.whose, bound)?;
-    let wrong = |source| RunError::Input {
-        path: table.path.clone(),
-        source,
-    };
+    let wrong = |source| RunError::Input { path: table.path.clone(), source };
     let (digest, bytes) = manifest::digest(rows.as_bytes()).map_err(wrong)?;
-    Ok(Input {
-        name: name.to_owned(),
-        bytes,
-        digest,
-    })
+    Ok(Input { name: name.to_owned(), bytes, digest })
 }
 
 /// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
@@ -95,16 +86,10 @@ fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
         return Ok(inputs);
     }
     inputs.sort_by(|a, b| a.digest.cmp(&b.digest));
-    if inputs
-        .windows(2)
-        .any(|pair| pair[0].digest == pair[1].digest)
-    {
+    if inputs.windows(2).any(|pair| pair[0].digest == pair[1].digest) {
         return Err(RunError::SameTwice {
             side: name.to_owned(),
-            files: paths
-                .iter()
-                .map(|path| path.display().to_string())
-                .collect(),
+            files: paths.iter().map(|path| path.display().to_string()).collect(),
         });
     }
     for (place, input) in inputs.iter_mut().enumerate() {
@@ -126,26 +111,17 @@ pub(in crate::pipeline) fn is_of_session(input: &str, session: &str) -> bool {
 
 /// A file as an input of a run.
 pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
-    let wrong = |source| RunError::Input {
-        path: path.to_owned(),
-        source,
-    };
+    let wrong = |source| RunError::Input { path: path.to_owned(), source };
     let (digest, bytes) =
         manifest::digest(input::open(path, Bound::ANY).map_err(wrong)?).map_err(wrong)?;
-    Ok(Input {
-        name: name.to_owned(),
-        bytes,
-        digest,
-    })
+    Ok(Input { name: name.to_owned(), bytes, digest })
 }
 
 fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String, RunError> {
     if let Some(name) = &configuration.robot {
         return Ok(name.clone());
     }
-    let none = || RunError::NoRobotName {
-        session: piece.session.clone(),
-    };
+    let none = || RunError::NoRobotName { session: piece.session.clone() };
     let files = piece.training.first().ok_or_else(none)?;
     if let Recorded::Joined(before) = &files.recorded {
         return Ok(before.key.robot.clone());
@@ -164,13 +140,7 @@ mod tests {
         for own in ["a/controller", "a/tracker/2", "a/stations", "a/corrected"] {
             assert!(is_of_session(own, "a"), "{own}");
         }
-        for other in [
-            "a/b/controller",
-            "ab/controller",
-            "a/controller/tracker",
-            "a",
-            "robot",
-        ] {
+        for other in ["a/b/controller", "ab/controller", "a/controller/tracker", "a", "robot"] {
             assert!(!is_of_session(other, "a"), "{other}");
         }
         assert!(is_of_session("a/b/controller/1", "a/b"));

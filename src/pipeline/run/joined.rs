@@ -53,14 +53,8 @@ impl<'a> Joiner<'a> {
         piece: &WorkPiece,
         mut run: Option<&mut OpenRun<'_>>,
     ) -> Result<Sessions, RunError> {
-        let own = if self.configuration.grows() {
-            1
-        } else {
-            piece.training.len()
-        };
-        let (earlier, own) = piece
-            .training
-            .split_at(piece.training.len().saturating_sub(own));
+        let own = if self.configuration.grows() { 1 } else { piece.training.len() };
+        let (earlier, own) = piece.training.split_at(piece.training.len().saturating_sub(own));
         // Their results are named, and read where nothing is kept of what they said.
         let mut made_of: Vec<RunKey> = earlier.iter().map(|own| self.work_of(own).key()).collect();
         let mut joined = |files: &SessionFiles| {
@@ -73,12 +67,7 @@ impl<'a> Joiner<'a> {
         let training = training.collect::<Result<Vec<_>, RunError>>()?;
         let test = piece.test.iter().map(&mut joined);
         let test = test.collect::<Result<Vec<_>, RunError>>()?;
-        Ok(Sessions {
-            earlier: earlier.to_vec(),
-            training,
-            test,
-            made_of,
-        })
+        Ok(Sessions { earlier: earlier.to_vec(), training, test, made_of })
     }
 
     /// One session for later runs, in words.

@@ -86,20 +86,13 @@ impl Known {
         } else {
             lake.run_and_request_keys()?
         };
-        Ok(Self {
-            before,
-            listed: Some(Held { alone, rows }),
-            ..Self::nothing(lake)
-        })
+        Ok(Self { before, listed: Some(Held { alone, rows }), ..Self::nothing(lake) })
     }
 
     /// Asks a lake for one piece of work at a time: for a task, which is one of many. A task was listed as what the index does not
     /// know, so that the index is not read.
     pub fn one_by_one(lake: Lake) -> Self {
-        Self {
-            listed: None,
-            ..Self::nothing(lake)
-        }
+        Self { listed: None, ..Self::nothing(lake) }
     }
 
     /// Nothing is known of what a lake has.
@@ -167,11 +160,8 @@ impl Known {
             return;
         };
         let unread = states.into_iter();
-        let is_known = |state: &String| {
-            self.before
-                .get(state)
-                .is_some_and(|own| self.is_current(own))
-        };
+        let is_known =
+            |state: &String| self.before.get(state).is_some_and(|own| self.is_current(own));
         let unread = unread.filter(|state| !is_known(state));
         let (states, files): (Vec<String>, Vec<Listed>) = unread
             .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
@@ -328,11 +318,7 @@ impl Told {
             words: Vec::new(),
             corrects: None,
             tables: lake.root(),
-            page: if self.has_page {
-                Some(lake.page(key).ok()?)
-            } else {
-                None
-            },
+            page: if self.has_page { Some(lake.page(key).ok()?) } else { None },
         })
     }
 }
@@ -420,9 +406,8 @@ fn inode_and_change(metadata: &Metadata) -> (u64, Option<SystemTime>) {
     use std::os::unix::fs::MetadataExt as _;
     let seconds = u64::try_from(metadata.ctime()).ok();
     let nanoseconds = u32::try_from(metadata.ctime_nsec()).ok();
-    let since = seconds
-        .zip(nanoseconds)
-        .map(|(seconds, nanoseconds)| Duration::new(seconds, nanoseconds));
+    let since =
+        seconds.zip(nanoseconds).map(|(seconds, nanoseconds)| Duration::new(seconds, nanoseconds));
     let changed = since.and_then(|since| SystemTime::UNIX_EPOCH.checked_add(since));
     (metadata.ino(), changed)
 }
@@ -452,10 +437,7 @@ fn parsed(text: &str) -> Option<BTreeMap<String, Told>> {
 }
 
 fn text(all: BTreeMap<String, Told>) -> String {
-    let head = Line::Head {
-        format: FORMAT,
-        version: VERSION.to_owned(),
-    };
+    let head = Line::Head { format: FORMAT, version: VERSION.to_owned() };
     let told = all.into_iter().map(|(state, told)| Line::Told(state, told));
     let lines = std::iter::once(head).chain(told);
     let lines = lines.filter_map(|line| serde_json::to_string(&line).ok());
@@ -506,8 +488,7 @@ mod tests {
         std::fs::write(&path, "two").expect("writable");
         let file = std::fs::File::options().write(true).open(&path);
         let file = file.expect("there");
-        file.set_modified(modified.expect("known"))
-            .expect("writable");
+        file.set_modified(modified.expect("known")).expect("writable");
         assert!(!is_settled(&Tree::Folder, &path), "it changed just now");
         std::thread::sleep(SETTLED + Duration::from_millis(50));
         assert_ne!(

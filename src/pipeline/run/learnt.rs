@@ -40,12 +40,7 @@ impl Estimator<'_> {
     pub(super) fn on_top(&self, sessions: Sessions) -> Result<Estimate, RunError> {
         let keys = self.chain(&sessions);
         let before = self.before(&sessions, &keys)?;
-        let Sessions {
-            earlier,
-            training,
-            test,
-            ..
-        } = sessions;
+        let Sessions { earlier, training, test, .. } = sessions;
         let both = (training, test);
         let (estimate, learnt) = self.learnt(both, &earlier, before.as_ref())?;
         self.keep(&keys, &learnt)?;
@@ -124,15 +119,8 @@ impl Estimator<'_> {
         both: (Vec<JoinedSession>, Vec<JoinedSession>),
         learning: &Learning,
     ) -> Result<(Estimate, Learnt), RunError> {
-        let name = both
-            .0
-            .last()
-            .map_or_else(String::new, |own| own.name.clone());
-        let Joiner {
-            configuration,
-            progress,
-            ..
-        } = self.joiner;
+        let name = both.0.last().map_or_else(String::new, |own| own.name.clone());
+        let Joiner { configuration, progress, .. } = self.joiner;
         let (arm, settings) = (&configuration.arm, &configuration.stages);
         let from = (None, Some(learning));
         let estimate = stages::estimate(arm, both, from, settings, *progress)?;
@@ -186,10 +174,9 @@ impl Estimator<'_> {
             return Ok(());
         };
         let lake = self.joiner.lake;
-        let packed = learnt.packed().map_err(|source| RunError::NotPacked {
-            session: own.session.clone(),
-            source,
-        })?;
+        let packed = learnt
+            .packed()
+            .map_err(|source| RunError::NotPacked { session: own.session.clone(), source })?;
         let gone = before.len().checked_sub(KEPT).map(|place| &before[place]);
         let kept = lake.put_learnt(own, &packed);
         let kept = kept.and_then(|()| gone.map_or(Ok(()), |gone| lake.remove_learnt(gone)));

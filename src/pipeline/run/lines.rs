@@ -10,9 +10,7 @@ pub(super) fn parsed<T: DeserializeOwned>(
     text: &str,
     name: impl Fn(&T) -> &String,
 ) -> BTreeMap<String, T> {
-    let lines = text
-        .lines()
-        .filter_map(|line| serde_json::from_str(line).ok());
+    let lines = text.lines().filter_map(|line| serde_json::from_str(line).ok());
     lines.map(|line: T| (name(&line).clone(), line)).collect()
 }
 

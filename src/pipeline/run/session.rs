@@ -36,15 +36,9 @@ pub(in crate::pipeline) fn session(
 ) -> Result<JoinedSession, RunError> {
     match (&files.recorded, &configuration.reads) {
         (Recorded::Logs(logs), Reads::Logs(mapping)) => {
-            let own = OwnLogs {
-                configuration,
-                files,
-                logs,
-                mapping,
-            };
+            let own = OwnLogs { configuration, files, logs, mapping };
             let read = own.read_into(run, progress)?;
-            own.joined(read)
-                .map_err(|error| own.mounted_otherwise(error, progress))
+            own.joined(read).map_err(|error| own.mounted_otherwise(error, progress))
         }
         (Recorded::Table(table), Reads::Tables(settings)) => {
             of_table(configuration, files, table, settings)
@@ -52,9 +46,7 @@ pub(in crate::pipeline) fn session(
         // Sessions are looked for as what the pipeline file reads, and those as joined are read back before.
         (Recorded::Logs(_), Reads::Tables(_))
         | (Recorded::Table(_), Reads::Logs(_))
-        | (Recorded::Joined(_), _) => Err(RunError::OtherKind {
-            session: files.name.clone(),
-        }),
+        | (Recorded::Joined(_), _) => Err(RunError::OtherKind { session: files.name.clone() }),
     }
 }
 
@@ -90,18 +82,11 @@ impl OwnLogs<'_> {
         sink: &mut dyn JointSink,
         progress: &dyn Progress,
     ) -> Result<SessionRead, RunError> {
-        let (limits, rule) = (
-            self.configuration.limits,
-            self.configuration.join.arm_rule(),
-        );
+        let (limits, rule) = (self.configuration.limits, self.configuration.join.arm_rule());
         let read = read_session(self.logs, self.mapping, limits, &rule, sink, progress)?;
         // No more of the logs may be lost than the pipeline file allows.
-        damage::within(&read.counts, self.configuration.max_lost_share).map_err(|damage| {
-            RunError::Damaged {
-                session: self.files.name.clone(),
-                damage,
-            }
-        })?;
+        damage::within(&read.counts, self.configuration.max_lost_share)
+            .map_err(|damage| RunError::Damaged { session: self.files.name.clone(), damage })?;
         Ok(read)
     }
 
@@ -138,9 +123,8 @@ impl OwnLogs<'_> {
         };
         let joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
-        let set_up = set_up(configuration, files, &joined, || {
-            explained_anew(configuration, &read)
-        })?;
+        let set_up =
+            set_up(configuration, files, &joined, || explained_anew(configuration, &read))?;
         let counts = with_references(read.counts, &read.input, &joined);
         Ok(JoinedSession {
             sampling_plan: read.metadata.get("session.plan").cloned(),
@@ -165,11 +149,8 @@ fn with_references(
     let read: u64 = read.map(|own| own.readings.count() as u64).sum();
     let rejects = joined.rejects.iter().filter(|own| own.is_of_reference);
     let rejected: u64 = rejects.map(|own| own.readings).sum();
-    let numbers = [
-        ("messages", read),
-        ("kept", read.saturating_sub(rejected)),
-        ("rejected", rejected),
-    ];
+    let numbers =
+        [("messages", read), ("kept", read.saturating_sub(rejected)), ("rejected", rejected)];
     for (name, number) in numbers {
         counts.insert(format!("references.{name}"), number);
     }
@@ -241,15 +222,10 @@ fn with_targets(
     let (arm, settings) = (&configuration.arm, &configuration.join);
     let middles = middles(&rows);
     assigned_rows(rows, arm, settings, stated).or_else(|source| {
-        let (middles, stated) = (
-            tabled(middles, arm, settings),
-            of_middle(&configuration.set_up.set_up),
-        );
+        let (middles, stated) =
+            (tabled(middles, arm, settings), of_middle(&configuration.set_up.set_up));
         set_up_of(&stated, configuration, files, &middles, || None)?;
-        Err(RunError::Join {
-            session: files.name.clone(),
-            source: Box::new(source.into()),
-        })
+        Err(RunError::Join { session: files.name.clone(), source: Box::new(source.into()) })
     })
 }
 
@@ -262,29 +238,19 @@ fn row_counts(
         let rejects = joined.row_rejects.iter();
         rejects.filter(|own| own.kind == kind).count() as u64
     };
-    let rows = (
-        "rows",
-        read.saturating_sub(rejected(RowItem::Row)),
-        rejected(RowItem::Row),
-    );
-    let used = joined
-        .references
-        .iter()
-        .flat_map(|course| &course.followed.places);
+    let rows = ("rows", read.saturating_sub(rejected(RowItem::Row)), rejected(RowItem::Row));
+    let used = joined.references.iter().flat_map(|course| &course.followed.places);
     let used: u64 = used.map(|place| place.readings as u64).sum();
     let references = ("references", used, rejected(RowItem::Reference));
     let has_references = used > 0 || references.2 > 0;
     let streams = [Some(rows), has_references.then_some(references)];
-    let counts = streams
-        .into_iter()
-        .flatten()
-        .flat_map(|(name, kept, rejected)| {
-            [
-                (format!("{name}.messages"), kept + rejected),
-                (format!("{name}.kept"), kept),
-                (format!("{name}.rejected"), rejected),
-            ]
-        });
+    let counts = streams.into_iter().flatten().flat_map(|(name, kept, rejected)| {
+        [
+            (format!("{name}.messages"), kept + rejected),
+            (format!("{name}.kept"), kept),
+            (format!("{name}.rejected"), rejected),
+        ]
+    });
     let stated = covariances.named();
     let stated = stated.map(|(name, count)| (format!("readings.{name}"), count));
     counts.chain(stated).collect()
@@ -307,10 +273,8 @@ fn commanded_in(
     joined: Joined,
     driven_by: Option<DrivenBy>,
 ) -> JoinedSession {
-    let no_commands = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: None,
-    };
+    let no_commands =
+        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: None };
     let frames = configuration.command_frames.unwrap_or(no_commands);
     JoinedSession {
         name: files.name.clone(),
@@ -364,11 +328,7 @@ fn set_up_of(
 
 /// The set-up for the middle of several targets, whose place is not that of any of them.
 fn of_middle(stated: &SetUp) -> SetUp {
-    SetUp {
-        target: None,
-        target_is_tool: false,
-        ..stated.clone()
-    }
+    SetUp { target: None, target_is_tool: false, ..stated.clone() }
 }
 
 /// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
@@ -379,19 +339,14 @@ fn unjoined(
     source: JoinError,
 ) -> RunError {
     let session = files.name.clone();
-    let is_searched = matches!(
-        source,
-        JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. }
-    );
+    let is_searched =
+        matches!(source, JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. });
     let source = Box::new(source);
     if !is_searched {
         return RunError::Join { session, source };
     }
     match explained_anew(configuration, read) {
-        Some(finding) => RunError::SetUp {
-            session,
-            finding: Box::new(finding),
-        },
+        Some(finding) => RunError::SetUp { session, finding: Box::new(finding) },
         None => RunError::Unexplained { session, source },
     }
 }
@@ -410,10 +365,5 @@ fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<F
         None => stated.set_up.clone(),
         Some(_) => of_middle(&stated.set_up),
     };
-    setup::explain(
-        &set_up,
-        &supposed,
-        &stated.alternatives,
-        configuration.join.geometry_gate_mm,
-    )
+    setup::explain(&set_up, &supposed, &stated.alternatives, configuration.join.geometry_gate_mm)
 }

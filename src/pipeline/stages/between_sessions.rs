@@ -71,10 +71,7 @@ struct OtherDays<'o> {
 impl OtherDays<'_> {
     fn of(&self, place: usize, station: &GridStation) -> Vec<Vector3<f64>> {
         let reported = self.error_frame.arm().axes(&station.joints);
-        let own = self
-            .settling_errors
-            .iter()
-            .find(|(number, _)| *number == station.number);
+        let own = self.settling_errors.iter().find(|(number, _)| *number == station.number);
         let own = own.map(|(_, settling_error)| *settling_error);
         let measured = self.stands(&reported, own, Some(station.number));
         (0..DAYS)
@@ -84,15 +81,12 @@ impl OtherDays<'_> {
                 let there = own.map_or_else(
                     || self.stands(&reported, None, None),
                     |own| {
-                        let other: Vec<f64> = (0..own.len())
-                            .map(|joint| self.some(joint, even.next()))
-                            .collect();
+                        let other: Vec<f64> =
+                            (0..own.len()).map(|joint| self.some(joint, even.next())).collect();
                         // The command is the same: the reported angles differ.
                         let commanded = reported.iter().zip(own).map(|(axis, short)| axis + short);
-                        let reported: Vec<f64> = commanded
-                            .zip(&other)
-                            .map(|(axis, short)| axis - short)
-                            .collect();
+                        let reported: Vec<f64> =
+                            commanded.zip(&other).map(|(axis, short)| axis - short).collect();
                         self.stands(&reported, Some(&other), None)
                     },
                 );
@@ -145,16 +139,12 @@ struct Even {
 }
 
 /// For three axes of drift and thirteen joints; an arm with more joints would use the first coordinates again.
-const PRIMES: [f64; 16] = [
-    2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
-];
+const PRIMES: [f64; 16] =
+    [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
 
 impl Even {
     const fn at(number: usize) -> Self {
-        Self {
-            number: (number + 1) as f64,
-            coordinate: 0,
-        }
+        Self { number: (number + 1) as f64, coordinate: 0 }
     }
 
     /// The next coordinate, in 0 ≤ u < 1.

@@ -37,17 +37,8 @@ fn leave_out_beside(
     let mut sessions: Vec<&mut JoinedSession> = training.iter_mut().chain(test).collect();
     let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
     let flipped = flips::check(arm, &seen, sessions.len(), &settings.fit, &settings.noise);
-    for own in flipped
-        .iter()
-        .filter(|own| seen[own.place].session >= first)
-    {
-        let Observation {
-            session,
-            station,
-            target,
-            source,
-            ..
-        } = seen[own.place];
+    for own in flipped.iter().filter(|own| seen[own.place].session >= first) {
+        let Observation { session, station, target, source, .. } = seen[own.place];
         let left = Left {
             station,
             reason: Flipped::reason(own, station),

@@ -89,10 +89,9 @@ impl Seen {
         flanges: &[Point3<f64>],
         blocks: &Blocks,
     ) -> (Vec<usize>, Self) {
-        let mut seen = before.cloned().unwrap_or_else(|| Self {
-            blocks: stated(blocks, flanges),
-            poses: Vec::new(),
-        });
+        let mut seen = before
+            .cloned()
+            .unwrap_or_else(|| Self { blocks: stated(blocks, flanges), poses: Vec::new() });
         let earlier = seen.poses.len();
         let all = seen.poses.iter().map(Pose::dwell);
         let all: Vec<Dwell<'_>> = all.chain(dwells.iter().copied()).collect();
@@ -105,9 +104,7 @@ impl Seen {
         let folds = seen.blocks.folds(&places);
         let new = firsts.iter().enumerate();
         let new = new.filter(|(own, first)| **first == own + earlier);
-        let new: Vec<Pose> = new
-            .map(|(own, _)| Pose::of(&dwells[own], flanges[own]))
-            .collect();
+        let new: Vec<Pose> = new.map(|(own, _)| Pose::of(&dwells[own], flanges[own])).collect();
         seen.poses.extend(new);
         (folds, seen)
     }
@@ -171,9 +168,7 @@ impl Learning {
         let models = self.models.clone()?;
         let before = self.whole.before.as_ref()?;
         let repaired = before.repaired_since(&settings.full.repaired, day);
-        repaired
-            .is_empty()
-            .then(|| models.for_another_session(arm, settings))
+        repaired.is_empty().then(|| models.for_another_session(arm, settings))
     }
 
     /// Number of sessions before.
@@ -186,10 +181,7 @@ impl Learning {
         &'s self,
         settings: TrainingSettings<'s>,
     ) -> TrainingSettings<'s> {
-        TrainingSettings {
-            carrying: Some(&self.whole),
-            ..settings
-        }
+        TrainingSettings { carrying: Some(&self.whole), ..settings }
     }
 
     /// The settings of the training without a fold.
@@ -198,10 +190,7 @@ impl Learning {
         fold: usize,
         settings: TrainingSettings<'s>,
     ) -> TrainingSettings<'s> {
-        TrainingSettings {
-            carrying: self.folds.get(fold),
-            ..settings
-        }
+        TrainingSettings { carrying: self.folds.get(fold), ..settings }
     }
 }
 
@@ -224,10 +213,7 @@ impl Learnt {
     }
 
     fn sizes(&self) -> Held {
-        Held {
-            whole: self.whole.held(),
-            folds: self.folds.iter().map(|own| own.held()).collect(),
-        }
+        Held { whole: self.whole.held(), folds: self.folds.iter().map(|own| own.held()).collect() }
     }
 
     /// These as bytes.
@@ -259,9 +245,7 @@ impl Learnt {
         }
         let (head, trainings) = parts.split_first()?;
         let (seen, models) = serde_json::from_slice(head).ok()?;
-        let mut trainings = trainings
-            .iter()
-            .map(|own| Carried::unpacked(own).map(Arc::new));
+        let mut trainings = trainings.iter().map(|own| Carried::unpacked(own).map(Arc::new));
         Some(Self {
             whole: trainings.next()??,
             folds: trainings.collect::<Option<_>>()?,
@@ -276,11 +260,7 @@ mod tests {
     use super::*;
 
     fn dwell(joints: &[f64]) -> Dwell<'_> {
-        Dwell {
-            command: None,
-            joints,
-            counted: &[],
-        }
+        Dwell { command: None, joints, counted: &[] }
     }
 
     #[test]

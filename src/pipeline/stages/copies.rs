@@ -40,9 +40,7 @@ pub(super) fn check(training: &[JoinedSession], test: &[JoinedSession]) -> Resul
 fn bits(station: &Station) -> Option<Vec<u64>> {
     let read = |reading: &Reading| {
         let position = reading.position().map(|own| own.coords.as_slice().to_vec());
-        let turn = reading
-            .orientation()
-            .map(|own| own.coords.as_slice().to_vec());
+        let turn = reading.orientation().map(|own| own.coords.as_slice().to_vec());
         let length = reading.value.length().map(|own| vec![own.mm]);
         [position, turn, length].into_iter().flatten().flatten()
     };

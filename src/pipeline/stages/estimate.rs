@@ -75,38 +75,26 @@ pub fn estimate(
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
     copies::check(&training, &test)?;
-    let Prepared {
-        settings,
-        camera_size,
-        stated_sizes,
-    } = &prepared(arm, (&mut training, &mut test), settings)?;
+    let Prepared { settings, camera_size, stated_sizes } =
+        &prepared(arm, (&mut training, &mut test), settings)?;
     let folds = stored.as_ref().and_then(StoredTrainings::folds_of_stations);
     let mut observed = match folds {
         Some(folds) => Observed::with_folds(arm, &training, settings, &folds)?,
         None => Observed::new(arm, &training, settings, learning),
     };
     let sessions = training.len();
-    let Known {
-        models,
-        folds,
-        sessions_left_out: left_out,
-        residuals: known,
-    } = if let Some(stored) = stored {
-        restored(arm, stored, &observed, settings)?
-    } else {
-        let check = |models: &Models| match learning {
-            Some(own) if own.sessions() == 0 => Ok(()),
-            _ => check_pool(arm, &observed, models, &training, settings),
+    let Known { models, folds, sessions_left_out: left_out, residuals: known } =
+        if let Some(stored) = stored {
+            restored(arm, stored, &observed, settings)?
+        } else {
+            let check = |models: &Models| match learning {
+                Some(own) if own.sessions() == 0 => Ok(()),
+                _ => check_pool(arm, &observed, models, &training, settings),
+            };
+            let train = (&training_settings(settings), learning);
+            let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
+            Known { models, folds, sessions_left_out: None, residuals: None }
         };
-        let train = (&training_settings(settings), learning);
-        let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
-        Known {
-            models,
-            folds,
-            sessions_left_out: None,
-            residuals: None,
-        }
-    };
     log_rival_times(&training, iter::once(&models).chain(folds.iter().flatten()));
     let seen = observed.seen.clone();
     let learnt = seen.and_then(|seen| Learnt::of(&models, &folds, seen));
@@ -119,12 +107,7 @@ pub fn estimate(
         Some(sets) => sets,
         None if leaves_sessions_out(&models, &settings) => {
             let (train, sessions) = (training_settings(&settings), &flanges.training);
-            sessions_left_out(
-                arm,
-                (&observed, sessions),
-                (&train, settings.locate),
-                progress,
-            )?
+            sessions_left_out(arm, (&observed, sessions), (&train, settings.locate), progress)?
         }
         None => match learning.filter(|_| judges_earlier(&models, &settings)) {
             Some(learning) => {
@@ -135,11 +118,7 @@ pub fn estimate(
             None => Vec::new(),
         },
     };
-    let trained = Trained {
-        models,
-        folds,
-        sessions_left_out,
-    };
+    let trained = Trained { models, folds, sessions_left_out };
     let found = known.unwrap_or_else(|| residuals(&observed, &trained, &flanges.training));
     Ok(Estimate {
         residuals: in_order(found, &flanges.training),
@@ -177,11 +156,7 @@ pub(super) fn prepared(
     lengths::leave_out_wrong(arm, training, settings);
     let (settings, camera_size) = cameras::sized(arm, training, settings)?;
     let stated_sizes = stated_sizes::sized(arm, training, test, &settings)?;
-    Ok(Prepared {
-        settings,
-        camera_size,
-        stated_sizes,
-    })
+    Ok(Prepared { settings, camera_size, stated_sizes })
 }
 
 impl Estimate {
@@ -227,12 +202,7 @@ fn residuals(
     trained: &Trained,
     training: &[JoinedSession],
 ) -> Vec<ResidualSet> {
-    let judged = Judged {
-        observed,
-        models: &trained.models,
-        folds: &trained.folds,
-        training,
-    };
+    let judged = Judged { observed, models: &trained.models, folds: &trained.folds, training };
     let mut residuals = judged.residuals();
     residuals.extend(trained.sessions_left_out.iter().cloned());
     lengths::of_positions(mountings::of_one_mounting(residuals), observed)
@@ -282,20 +252,13 @@ fn restored(
 ) -> Result<Known, SavedError> {
     let train = training_settings(settings);
     let models = stored.models.models(arm, &observed.all, &train)?;
-    let has_lengths = observed
-        .all
-        .iter()
-        .any(|own| own.measured.length().is_some());
+    let has_lengths = observed.all.iter().any(|own| own.measured.length().is_some());
     let residuals = stored.residuals.filter(|_| !has_lengths);
     let of_fold = TrainingSettings {
         rivals: train.rivals && (residuals.is_none() || settings.grid.rivals),
         ..train
     };
-    let of = if residuals.is_some() {
-        StoredModels::predicting
-    } else {
-        StoredModels::models
-    };
+    let of = if residuals.is_some() { StoredModels::predicting } else { StoredModels::models };
     let folds = stored.folds.into_iter().enumerate();
     let folds = folds.map(|(fold, stored)| {
         let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &of_fold);
@@ -341,10 +304,8 @@ fn one_source_each<'s>(
     sessions: impl Iterator<Item = &'s JoinedSession>,
 ) -> Result<(), StageError> {
     for session in sessions {
-        one_source(&session.joined.stations).map_err(|source| StageError::SeveralIn {
-            session: session.name.clone(),
-            source,
-        })?;
+        one_source(&session.joined.stations)
+            .map_err(|source| StageError::SeveralIn { session: session.name.clone(), source })?;
     }
     Ok(())
 }
@@ -360,13 +321,6 @@ fn check_pool(
     let names: Vec<&str> = training.iter().map(|s| s.name.as_str()).collect();
     let change_rad = settings.full.session_curve_sd_rad;
     models.full.as_ref().map_or(Ok(()), |full| {
-        same_arm::check(
-            arm,
-            full,
-            &models.base_target,
-            &observed.all,
-            &names,
-            change_rad,
-        )
+        same_arm::check(arm, full, &models.base_target, &observed.all, &names, change_rad)
     })
 }

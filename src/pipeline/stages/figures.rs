@@ -84,19 +84,13 @@ impl FigureMaker<'_> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
         // An unseen session is predicted with the frames of the first session.
         let place = self.training.iter().position(of_session).unwrap_or(0);
-        self.frames[place]
-            .flange_from_target
-            .isometry()
-            .translation
-            .vector
+        self.frames[place].flange_from_target.isometry().translation.vector
     }
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
         let tolerance = &self.settings.tolerance;
-        let own = Accuracy {
-            finders: self.finders(set),
-            ..accuracy::accuracy(set, tolerance, guard_mm)
-        };
+        let own =
+            Accuracy { finders: self.finders(set), ..accuracy::accuracy(set, tolerance, guard_mm) };
         let subject = &set.subject;
         let foretells = (subject.model, subject.angles, subject.split)
             == (Model::Full, Angles::Commanded, Split::Blocks);
@@ -126,10 +120,7 @@ impl FigureMaker<'_> {
     /// The figures of a set at the tip, which is `lever` away along the flange's axes.
     fn carried(&self, set: &ResidualSet, lever: Vector3<f64>) -> Accuracy {
         let tip = at_tip(set, &lever);
-        let figures = Accuracy {
-            point: Point::Tip,
-            ..self.of(&tip, self.guard_mm(&lever))
-        };
+        let figures = Accuracy { point: Point::Tip, ..self.of(&tip, self.guard_mm(&lever)) };
         if tip.residuals.is_empty() {
             Accuracy {
                 verdict: why_no_turns(self.settings, self.session(), set.subject.model),
@@ -150,11 +141,7 @@ impl FigureMaker<'_> {
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
         let source = self.settings.noise.source(self.error_frame.frames().source);
         let orientation_rad = source.uncertainty.orientation_rad(&self.middle());
-        expanded_uncertainty_mm(
-            self.grids.guard_mm,
-            orientation_rad.unwrap_or_default(),
-            lever,
-        )
+        expanded_uncertainty_mm(self.grids.guard_mm, orientation_rad.unwrap_or_default(), lever)
     }
 
     /// The figures of the chosen table, of its nodes or of local cells, whichever has the larger bound; without any where no step gives a
@@ -174,9 +161,7 @@ impl FigureMaker<'_> {
             driven_by: None,
             figures: chosen.and_then(|chosen| chosen.figures),
             bound: self.grids.chosen().and_then(|chosen| chosen.bound),
-            counted: chosen
-                .map(|chosen| chosen.held_out.counted())
-                .unwrap_or_default(),
+            counted: chosen.map(|chosen| chosen.held_out.counted()).unwrap_or_default(),
             finders: None,
             blocks: chosen.map(|chosen| chosen.held_out.blocks.len()),
             beside: None,
@@ -232,17 +217,13 @@ impl FigureMaker<'_> {
         let session = self.session();
         let turns = without_constant(&commanded_turns(session, self.error_frame), |_| true);
         let stations = session.joined.stations.iter().zip(turns);
-        stations
-            .filter_map(|(station, turn)| Some((station.number, turn?)))
-            .collect()
+        stations.filter_map(|(station, turn)| Some((station.number, turn?))).collect()
     }
 
     /// Changes of each station's error that another session may bring.
     fn moved(&self) -> BTreeMap<usize, &[Vector3<f64>]> {
         let stations = self.stations.iter();
-        stations
-            .map(|station| (station.number, &*station.between_sessions))
-            .collect()
+        stations.map(|station| (station.number, &*station.between_sessions)).collect()
     }
 
     fn session(&self) -> &JoinedSession {
@@ -252,7 +233,5 @@ impl FigureMaker<'_> {
 
 /// The sets of a session that a table drove.
 fn sets(driven: Option<&Driven>) -> impl Iterator<Item = (&Driven, &ResidualSet)> {
-    driven
-        .into_iter()
-        .flat_map(|driven| driven.sets().map(move |set| (driven, set)))
+    driven.into_iter().flat_map(|driven| driven.sets().map(move |set| (driven, set)))
 }

@@ -46,25 +46,20 @@ impl Flanges {
             return Err(StageError::OwnTargets { targets });
         }
         let known = known_targets(observed);
-        let test: Vec<JoinedSession> = test
-            .into_iter()
-            .map(|session| of_targets(session, &known))
-            .collect();
+        let test: Vec<JoinedSession> =
+            test.into_iter().map(|session| of_targets(session, &known)).collect();
         let seen = test.iter();
-        let mut seen: Vec<_> = seen
-            .map(|session| places(observations(arm, 0, session, settings)))
-            .collect();
+        let mut seen: Vec<_> =
+            seen.map(|session| places(observations(arm, 0, session, settings))).collect();
         let mut derived = Derived::default();
         let own = training.into_iter().zip(frames);
-        let training: Vec<JoinedSession> = own
-            .map(|(session, frames)| derived.session(session, frames, settings))
-            .collect();
+        let training: Vec<JoinedSession> =
+            own.map(|(session, frames)| derived.session(session, frames, settings)).collect();
         let own = test.into_iter();
         // An unseen session has its targets in the places of the latest that trained.
         let latest = &frames[models.latest()];
-        let test: Vec<JoinedSession> = own
-            .map(|session| derived.session(session, latest, settings))
-            .collect();
+        let test: Vec<JoinedSession> =
+            own.map(|session| derived.session(session, latest, settings)).collect();
         for (place, session) in training.iter().enumerate() {
             let own = observed.all.iter_mut();
             add_flanges(own.filter(|o| o.session == place), session, &frames[place]);
@@ -94,9 +89,7 @@ fn known_targets(observed: &Observed) -> BTreeSet<TargetId> {
 /// A session that judges, with its readings of these targets alone: nothing predicts the places of others.
 fn of_targets(mut session: JoinedSession, known: &BTreeSet<TargetId>) -> JoinedSession {
     for station in &mut session.joined.stations {
-        station
-            .readings
-            .retain(|reading| known.contains(&reading.target));
+        station.readings.retain(|reading| known.contains(&reading.target));
     }
     session
 }
@@ -126,14 +119,9 @@ impl Derived {
         if !frames.has_several_targets() {
             return session;
         }
-        let mut shown = ShownFlange {
-            session: session.name.clone(),
-            ..ShownFlange::default()
-        };
+        let mut shown = ShownFlange { session: session.name.clone(), ..ShownFlange::default() };
         // What stands for several readings has the sizes of what these state in it.
-        let noise = settings
-            .noise
-            .with_stated(&std::mem::take(&mut session.stated_sizes));
+        let noise = settings.noise.with_stated(&std::mem::take(&mut session.stated_sizes));
         let stations = session.joined.stations.iter_mut();
         for station in stations.filter(|station| !station.measured().is_empty()) {
             let one = OneReading::of(station, frames, &noise);

@@ -57,21 +57,9 @@ pub(super) fn grids<'m>(
     let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
     let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();
     let guard_mm = guard_mm(stations, error_frame, settings);
-    let input = GridInput {
-        stations,
-        folds: &folds,
-        model: errors(models),
-        guard_mm,
-    };
+    let input = GridInput { stations, folds: &folds, model: errors(models), guard_mm };
     let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
-    grid::grids(
-        &input,
-        &reach,
-        &settings.grid,
-        &settings.tolerance,
-        known,
-        progress,
-    )
+    grid::grids(&input, &reach, &settings.grid, &settings.tolerance, known, progress)
 }
 
 /// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the
@@ -83,9 +71,7 @@ fn guard_mm(
     error_frame: &ErrorFrame<'_>,
     settings: &StageSettings,
 ) -> f64 {
-    let sum = stations.iter().fold(Vector3::zeros(), |sum, station| {
-        sum + station.position.coords
-    });
+    let sum = stations.iter().fold(Vector3::zeros(), |sum, station| sum + station.position.coords);
     let middle = Point3::from(sum / stations.len().max(1) as f64);
     let in_tracker = error_frame.frames().tracker_from_base.isometry() * middle;
     let from_middle = |station: &GridStation| (station.position - middle).norm();

@@ -88,14 +88,10 @@ impl Sources<'_> {
         let attained = judged.filter_map(|(station, command, reading)| {
             let command = command?;
             let position = error_frame.attained_tool(&station.joints, reading)?;
-            let orientation = error_frame
-                .measured_flange(reading)
-                .map(|flange| Orientation {
-                    commanded: command
-                        .orientation
-                        .filter(|_| session.commanded.trust.agrees()),
-                    attained: flange * error_frame.flange_from_tool().rotation,
-                });
+            let orientation = error_frame.measured_flange(reading).map(|flange| Orientation {
+                commanded: command.orientation.filter(|_| session.commanded.trust.agrees()),
+                attained: flange * error_frame.flange_from_tool().rotation,
+            });
             Some((station.number, (command.position, position, orientation)))
         });
         let attained: BTreeMap<usize, At> = attained.collect();
@@ -107,11 +103,7 @@ impl Sources<'_> {
         };
         Iso9283 {
             subject: Subject {
-                split: if finders.is_some() {
-                    Split::Session
-                } else {
-                    Split::None
-                },
+                split: if finders.is_some() { Split::Session } else { Split::None },
                 of_session: session.name.clone(),
                 model: Model::BaseTarget,
                 angles: Angles::Commanded,
@@ -189,11 +181,7 @@ impl Sources<'_> {
         (!figures.is_empty()).then(|| Iso9283 {
             subject: subject.clone(),
             // A session that a table drove is judged at the point that the table is for.
-            point: if driven_by.is_some() {
-                Point::Tool
-            } else {
-                Point::Measured
-            },
+            point: if driven_by.is_some() { Point::Tool } else { Point::Measured },
             moment,
             driven_by: driven_by.map(str::to_owned),
             expanded_uncertainty_mm: self.guard_mm,
@@ -251,10 +239,9 @@ impl<'s> Visits<'s> {
             });
         }
         visited.retain(|_, visits| visits.len() > 1);
-        let named = visited.into_iter().map(|(pose, visits)| Visited {
-            pose: stations[pose].number,
-            visits,
-        });
+        let named = visited
+            .into_iter()
+            .map(|(pose, visits)| Visited { pose: stations[pose].number, visits });
         named.collect()
     }
 
@@ -266,9 +253,7 @@ impl<'s> Visits<'s> {
                 .to_owned();
         }
         let firsts = self.poses.iter().enumerate();
-        let poses = firsts
-            .filter(|(place, pose)| Some(*place) == **pose)
-            .count();
+        let poses = firsts.filter(|(place, pose)| Some(*place) == **pose).count();
         if poses == commanded {
             format!("no pose was commanded twice: {commanded} stations went to as many poses")
         } else {

@@ -76,10 +76,7 @@ pub(super) fn train(
         check(&models)?;
         Ok(models)
     };
-    let judges = TrainingSettings {
-        purpose: Purpose::Judges,
-        ..*settings
-    };
+    let judges = TrainingSettings { purpose: Purpose::Judges, ..*settings };
     let of_fold = |fold: usize| {
         // What a fold carries over is that of all sessions, of this one too where it holds none of its stations out.
         let is_needed = learning.is_some() || observed.folds.contains(&fold);
@@ -123,13 +120,9 @@ pub(super) fn sessions_left_out(
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {
     let others = training.len() - 1;
-    let settings = &TrainingSettings {
-        purpose: Purpose::Judges,
-        ..*settings
-    };
-    let of_now: Vec<usize> = (0..training.len())
-        .filter(|&place| is_of_now(observed, place, settings))
-        .collect();
+    let settings = &TrainingSettings { purpose: Purpose::Judges, ..*settings };
+    let of_now: Vec<usize> =
+        (0..training.len()).filter(|&place| is_of_now(observed, place, settings)).collect();
     progress.begin("sessions left out", of_now.len() as u64);
     let judge = |nth: usize| {
         let (place, session) = (of_now[nth], &training[of_now[nth]]);
@@ -170,14 +163,8 @@ fn judged_apart(
     settings: &TrainingSettings<'_>,
     locate: Locate,
 ) -> Result<Vec<ResidualSet>, SeveralSources> {
-    let locate = Locate {
-        target: LocateTarget::Own,
-        ..locate
-    };
-    let stations = Stations {
-        session: &session.name,
-        observations,
-    };
+    let locate = Locate { target: LocateTarget::Own, ..locate };
+    let stations = Stations { session: &session.name, observations };
     let locator = Locator::new(models, arm, locate, settings);
     let located = locator.located(models, observations);
     unseen::unseen_session(models, stations, &locator, &located)
@@ -211,10 +198,7 @@ impl Judged<'_> {
     fn own_sessions(&self) -> Vec<ResidualSet> {
         let of = |(place, session): (usize, &JoinedSession)| {
             let own = self.observed.own(place);
-            let stations = Stations {
-                session: &session.name,
-                observations: &own,
-            };
+            let stations = Stations { session: &session.name, observations: &own };
             let mut sets = evaluate::own_session(self.models, stations, Split::None, None);
             let first = self.observed.all.partition_point(|o| o.session < place);
             for set in &mut sets {
@@ -245,10 +229,7 @@ impl Judged<'_> {
             let own = self.observed.of_session(place);
             let own = own.filter(|(_, of)| *of == fold);
             let own: Vec<_> = own.map(|(o, _)| o.clone()).collect();
-            let stations = Stations {
-                session: &self.training[place].name,
-                observations: &own,
-            };
+            let stations = Stations { session: &self.training[place].name, observations: &own };
             evaluate::own_session(models, stations, Split::Blocks, Some(fold))
         });
         let mut sets: Vec<ResidualSet> = Vec::new();
@@ -311,18 +292,13 @@ impl<'s> TestSession<'s> {
 
     /// Its observations under its name.
     pub(super) fn stations(&self) -> Stations<'_> {
-        Stations {
-            session: &self.session.name,
-            observations: &self.observations,
-        }
+        Stations { session: &self.session.name, observations: &self.observations }
     }
 
     /// The stations that find its base, by their numbers.
     pub(super) fn numbers(&self) -> BTreeSet<usize> {
         let finders = self.located.finders.iter();
-        finders
-            .map(|&place| self.observations[place].station)
-            .collect()
+        finders.map(|&place| self.observations[place].station).collect()
     }
 }
 

@@ -59,11 +59,7 @@ pub(super) fn settings_behind(
     settings: &StageSettings,
 ) -> StageSettings {
     let base = settings.base.filter(|_| reads_places(observed));
-    StageSettings {
-        noise,
-        base,
-        ..settings.clone()
-    }
+    StageSettings { noise, base, ..settings.clone() }
 }
 
 /// The sets of residuals that have any; of a training without positions those of its own sessions have none.
@@ -81,9 +77,7 @@ fn reads_places(observed: &Observed) -> bool {
 
 /// No grids, where the session that they are for has no positions. The expanded uncertainty is that of the sessions that judge.
 pub(super) fn no_grids(tests: &[TestSession<'_>], settings: &StageSettings) -> Grids {
-    let guards = tests
-        .iter()
-        .map(|test| guard_mm(&test.observations, settings));
+    let guards = tests.iter().map(|test| guard_mm(&test.observations, settings));
     Grids {
         answers: Vec::new(),
         judged: Vec::new(),
@@ -114,12 +108,8 @@ fn guard_mm(observations: &[Observation], settings: &StageSettings) -> f64 {
         let tracker = own.instrument.symmetric_eigenvalues().max().max(0.0).sqrt();
         (tracker, 1e-6 * settings.full.session_scale_ppm * away_mm)
     };
-    let worst = points
-        .iter()
-        .map(of)
-        .fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| {
-            (a.max(c), b.max(d))
-        });
+    let worst =
+        points.iter().map(of).fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| (a.max(c), b.max(d)));
     2.0 * worst.0.hypot(worst.1)
 }
 
@@ -129,9 +119,7 @@ pub(super) fn check_judge(session: &JoinedSession) -> Result<(), StageError> {
     let has_lengths = readings.clone().next().is_some();
     let has_places = readings.any(|reading| !reading.value.kind().is_length());
     if has_lengths && !has_places {
-        return Err(StageError::NoPlaces {
-            session: session.name.clone(),
-        });
+        return Err(StageError::NoPlaces { session: session.name.clone() });
     }
     Ok(())
 }
@@ -169,18 +157,12 @@ fn source(
     let left = left.iter().filter(is_own);
     let left = left.filter(|own| own.fold.is_some());
     let left: Vec<f64> = left.map(LengthResidual::residual_mm).collect();
-    let gauge = frames(models, model)
-        .last()
-        .and_then(|own| own.gauge(size.source).copied());
+    let gauge = frames(models, model).last().and_then(|own| own.gauge(size.source).copied());
     Source {
         model,
         name: name(size.source, settings),
         size: size.clone(),
-        factor: if fitted {
-            Some(size.factor)
-        } else {
-            of_full.map(|variance| variance.sqrt())
-        },
+        factor: if fitted { Some(size.factor) } else { of_full.map(|variance| variance.sqrt()) },
         is_fitted: fitted,
         gauge,
         held_out: left.len(),
@@ -269,9 +251,7 @@ fn frames(models: &Models, model: Model) -> Vec<Frames> {
 
 /// Measured minus predicted length, mm; `None` where the model has no prediction.
 fn left_of(model: &dyn PoseModel, frames: &[Frames], observation: &Observation) -> Option<f64> {
-    let Channel {
-        session, source, ..
-    } = observation.channel();
+    let Channel { session, source, .. } = observation.channel();
     let gauge = frames.get(session)?.gauge(source)?;
     let query = At::Joints(Query::of(observation));
     let place = model.position(&query).ok()?;

@@ -28,10 +28,7 @@ impl Judges<'_> {
         let judge = judge.filter(|judge| judge.verdict == Verdict::DoesNotMeet)?;
         let figure = judge.figure.as_ref()?;
         let square = |figures: Figures| figures.rms.powi(2);
-        let all_find_it = Subject {
-            base_refit: BaseRefit::All,
-            ..figure.subject.clone()
-        };
+        let all_find_it = Subject { base_refit: BaseRefit::All, ..figure.subject.clone() };
         let base = accuracy.iter().find(|own| own.subject == all_find_it);
         let is_table = figure.subject.split == Split::Blocks && verdict.applied() == Applied::Table;
         let direct = grids.deciding().filter(|_| is_table);
@@ -48,9 +45,7 @@ impl Judges<'_> {
             figure.bound.map(|bound| [bound.powi(2), own.max.powi(2)]),
             beside(base.and_then(|own| own.figures)),
             beside(direct.and_then(|own| Figures::of(&own.held_out.direct))),
-            near.models
-                .first()
-                .map(|of| [square(own), square(own) - of.nugget]),
+            near.models.first().map(|of| [square(own), square(own) - of.nugget]),
             beside(trained.and_then(|own| own.figures)),
         ];
         let noise_mm2 = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
@@ -76,11 +71,7 @@ impl Judges<'_> {
             left.collect::<Option<Vec<f64>>>()
         };
         let (quarter, half, all) = (left_by(0.25)?, left_by(0.5)?, left_by(1.0)?);
-        let gains: Vec<f64> = half
-            .iter()
-            .zip(&all)
-            .map(|(half, all)| half - all)
-            .collect();
+        let gains: Vec<f64> = half.iter().zip(&all).map(|(half, all)| half - all).collect();
         let folds: Vec<usize> = own().map(|(_, fold)| fold).collect();
         let (gain, standard_error) = clustered_mean(&gains, &folds)?;
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;

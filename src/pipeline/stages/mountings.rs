@@ -38,9 +38,7 @@ fn is_moved(set: &ResidualSet, residuals: &[ResidualSet]) -> bool {
         median(&norms.collect::<Vec<f64>>())
     };
     let in_own_base = residuals.iter().find(is_own_base).and_then(median_mm);
-    in_own_base
-        .zip(median_mm(set))
-        .is_some_and(|(own_mm, mm)| mm - own_mm > MOVED_MM)
+    in_own_base.zip(median_mm(set)).is_some_and(|(own_mm, mm)| mm - own_mm > MOVED_MM)
 }
 
 #[cfg(test)]
@@ -79,12 +77,7 @@ mod tests {
         let of = |session, mm| {
             [Model::BaseTarget, Model::Full].map(|model| {
                 [BaseRefit::None, BaseRefit::First].map(|refit| {
-                    set(
-                        model,
-                        session,
-                        refit,
-                        if refit == BaseRefit::None { mm } else { 0.7 },
-                    )
+                    set(model, session, refit, if refit == BaseRefit::None { mm } else { 0.7 })
                 })
             })
         };
@@ -92,11 +85,8 @@ mod tests {
         let all = [of("tue", 2.7), of("fri", 3350.0)];
         let kept = of_one_mounting(all.concat().concat());
         let of_training = |set: &&ResidualSet| set.subject.base_refit == BaseRefit::None;
-        let kept_none: Vec<&str> = kept
-            .iter()
-            .filter(of_training)
-            .map(|set| &*set.subject.of_session)
-            .collect();
+        let kept_none: Vec<&str> =
+            kept.iter().filter(of_training).map(|set| &*set.subject.of_session).collect();
         assert_eq!(kept_none, ["tue", "tue"]);
         assert_eq!(kept.len(), 6, "bases of their own stay");
     }

@@ -41,11 +41,7 @@ impl Observed {
         let places = visits::poses(&dwells(training));
         let positions: Vec<Point3<f64>> = places.iter().map(|&first| positions[first]).collect();
         let folds = settings.fit.blocks.folds(&positions);
-        Self {
-            all,
-            folds,
-            seen: None,
-        }
+        Self { all, folds, seen: None }
     }
 
     /// [`Self::new`] of one session, with the fold of each station by its number; an error where a station has none.
@@ -57,18 +53,11 @@ impl Observed {
     ) -> Result<Self, SavedError> {
         let all = observations_of(arm, training, settings);
         let folds = all.iter().map(|own| folds.get(&own.station).copied());
-        Ok(Self {
-            folds: folds.collect::<Option<_>>().ok_or(SavedError::NoFold)?,
-            all,
-            seen: None,
-        })
+        Ok(Self { folds: folds.collect::<Option<_>>().ok_or(SavedError::NoFold)?, all, seen: None })
     }
 
     pub(super) fn of_session(&self, session: usize) -> impl Iterator<Item = (&Observation, usize)> {
-        self.all
-            .iter()
-            .zip(self.folds.iter().copied())
-            .filter(move |(o, _)| o.session == session)
+        self.all.iter().zip(self.folds.iter().copied()).filter(move |(o, _)| o.session == session)
     }
 
     /// The observations of one session alone.
@@ -93,11 +82,7 @@ impl Observed {
     }
 
     pub(super) fn without(&self, fold: usize) -> Vec<Observation> {
-        let kept = self
-            .all
-            .iter()
-            .zip(&self.folds)
-            .filter(|(_, own)| **own != fold);
+        let kept = self.all.iter().zip(&self.folds).filter(|(_, own)| **own != fold);
         kept.map(|(observation, _)| observation.clone()).collect()
     }
 }
@@ -109,9 +94,7 @@ pub(super) fn observations_of<'s>(
     settings: &StageSettings,
 ) -> Vec<Observation> {
     let numbered = sessions.into_iter().enumerate();
-    numbered
-        .flat_map(|(place, session)| observations(arm, place, session, settings))
-        .collect()
+    numbered.flat_map(|(place, session)| observations(arm, place, session, settings)).collect()
 }
 
 /// The dwells of the observations of all sessions, in their order.
@@ -122,12 +105,7 @@ fn dwells(training: &[JoinedSession]) -> Vec<Dwell<'_>> {
 fn dwells_of(session: &JoinedSession) -> impl Iterator<Item = Dwell<'_>> {
     let commanded = &session.commanded;
     let stations = &session.joined.stations;
-    let dwells = commanded::dwells(
-        stations,
-        &commanded.poses,
-        commanded.trust,
-        &commanded.counted,
-    );
+    let dwells = commanded::dwells(stations, &commanded.poses, commanded.trust, &commanded.counted);
     let readings = stations.iter().map(|station| station.measured().len());
     let measured = dwells.into_iter().zip(readings);
     measured.flat_map(|(dwell, readings)| std::iter::repeat_n(dwell, readings))

@@ -17,9 +17,7 @@ pub(super) fn told(
     }
     let day = |session: &JoinedSession| {
         let began = session.started().map(WallTime::day);
-        began.ok_or_else(|| StageError::Undated {
-            session: session.name.clone(),
-        })
+        began.ok_or_else(|| StageError::Undated { session: session.name.clone() })
     };
     let days: Vec<f64> = training.iter().map(day).collect::<Result<_, _>>()?;
     let repaired = &mut settings.full.repaired;

@@ -21,10 +21,7 @@ pub(super) fn scales(
         session: session.name.clone(),
         stations: observed.of_session(place).count(),
         prior_sd_ppm: settings.full.session_scale_ppm,
-        fitted: models
-            .full
-            .as_ref()
-            .and_then(|full| FittedScale::of(full, place)),
+        fitted: models.full.as_ref().and_then(|full| FittedScale::of(full, place)),
         length_sd_mm: settings.fit.length_tolerance_mm,
         free: free.as_ref().map(|free| free[place]),
     };

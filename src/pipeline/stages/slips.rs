@@ -53,18 +53,12 @@ pub(super) fn taken_apart(
         } else if part.slip.is_some() {
             let other = add_source(&part, &instrument, &mut settings);
             rename(session, &part, other);
-            format!(
-                "they count as another instrument, {:?}",
-                name(other, &settings)
-            )
+            format!("they count as another instrument, {:?}", name(other, &settings))
         } else {
             continue;
         };
-        let stations = format!(
-            "readings of stations {} to {}",
-            part.stations.start(),
-            part.stations.end()
-        );
+        let stations =
+            format!("readings of stations {} to {}", part.stations.start(), part.stations.end());
         session.slips.push(match part.slip {
             Some(slip) => format!("{}; {stations}: {follows}", slip.words(&instrument)),
             None => format!("{instrument}, before its first slip; {stations}: {follows}"),
@@ -123,15 +117,9 @@ fn add_source(part: &Part<'_>, instrument: &str, settings: &mut StageSettings) -
     let sources = settings.noise.sources.len();
     let fit = &mut settings.fit;
     fit.source_names.resize(sources, "tracker".to_owned());
-    fit.source_names.push(format!(
-        "{instrument}, from station {}",
-        part.stations.start()
-    ));
+    fit.source_names.push(format!("{instrument}, from station {}", part.stations.start()));
     fit.gauges.resize(sources, KnownGauge::default());
-    fit.gauges.push(KnownGauge {
-        offset: None,
-        ..fit.gauges[part.source.0]
-    });
+    fit.gauges.push(KnownGauge { offset: None, ..fit.gauges[part.source.0] });
     let noise = &mut settings.noise.sources;
     noise.push(noise[part.source.0]);
     SourceId(sources)

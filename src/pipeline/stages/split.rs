@@ -104,10 +104,7 @@ impl Divided {
         arm: &Arm,
         progress: &dyn Progress,
     ) -> Result<Vec<(Model, Angles, ResidualSet)>, StageError> {
-        let train = TrainingSettings {
-            rivals: true,
-            ..training_settings(&self.settings)
-        };
+        let train = TrainingSettings { rivals: true, ..training_settings(&self.settings) };
         let models = fit::models::train_all(arm, &self.train, self.sessions.len(), &train)?;
         progress.advance(1);
         let mut found: BTreeMap<(Model, Angles), ResidualSet> = BTreeMap::new();
@@ -117,16 +114,13 @@ impl Divided {
             for set in self.of_session(&models, arm, name)? {
                 let subject = &set.subject;
                 let own = found.entry((subject.model, subject.angles));
-                own.and_modify(|all| all.residuals.extend(set.residuals.clone()))
-                    .or_insert(set);
+                own.and_modify(|all| all.residuals.extend(set.residuals.clone())).or_insert(set);
             }
         }
         // A model without predictions in one of the sessions is judged in none.
         let found = found.into_iter();
         let whole = found.filter(|(_, set)| set.residuals.len() == self.test.len());
-        Ok(whole
-            .map(|((model, angles), set)| (model, angles, set))
-            .collect())
+        Ok(whole.map(|((model, angles), set)| (model, angles, set)).collect())
     }
 
     /// Errors in one test session: of one that trained with its own frames, of another with those of the first that trained.
@@ -138,10 +132,7 @@ impl Divided {
     ) -> Result<Vec<ResidualSet>, StageError> {
         let own = self.test.iter().filter(|own| own.session == name);
         let own: Vec<Observation> = own.map(|own| own.observation.clone()).collect();
-        let stations = Stations {
-            session: name,
-            observations: &own,
-        };
+        let stations = Stations { session: name, observations: &own };
         if self.sessions.iter().any(|own| own == name) {
             return Ok(evaluate::own_session(models, stations, Split::Blocks, None));
         }

@@ -27,9 +27,8 @@ pub(super) fn error_frame<'a>(
 ) -> ErrorFrame<'a> {
     let base = settings.surveyed();
     let frames = FramePair {
-        tracker_from_base: base.map_or(fitted.tracker_from_base, |base| {
-            Transform::claim(base.tracker_from_base)
-        }),
+        tracker_from_base: base
+            .map_or(fitted.tracker_from_base, |base| Transform::claim(base.tracker_from_base)),
         flange_from_target: Transform::claim(target(fitted, settings)),
         ..*fitted
     };
@@ -42,10 +41,7 @@ fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
     let fitted = fitted.flange_from_target.isometry();
     let is_tool = settings.target_is_tool == Some(true);
     let tool = settings.flange_from_tool.filter(|_| is_tool);
-    let known = settings
-        .fit
-        .target
-        .filter(|_| settings.surveyed().is_some());
+    let known = settings.fit.target.filter(|_| settings.surveyed().is_some());
     let place = tool
         .map(|tool| tool.translation.vector)
         .or_else(|| known.map(|known| Vector3::from(known.xyz_mm)))
@@ -83,9 +79,7 @@ pub(super) fn frame(
 fn open_mm(base_target: &Calibration, session: usize, settings: &StageSettings) -> Option<f64> {
     let is_stated = settings.target_is_tool == Some(true) || settings.fit.target.is_some();
     let hangs_on_it = settings.surveyed().is_none() || !is_stated;
-    let open = base_target
-        .open_target_mm(session)
-        .filter(|_| hangs_on_it)?;
+    let open = base_target.open_target_mm(session).filter(|_| hangs_on_it)?;
     (EXPANDED * open > settings.tolerance.mm).then_some(open)
 }
 
@@ -93,9 +87,7 @@ fn open_mm(base_target: &Calibration, session: usize, settings: &StageSettings) 
 /// is fitted.
 pub(super) fn uncertainty(settings: &StageSettings) -> FrameUncertainty {
     let base = settings.surveyed();
-    base.map_or_else(FrameUncertainty::default, |base| {
-        base.uncertainty(lever_sd_mm(settings))
-    })
+    base.map_or_else(FrameUncertainty::default, |base| base.uncertainty(lever_sd_mm(settings)))
 }
 
 /// Standard deviation of each coordinate of the stated lever from measured target to tool, mm; `None` where they are one point, where it

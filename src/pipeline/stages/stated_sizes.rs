@@ -43,10 +43,8 @@ pub(super) fn sized(
         let seen = observations_of(arm, &*training, settings);
         let geometric =
             fit::identify(arm, &seen, training.len(), Freedom::Geometry, &settings.fit)?;
-        let sizes: Vec<Vec<StatedSize>> = training
-            .iter()
-            .map(|own| own.stated_sizes.clone())
-            .collect();
+        let sizes: Vec<Vec<StatedSize>> =
+            training.iter().map(|own| own.stated_sizes.clone()).collect();
         found = stated_size::found(arm, &seen, &geometric, of, |own: &Observation| {
             let own = sizes[own.session].get(own.source.0).copied();
             own.unwrap_or(StatedSize::ONE)
@@ -68,11 +66,7 @@ fn stated(training: &[JoinedSession], settings: &StageSettings) -> BTreeMap<Plac
             });
             own.collect::<Vec<_>>()
         };
-        own.joined
-            .stations
-            .iter()
-            .flat_map(of_station)
-            .collect::<Vec<_>>()
+        own.joined.stations.iter().flat_map(of_station).collect::<Vec<_>>()
     };
     training.iter().enumerate().flat_map(of_session).collect()
 }
@@ -85,9 +79,8 @@ fn give(
     found: &[FoundSize],
 ) {
     let sources = (0..settings.noise.sources.len()).map(SourceId);
-    let means: Vec<StatedSize> = sources
-        .map(|source| stated_size::mean(found, source).unwrap_or(StatedSize::ONE))
-        .collect();
+    let means: Vec<StatedSize> =
+        sources.map(|source| stated_size::mean(found, source).unwrap_or(StatedSize::ONE)).collect();
     for (place, session) in training.iter_mut().enumerate() {
         session.stated_sizes.clone_from(&means);
         for own in found.iter().filter(|own| own.session == place) {

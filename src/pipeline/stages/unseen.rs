@@ -88,10 +88,7 @@ impl Judges<'_> {
         let placed = |station: &GridStation| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
             let tool = station.position + errors.error(&station.joints).ok()?;
-            Some(Placed {
-                position: tool - flange * self.error_frame.lever(),
-                flange,
-            })
+            Some(Placed { position: tool - flange * self.error_frame.lever(), flange })
         };
         // A station whose command is not known finds no frame of commands.
         let of = |&finder: &usize| {
@@ -106,9 +103,7 @@ impl Judges<'_> {
             test.located.finders.iter().filter_map(of).unzip();
         let target_sd_mm = test.located.target_sd_mm;
         let finders = (&finders[..], target_sd_mm);
-        let found = self
-            .locator
-            .refit(self.models, &test.observations, finders, &placed)?;
+        let found = self.locator.refit(self.models, &test.observations, finders, &placed)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -118,12 +113,7 @@ impl Judges<'_> {
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
         let oriented = self.settings.noise.takes_orientations() && target_sd_mm.is_none();
-        Some(ErrorFrame::new(
-            self.arm,
-            frames,
-            Some(flange_from_tool),
-            oriented,
-        ))
+        Some(ErrorFrame::new(self.arm, frames, Some(flange_from_tool), oriented))
     }
 
     /// The verdict of the run: of the table and of every identified model, each by held-out blocks and by every test session.
@@ -221,11 +211,8 @@ impl Judges<'_> {
             ..test.located.clone()
         };
         let other = unseen::unseen_session(self.models, test.stations(), self.locator, &other)?;
-        let (with_known, with_own) = if is_found {
-            (&other[..], residuals)
-        } else {
-            (residuals, &other[..])
-        };
+        let (with_known, with_own) =
+            if is_found { (&other[..], residuals) } else { (residuals, &other[..]) };
         // Errors of another arm displace the target too.
         if let Some(unfit) = self.unfit(test, with_own, residuals) {
             return Ok(Some(Remark::OtherArm(unfit)));
@@ -274,11 +261,7 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let name = &test.session.name;
         let left = left_by(own, best, name, Split::Session, BaseRefit::All)?;
-        let target = self.frames[self.own.1]
-            .flange_from_target
-            .isometry()
-            .translation
-            .vector;
+        let target = self.frames[self.own.1].flange_from_target.isometry().translation.vector;
         let change_rad = self.settings.full.session_curve_sd_rad;
         let fit = same_arm::unseen(self.arm, &test.observations, &target, &left, change_rad)?;
         if fit.is_same_arm() || (!full && left.identified < left.nominal) {
@@ -369,8 +352,5 @@ fn left_by(
         let norms = set.residuals.iter().map(|r| r.residual.norm());
         median(&norms.collect::<Vec<_>>())
     };
-    Some(LeftBy {
-        identified: of(best)?,
-        nominal: of(Model::BaseTarget)?,
-    })
+    Some(LeftBy { identified: of(best)?, nominal: of(Model::BaseTarget)? })
 }

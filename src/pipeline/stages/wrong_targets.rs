@@ -36,17 +36,10 @@ fn leave_out_beside(
         return Ok(());
     }
     let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
-    let Checked {
-        stations,
-        throughout,
-    } = mislabelled::check(arm, &seen, sessions.len(), &settings.fit);
+    let Checked { stations, throughout } =
+        mislabelled::check(arm, &seen, sessions.len(), &settings.fit);
     let name = |target: TargetId| target_name(target, &settings.fit.target_names);
-    if let Some(SwappedThroughout {
-        session,
-        swap,
-        against,
-    }) = throughout
-    {
+    if let Some(SwappedThroughout { session, swap, against }) = throughout {
         return Err(StageError::SwappedTargets {
             session: sessions[session].name.clone(),
             swap: swap.words(name),
@@ -119,11 +112,7 @@ fn reason(own: &Mislabelled, name: impl Fn(TargetId) -> String) -> String {
             "swapped targets: the readings of station {station} are of other targets than they name: {}",
             swap.words(name)
         ),
-        Wrong::Far {
-            target,
-            away_mm,
-            nearest: (nearest, mm),
-        } => format!(
+        Wrong::Far { target, away_mm, nearest: (nearest, mm) } => format!(
             "wrong target: a reading of station {station} is {away_mm:.1} mm from where {} is, and {mm:.1} mm from the nearest, {}",
             name(*target),
             name(*nearest)

@@ -75,22 +75,14 @@ pub fn work(plans: Vec<OfRobot>, id: &str, progress: &dyn Progress) -> Ended {
     };
     match planning.make(progress) {
         Ok(planned) => Ended {
-            ended: if planned.plan.is_some() {
-                How::Done
-            } else {
-                How::DoneBefore
-            },
+            ended: if planned.plan.is_some() { How::Done } else { How::DoneBefore },
             run: Some(key.run),
             met: Some(planned.is_met),
             reason: None,
             ..own
         },
         Err(error) => {
-            let how = if error.is_fault() {
-                How::Fault
-            } else {
-                How::Failed
-            };
+            let how = if error.is_fault() { How::Fault } else { How::Failed };
             Ended {
                 robot: own.robot,
                 session: own.session,

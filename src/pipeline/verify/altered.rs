@@ -90,10 +90,7 @@ fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
 
 /// Whether a file of a run is certainly missing; a file that cannot be asked for does not count.
 pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
-    matches!(
-        lake.has(&file.table, &key.of_session(&file.session)),
-        Ok(false)
-    )
+    matches!(lake.has(&file.table, &key.of_session(&file.session)), Ok(false))
 }
 
 /// Inputs that differ by name, size or digest.
@@ -107,16 +104,12 @@ pub(super) fn inputs(claimed: &[Input], found: &[Input]) -> Vec<ChangedInput> {
         names.entry(&input.name).or_default().1 = Some(input);
     }
     let file = |input: &Input| (input.bytes, input.digest.clone());
-    let changed = names
-        .into_iter()
-        .filter(|(_, (claimed, found))| claimed != found);
+    let changed = names.into_iter().filter(|(_, (claimed, found))| claimed != found);
     changed
         .map(|(name, (claimed, found))| ChangedInput {
             name: name.to_owned(),
             claimed: claimed.map(file),
-            found: found
-                .map(file)
-                .ok_or_else(|| "there is no such file".to_owned()),
+            found: found.map(file).ok_or_else(|| "there is no such file".to_owned()),
         })
         .collect()
 }
@@ -150,9 +143,9 @@ pub(super) const KNOWN_ARM: &str = "calibrations";
 impl Lost {
     fn has(&self, input: &str) -> bool {
         match self {
-            Self::Session(session) => input
-                .strip_prefix(&**session)
-                .is_some_and(|side| side.starts_with('/')),
+            Self::Session(session) => {
+                input.strip_prefix(&**session).is_some_and(|side| side.starts_with('/'))
+            }
             Self::Sessions => input.contains('/'),
             Self::KnownArm => input == KNOWN_ARM,
         }
@@ -164,11 +157,7 @@ mod tests {
     use super::*;
 
     fn input(name: &str, digest: &str) -> Input {
-        Input {
-            name: name.to_owned(),
-            bytes: 3,
-            digest: digest.to_owned(),
-        }
+        Input { name: name.to_owned(), bytes: 3, digest: digest.to_owned() }
     }
 
     #[test]
@@ -195,11 +184,7 @@ mod tests {
             .collect();
         assert_eq!(
             told,
-            [
-                ("mon/controller", true, false),
-                ("mon/tracker", false, true),
-                ("robot", true, true)
-            ]
+            [("mon/controller", true, false), ("mon/tracker", false, true), ("robot", true, true)]
         );
     }
 }

@@ -21,18 +21,13 @@ fn problem(lake: &Lake, key: &str) -> Result<Option<String>, LakeError> {
     let (key, row) = lake.request(key)?;
     let number = row.number.saturating_sub(1);
     let before = request_key(&key, number)?;
-    let follows = |before| {
-        lake.request(before)
-            .is_ok_and(|(own, _)| Some(own.run) == row.replaced)
-    };
+    let follows = |before| lake.request(before).is_ok_and(|(own, _)| Some(own.run) == row.replaced);
     Ok(if !lake.exists(&key)? {
         Some(format!("its run {} has no row in runs", key.run))
     } else if number == 0 {
         None
     } else if !lake.has_key(&before)? {
-        Some(format!(
-            "the request before it, number {number}, was removed"
-        ))
+        Some(format!("the request before it, number {number}, was removed"))
     } else {
         (!follows(&before)).then(|| format!("it does not replace the run of request {number}"))
     })

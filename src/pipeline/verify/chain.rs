@@ -29,10 +29,8 @@ pub(super) fn contradictions(claim: &Claim, lake: &Lake) -> Vec<String> {
     if !named.iter().map(|key| &key.session).eq(sessions()) {
         return vec!["the sessions as joined that it names are not those that it reads".to_owned()];
     }
-    let mut found: Vec<String> = named
-        .iter()
-        .filter_map(|key| of_joined(claim, key, lake))
-        .collect();
+    let mut found: Vec<String> =
+        named.iter().filter_map(|key| of_joined(claim, key, lake)).collect();
     let training = &named[..claim.sessions.len()];
     found.extend(of_estimate(claim, training, lake));
     found.extend(of_grids(claim, lake));
@@ -51,9 +49,7 @@ fn of_joined(claim: &Claim, key: &RunKey, lake: &Lake) -> Option<String> {
     let is_own = |input: &&Input| input.name == ROBOT || is_of_session(&input.name, &key.session);
     let digests = |inputs: &[Input]| -> Vec<(String, String)> {
         let own = inputs.iter().filter(is_own);
-        let mut own: Vec<_> = own
-            .map(|input| (input.name.clone(), input.digest.clone()))
-            .collect();
+        let mut own: Vec<_> = own.map(|input| (input.name.clone(), input.digest.clone())).collect();
         own.sort();
         own
     };
@@ -88,9 +84,7 @@ fn of_estimate(claim: &Claim, training: &[RunKey], lake: &Lake) -> Option<String
     } else {
         return None;
     };
-    Some(format!(
-        "it states that it started from the estimate {name}, which is of {what}"
-    ))
+    Some(format!("it states that it started from the estimate {name}, which is of {what}"))
 }
 
 /// Grids that are not of the run's estimate or settings.
@@ -105,9 +99,7 @@ fn of_grids(claim: &Claim, lake: &Lake) -> Option<String> {
     } else {
         return None;
     };
-    Some(format!(
-        "it states that it started from the grids {name}, which are of {what}"
-    ))
+    Some(format!("it states that it started from the grids {name}, which are of {what}"))
 }
 
 /// Whether a stage's settings are not those of a run; what a stage of another version read is not known.

@@ -74,11 +74,7 @@ impl Citation {
     }
 
     pub(super) fn new(role: Role, run: &str, register: &Register, lake: &Lake) -> Self {
-        Self {
-            role,
-            run: run.to_owned(),
-            left: left(role, run, register, lake),
-        }
+        Self { role, run: run.to_owned(), left: left(role, run, register, lake) }
     }
 }
 
@@ -100,12 +96,7 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
 /// The runs that a run cites, as far as the lake alone shows.
 pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<Citation> {
     let mut cited: Vec<(Role, String)> = Vec::new();
-    cited.extend(
-        claim
-            .replaces
-            .iter()
-            .map(|run| (Role::Replaced, run.clone())),
-    );
+    cited.extend(claim.replaces.iter().map(|run| (Role::Replaced, run.clone())));
     cited.extend(drove(claim, lake).into_iter().map(|run| (Role::Drove, run)));
     cited.extend(planned(claim).map(|run| (Role::Planned, run)));
     let known = known_arm(claim, register);

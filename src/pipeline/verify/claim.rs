@@ -84,13 +84,7 @@ impl Claim {
             cpu_features: row.cpu_features,
             sessions: row.sessions,
             test_sessions: row.test_sessions,
-            inputs: inputs
-                .map(|(name, bytes, digest)| Input {
-                    name,
-                    bytes,
-                    digest,
-                })
-                .collect(),
+            inputs: inputs.map(|(name, bytes, digest)| Input { name, bytes, digest }).collect(),
             settings: row.settings,
             settings_digest: row.settings_digest,
             files: files.map(written).collect(),
@@ -121,10 +115,7 @@ impl Claim {
     pub fn elsewhere(&self) -> Vec<String> {
         let mut told = Vec::new();
         if self.is_other_version() {
-            told.push(format!(
-                "computed by version {}, this is {VERSION}",
-                self.version
-            ));
+            told.push(format!("computed by version {}, this is {VERSION}", self.version));
         }
         if self.is_other_machine() {
             told.push(format!(
@@ -141,12 +132,7 @@ impl Claim {
 
 fn written((name, rows, digest): (String, u64, String)) -> Written {
     let (table, session) = name.split_once('/').unwrap_or((&name, ""));
-    Written {
-        table: table.to_owned(),
-        session: session.to_owned(),
-        rows,
-        digest,
-    }
+    Written { table: table.to_owned(), session: session.to_owned(), rows, digest }
 }
 
 /// Three lists of the same length.

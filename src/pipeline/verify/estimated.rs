@@ -82,14 +82,9 @@ fn anew_of(
         Ok(trained) => trained,
         Err(reason) => return Some(Anew::No(reason)),
     };
-    let configuration = trained.by(sought, |configuration| {
-        configuration.estimate_settings == row.settings
-    })?;
-    Some(
-        trained
-            .anew(lake, configuration, progress)
-            .unwrap_or_else(Anew::No),
-    )
+    let configuration =
+        trained.by(sought, |configuration| configuration.estimate_settings == row.settings)?;
+    Some(trained.anew(lake, configuration, progress).unwrap_or_else(Anew::No))
 }
 
 /// The sessions that an estimate was trained on, as the lake has them.
@@ -117,10 +112,7 @@ impl Trained {
             let row = row.ok_or_else(|| format!("{name} as joined has no row"))?;
             let inputs = inputs(&row).ok_or_else(|| format!("{name} as joined is damaged"))?;
             let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
-            let before = JoinedBefore {
-                key,
-                inputs: inputs.collect(),
-            };
+            let before = JoinedBefore { key, inputs: inputs.collect() };
             Ok(Joined {
                 session: Session {
                     name: name.clone(),
@@ -133,11 +125,7 @@ impl Trained {
             })
         };
         let sessions: Result<_, String> = sessions(row).map(one).collect();
-        Ok(Self {
-            key: key.clone(),
-            robot_digest: row.robot_digest.clone(),
-            sessions: sessions?,
-        })
+        Ok(Self { key: key.clone(), robot_digest: row.robot_digest.clone(), sessions: sessions? })
     }
 
     /// The configuration of the first pipeline file that `has` the settings, with these sessions and their robot file.
@@ -151,9 +139,7 @@ impl Trained {
         sought.with_sessions(&self.key.robot, &found, |configuration| {
             let robot = input(&configuration.robot_file, ROBOT);
             has(configuration)
-                && sessions
-                    .clone()
-                    .all(|own| own.settings == configuration.join_settings)
+                && sessions.clone().all(|own| own.settings == configuration.join_settings)
                 && robot.is_ok_and(|robot| robot.digest == self.robot_digest)
         })
     }
@@ -203,12 +189,7 @@ impl Trained {
             return Err(OTHERS.to_owned());
         }
         let tables = [EstimateResidualRow::TABLE, ESTIMATES];
-        Ok(compared(
-            lake,
-            &Lake::new(temporary.path()),
-            &tables,
-            &self.key,
-        ))
+        Ok(compared(lake, &Lake::new(temporary.path()), &tables, &self.key))
     }
 }
 

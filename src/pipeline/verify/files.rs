@@ -82,10 +82,8 @@ pub fn account(
 ) -> Result<FilesOfLake, VerifyError> {
     let known = Known::of(lake, selected)?;
     let scope = Scope::of(lake, selected, names)?;
-    let mut account = FilesOfLake {
-        asked: asked::problems(lake, &scope)?,
-        ..FilesOfLake::default()
-    };
+    let mut account =
+        FilesOfLake { asked: asked::problems(lake, &scope)?, ..FilesOfLake::default() };
     let mut doubtful = Vec::new();
     let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
     let mut add_foreign = |file: &LakeFile, why: Option<String>| {
@@ -105,28 +103,17 @@ pub fn account(
             },
             Judged::Own => account.own += 1,
             Judged::Temporary => account.temporaries.push(lake.place_of(&file.key)),
-            Judged::NotNamed(run) => add_foreign(
-                &file,
-                Some(format!("the row of run {run} in runs does not name it")),
-            ),
+            Judged::NotNamed(run) => {
+                add_foreign(&file, Some(format!("the row of run {run} in runs does not name it")))
+            }
             Judged::Foreign => add_foreign(&file, said(lake, &file)),
             Judged::NoRow => doubtful.push(file),
         }
     }
-    let rows = if doubtful.is_empty() {
-        BTreeSet::new()
-    } else {
-        rows_now(lake)?
-    };
+    let rows = if doubtful.is_empty() { BTreeSet::new() } else { rows_now(lake)? };
     let mut without_row: BTreeMap<(String, String), Vec<String>> = BTreeMap::new();
     for file in doubtful {
-        let Stands::OfRun {
-            table,
-            robot,
-            session,
-            run,
-        } = &file.stands
-        else {
+        let Stands::OfRun { table, robot, session, run } = &file.stands else {
             continue;
         };
         if rows.contains(&(robot.clone(), run.clone())) {
@@ -173,8 +160,7 @@ fn said(lake: &Lake, file: &LakeFile) -> Option<String> {
     let key = head.key?;
     Some(format!(
         "it states that it is {} of run {} of robot {:?} and session {:?}",
-        head.table
-            .map_or_else(|| "a table".to_owned(), |name| format!("table {name}")),
+        head.table.map_or_else(|| "a table".to_owned(), |name| format!("table {name}")),
         key.run,
         key.robot,
         key.session

@@ -47,10 +47,7 @@ pub fn grids(
         problems.extend(of_file(lake, key, GridErrorRow::TABLE, files));
         let estimate = RunKey::new(robot, session, &row.estimate);
         if !lake.has(ESTIMATES, &estimate)? {
-            problems.push(format!(
-                "the lake does not have the estimate {}",
-                row.estimate
-            ));
+            problems.push(format!("the lake does not have the estimate {}", row.estimate));
         }
         let is_open = problems.is_empty() && !shown.contains(&key.run);
         let anew = is_open.then(|| anew_of(lake, key, &row, sought, progress));
@@ -71,9 +68,8 @@ fn anew_of(
         Ok(trained) => trained,
         Err(reason) => return Some(Anew::No(reason)),
     };
-    let configuration = trained.by(sought, |configuration| {
-        configuration.grids_settings == row.settings
-    })?;
+    let configuration =
+        trained.by(sought, |configuration| configuration.grids_settings == row.settings)?;
     let anew = anew(lake, (key, &estimate), &trained, configuration, progress);
     Some(anew.unwrap_or_else(Anew::No))
 }

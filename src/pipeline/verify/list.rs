@@ -121,10 +121,7 @@ impl RowList {
 
     /// Reads a list from a file.
     pub fn read(path: &Path) -> Result<Self, ListError> {
-        let failed = |source| ListError::Read {
-            path: path.to_owned(),
-            source,
-        };
+        let failed = |source| ListError::Read { path: path.to_owned(), source };
         let file = File::open(path).map_err(failed)?;
         if file.metadata().map_err(failed)?.is_dir() {
             return Err(failed(io::Error::new(
@@ -135,9 +132,7 @@ impl RowList {
         let mut text = String::new();
         let read = file.take(MOST_BYTES + 1).read_to_string(&mut text);
         if read.map_err(failed)? as u64 > MOST_BYTES {
-            return Err(ListError::TooLarge {
-                path: path.to_owned(),
-            });
+            return Err(ListError::TooLarge { path: path.to_owned() });
         }
         Self::parse(&text).map_err(|(line, problem)| ListError::Line {
             path: path.to_owned(),
@@ -159,9 +154,7 @@ impl RowList {
                 return Err((place + 1, format!("run {run} is given twice")));
             }
         }
-        Ok(Self {
-            rows: rows.into_values().collect(),
-        })
+        Ok(Self { rows: rows.into_values().collect() })
     }
 
     /// Whether it lists no row.
@@ -258,9 +251,7 @@ mod tests {
 
     #[test]
     fn a_list_comes_back_as_it_was_printed_and_nothing_else_is_one() {
-        let list = RowList {
-            rows: vec![row("0a", "1"), row("0b", "2")],
-        };
+        let list = RowList { rows: vec![row("0a", "1"), row("0b", "2")] };
         let text = list.to_string();
         assert_eq!(RowList::parse(&text), Ok(list.clone()));
         let signed = format!("# kept by the auditor\n\n{text}");
@@ -274,17 +265,10 @@ mod tests {
 
     #[test]
     fn a_row_that_was_removed_or_changed_is_reported_and_a_newer_one_is_not() {
-        let kept = RowList {
-            rows: vec![row("0a", "1"), row("0b", "2")],
-        };
-        let found = RowList {
-            rows: vec![row("0b", "3"), row("0c", "4")],
-        };
+        let kept = RowList { rows: vec![row("0a", "1"), row("0b", "2")] };
+        let found = RowList { rows: vec![row("0b", "3"), row("0c", "4")] };
         let (unexpected, newer) = kept.held(&found, &[]);
-        let changed = Unexpected::Changed {
-            expected: row("0b", "2"),
-            found: "3".repeat(DIGEST),
-        };
+        let changed = Unexpected::Changed { expected: row("0b", "2"), found: "3".repeat(DIGEST) };
         assert_eq!(unexpected, [Unexpected::Removed(row("0a", "1")), changed]);
         assert_eq!(newer, 1);
         assert_eq!(kept.held(&kept, &[]), (Vec::new(), 0));

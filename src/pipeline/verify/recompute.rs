@@ -115,12 +115,7 @@ pub(super) fn again(
             return Recomputed::No(reason);
         }
     };
-    let sides = Sides {
-        verified,
-        lake,
-        computed: &Lake::new(temporary),
-        key: &key,
-    };
+    let sides = Sides { verified, lake, computed: &Lake::new(temporary), key: &key };
     sides.compared().unwrap_or_else(|error| {
         Recomputed::No(format!(
             "the recomputed run cannot be read: {error}; the logs may name another robot than {:?}",
@@ -228,11 +223,7 @@ impl Sides<'_> {
                 other = other.replace(&again.digest, &published.digest);
             }
         }
-        if own == other {
-            FileOutcome::PageOfOtherBytes
-        } else {
-            FileOutcome::Page
-        }
+        if own == other { FileOutcome::PageOfOtherBytes } else { FileOutcome::Page }
     }
 
     /// The differences of the estimates and grids that both started from; none of what the lake does not have any more.
@@ -283,12 +274,10 @@ impl Sides<'_> {
         let key = &self.verified.claim.key;
         let published = self.lake.read_as_it_is("runs", key)?.table;
         let comparison = self.values(&published, computed, &ROW_ONLY);
-        Ok(
-            (comparison.same_values() != Some(0.0)).then(|| ComparedFile {
-                name: format!("runs/{}", key.session),
-                computed: None,
-                outcome: FileOutcome::Values(comparison),
-            }),
-        )
+        Ok((comparison.same_values() != Some(0.0)).then(|| ComparedFile {
+            name: format!("runs/{}", key.session),
+            computed: None,
+            outcome: FileOutcome::Values(comparison),
+        }))
     }
 }

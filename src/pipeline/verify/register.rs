@@ -29,9 +29,7 @@ impl Register {
             replaces: claim.replaces.clone(),
             row: claim.row.clone(),
         };
-        Self {
-            runs: claims.map(registered).collect(),
-        }
+        Self { runs: claims.map(registered).collect() }
     }
 
     /// Every run.
@@ -47,9 +45,7 @@ impl Register {
     /// A run that wrote this table with this digest, and the file.
     pub(super) fn with_file(&self, table: &str, digest: &str) -> Option<(&Registered, &Written)> {
         let is_it = |file: &&Written| file.table == table && file.digest == digest;
-        self.runs
-            .iter()
-            .find_map(|own| Some((own, own.files.iter().find(is_it)?)))
+        self.runs.iter().find_map(|own| Some((own, own.files.iter().find(is_it)?)))
     }
 
     /// The name of the run that replaced another; `None` without one.
@@ -86,22 +82,14 @@ mod tests {
                 digest: format!("digest of {name}"),
             }],
             replaces: replaces.map(str::to_owned),
-            row: RowDigests {
-                version: 2,
-                found: String::new(),
-                stated: None,
-                replaced: None,
-            },
+            row: RowDigests { version: 2, found: String::new(), stated: None, replaced: None },
         }
     }
 
     #[test]
     fn a_run_is_superseded_by_one_of_its_own_session() {
-        let runs = vec![
-            run("mon", "a", None),
-            run("mon", "b", Some("a")),
-            run("tue", "c", Some("b")),
-        ];
+        let runs =
+            vec![run("mon", "a", None), run("mon", "b", Some("a")), run("tue", "c", Some("b"))];
         let register = Register { runs };
         let by = |session, name| register.superseding(&RunKey::new("r", session, name));
         assert_eq!(by("mon", "a"), Some("b"));

@@ -140,10 +140,7 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
         if let Err(error) = file.take(length).read_to_end(&mut bytes) {
             return Ok(Some(error.to_string()));
         }
-        let differs = bytes
-            .iter()
-            .zip(&written)
-            .position(|(own, other)| own != other);
+        let differs = bytes.iter().zip(&written).position(|(own, other)| own != other);
         let differs = differs
             .or_else(|| (bytes.len() != written.len()).then(|| bytes.len().min(written.len())));
         Ok(differs.map(|byte| {

@@ -88,10 +88,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         if named || run.pipeline.is_some() || pipelines.is_empty() {
             selected.runs.push(run);
         } else {
-            *selected
-                .by_others
-                .entry(claim.pipeline.clone())
-                .or_default() += 1;
+            *selected.by_others.entry(claim.pipeline.clone()).or_default() += 1;
         }
     }
     if selected.runs.is_empty() && !selected.by_others.is_empty() {
@@ -137,10 +134,7 @@ fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError
         if let Some(first) = named.insert(name.into_owned(), path.clone())
             && first != *path
         {
-            return Err(VerifyError::TwoOfOneName {
-                first,
-                second: path.clone(),
-            });
+            return Err(VerifyError::TwoOfOneName { first, second: path.clone() });
         }
     }
     Ok(named)
@@ -151,10 +145,7 @@ fn past(
     pipelines: &BTreeMap<String, PathBuf>,
     expects_rows: bool,
 ) -> Result<Vec<PastRun>, VerifyError> {
-    let no_lake = |reason| VerifyError::NoLake {
-        lake: lake.root(),
-        reason,
-    };
+    let no_lake = |reason| VerifyError::NoLake { lake: lake.root(), reason };
     if lake.folder().is_some_and(|folder| !folder.is_dir()) {
         return Err(no_lake("there is no such folder"));
     }
@@ -193,9 +184,7 @@ impl From<LakeError> for NoClaim {
 /// Whether there is a file where only runs have files, so that there was a lake.
 fn has_files(lake: &Lake) -> Result<bool, LakeError> {
     let files = lake.files("")?;
-    Ok(files
-        .iter()
-        .any(|file| matches!(file.stands, Stands::OfRun { .. })))
+    Ok(files.iter().any(|file| matches!(file.stands, Stands::OfRun { .. })))
 }
 
 /// Whether `name` is the claim's run or session.
@@ -253,10 +242,7 @@ mod tests {
     fn runs(names: &[&str]) -> Vec<PastRun> {
         let run = |name: &&str| PastRun {
             place: Place::of(format!("lake/runs/r/s/{name}.parquet")),
-            claim: Err(NoClaim {
-                reason: "not looked at".to_owned(),
-                is_damage: false,
-            }),
+            claim: Err(NoClaim { reason: "not looked at".to_owned(), is_damage: false }),
             seal: None,
             pipeline: None,
         };

@@ -31,9 +31,7 @@ pub(in crate::pipeline) fn changed(claimed: &str, found: &str) -> Vec<ChangedSet
     let mut keys: Vec<&String> = claimed.keys().chain(found.keys()).collect();
     keys.sort();
     keys.dedup();
-    let differ = keys
-        .into_iter()
-        .filter(|&key| claimed.get(key) != found.get(key));
+    let differ = keys.into_iter().filter(|&key| claimed.get(key) != found.get(key));
     differ
         .map(|key| ChangedSetting {
             key: key.clone(),
@@ -62,11 +60,7 @@ fn leaves(settings: &str) -> BTreeMap<String, String> {
 
 fn collect(key: &str, value: &Value, leaves: &mut BTreeMap<String, String>) {
     let below = |name: &str| {
-        if key.is_empty() {
-            name.to_owned()
-        } else {
-            format!("{key}.{name}")
-        }
+        if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") }
     };
     match value {
         Value::Object(section) if !section.is_empty() => {

@@ -23,11 +23,7 @@ pub struct Sought {
 impl Sought {
     /// The pipeline files at these paths.
     pub fn new(pipelines: &[PathBuf]) -> Self {
-        Self {
-            pipelines: pipelines.to_vec(),
-            found: BTreeMap::new(),
-            before: None,
-        }
+        Self { pipelines: pipelines.to_vec(), found: BTreeMap::new(), before: None }
     }
 
     /// Gives a temporary lake what sessions of the robot said when the run before was recomputed, so that a growing pool is learnt once.

@@ -65,18 +65,13 @@ impl Source {
             from_estimates: false,
             from_grids: false,
         };
-        let configuration = sought
-            .load(pipeline, &overrides)
-            .map_err(|error| match error {
-                ConfigurationError::Session {
-                    session, reason, ..
-                } => of_session(&session, &reason),
-                ConfigurationError::At {
-                    kind: ConfigurationErrorKind::Folder { .. },
-                    ..
-                } => NoSource::Missing(Lost::Sessions, error.to_string()),
-                error => other(error),
-            })?;
+        let configuration = sought.load(pipeline, &overrides).map_err(|error| match error {
+            ConfigurationError::Session { session, reason, .. } => of_session(&session, &reason),
+            ConfigurationError::At { kind: ConfigurationErrorKind::Folder { .. }, .. } => {
+                NoSource::Missing(Lost::Sessions, error.to_string())
+            }
+            error => other(error),
+        })?;
         let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
         let files: BTreeMap<String, SessionFiles> = configuration
             .pieces
@@ -86,10 +81,7 @@ impl Source {
             .collect();
         let named = |names: &[String]| -> Result<Vec<SessionFiles>, NoSource> {
             let missing = |name: &String| {
-                let aside = configuration
-                    .set_aside
-                    .iter()
-                    .find(|aside| aside.session == *name);
+                let aside = configuration.set_aside.iter().find(|aside| aside.session == *name);
                 let reason = aside.map_or("it is not there", |aside| aside.why.reason());
                 of_session(name, reason)
             };
@@ -103,10 +95,7 @@ impl Source {
         };
         let fetched = Fetched::of(&configuration.tree, &piece).map_err(other)?;
         // Tables that were elsewhere are in this lake now.
-        let configuration = Configuration {
-            tree: Tree::Folder,
-            ..configuration
-        };
+        let configuration = Configuration { tree: Tree::Folder, ..configuration };
         Ok(Self::Sessions(Box::new(configuration), fetched))
     }
 
@@ -143,11 +132,7 @@ impl Source {
         };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
         // The run itself reports a file that cannot be read.
-        Some(
-            driving::read(path, Bound::of(configuration.limits))
-                .ok()?
-                .key,
-        )
+        Some(driving::read(path, Bound::of(configuration.limits)).ok()?.key)
     }
 
     /// Does the work by the code of `posegrid run`; returns the run in the temporary lake.
@@ -168,10 +153,7 @@ fn of_session(session: &str, reason: &str) -> NoSource {
     NoSource::Missing(lost, format!("session {session}: {reason}"))
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "errors are handed over where they end"
-)]
+#[expect(clippy::needless_pass_by_value, reason = "errors are handed over where they end")]
 fn other(error: impl ToString) -> NoSource {
     NoSource::Other(error.to_string())
 }

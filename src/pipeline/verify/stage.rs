@@ -79,12 +79,7 @@ pub(super) fn each(
             }
             (Err(problem), _) => (vec![problem.clone()], None),
         };
-        verified.push(StageVerified {
-            place,
-            key,
-            problems,
-            anew,
-        });
+        verified.push(StageVerified { place, key, problems, anew });
     }
     Ok(verified)
 }
@@ -122,9 +117,8 @@ impl Stated<'_> {
         }
         let follows = self.work.key_by_version(self.version).run;
         if follows != self.key.run {
-            problems.push(format!(
-                "from its inputs, settings and version follows the name {follows}"
-            ));
+            problems
+                .push(format!("from its inputs, settings and version follows the name {follows}"));
         }
         problems
     }
@@ -158,9 +152,7 @@ pub(super) fn of_file(
 pub(super) fn compared(lake: &Lake, again: &Lake, tables: &[&str], key: &RunKey) -> Anew {
     let differs = |table: &str| -> Result<bool, LakeError> {
         let (own, other) = (lake.read(table, key)?, again.read(table, key)?);
-        Ok(compare(&own, &other, &OF_THE_MACHINE)
-            .same_values()
-            .is_none())
+        Ok(compare(&own, &other, &OF_THE_MACHINE).same_values().is_none())
     };
     let mut told = Vec::new();
     for table in tables {
@@ -170,9 +162,5 @@ pub(super) fn compared(lake: &Lake, again: &Lake, tables: &[&str], key: &RunKey)
             Err(error) => return Anew::No(error.to_string()),
         }
     }
-    if told.is_empty() {
-        Anew::Same
-    } else {
-        Anew::Differs(told)
-    }
+    if told.is_empty() { Anew::Same } else { Anew::Differs(told) }
 }

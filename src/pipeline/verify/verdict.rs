@@ -64,10 +64,7 @@ impl Verdict {
 
 pub(super) fn verdict(verified: &Verified) -> Verdict {
     let outputs = &verified.outputs;
-    if outputs
-        .iter()
-        .any(|own| !own.is_sound() && !own.is_missing())
-    {
+    if outputs.iter().any(|own| !own.is_sound() && !own.is_missing()) {
         return Verdict::OutputsAltered;
     }
     if !verified.contradictions.is_empty() {
@@ -75,9 +72,9 @@ pub(super) fn verdict(verified: &Verified) -> Verdict {
     }
     if outputs.iter().any(Output::is_missing) {
         return match &verified.superseded_by {
-            Some(by) if outputs.iter().all(Output::is_missing) => Verdict::Removed {
-                superseded_by: by.clone(),
-            },
+            Some(by) if outputs.iter().all(Output::is_missing) => {
+                Verdict::Removed { superseded_by: by.clone() }
+            }
             _ => Verdict::OutputsMissing,
         };
     }
@@ -98,11 +95,7 @@ pub(super) fn verdict(verified: &Verified) -> Verdict {
 fn of_citing(outcomes: &[&FileOutcome], cited: &[Citation]) -> Verdict {
     let mut lost = cited.iter().filter(|cited| cited.is_lost());
     let is_page = |outcome: &&FileOutcome| matches!(outcome, FileOutcome::Page);
-    let besides: Vec<&FileOutcome> = outcomes
-        .iter()
-        .filter(|own| !is_page(own))
-        .copied()
-        .collect();
+    let besides: Vec<&FileOutcome> = outcomes.iter().filter(|own| !is_page(own)).copied().collect();
     let has_page = besides.len() < outcomes.len();
     match of_files(&besides) {
         Verdict::Differs => Verdict::Differs,
@@ -172,9 +165,6 @@ mod tests {
         assert_eq!(of_citing(&[], &lost), Verdict::CitedMissing);
         let there = citing(Role::Replaced, Left::Whole(Some("c".to_owned())));
         assert_eq!(of_citing(&[], &there), Verdict::Same);
-        assert_eq!(
-            of_citing(&[&FileOutcome::OnlyComputed], &lost),
-            Verdict::Differs
-        );
+        assert_eq!(of_citing(&[&FileOutcome::OnlyComputed], &lost), Verdict::Differs);
     }
 }

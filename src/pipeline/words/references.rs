@@ -10,9 +10,7 @@ use crate::units::{NS_PER_S, SLIDE_MM_PER_RAD};
 
 /// One line for each set of references: how many there are, how far they moved, and how well that is known.
 pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
-    each(outcome)
-        .map(|(session, course)| format!("{}: {}", session.name, line(course)))
-        .collect()
+    each(outcome).map(|(session, course)| format!("{}: {}", session.name, line(course))).collect()
 }
 
 /// Bumps and moved references, moves that no reference tells, and references that were not read or in a part of a session only: somebody has to look at them.
@@ -24,10 +22,7 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<S
         let (small, large): (Vec<&Event>, Vec<&Event>) =
             events.partition(|event| size_mm(event).is_some_and(|mm| mm < least_mm));
         let words = large.into_iter().filter_map(|event| warning(course, event));
-        let largest = small
-            .iter()
-            .filter_map(|event| size_mm(event))
-            .max_by(f64::total_cmp);
+        let largest = small.iter().filter_map(|event| size_mm(event)).max_by(f64::total_cmp);
         let small = largest.map(|mm| {
             format!(
                 "{} moves of references on the {} of at most {mm:.3} mm are less than the tolerance notices ({least_mm:.3} mm)",
@@ -35,18 +30,13 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<S
                 course.on.word()
             )
         });
-        words
-            .chain(small)
-            .map(|words| format!("{}: {words}", session.name))
-            .collect::<Vec<_>>()
+        words.chain(small).map(|words| format!("{}: {words}", session.name)).collect::<Vec<_>>()
     };
     let silent = sessions().flat_map(|session| {
         let words = silent::warned(&session.joined);
         let elsewhere = session.joined.elsewhere.iter().map(Elsewhere::words);
         let named = elsewhere.chain(words);
-        named
-            .map(|words| format!("{}: {words}", session.name))
-            .collect::<Vec<_>>()
+        named.map(|words| format!("{}: {words}", session.name)).collect::<Vec<_>>()
     });
     each(outcome).flat_map(of_course).chain(silent).collect()
 }
@@ -55,13 +45,7 @@ fn each<'o>(
     outcome: &'o Outcome<'_>,
 ) -> impl Iterator<Item = (&'o JoinedSession, &'o ReferenceCourse)> {
     let sessions = outcome.training.iter().chain(&outcome.test);
-    sessions.flat_map(|session| {
-        session
-            .joined
-            .references
-            .iter()
-            .map(move |own| (session, own))
-    })
+    sessions.flat_map(|session| session.joined.references.iter().map(move |own| (session, own)))
 }
 
 fn line(course: &ReferenceCourse) -> String {
@@ -71,22 +55,12 @@ fn line(course: &ReferenceCourse) -> String {
     } else {
         "which tell no rotations (three that are not in line do)"
     };
-    let taken = if course.is_taken_out {
-        "; this motion is taken out of the readings"
-    } else {
-        ""
-    };
+    let taken = if course.is_taken_out { "; this motion is taken out of the readings" } else { "" };
     let (shift_mm, turn_rad) = farthest(followed);
-    let strays = followed
-        .events
-        .iter()
-        .filter(|event| matches!(event, Event::Stray { .. }))
-        .count();
-    let shocks = followed
-        .events
-        .iter()
-        .filter(|event| matches!(event, Event::Shock { .. }))
-        .count();
+    let strays =
+        followed.events.iter().filter(|event| matches!(event, Event::Stray { .. })).count();
+    let shocks =
+        followed.events.iter().filter(|event| matches!(event, Event::Shock { .. })).count();
     format!(
         "{} references on the {}, {turns}: at most {shift_mm:.3} mm and {:.3} mrad from where they were first, read to {:.3} mm; {strays} \
          stray readings and {shocks} stations at which all were elsewhere left out{taken}",
@@ -111,17 +85,13 @@ fn farthest(followed: &Followed) -> (f64, f64) {
     };
     motions
         .map(|(_, motion)| of(motion))
-        .fold((0.0, 0.0), |(shift, turn), own| {
-            (f64::max(shift, own.0), f64::max(turn, own.1))
-        })
+        .fold((0.0, 0.0), |(shift, turn), own| (f64::max(shift, own.0), f64::max(turn, own.1)))
 }
 
 /// How far an event moved references, a turn as at a metre, mm; `None` of one that is no move.
 fn size_mm(event: &Event) -> Option<f64> {
     match *event {
-        Event::Bump {
-            shift_mm, turn_rad, ..
-        } => Some(shift_mm.max(SLIDE_MM_PER_RAD * turn_rad)),
+        Event::Bump { shift_mm, turn_rad, .. } => Some(shift_mm.max(SLIDE_MM_PER_RAD * turn_rad)),
         Event::Moved { by_mm, .. } => Some(by_mm),
         Event::Shock { .. } | Event::Stray { .. } => None,
     }
@@ -129,12 +99,7 @@ fn size_mm(event: &Event) -> Option<f64> {
 
 fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
     match *event {
-        Event::Bump {
-            after,
-            before,
-            shift_mm,
-            turn_rad,
-        } => {
+        Event::Bump { after, before, shift_mm, turn_rad } => {
             let turned = if course.followed.tells_turns {
                 format!(" and {:.2} mrad", 1e3 * turn_rad)
             } else {
@@ -152,11 +117,7 @@ fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
                 moment(course, before),
             ))
         }
-        Event::Moved {
-            look,
-            reference,
-            by_mm,
-        } => Some(format!(
+        Event::Moved { look, reference, by_mm } => Some(format!(
             "reference {:?} was moved by {by_mm:.2} mm among the others before {}: it counts as a new one from there",
             course.names[reference.0],
             moment(course, look),

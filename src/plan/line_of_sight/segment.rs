@@ -53,8 +53,7 @@ impl Segment {
             self.distance_to(&other.to),
         ];
         let of_ends = ends.into_iter().fold(f64::INFINITY, f64::min);
-        self.inner_distance(other)
-            .map_or(of_ends, |inner| inner.min(of_ends))
+        self.inner_distance(other).map_or(of_ends, |inner| inner.min(of_ends))
     }
 
     /// Distance of the two lines, where their nearest points lie inside both segments.
@@ -76,11 +75,7 @@ impl Segment {
 
 /// `along / whole` kept between 0 and 1; 0 for a segment that is a point.
 fn share(along: f64, whole: f64) -> f64 {
-    if whole > 0.0 {
-        (along / whole).clamp(0.0, 1.0)
-    } else {
-        0.0
-    }
+    if whole > 0.0 { (along / whole).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -130,11 +125,7 @@ mod tests {
         let value = |k: usize| 100.0 * ((k * 37) as f64 * 0.618).sin();
         for case in 0..200 {
             let point = |k: usize| {
-                [
-                    value(case * 12 + k),
-                    value(case * 12 + k + 1),
-                    value(case * 12 + k + 2),
-                ]
+                [value(case * 12 + k), value(case * 12 + k + 1), value(case * 12 + k + 2)]
             };
             let (a, b) = (segment(point(0), point(3)), segment(point(6), point(9)));
             let mut least = f64::INFINITY;
@@ -144,10 +135,7 @@ mod tests {
             }
             let step = (a.to - a.from).norm() / 100.0;
             let found = a.distance(&b);
-            assert!(
-                found <= least + 1e-9 && found >= least - step,
-                "{found} {least}"
-            );
+            assert!(found <= least + 1e-9 && found >= least - step, "{found} {least}");
         }
     }
 }

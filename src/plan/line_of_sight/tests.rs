@@ -55,10 +55,7 @@ fn line_of_sight(constraints: &mut Constraints) -> &mut LineOfSight {
 fn a_pose_that_nothing_speaks_against_may_be_measured() {
     let arm = kr210();
     assert_eq!(verdict(&arm, &level(), &free()), Ok(()));
-    assert_eq!(
-        verdict(&arm, &level(), &seen_from_before(&arm, 5000.0)),
-        Ok(())
-    );
+    assert_eq!(verdict(&arm, &level(), &seen_from_before(&arm, 5000.0)), Ok(()));
 }
 
 #[test]
@@ -73,10 +70,7 @@ fn a_limit_is_named_with_its_margin() {
     let found = verdict(&arm, &joints, &constraints).expect_err("1° before its limit");
     let text = found.to_string();
     assert!(matches!(found, Unsuitable::BeyondLimit { .. }));
-    assert!(
-        text.contains("154.000°") && text.contains("153.000°"),
-        "{text}"
-    );
+    assert!(text.contains("154.000°") && text.contains("153.000°"), "{text}");
     joints[2] = f64::NAN;
     assert!(verdict(&arm, &joints, &free()).is_err());
 }
@@ -110,19 +104,11 @@ fn a_box_stops_the_part_that_enters_it() {
     let arm = kr210();
     let within = |least_mm: [f64; 3], most_mm: [f64; 3]| {
         let mut constraints = free();
-        constraints.keep_out = vec![KeepOut {
-            name: "fixture".to_owned(),
-            least_mm,
-            most_mm,
-        }];
+        constraints.keep_out = vec![KeepOut { name: "fixture".to_owned(), least_mm, most_mm }];
         verdict(&arm, &level(), &constraints)
     };
     let stopped = |part| {
-        Err(Unsuitable::InKeepOut {
-            keep_out: "fixture".to_owned(),
-            part,
-            margin_mm: 100.0,
-        })
+        Err(Unsuitable::InKeepOut { keep_out: "fixture".to_owned(), part, margin_mm: 100.0 })
     };
     // Next to the middle of the upper arm, which is at x = 350: no joint origin is near. 99 mm are too near, 101 not.
     let beside = |gap: f64| within([350.0 + gap, -10.0, 1200.0], [600.0, 10.0, 1300.0]);
@@ -132,16 +118,10 @@ fn a_box_stops_the_part_that_enters_it() {
     let target = *arm.flange(&level()).isometry() * free().flange_from_target;
     let at = target.translation.vector;
     let before = [at.x + 90.0, at.y - 10.0, at.z - 50.0];
-    let found = within(
-        before,
-        [before[0] + 50.0, before[1] + 20.0, before[2] + 20.0],
-    );
+    let found = within(before, [before[0] + 50.0, before[1] + 20.0, before[2] + 20.0]);
     assert_eq!(found, stopped(Part::Target));
     // A floor under the base, up to the first axis' own line.
-    assert_eq!(
-        within([-2000.0, -2000.0, -500.0], [2000.0, 2000.0, -150.0]),
-        Ok(())
-    );
+    assert_eq!(within([-2000.0, -2000.0, -500.0], [2000.0, 2000.0, -150.0]), Ok(()));
 }
 
 #[test]
@@ -197,8 +177,5 @@ fn an_arm_without_six_axes_is_reported_so_only_when_it_matters() {
     assert_eq!(verdict(&arm, &joints, &free()), Ok(()));
     let mut constraints = free();
     constraints.least_singularity_factor = 0.1;
-    assert_eq!(
-        verdict(&arm, &joints, &constraints),
-        Err(Unsuitable::NoConfiguration { axes: 3 })
-    );
+    assert_eq!(verdict(&arm, &joints, &constraints), Err(Unsuitable::NoConfiguration { axes: 3 }));
 }

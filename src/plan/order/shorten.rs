@@ -33,20 +33,13 @@ impl Path {
             pose.iter().zip(speeds).map(time).collect()
         };
         let poses = joints.iter().map(|pose| times(pose));
-        Self {
-            points: poses.chain([times(home)]).collect(),
-        }
+        Self { points: poses.chain([times(home)]).collect() }
     }
 
     /// Seconds from home through the poses.
     pub fn seconds(&self, order: &[usize]) -> f64 {
-        let from = std::iter::once(&self.home())
-            .chain(order)
-            .copied()
-            .collect::<Vec<_>>();
-        from.windows(2)
-            .map(|pair| self.between(pair[0], pair[1]))
-            .sum()
+        let from = std::iter::once(&self.home()).chain(order).copied().collect::<Vec<_>>();
+        from.windows(2).map(|pair| self.between(pair[0], pair[1])).sum()
     }
 
     /// Always moves on to the nearest pose not yet visited.
@@ -102,9 +95,8 @@ impl Path {
         };
         let of = |point: usize| {
             let others = (0..self.home()).filter(|&other| other != point);
-            let mut others: Vec<_> = others
-                .map(|other| (self.between(point, other), other))
-                .collect();
+            let mut others: Vec<_> =
+                others.map(|other| (self.between(point, other), other)).collect();
             if others.len() > NEIGHBOURS {
                 others.select_nth_unstable_by(NEIGHBOURS, nearer);
                 others.truncate(NEIGHBOURS);
@@ -121,12 +113,7 @@ impl<'a> Tour<'a> {
         let least_saving = WORTH_IT * path.seconds(&poses);
         let mut order = vec![path.home()];
         order.extend(poses);
-        let mut tour = Self {
-            path,
-            place: vec![0; order.len()],
-            order,
-            least_saving,
-        };
+        let mut tour = Self { path, place: vec![0; order.len()], order, least_saving };
         tour.found_again(0, tour.order.len());
         tour
     }

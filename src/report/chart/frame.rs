@@ -40,18 +40,8 @@ impl Frame {
         let left = 14.0 + widest.fold(0.0, f64::max);
         let legend = legend(drawn);
         let lines = legend.last().map_or(0.0, |last| last.y);
-        let label = if chart.y.label().is_empty() {
-            8.0
-        } else {
-            LINE + 12.0
-        };
-        Self {
-            x,
-            y,
-            left,
-            top: lines + label,
-            legend,
-        }
+        let label = if chart.y.label().is_empty() { 8.0 } else { LINE + 12.0 };
+        Self { x, y, left, top: lines + label, legend }
     }
 
     pub(super) fn height(&self) -> f64 {
@@ -88,18 +78,8 @@ impl Frame {
     /// Axes with grid lines, tick labels, quantities and units.
     pub(super) fn axes(&self, chart: &Chart) -> Markup {
         let (bottom, top) = (self.bottom(), self.top);
-        let rows = || {
-            self.y
-                .ticks
-                .iter()
-                .map(|tick| (self.down(tick.value), tick))
-        };
-        let columns = || {
-            self.x
-                .ticks
-                .iter()
-                .map(|tick| (self.across(tick.value), tick))
-        };
+        let rows = || self.y.ticks.iter().map(|tick| (self.down(tick.value), tick));
+        let columns = || self.x.ticks.iter().map(|tick| (self.across(tick.value), tick));
         let (mut grid, mut ticks) = (String::new(), String::new());
         for (y, _) in rows() {
             write!(grid, "M{} {}H{}", px(self.left), px(y), px(RIGHT)).expect("a string");
@@ -163,20 +143,12 @@ fn quantity(axis: &Axis, x: f64, y: f64, anchor: &str) -> Markup {
 fn legend(drawn: &[Series]) -> Vec<Placed> {
     let (mut x, mut y) = (0.0, LINE - 4.0);
     let mut placed = Vec::new();
-    for (series, own) in drawn
-        .iter()
-        .enumerate()
-        .filter(|(_, own)| !own.name.is_empty())
-    {
+    for (series, own) in drawn.iter().enumerate().filter(|(_, own)| !own.name.is_empty()) {
         let width = SAMPLE + text_width(&own.name) + 10.0;
         if x > 0.0 && x + width > WIDTH {
             (x, y) = (0.0, y + LINE);
         }
-        placed.push(Placed {
-            series,
-            x: x + SAMPLE,
-            y,
-        });
+        placed.push(Placed { series, x: x + SAMPLE, y });
         x += width;
     }
     placed

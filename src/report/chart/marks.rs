@@ -31,10 +31,9 @@ impl Marks {
             | Self::Points(points)
             | Self::Rings(points)
             | Self::Steps(points) => points.clone(),
-            Self::Band(spans) | Self::Whiskers(spans) => spans
-                .iter()
-                .flat_map(|&[x, low, high]| [[x, low], [x, high]])
-                .collect(),
+            Self::Band(spans) | Self::Whiskers(spans) => {
+                spans.iter().flat_map(|&[x, low, high]| [[x, low], [x, high]]).collect()
+            }
         }
     }
 
@@ -78,26 +77,17 @@ impl Marks {
                 };
                 ("dots", points.iter().map(dot).collect())
             }
-            Self::Points(points) => (
-                "points",
-                points
-                    .iter()
-                    .map(|point| marker(frame.at(*point), look))
-                    .collect(),
-            ),
-            Self::Rings(points) => (
-                "ring",
-                points
-                    .iter()
-                    .map(|point| circle(frame.at(*point), 7.5))
-                    .collect(),
-            ),
+            Self::Points(points) => {
+                ("points", points.iter().map(|point| marker(frame.at(*point), look)).collect())
+            }
+            Self::Rings(points) => {
+                ("ring", points.iter().map(|point| circle(frame.at(*point), 7.5)).collect())
+            }
             Self::Steps(points) => ("line", steps(frame, points)),
             Self::Band(spans) => ("band", band(frame, spans)),
-            Self::Whiskers(spans) => (
-                "line whisker",
-                spans.iter().map(|span| whisker(frame, *span)).collect(),
-            ),
+            Self::Whiskers(spans) => {
+                ("line whisker", spans.iter().map(|span| whisker(frame, *span)).collect())
+            }
         };
         html! { path class=(class) d=(path) {} }
     }
@@ -120,11 +110,7 @@ pub(super) fn marker([x, y]: [f64; 2], look: usize) -> String {
 
 fn circle([x, y]: [f64; 2], r: f64) -> String {
     let (r, d) = (px(r), px(2.0 * r));
-    format!(
-        "M{} {}m-{r} 0a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z",
-        px(x),
-        px(y)
-    )
+    format!("M{} {}m-{r} 0a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0z", px(x), px(y))
 }
 
 fn steps(frame: &Frame, points: &[[f64; 2]]) -> String {

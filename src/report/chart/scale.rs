@@ -30,8 +30,7 @@ impl Scale {
     pub(super) fn ending_at(mut self, low: f64, high: f64) -> Self {
         if low < high && !self.log {
             let slack = 1e-9 * (high - low);
-            self.ticks
-                .retain(|tick| (low - slack..=high + slack).contains(&tick.value));
+            self.ticks.retain(|tick| (low - slack..=high + slack).contains(&tick.value));
             (self.low, self.high) = (low, high);
         }
         self
@@ -40,8 +39,7 @@ impl Scale {
     /// Keeps the ticks at whole numbers only.
     #[must_use]
     pub(super) fn in_whole_numbers(mut self) -> Self {
-        self.ticks
-            .retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);
+        self.ticks.retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);
         for tick in &mut self.ticks {
             tick.label = format!("{:.0}", tick.value);
         }
@@ -64,26 +62,17 @@ impl Scale {
 
     /// A scale over finite `values`, positive ones where it is logarithmic; `None` without any.
     pub fn over(values: impl Iterator<Item = f64>, log: bool) -> Option<Self> {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(v), high.max(v))
-        });
+        let (low, high) = values
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if low > high {
             return None;
         }
-        Some(if log {
-            Self::logarithmic(low, high)
-        } else {
-            Self::linear(low, high)
-        })
+        Some(if log { Self::logarithmic(low, high) } else { Self::linear(low, high) })
     }
 
     fn linear(low: f64, high: f64) -> Self {
         // A single value gets some room around it.
-        let room = if high > low {
-            0.0
-        } else {
-            0.5 * high.abs().max(1.0)
-        };
+        let room = if high > low { 0.0 } else { 0.5 * high.abs().max(1.0) };
         let step = nice((high - low + 2.0 * room) / STEPS);
         let (first, last) = (((low - room) / step).floor(), ((high + room) / step).ceil());
         // Values that differ only in the last digit would have more ticks than numbers between them.
@@ -99,39 +88,20 @@ impl Scale {
             low: first * step,
             high: last * step,
             log: false,
-            ticks: places
-                .take_while(|place| *place <= count)
-                .map(tick)
-                .collect(),
+            ticks: places.take_while(|place| *place <= count).map(tick).collect(),
         }
     }
 
     fn logarithmic(low: f64, high: f64) -> Self {
         let (first, last) = (nice_below(low), nice(high));
-        let (first, last) = if first < last {
-            (first, last)
-        } else {
-            (first, first * 10.0)
-        };
+        let (first, last) = if first < last { (first, last) } else { (first, first * 10.0) };
         let decades = exponent(last) - exponent(first);
-        let factors: &[f64] = if decades <= FEW_DECADES {
-            &[1.0, 2.0, 5.0]
-        } else {
-            &[1.0]
-        };
+        let factors: &[f64] = if decades <= FEW_DECADES { &[1.0, 2.0, 5.0] } else { &[1.0] };
         let of_decade = |decade: i32| factors.iter().map(move |factor| factor * power(decade));
         let values = (exponent(first)..=exponent(last)).flat_map(of_decade);
         let inside = values.filter(|v| (first * 0.999..=last * 1.001).contains(v));
-        let tick = |value| Tick {
-            value,
-            label: format!("{value:.0$}", decimals(value)),
-        };
-        Self {
-            low: first,
-            high: last,
-            log: true,
-            ticks: inside.map(tick).collect(),
-        }
+        let tick = |value| Tick { value, label: format!("{value:.0$}", decimals(value)) };
+        Self { low: first, high: last, log: true, ticks: inside.map(tick).collect() }
     }
 
     /// The position of a value: 0 at the low end, 1 at the high one.
@@ -144,9 +114,7 @@ impl Scale {
 /// The smallest of 1, 2, 5 times a power of ten that is not below `step`.
 fn nice(step: f64) -> f64 {
     let decade = power(exponent(step));
-    let factor = [1.0, 2.0, 5.0]
-        .into_iter()
-        .find(|factor| factor * decade >= step * (1.0 - 1e-9));
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * decade >= step * (1.0 - 1e-9));
     factor.unwrap_or(10.0) * decade
 }
 
@@ -154,16 +122,11 @@ fn nice(step: f64) -> f64 {
 pub(super) fn nice_below(value: f64) -> f64 {
     let decade = power(exponent(value));
     let factors = [5.0, 2.0].into_iter();
-    let factor = factors
-        .into_iter()
-        .find(|factor| factor * decade <= value * (1.0 + 1e-9));
+    let factor = factors.into_iter().find(|factor| factor * decade <= value * (1.0 + 1e-9));
     factor.unwrap_or(1.0) * decade
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "between -324 and 308; the cast saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "between -324 and 308; the cast saturates")]
 fn exponent(value: f64) -> i32 {
     // The logarithm of 1000 is a little below 3.
     (value.log10() + 1e-9).floor() as i32
@@ -171,9 +134,7 @@ fn exponent(value: f64) -> i32 {
 
 /// Ten to a whole power, parsed from text, which is rounded best.
 fn power(exponent: i32) -> f64 {
-    format!("1e{exponent}")
-        .parse()
-        .expect("a power of ten is a number")
+    format!("1e{exponent}").parse().expect("a power of ten is a number")
 }
 
 /// Number of decimals that a multiple of `step` needs, twelve at most.
@@ -192,19 +153,10 @@ mod tests {
 
     #[test]
     fn ticks_are_round_numbers_around_the_values() {
-        assert_eq!(
-            labels(&[0.0, 0.47], false),
-            ["0.0", "0.1", "0.2", "0.3", "0.4", "0.5"]
-        );
-        assert_eq!(
-            labels(&[-170.0, 155.0], false),
-            ["-200", "-100", "0", "100", "200"]
-        );
+        assert_eq!(labels(&[0.0, 0.47], false), ["0.0", "0.1", "0.2", "0.3", "0.4", "0.5"]);
+        assert_eq!(labels(&[-170.0, 155.0], false), ["-200", "-100", "0", "100", "200"]);
         assert_eq!(labels(&[0.001, 3.0], true), ["0.001", "0.01", "0.1", "1"]);
-        assert_eq!(
-            labels(&[0.03, 0.4], true),
-            ["0.02", "0.05", "0.1", "0.2", "0.5"]
-        );
+        assert_eq!(labels(&[0.03, 0.4], true), ["0.02", "0.05", "0.1", "0.2", "0.5"]);
         // A single value, and values that differ in the last digit only.
         assert_eq!(labels(&[3.0], false).len(), 5);
         assert!(labels(&[1e15, 1e15 + 0.125], false).len() <= 11);

@@ -23,11 +23,7 @@ const MOST_STEPS: usize = 240;
 impl Series {
     /// A series of `marks`.
     pub fn new(name: &str, marks: Vec<Marks>) -> Self {
-        Self {
-            name: name.to_owned(),
-            marks,
-            look: None,
-        }
+        Self { name: name.to_owned(), marks, look: None }
     }
 
     /// A line through points x, y.
@@ -42,10 +38,7 @@ impl Series {
 
     /// A line with a marker at each point.
     pub fn line_and_points(name: &str, points: Vec<[f64; 2]>) -> Self {
-        Self::new(
-            name,
-            vec![Marks::Line(points.clone()), Marks::Points(points)],
-        )
+        Self::new(name, vec![Marks::Line(points.clone()), Marks::Points(points)])
     }
 
     /// A line x, y within a band x, low, high.
@@ -64,12 +57,7 @@ impl Series {
         let ranks = (1..=n).filter(|rank| (n - rank).is_multiple_of(every));
         let step = |rank: usize| [sorted[rank - 1], 100.0 * rank as f64 / n as f64];
         let start = sorted.first().map(|least| [*least, 0.0]);
-        Self::new(
-            name,
-            vec![Marks::Steps(
-                start.into_iter().chain(ranks.map(step)).collect(),
-            )],
-        )
+        Self::new(name, vec![Marks::Steps(start.into_iter().chain(ranks.map(step)).collect())])
     }
 
     /// Gives the series a fixed look, so that one thing looks alike in several charts.
@@ -110,19 +98,8 @@ mod tests {
     #[test]
     fn a_distribution_rises_to_all_of_its_values() {
         let series = Series::distribution("error", &[0.3, 0.1, 0.2, 0.2]);
-        let Marks::Steps(steps) = &series.marks[0] else {
-            panic!("{series:?}")
-        };
-        assert_eq!(
-            steps,
-            &[
-                [0.1, 0.0],
-                [0.1, 25.0],
-                [0.2, 50.0],
-                [0.2, 75.0],
-                [0.3, 100.0]
-            ]
-        );
+        let Marks::Steps(steps) = &series.marks[0] else { panic!("{series:?}") };
+        assert_eq!(steps, &[[0.1, 0.0], [0.1, 25.0], [0.2, 50.0], [0.2, 75.0], [0.3, 100.0]]);
         let many: Vec<f64> = (0..1000).map(f64::from).collect();
         let series = Series::distribution("error", &many);
         let corners: Vec<_> = series.corners().collect();

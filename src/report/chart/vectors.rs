@@ -83,9 +83,7 @@ fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
     let share = MOST as f64 / set.arrows.len() as f64;
     let is_drawn = move |place: usize| (place as f64 * GOLDEN).fract() < share;
     let numbered = set.arrows.iter().enumerate();
-    numbered
-        .filter(move |(place, _)| is_drawn(*place))
-        .map(|(_, arrow)| arrow)
+    numbered.filter(move |(place, _)| is_drawn(*place)).map(|(_, arrow)| arrow)
 }
 
 /// The colours of errors, by their size.
@@ -111,10 +109,7 @@ fn colours(tolerance_mm: f64) -> Markup {
 /// The colour of an error: its place among the limits.
 fn colour(error: &[f64; 3], tolerance_mm: f64) -> usize {
     let norm = error.iter().map(|e| e * e).sum::<f64>().sqrt();
-    LIMITS
-        .iter()
-        .filter(|limit| norm > *limit * tolerance_mm)
-        .count()
+    LIMITS.iter().filter(|limit| norm > *limit * tolerance_mm).count()
 }
 
 /// Scales of all panels.
@@ -159,10 +154,7 @@ impl<'s> Paper<'s> {
         let across = extent[0].max(extent[1]);
         let up = extent[2].max(extent[0].min(extent[1]));
         let space = (PLOT[0] / across).min(PLOT[1] / up);
-        let longest = sets
-            .iter()
-            .map(|set| typical_mm(&set.arrows))
-            .fold(1e-6, f64::max);
+        let longest = sets.iter().map(|set| typical_mm(&set.arrows)).fold(1e-6, f64::max);
         Some(Self {
             scene,
             middle: std::array::from_fn(|k| 0.5 * (low(k) + high(k))),
@@ -178,12 +170,7 @@ impl<'s> Paper<'s> {
     fn views(&self) -> [View; 3] {
         let is_wide = self.extent[0] > self.extent[1];
         let (long, short) = if is_wide { (0, 1) } else { (1, 0) };
-        let view = |name, across, up, turned| View {
-            name,
-            across,
-            up,
-            turned,
-        };
+        let view = |name, across, up, turned| View { name, across, up, turned };
         [
             view("from above", long, short, !is_wide),
             view("from the front", long, 2, false),
@@ -205,10 +192,7 @@ impl<'s> Paper<'s> {
             write!(stations, "M{} {}h0", px(x), px(y)).expect("a string");
             arrows[colour(&arrow.error, self.scene.tolerance_mm)] += &self.arrow(view, arrow);
         }
-        let arrows = arrows
-            .iter()
-            .enumerate()
-            .filter(|(_, path)| !path.is_empty());
+        let arrows = arrows.iter().enumerate().filter(|(_, path)| !path.is_empty());
         html! {
             svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(NAME + self.room(view) + BARS)) } {
                 title { (name) }
@@ -269,10 +253,7 @@ impl<'s> Paper<'s> {
     fn arrow(&self, view: &View, arrow: &Arrow) -> String {
         let [x, y] = self.at(view, arrow.at);
         let scale = self.space * self.magnification;
-        let shaft = [
-            view.sign() * scale * arrow.error[view.across],
-            -scale * arrow.error[view.up],
-        ];
+        let shaft = [view.sign() * scale * arrow.error[view.across], -scale * arrow.error[view.up]];
         let length = shaft[0].hypot(shaft[1]);
         let mut path = format!("M{} {}l{} {}", px(x), px(y), px(shaft[0]), px(shaft[1]));
         if length > 5.0 {
@@ -281,10 +262,8 @@ impl<'s> Paper<'s> {
             let back = shaft.map(|part| -head * part);
             let side = [-0.45 * back[1], 0.45 * back[0]];
             let (tip_x, tip_y) = (px(x + shaft[0]), px(y + shaft[1]));
-            let (left, right) = (
-                [back[0] + side[0], back[1] + side[1]],
-                [back[0] - side[0], back[1] - side[1]],
-            );
+            let (left, right) =
+                ([back[0] + side[0], back[1] + side[1]], [back[0] - side[0], back[1] - side[1]]);
             write!(
                 path,
                 "m{} {}L{tip_x} {tip_y}l{} {}",
@@ -338,10 +317,8 @@ mod tests {
         }
     }
 
-    const SCENE: Scene = Scene {
-        bounds: Some([[0.0, 0.0, 200.0], [10.0, 976.0, 300.0]]),
-        tolerance_mm: 0.4,
-    };
+    const SCENE: Scene =
+        Scene { bounds: Some([[0.0, 0.0, 200.0], [10.0, 976.0, 300.0]]), tolerance_mm: 0.4 };
 
     #[test]
     fn all_panels_share_one_scale_and_say_it() {
@@ -371,19 +348,12 @@ mod tests {
     #[test]
     fn many_arrows_are_thinned_out_and_that_is_stated() {
         let many = set("Before", 0.5, 900);
-        let drawn = vectors(std::slice::from_ref(&many), &SCENE)
-            .expect("arrows")
-            .into_string();
+        let drawn = vectors(std::slice::from_ref(&many), &SCENE).expect("arrows").into_string();
         // 400 / 900 of 900, to within one: multiples of the golden ratio fill the unit interval evenly.
-        assert!(
-            drawn.contains("Before: 400 of 900 stations are drawn"),
-            "{drawn}"
-        );
+        assert!(drawn.contains("Before: 400 of 900 stations are drawn"), "{drawn}");
         assert_eq!(drawn.matches("h0").count(), 3 * 400);
         // As many of a grid's odd stations as of its even ones are drawn: no row is missing.
-        let odd = super::drawn(&many)
-            .filter(|arrow| arrow.at[1] > 0.0)
-            .count();
+        let odd = super::drawn(&many).filter(|arrow| arrow.at[1] > 0.0).count();
         assert!((195..=205).contains(&odd), "{odd}");
         assert!(vectors(&[set("Before", 0.5, 0)], &SCENE).is_none());
     }

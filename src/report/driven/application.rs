@@ -56,9 +56,7 @@ const CLEARLY: f64 = 0.5;
 /// Finds how the corrections of these stations were applied.
 pub fn application(stations: &[DrivenStation]) -> Application {
     if stations.len() < LEAST_STATIONS {
-        return Application::TooFew {
-            stations: stations.len(),
-        };
+        return Application::TooFew { stations: stations.len() };
     }
     let made: Vec<Vector3<f64>> = stations.iter().map(|s| s.command - s.target).collect();
     let stated: Vec<Vector3<f64>> = stations.iter().map(|s| s.stated).collect();
@@ -101,9 +99,7 @@ impl Ways {
     /// The way in which the error was counted `times` after the rotation `turn`.
     fn way(&self, times: f64, turn: &Rotation3<f64>, name: impl Fn(f64) -> Application) -> Way {
         let predicted = self.made.iter().zip(&self.errors);
-        let left: Vec<_> = predicted
-            .map(|(made, error)| made - turn * error * times)
-            .collect();
+        let left: Vec<_> = predicted.map(|(made, error)| made - turn * error * times).collect();
         let left = sum_of_squares(&settled(&self.positions, &left));
         Way {
             application: name(1.0 - left / sum_of_squares(&self.made)),
@@ -122,10 +118,8 @@ impl Ways {
         let mut other = least(wrong_sign, self.way(-2.0, &straight, Application::Twice));
         let turn = turn(&self.errors, &self.made);
         let angle_deg = turn.angle().to_degrees();
-        let turned = self.way(-1.0, &turn, |explained| Application::Turned {
-            angle_deg,
-            explained,
-        });
+        let turned =
+            self.way(-1.0, &turn, |explained| Application::Turned { angle_deg, explained });
         let next = other.left.min(as_meant.left);
         if angle_deg >= TURN_DEG && turned.left < CLEARLY * next {
             other = turned;
@@ -151,9 +145,7 @@ impl Application {
             | Self::WrongSign(share)
             | Self::Twice(share)
             | Self::Unrelated(share)
-            | Self::Turned {
-                explained: share, ..
-            } => share,
+            | Self::Turned { explained: share, .. } => share,
             Self::Not | Self::TooFew { .. } => 0.0,
         }
     }
@@ -200,9 +192,7 @@ fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
     let cross = errors
         .iter()
         .zip(made)
-        .fold(Matrix3::zeros(), |sum, (error, made)| {
-            sum - made * error.transpose()
-        });
+        .fold(Matrix3::zeros(), |sum, (error, made)| sum - made * error.transpose());
     let svd = cross.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
         return Rotation3::identity();
@@ -214,24 +204,16 @@ fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
 /// Vectors at positions without the small rigid motion `t + ω × (p − p̄)` that fits them best.
 fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let n = positions.len() as f64;
-    let middle = positions
-        .iter()
-        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
-        / n;
+    let middle = positions.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / n;
     // Radians times this are mm about as large as the translation, so that the six numbers have similar size.
-    let size = (positions
-        .iter()
-        .map(|p| (p.coords - middle).norm_squared())
-        .sum::<f64>()
-        / n)
-        .sqrt();
+    let size =
+        (positions.iter().map(|p| (p.coords - middle).norm_squared()).sum::<f64>() / n).sqrt();
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let rows = |p: &Point3<f64>| {
         let mut rows = nalgebra::Matrix3x6::zeros();
         rows.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         let lever = (p.coords - middle) / size.max(1.0);
-        rows.fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&-lever.cross_matrix());
+        rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-lever.cross_matrix());
         rows
     };
     for (p, vector) in positions.iter().zip(vectors) {
@@ -244,11 +226,7 @@ fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f
         .svd(true, true)
         .solve(&right, 1e-9 * n)
         .expect("both sides of the decomposition were asked for");
-    positions
-        .iter()
-        .zip(vectors)
-        .map(|(p, vector)| vector - rows(p) * motion)
-        .collect()
+    positions.iter().zip(vectors).map(|(p, vector)| vector - rows(p) * motion).collect()
 }
 
 fn sum_of_squares(vectors: &[Vector3<f64>]) -> f64 {
@@ -267,11 +245,7 @@ mod tests {
     /// A smooth error field of about 0.3 mm; another `phase` gives another arm.
     fn error(p: &Point3<f64>, phase: f64) -> Vector3<f64> {
         let [x, y, z] = [p.x, p.y, p.z].map(|v| v / 200.0 + phase);
-        Vector3::new(
-            (x + y).sin(),
-            (1.3 * y - z + phase).cos(),
-            (x - 0.7 * z * y).sin(),
-        ) * 0.3
+        Vector3::new((x + y).sin(), (1.3 * y - z + phase).cos(), (x - 0.7 * z * y).sin()) * 0.3
     }
 
     /// 125 stations in a box of 800 mm, with corrections that `apply` makes from the error field.

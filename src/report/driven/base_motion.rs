@@ -31,10 +31,7 @@ pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
     let last = judged.len().checked_sub(LEAST_STATIONS)?;
     let moved = (0..=last).filter_map(|place| moved_at(&judged, place));
     let (_, settled, motion) = moved.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let settled = ResidualSet {
-        subject: after.subject.clone(),
-        residuals: settled,
-    };
+    let settled = ResidualSet { subject: after.subject.clone(), residuals: settled };
     Some((settled, motion))
 }
 
@@ -50,9 +47,7 @@ fn moved_at(judged: &[&Residual], place: usize) -> Option<(f64, Vec<Residual>, B
         ..(*r).clone()
     });
     let settled: Vec<Residual> = before.iter().map(|r| (*r).clone()).chain(settled).collect();
-    let sum = attained
-        .iter()
-        .fold(Vector3::zeros(), |sum, p| sum + p.coords);
+    let sum = attained.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords);
     let middle = Point3::from(sum / attained.len() as f64);
     let motion = BaseMotion {
         from_station: later.first()?.station,

@@ -28,12 +28,8 @@ pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     };
     let attained: Vec<f64> = pair.turns.iter().map(Turn::attained_mm).collect();
     let accuracy = pair.accuracy();
-    let characteristics = [
-        Characteristic::AdP,
-        Characteristic::AdX,
-        Characteristic::AdY,
-        Characteristic::AdZ,
-    ];
+    let characteristics =
+        [Characteristic::AdP, Characteristic::AdX, Characteristic::AdY, Characteristic::AdZ];
     let mut figures: Vec<Figure> = characteristics
         .into_iter()
         .zip(accuracy)
@@ -72,11 +68,7 @@ struct Pair<'v> {
 
 impl<'v> Pair<'v> {
     fn of(first: &'v Visited, second: &'v Visited) -> Self {
-        Self {
-            first: first.pose,
-            second: second.pose,
-            turns: turns(&first.visits, &second.visits),
-        }
+        Self { first: first.pose, second: second.pose, turns: turns(&first.visits, &second.visits) }
     }
 
     fn commanded_mm(&self) -> f64 {
@@ -121,18 +113,14 @@ impl<'v> Pair<'v> {
 /// The pair with the most turns, then the furthest apart, then the first; among the poses visited most.
 fn furthest(visited: &[Visited]) -> Option<Pair<'_>> {
     let told = most_visited(visited);
-    let candidates: Vec<&Visited> = visited
-        .iter()
-        .filter(|own| told.contains(&own.pose))
-        .collect();
+    let candidates: Vec<&Visited> = visited.iter().filter(|own| told.contains(&own.pose)).collect();
     let mut best: Option<(usize, f64, Pair<'_>)> = None;
     for (place, first) in candidates.iter().enumerate() {
         for second in &candidates[place + 1..] {
             let pair = Pair::of(first, second);
             let (count, apart) = (pair.turns.len(), pair.commanded_mm());
-            let is_better = best
-                .as_ref()
-                .is_none_or(|(most, furthest, _)| (count, apart) > (*most, *furthest));
+            let is_better =
+                best.as_ref().is_none_or(|(most, furthest, _)| (count, apart) > (*most, *furthest));
             if count >= TURNS && apart >= LEAST_MM && is_better {
                 best = Some((count, apart, pair));
             }
@@ -151,11 +139,7 @@ fn turns<'v>(first: &'v [Visit], second: &'v [Visit]) -> Vec<Turn<'v>> {
     for (is_first, visit) in all {
         waiting = match waiting {
             Some((other_is_first, other)) if other_is_first != is_first => {
-                turns.push(if is_first {
-                    Turn(visit, other)
-                } else {
-                    Turn(other, visit)
-                });
+                turns.push(if is_first { Turn(visit, other) } else { Turn(other, visit) });
                 None
             }
             _ => Some((is_first, visit)),
@@ -180,28 +164,18 @@ mod tests {
             attained: Point3::from(commanded) + Vector3::from(error),
             orientation: None,
         };
-        Visited {
-            pose,
-            visits: visits.iter().map(visit).collect(),
-        }
+        Visited { pose, visits: visits.iter().map(visit).collect() }
     }
 
     fn value(figures: &[Figure], characteristic: Characteristic) -> Option<f64> {
-        figures
-            .iter()
-            .find(|figure| figure.characteristic == characteristic)?
-            .value
+        figures.iter().find(|figure| figure.characteristic == characteristic)?.value
     }
 
     #[test]
     fn distances_are_those_of_a_hand_calculation() {
         // Commanded 500 mm apart, (−300, 400, 0). Attained along (−3, 4, 0)/5: 500.3 and 500.1 mm.
         let a = visited(0, [300.0, 0.0, 0.0], &[(0, [0.0; 3]), (2, [0.0; 3])]);
-        let b = visited(
-            1,
-            [0.0, 400.0, 0.0],
-            &[(1, [-0.18, 0.24, 0.0]), (3, [-0.06, 0.08, 0.0])],
-        );
+        let b = visited(1, [0.0, 400.0, 0.0], &[(1, [-0.18, 0.24, 0.0]), (3, [-0.06, 0.08, 0.0])]);
         let figures = figures(&[a, b], Says::Everything);
         let expected = [
             (Characteristic::AdP, 0.2),
@@ -213,10 +187,7 @@ mod tests {
         ];
         for (characteristic, expected) in expected {
             let found = value(&figures, characteristic).expect("given");
-            assert!(
-                (found - expected).abs() < 1e-9,
-                "{characteristic:?}: {found}"
-            );
+            assert!((found - expected).abs() < 1e-9, "{characteristic:?}: {found}");
         }
         let remark = figures[0].remark.as_deref().expect("two turns are few");
         assert!(
@@ -238,20 +209,11 @@ mod tests {
 
     #[test]
     fn one_position_in_two_configurations_has_no_distance() {
-        let a = visited(
-            0,
-            [300.0, 0.0, 0.0],
-            &[(0, [1.0, 0.0, 0.0]), (2, [1.0, 0.0, 0.0])],
-        );
+        let a = visited(0, [300.0, 0.0, 0.0], &[(0, [1.0, 0.0, 0.0]), (2, [1.0, 0.0, 0.0])]);
         let b = visited(1, [300.0, 0.0, 0.0], &[(1, [0.0; 3]), (3, [0.0; 3])]);
         let told = figures(&[a, b], Says::Everything);
         assert_eq!((told.len(), told[0].value), (1, None));
-        assert!(
-            told[0]
-                .remark
-                .as_ref()
-                .is_some_and(|r| r.contains("100 mm apart"))
-        );
+        assert!(told[0].remark.as_ref().is_some_and(|r| r.contains("100 mm apart")));
     }
 
     #[test]
@@ -271,9 +233,6 @@ mod tests {
         let pair = furthest(&all).expect("visited in turn");
         assert_eq!((pair.first, pair.second, pair.turns.len()), (1, 2, 3));
         // A model has no spread of its own.
-        assert_eq!(
-            value(&figures(&all, Says::Accuracy), Characteristic::Rd),
-            None
-        );
+        assert_eq!(value(&figures(&all, Says::Accuracy), Characteristic::Rd), None);
     }
 }

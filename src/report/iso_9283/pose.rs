@@ -16,22 +16,10 @@ use crate::join::average::mean_orientation;
 /// `AP_p` and its components, and those of the orientation where it was measured and commanded.
 pub(super) fn accuracy(own: &Visited) -> Vec<Figure> {
     let error = mean(own.visits.iter().map(super::Visit::error));
-    let mut figures = vec![figure(
-        own,
-        Characteristic::ApP,
-        positioning_accuracy(&own.visits),
-    )];
-    let axes = [
-        Characteristic::ApX,
-        Characteristic::ApY,
-        Characteristic::ApZ,
-    ];
+    let mut figures = vec![figure(own, Characteristic::ApP, positioning_accuracy(&own.visits))];
+    let axes = [Characteristic::ApX, Characteristic::ApY, Characteristic::ApZ];
     figures.extend(along(own, axes, error));
-    let axes = [
-        Characteristic::ApA,
-        Characteristic::ApB,
-        Characteristic::ApC,
-    ];
+    let axes = [Characteristic::ApA, Characteristic::ApB, Characteristic::ApC];
     let turn = orientations(own).and_then(|all| turn(&all));
     figures.extend(turn.into_iter().flat_map(|turn| along(own, axes, turn)));
     figures
@@ -40,21 +28,11 @@ pub(super) fn accuracy(own: &Visited) -> Vec<Figure> {
 /// `RP_l`, and the repeatability of the orientation where it was measured.
 pub(super) fn repeatability(own: &Visited) -> Vec<Figure> {
     let middle = barycentre(&own.visits);
-    let away: Vec<f64> = own
-        .visits
-        .iter()
-        .map(|visit| (visit.attained - middle).norm())
-        .collect();
+    let away: Vec<f64> = own.visits.iter().map(|visit| (visit.attained - middle).norm()).collect();
     let repeatability = Figures::of(&away).map(|l| l.mean_plus_3_sd());
-    let mut figures: Vec<Figure> = repeatability
-        .map(|rp| of_two(figure(own, Characteristic::RpL, rp)))
-        .into_iter()
-        .collect();
-    let axes = [
-        Characteristic::RpA,
-        Characteristic::RpB,
-        Characteristic::RpC,
-    ];
+    let mut figures: Vec<Figure> =
+        repeatability.map(|rp| of_two(figure(own, Characteristic::RpL, rp))).into_iter().collect();
+    let axes = [Characteristic::RpA, Characteristic::RpB, Characteristic::RpC];
     let spread = orientations(own).and_then(|all| spread(&all));
     figures.extend(spread.into_iter().flat_map(|sd| along(own, axes, 3.0 * sd)));
     figures
@@ -74,9 +52,9 @@ pub(super) fn missing(visited: &[Visited]) -> Option<Figure> {
 /// Two visits are equally far from their barycentre: then `l̄ + 3 S_l` is half their distance.
 fn of_two(figure: Figure) -> Figure {
     let remark = match figure.remark {
-        Some(remark) if figure.n == 2 => Some(format!(
-            "{remark}; with two visits, S_l is zero whatever the arm does"
-        )),
+        Some(remark) if figure.n == 2 => {
+            Some(format!("{remark}; with two visits, S_l is zero whatever the arm does"))
+        }
         other => other,
     };
     Figure { remark, ..figure }
@@ -100,9 +78,7 @@ fn along(
     vector: Vector3<f64>,
 ) -> impl Iterator<Item = Figure> {
     let components: [f64; 3] = vector.into();
-    axes.into_iter()
-        .zip(components)
-        .map(|(axis, value)| figure(own, axis, value))
+    axes.into_iter().zip(components).map(|(axis, value)| figure(own, axis, value))
 }
 
 /// The orientations of all visits; `None` where one was not measured.
@@ -154,16 +130,11 @@ mod tests {
                 attained: UnitQuaternion::from_scaled_axis(Vector3::from(turns[place])) * upright,
             }),
         };
-        Visited {
-            pose: 10,
-            visits: errors.iter().enumerate().map(visit).collect(),
-        }
+        Visited { pose: 10, visits: errors.iter().enumerate().map(visit).collect() }
     }
 
     fn value(figures: &[Figure], characteristic: Characteristic) -> f64 {
-        let mut own = figures
-            .iter()
-            .filter(|figure| figure.characteristic == characteristic);
+        let mut own = figures.iter().filter(|figure| figure.characteristic == characteristic);
         own.next()
             .and_then(|figure| figure.value)
             .unwrap_or_else(|| panic!("{characteristic:?} in {figures:?}"))
@@ -172,25 +143,12 @@ mod tests {
     #[test]
     fn accuracy_and_repeatability_are_those_of_a_hand_calculation() {
         // Barycentre (1, 2, 2) off the command: AP_p = 3. Distances to it 2, 2, 1, 1: l̄ = 1.5, S_l = √(4 · 0.25 / 3).
-        let own = visited(
-            &[
-                [3.0, 2.0, 2.0],
-                [-1.0, 2.0, 2.0],
-                [1.0, 3.0, 2.0],
-                [1.0, 1.0, 2.0],
-            ],
-            None,
-        );
+        let own =
+            visited(&[[3.0, 2.0, 2.0], [-1.0, 2.0, 2.0], [1.0, 3.0, 2.0], [1.0, 1.0, 2.0]], None);
         let accuracy = accuracy(&own);
-        let axes = [
-            Characteristic::ApX,
-            Characteristic::ApY,
-            Characteristic::ApZ,
-        ];
-        for (characteristic, expected) in [Characteristic::ApP]
-            .iter()
-            .chain(&axes)
-            .zip([3.0, 1.0, 2.0, 2.0])
+        let axes = [Characteristic::ApX, Characteristic::ApY, Characteristic::ApZ];
+        for (characteristic, expected) in
+            [Characteristic::ApP].iter().chain(&axes).zip([3.0, 1.0, 2.0, 2.0])
         {
             assert!((value(&accuracy, *characteristic) - expected).abs() < 1e-12);
         }
@@ -208,11 +166,8 @@ mod tests {
         let turns = [[3e-4, 0.0, -1e-4], [1e-4, 0.0, -1e-4]];
         let own = visited(&[[0.0; 3]; 2], Some(&turns));
         let accuracy = accuracy(&own);
-        let expected = [
-            (Characteristic::ApA, 2e-4),
-            (Characteristic::ApB, 0.0),
-            (Characteristic::ApC, -1e-4),
-        ];
+        let expected =
+            [(Characteristic::ApA, 2e-4), (Characteristic::ApB, 0.0), (Characteristic::ApC, -1e-4)];
         for (characteristic, expected) in expected {
             // Rotation vectors add up to their products: 1e-8.
             assert!((value(&accuracy, characteristic) - expected).abs() < 3e-8);
@@ -228,10 +183,7 @@ mod tests {
         let mut own = visited(&[[0.0; 3]; 2], Some(&[[0.0; 3]; 2]));
         assert_eq!(missing(std::slice::from_ref(&own)), None);
         for visit in &mut own.visits {
-            visit.orientation = visit.orientation.map(|o| Orientation {
-                commanded: None,
-                ..o
-            });
+            visit.orientation = visit.orientation.map(|o| Orientation { commanded: None, ..o });
         }
         assert_eq!(accuracy(&own).len(), 4, "positions alone");
         let told = missing(&[own]).expect("measured, and not commanded");
@@ -245,11 +197,6 @@ mod tests {
         assert_eq!((thirty[0].n, thirty[0].remark.as_deref()), (30, None));
         let two = repeatability(&visited(&[[0.0; 3], [0.0, 0.0, 0.1]], None));
         assert!((value(&two, Characteristic::RpL) - 0.05).abs() < 1e-12);
-        assert!(
-            two[0]
-                .remark
-                .as_ref()
-                .is_some_and(|remark| remark.contains("S_l is zero"))
-        );
+        assert!(two[0].remark.as_ref().is_some_and(|remark| remark.contains("S_l is zero")));
     }
 }

@@ -32,17 +32,10 @@ pub(super) fn missing(of_poses: &[Figure]) -> Vec<Figure> {
             DIRECTIONS * VISITS,
             "no pose was approached from two others, twice each",
         ),
-        (
-            Characteristic::DapP,
-            2 * DRIFT_GROUP,
-            "no pose was visited four times",
-        ),
+        (Characteristic::DapP, 2 * DRIFT_GROUP, "no pose was visited four times"),
     ];
-    let is_missing = |characteristic| {
-        !of_poses
-            .iter()
-            .any(|figure| figure.characteristic == characteristic)
-    };
+    let is_missing =
+        |characteristic| !of_poses.iter().any(|figure| figure.characteristic == characteristic);
     let missing = reasons.into_iter().filter(|(c, ..)| is_missing(*c));
     missing
         .map(|(characteristic, n_needed, remark)| Figure::missing(characteristic, n_needed, remark))
@@ -116,10 +109,7 @@ mod tests {
             attained: Point3::from(Vector3::x() * error),
             orientation: None,
         };
-        Visited {
-            pose: 7,
-            visits: visits.iter().enumerate().map(visit).collect(),
-        }
+        Visited { pose: 7, visits: visits.iter().enumerate().map(visit).collect() }
     }
 
     #[test]
@@ -150,10 +140,6 @@ mod tests {
     fn what_no_pose_allows_is_stated() {
         let missing = missing(&[]);
         assert_eq!(missing.len(), 2);
-        assert!(
-            missing
-                .iter()
-                .all(|figure| figure.value.is_none() && figure.remark.is_some())
-        );
+        assert!(missing.iter().all(|figure| figure.value.is_none() && figure.remark.is_some()));
     }
 }

@@ -96,9 +96,8 @@ impl Judge {
         let is_shown = |(own, _): &(&Accuracy, _)| !matches!(own.verdict, Verdict::NotShown(_));
         let shown = of_both().filter(is_shown);
         let worst = shown.max_by_key(|(own, _)| badness(&own.verdict));
-        let words: Vec<String> = of_both()
-            .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
-            .collect();
+        let words: Vec<String> =
+            of_both().map(|(own, covered)| figure_and_covered(own, covered, tolerance)).collect();
         let words = if words.is_empty() {
             "the stations that find its base do not span space, so there is none ([report] locate)"
                 .to_owned()
@@ -108,10 +107,8 @@ impl Judge {
         let decides = worst.or_else(|| of_both().next()).map(|(own, _)| own);
         Self {
             stations: Judging::Session(session.to_owned()),
-            verdict: worst.map_or_else(
-                || Verdict::NotShown(words.clone()),
-                |(own, _)| own.verdict.clone(),
-            ),
+            verdict: worst
+                .map_or_else(|| Verdict::NotShown(words.clone()), |(own, _)| own.verdict.clone()),
             words,
             remark,
             harms: false,
@@ -139,12 +136,7 @@ impl Judge {
 
     /// Who judges, and what they say, in a line that a person reads.
     pub fn line(&self) -> String {
-        format!(
-            "{}: {}: {}",
-            self.stations.words(),
-            word(&self.verdict),
-            self.reason()
-        )
+        format!("{}: {}: {}", self.stations.words(), word(&self.verdict), self.reason())
     }
 
     /// What the stations say, with what else has to be known of them.
@@ -200,11 +192,7 @@ fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
         (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
         (verdict, Some(bound)) => format!(
             "{what}: bound {bound:.3} mm with U {guard_mm:.3} mm is {} {} mm ({}{found})",
-            if *verdict == Verdict::Meets {
-                "within"
-            } else {
-                "more than"
-            },
+            if *verdict == Verdict::Meets { "within" } else { "more than" },
             tolerance.mm,
             of.counted
         ),

@@ -51,9 +51,7 @@ impl FrameKey {
         match self {
             Self::Commands => Some(set_up.base_from_command),
             Self::Tool => set_up.flange_from_tool,
-            Self::Target => set_up
-                .target
-                .map(|target| Translation3::from(target).into()),
+            Self::Target => set_up.target.map(|target| Translation3::from(target).into()),
             Self::Survey => set_up.tracker_from_base,
         }
     }
@@ -98,11 +96,7 @@ pub(super) fn frames(stated: &SetUp, readings: &[OtherReading]) -> Vec<Hypothesi
                 continue;
             }
             let mistake = format!("{} {mistake}", frame.key());
-            all.push(Hypothesis::new(
-                mistake,
-                frame.edit(&other),
-                frame.put(stated, other),
-            ));
+            all.push(Hypothesis::new(mistake, frame.edit(&other), frame.put(stated, other)));
             known.push(other);
         }
     }
@@ -117,17 +111,11 @@ fn others(
 ) -> Vec<(String, Isometry3<f64>)> {
     let mut all = Vec::new();
     for other in readings.iter().filter(|other| other.frame == frame) {
-        all.push((
-            format!("is written in another convention, {}", other.convention),
-            other.placed,
-        ));
+        all.push((format!("is written in another convention, {}", other.convention), other.placed));
     }
     for (factor, unit) in [(MM_PER_M, "m"), (1.0 / MM_PER_M, "µm")] {
         let vector = placed.translation.vector * factor;
-        all.push((
-            format!("has its position in {unit}"),
-            with_origin(placed, vector),
-        ));
+        all.push((format!("has its position in {unit}"), with_origin(placed, vector)));
     }
     if frame != FrameKey::Target {
         all.push(("is inverted".to_owned(), placed.inverse()));
@@ -138,16 +126,10 @@ fn others(
         let about = format!("by {words} about the axes of the frame that it is stated in");
         if frame != FrameKey::Target {
             all.push((format!("is turned by {words}"), placed * turn));
-            all.push((
-                format!("is turned {about}"),
-                with_origin(&(turn * placed), origin),
-            ));
+            all.push((format!("is turned {about}"), with_origin(&(turn * placed), origin)));
             all.push((format!("is turned with its origin {about}"), turn * placed));
         }
-        all.push((
-            format!("has its origin turned {about}"),
-            with_origin(placed, turn * origin),
-        ));
+        all.push((format!("has its origin turned {about}"), with_origin(placed, turn * origin)));
     }
     all
 }
@@ -161,21 +143,11 @@ fn mirrored(placed: &Isometry3<f64>) -> Vec<(String, Isometry3<f64>)> {
     let origin = placed.translation.vector;
     let mirrored = |signs: u8| {
         let turned = |axis: usize| signs & (1 << axis) != 0;
-        let axes: Vec<&str> = (0..3)
-            .filter(|&axis| turned(axis))
-            .map(|axis| ["x", "y", "z"][axis])
-            .collect();
-        let vector = Vector3::from_fn(|axis, _| {
-            if turned(axis) {
-                -origin[axis]
-            } else {
-                origin[axis]
-            }
-        });
-        (
-            format!("has the wrong sign in {}", axes.join(", ")),
-            with_origin(placed, vector),
-        )
+        let axes: Vec<&str> =
+            (0..3).filter(|&axis| turned(axis)).map(|axis| ["x", "y", "z"][axis]).collect();
+        let vector =
+            Vector3::from_fn(|axis, _| if turned(axis) { -origin[axis] } else { origin[axis] });
+        (format!("has the wrong sign in {}", axes.join(", ")), with_origin(placed, vector))
     };
     let mut all: Vec<(String, Isometry3<f64>)> = (1..8).map(mirrored).collect();
     all.push((
@@ -201,10 +173,7 @@ fn right_angles() -> Vec<(UnitQuaternion<f64>, String)> {
     };
     for times in [2, 1, -1] {
         for axis in [2, 0, 1] {
-            add(
-                quarter(axis, times),
-                format!("{}° about {}", 90 * times, ["x", "y", "z"][axis]),
-            );
+            add(quarter(axis, times), format!("{}° about {}", 90 * times, ["x", "y", "z"][axis]));
         }
     }
     for first in 0..3 {
@@ -245,10 +214,8 @@ mod tests {
             let [.., angles, _] = edit.split(['[', ']']).collect::<Vec<_>>()[..] else {
                 panic!("{edit}");
             };
-            let angles: Vec<f64> = angles
-                .split(", ")
-                .map(|angle| angle.parse().expect("a number"))
-                .collect();
+            let angles: Vec<f64> =
+                angles.split(", ").map(|angle| angle.parse().expect("a number")).collect();
             let [roll, pitch, yaw] = [0, 1, 2].map(|place: usize| angles[place].to_radians());
             // Each angle is written to a thousandth of a degree.
             let off = turned.angle_to(&UnitQuaternion::from_euler_angles(roll, pitch, yaw));

@@ -19,18 +19,11 @@ pub(super) fn joints(stated: &SetUp) -> Vec<Hypothesis> {
 
 /// A map of reported angles before that of the set-up.
 fn mapped(stated: &SetUp, map: &DMatrix<f64>) -> SetUp {
-    SetUp {
-        joints_from_reported: map * &stated.joints_from_reported,
-        ..stated.clone()
-    }
+    SetUp { joints_from_reported: map * &stated.joints_from_reported, ..stated.clone() }
 }
 
 fn name(stated: &SetUp, joint: usize) -> String {
-    format!(
-        "{:?} (joint {})",
-        stated.arm.joints()[joint].name,
-        joint + 1
-    )
+    format!("{:?} (joint {})", stated.arm.joints()[joint].name, joint + 1)
 }
 
 /// One joint, two joints and all joints counted the other way.
@@ -55,10 +48,8 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
     let singles = (0..count).map(|joint| vec![joint]);
     let pairs =
         (0..count).flat_map(|first| (first + 1..count).map(move |second| vec![first, second]));
-    let all: Vec<Vec<usize>> = singles
-        .chain(pairs)
-        .chain((count > 2).then(|| (0..count).collect()))
-        .collect();
+    let all: Vec<Vec<usize>> =
+        singles.chain(pairs).chain((count > 2).then(|| (0..count).collect())).collect();
     all.iter().map(|joints| turned(joints)).collect()
 }
 
@@ -66,9 +57,8 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
 fn orders(stated: &SetUp) -> Vec<Hypothesis> {
     let count = stated.arm.joints().len();
     let ordered = |order: &[usize], mistake: String| {
-        let map = DMatrix::from_fn(count, count, |row, column| {
-            f64::from(u8::from(order[row] == column))
-        });
+        let map =
+            DMatrix::from_fn(count, count, |row, column| f64::from(u8::from(order[row] == column)));
         let edit = "robot file: the names of [[joint]] in the order of the arm's axes, base first, as the log names them";
         Hypothesis::new(mistake, edit, mapped(stated, &map))
     };
@@ -83,18 +73,12 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
                 continue;
             }
             let names = [first, second].map(|joint| name(stated, joint));
-            all.push(ordered(
-                &order,
-                format!("{} and {} are swapped", names[0], names[1]),
-            ));
+            all.push(ordered(&order, format!("{} and {} are swapped", names[0], names[1])));
         }
     }
     if count > 3 && !stated.arm.has_slides() {
         let reverse: Vec<usize> = (0..count).rev().collect();
-        all.push(ordered(
-            &reverse,
-            "the joints are in reverse order".to_owned(),
-        ));
+        all.push(ordered(&reverse, "the joints are in reverse order".to_owned()));
     }
     all
 }
@@ -112,11 +96,7 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
     let parameters = stated.arm.chain().parameters();
     let mut all = Vec::new();
     for (place, parameter) in parameters.iter().enumerate() {
-        let Parameter::Link {
-            joint,
-            quantity: LinkQuantity::Theta,
-        } = *parameter
-        else {
+        let Parameter::Link { joint, quantity: LinkQuantity::Theta } = *parameter else {
             continue;
         };
         let Some(joint) = reported(stated, joint) else {
@@ -129,11 +109,7 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
             let degrees = angle.to_degrees();
             let mistake = format!("the zero of {name} is {degrees:+.0}° away");
             let edit = format!("robot file, [[joint]] {name}: offset_deg {degrees:+.0}");
-            all.push(Hypothesis::new(
-                mistake,
-                edit,
-                stated.with_offsets(&offsets),
-            ));
+            all.push(Hypothesis::new(mistake, edit, stated.with_offsets(&offsets)));
         }
     }
     all
@@ -175,14 +151,8 @@ mod tests {
         let file: RobotFile = toml::from_str(text).expect("a robot file");
         let stated = SetUp::of_arm(file.arm().expect("an arm"));
         let edits: Vec<String> = zeros(&stated).into_iter().map(|own| own.edit).collect();
-        assert_eq!(
-            edits.len(),
-            18,
-            "three zeros of each of six joints: {edits:?}"
-        );
-        let third = edits
-            .iter()
-            .filter(|edit| edit.contains("\"a3\" (joint 3)"));
+        assert_eq!(edits.len(), 18, "three zeros of each of six joints: {edits:?}");
+        let third = edits.iter().filter(|edit| edit.contains("\"a3\" (joint 3)"));
         assert_eq!(third.count(), 3, "{edits:?}");
     }
 }

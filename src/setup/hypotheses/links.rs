@@ -15,18 +15,8 @@ pub(super) fn links(stated: &SetUp) -> Vec<Hypothesis> {
         let named = joint_name(&stated.arm, joint);
         let arm = stated.arm.with_chain(Chain::new(elements));
         let mistake = format!("the {what} of link {joint} ({named}) has the wrong sign");
-        let edit = format!(
-            "robot file, {}: {what} with the opposite sign",
-            table(&named)
-        );
-        Some(Hypothesis::new(
-            mistake,
-            edit,
-            SetUp {
-                arm,
-                ..stated.clone()
-            },
-        ))
+        let edit = format!("robot file, {}: {what} with the opposite sign", table(&named));
+        Some(Hypothesis::new(mistake, edit, SetUp { arm, ..stated.clone() }))
     };
     elements.iter().enumerate().filter_map(turned).collect()
 }
@@ -43,15 +33,9 @@ fn link_of(arm: &Arm, place: usize) -> usize {
     };
     let ahead = || elements[place..].iter().find_map(link);
     let behind = || elements[..=place].iter().rev().find_map(link);
-    let places_frames = matches!(
-        arm.convention(),
-        Convention::Urdf | Convention::Poe | Convention::MinimalPoe
-    );
-    let own = if places_frames {
-        ahead().or_else(behind)
-    } else {
-        behind().or_else(ahead)
-    };
+    let places_frames =
+        matches!(arm.convention(), Convention::Urdf | Convention::Poe | Convention::MinimalPoe);
+    let own = if places_frames { ahead().or_else(behind) } else { behind().or_else(ahead) };
     own.unwrap_or(1)
 }
 
@@ -95,22 +79,11 @@ const LEAST_RAD: f64 = 0.002;
 /// The element with its constant negated, and the constant's name in a robot file.
 fn opposite(element: &Element) -> Option<(Element, &'static str)> {
     match element {
-        Element::Free {
-            motion,
-            nominal,
-            parameter,
-        } => {
-            let least = if matches!(motion, Motion::Rotation(_)) {
-                LEAST_RAD
-            } else {
-                LEAST_MM
-            };
+        Element::Free { motion, nominal, parameter } => {
+            let least = if matches!(motion, Motion::Rotation(_)) { LEAST_RAD } else { LEAST_MM };
             let what = named(*motion);
-            let element = Element::Free {
-                motion: *motion,
-                nominal: -nominal,
-                parameter: *parameter,
-            };
+            let element =
+                Element::Free { motion: *motion, nominal: -nominal, parameter: *parameter };
             (nominal.abs() > least).then_some((element, what))
         }
         Element::Fixed(fixed) => {
@@ -146,25 +119,13 @@ mod tests {
     #[test]
     fn a_length_is_that_of_its_joint_behind_one_that_follows() {
         // The parallelogram, which follows a2, stands between a2 and a3 in the chain.
-        let edits: Vec<String> = links(&palletiser())
-            .into_iter()
-            .map(|own| own.edit)
-            .collect();
+        let edits: Vec<String> = links(&palletiser()).into_iter().map(|own| own.edit).collect();
         let tables = edits.iter().map(|edit| {
             let (table, _) = edit.split_once(": ").expect("a key");
-            table
-                .trim_start_matches("robot file, [[joint]] ")
-                .to_owned()
+            table.trim_start_matches("robot file, [[joint]] ").to_owned()
         });
         // The origins of a1, a2, the parallelogram, a4, a5 and a6; that of a3 is zero.
-        let expected = [
-            "\"a1\"",
-            "\"a2\"",
-            "that follows \"a2\"",
-            "\"a4\"",
-            "\"a5\"",
-            "\"a6\"",
-        ];
+        let expected = ["\"a1\"", "\"a2\"", "that follows \"a2\"", "\"a4\"", "\"a5\"", "\"a6\""];
         assert_eq!(tables.collect::<Vec<_>>(), expected);
     }
 

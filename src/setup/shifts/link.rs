@@ -38,18 +38,8 @@ pub(super) fn links(stated: &SetUp, evidence: &Evidence, placement: &Placement) 
             return None;
         };
         let mut offsets = vec![0.0; parameters.len()];
-        offsets[place] = value(
-            stated,
-            evidence,
-            placement,
-            (parameters.len(), place),
-            *parameter,
-        )?;
-        let least = if parameter.is_angle() {
-            LEAST_RAD
-        } else {
-            LEAST_MM
-        };
+        offsets[place] = value(stated, evidence, placement, (parameters.len(), place), *parameter)?;
+        let least = if parameter.is_angle() { LEAST_RAD } else { LEAST_MM };
         (offsets[place].abs() >= least)
             .then(|| hypothesis(stated, joint, quantity, &offsets, offsets[place]))
     };
@@ -113,20 +103,9 @@ fn value(
     (parameters, place): (usize, usize),
     parameter: Parameter,
 ) -> Option<f64> {
-    let step = if parameter.is_angle() {
-        STEP_RAD
-    } else {
-        STEP_MM
-    };
+    let step = if parameter.is_angle() { STEP_RAD } else { STEP_MM };
     let target = stated.stated_target();
-    let search = Search {
-        stated,
-        evidence,
-        parameters,
-        place,
-        step,
-        target,
-    };
+    let search = Search { stated, evidence, parameters, place, step, target };
     let (mut placement, mut value) = (*placement, 0.0);
     for _ in 0..ROUNDS {
         let (normal, right) = search.normal(&placement, value);
@@ -156,10 +135,8 @@ impl Search<'_> {
         let target = point(&placement.target_mm);
         for (place, (flange, measured)) in here.flanges.iter().zip(&here.measured).enumerate() {
             let change = placement.tracker_from_base.rotation * slope(place, &target);
-            let (known, residual) = placement.row(&ReadingAtFlange {
-                flange: *flange,
-                attained: *measured,
-            });
+            let (known, residual) =
+                placement.row(&ReadingAtFlange { flange: *flange, attained: *measured });
             let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
             jacobian.fixed_columns_mut::<PLACED>(0).copy_from(&known);
             jacobian.set_column(PLACED, &change);
@@ -191,9 +168,8 @@ impl Search<'_> {
             normal += jacobian.transpose() * jacobian * weight;
             right += jacobian.transpose() * residual * weight;
         }
-        let (mean, sd_mm) = self
-            .target
-            .map_or((Vector3::zeros(), TARGET_MM), |target| (target, STATED_MM));
+        let (mean, sd_mm) =
+            self.target.map_or((Vector3::zeros(), TARGET_MM), |target| (target, STATED_MM));
         for axis in 0..3 {
             normal[(axis, axis)] += (scale / BASE_MM).powi(2);
             normal[(3 + axis, 3 + axis)] += (scale / BASE_RAD).powi(2);

@@ -20,35 +20,17 @@ const JOINTS: [&str; 6] = [
 fn readers() -> Vec<(FieldReader, Vec<u8>, usize)> {
     let forms = joint_forms().into_iter().chain(reading_forms());
     let planned = forms.map(|form| {
-        let read = MessageSchema::read(
-            form.encoding,
-            form.type_name,
-            form.language,
-            &form.definition,
-        );
-        let schema = read
-            .expect("an encoding that is read")
-            .expect("a sound schema");
+        let read =
+            MessageSchema::read(form.encoding, form.type_name, form.language, &form.definition);
+        let schema = read.expect("an encoding that is read").expect("a sound schema");
         let there: Vec<_> = JOINTS
             .into_iter()
-            .chain([
-                "point.x",
-                "point.y",
-                "joint_names",
-                "actual.positions",
-                "feedback.positions",
-            ])
+            .chain(["point.x", "point.y", "joint_names", "actual.positions", "feedback.positions"])
             .filter(|path| form.encoding == "json" || schema_has(&schema, path))
             // The whole and an element of it cannot both be wanted.
             .filter(|path| form.encoding == "json" || *path != "position[1]")
             .collect();
-        let reader = reader(
-            form.encoding,
-            form.type_name,
-            form.language,
-            &form.definition,
-            &there,
-        );
+        let reader = reader(form.encoding, form.type_name, form.language, &form.definition, &there);
         (reader, (form.message)(stamp(7), 0.25), there.len())
     });
     planned.collect()

@@ -10,12 +10,7 @@ use crate::build::{Cdr, Log, WholeSession, mapping, read_as};
 fn mapped(controller: &str, tracker: &str) -> Mapping {
     let controller: ControllerSettings = toml::from_str(controller).expect("sound TOML");
     let tracker: TrackerSettings = toml::from_str(tracker).expect("sound TOML");
-    Mapping {
-        controller,
-        tracker,
-        commanded: None,
-        ..mapping()
-    }
+    Mapping { controller, tracker, commanded: None, ..mapping() }
 }
 
 const CONTROLLER: &str = "topic = \"/arm\"\nunit = \"rad\"\ntime = \"header\"\n\
@@ -28,18 +23,8 @@ fn log(joint_state: impl Fn(u64) -> String) -> Vec<u8> {
     let mut log = Log::new(None);
     let arm = log.channel_of("/arm", "", "", b"", "json");
     let types = [
-        describe(
-            "Enu",
-            &[
-                Field::one("e", 1, 1),
-                Field::one("n", 2, 2),
-                Field::one("u", 3, 17),
-            ],
-        ),
-        describe(
-            "When",
-            &[Field::one("secs", 1, 4), Field::one("nsecs", 2, 13)],
-        ),
+        describe("Enu", &[Field::one("e", 1, 1), Field::one("n", 2, 2), Field::one("u", 3, 17)]),
+        describe("When", &[Field::one("secs", 1, 4), Field::one("nsecs", 2, 13)]),
         describe(
             "Shot",
             &[
@@ -56,10 +41,7 @@ fn log(joint_state: impl Fn(u64) -> String) -> Vec<u8> {
         let when = Proto::default().varint(1, 5).varint(2, i);
         // sint32 -3 is stored as 5; float 0.5; rows of a covariance of 3 × 3, packed but for the last.
         let bits = 0.5_f32.to_bits();
-        let place = Proto::default()
-            .double(1, i as f64)
-            .fixed_32(2, bits)
-            .varint(3, 5);
+        let place = Proto::default().double(1, i as f64).fixed_32(2, bits).varint(3, 5);
         let packed = COVARIANCE[..8].iter().flat_map(|own| own.to_le_bytes());
         let packed: Vec<u8> = packed.collect();
         let shot = Proto::default()
@@ -77,10 +59,7 @@ const COVARIANCE: [f64; 9] = [9.0, 1.0, 2.0, 1.0, 8.0, 3.0, 2.0, 3.0, 7.0];
 
 fn joint_state(i: u64) -> String {
     let axes = format!("[{{\"angle\": {i}e-1}}, {{}}]");
-    format!(
-        "{{\"t_us\": {}, \"q\": [null, -{i}.25, 8], \"axes\": {axes}}}",
-        5_000_000 + i
-    )
+    format!("{{\"t_us\": {}, \"q\": [null, -{i}.25, 8], \"axes\": {axes}}}", 5_000_000 + i)
 }
 
 fn read(log: &[u8], controller: &str, tracker: &str) -> Result<WholeSession, LogError> {
@@ -122,10 +101,7 @@ fn a_stamp_in_json_may_be_a_date_time_with_its_zone() {
     assert_eq!(found.joints.angles.row(3)[1], 0.3);
     let reasons: Vec<_> = found.rejects.iter().map(|reject| &reject.reason).collect();
     assert_eq!(found.counts["joints.rejected"], 3);
-    assert!(
-        reasons.iter().all(|why| why.contains("stamp is no time")),
-        "{reasons:?}"
-    );
+    assert!(reasons.iter().all(|why| why.contains("stamp is no time")), "{reasons:?}");
 }
 
 #[test]
@@ -144,11 +120,7 @@ fn a_message_without_a_wanted_value_is_rejected_by_the_name_of_the_field() {
     let found = read(&log(hurt), CONTROLLER, TRACKER).expect("two are sound");
     assert_eq!(found.joints.stamps.len(), 2);
     assert_eq!(found.counts["joints.rejected"], 8);
-    let reasons: Vec<_> = found
-        .rejects
-        .iter()
-        .map(|reject| reject.reason.as_str())
-        .collect();
+    let reasons: Vec<_> = found.rejects.iter().map(|reject| reject.reason.as_str()).collect();
     for reason in [
         "no value at \"axes[0].angle\"",
         "no value at \"q[1]\"",
@@ -159,10 +131,7 @@ fn a_message_without_a_wanted_value_is_rejected_by_the_name_of_the_field() {
         "continues after its last field",
         "no JSON",
     ] {
-        assert!(
-            reasons.iter().any(|found| found.contains(reason)),
-            "{reason}: {reasons:?}"
-        );
+        assert!(reasons.iter().any(|found| found.contains(reason)), "{reason}: {reasons:?}");
     }
 }
 
@@ -173,11 +142,7 @@ fn only_messages_in_the_frame_asked_for_are_read() {
         let arm = log.channel("/arm", "JointState");
         let laser = log.channel("/laser", "PointStamped");
         for i in 0..4 {
-            log.write(
-                arm,
-                i,
-                &Cdr::stamped(1).joints(&["a", "b"], &[1.0, 2.0]).done(),
-            );
+            log.write(arm, i, &Cdr::stamped(1).joints(&["a", "b"], &[1.0, 2.0]).done());
             let text = if i == 3 { "other" } else { "laser" };
             let head = Cdr::new(true).word(1).word(2).text(text);
             log.write(laser, i, &head.numbers(&[1.0, 2.0, 3.0]).done());
@@ -189,11 +154,7 @@ fn only_messages_in_the_frame_asked_for_are_read() {
     };
     let found = frames("laser").expect("three are");
     assert_eq!(found.readings.stamps.len(), 3);
-    assert!(
-        found.rejects[0]
-            .reason
-            .contains("another frame than \"laser\"")
-    );
+    assert!(found.rejects[0].reason.contains("another frame than \"laser\""));
     let error = frames("Laser").expect_err("none is").to_string();
     assert!(error.contains("another frame"), "{error}");
 }
@@ -201,16 +162,10 @@ fn only_messages_in_the_frame_asked_for_are_read() {
 #[test]
 fn what_is_not_there_is_reported_with_what_is() {
     let said = |tracker: &str| {
-        read(&log(joint_state), CONTROLLER, tracker)
-            .expect_err("refused")
-            .to_string()
+        read(&log(joint_state), CONTROLLER, tracker).expect_err("refused").to_string()
     };
     let missing = said(&TRACKER.replace("p.n", "p.north"));
-    for part in [
-        "/laser",
-        "\"p.north\"",
-        "cov, p.e, p.n, p.u, taken.nsecs, taken.secs",
-    ] {
+    for part in ["/laser", "\"p.north\"", "cov, p.e, p.n, p.u, taken.nsecs, taken.secs"] {
         assert!(missing.contains(part), "{missing}");
     }
     let message = said(&TRACKER.replace("p.n", "p"));
@@ -228,9 +183,7 @@ fn conventions_of_fields_are_checked_as_they_are_read() {
     let refused = |fields: &str| {
         let text =
             format!("topic = \"/t\"\ntime = \"header\"\nunit = \"mm\"\nfields = {{ {fields} }}");
-        toml::from_str::<TrackerSettings>(&text)
-            .expect_err("refused")
-            .to_string()
+        toml::from_str::<TrackerSettings>(&text).expect_err("refused").to_string()
     };
     assert!(refused("a = \"x\"").contains("unknown field"));
     assert!(refused("stamp = { field = \"t\" }").contains("unit \"s\", \"ms\", \"us\" or \"ns\""));
@@ -241,10 +194,7 @@ fn conventions_of_fields_are_checked_as_they_are_read() {
     };
     for (fields, wanted) in [
         ("x = \"a\"", "all of x, y and z"),
-        (
-            "x = \"a\", y = \"b\", z = \"c\", qx = \"d\"",
-            "all of qx, qy, qz and qw",
-        ),
+        ("x = \"a\", y = \"b\", z = \"c\", qx = \"d\"", "all of qx, qy, qz and qw"),
         ("covariance = \"c\"", "x, y and z where"),
         ("x = \"a\", y = \"a\", z = \"c\"", "a field of its own"),
     ] {
@@ -265,8 +215,5 @@ fn conventions_of_fields_are_checked_as_they_are_read() {
         let wrong = controller(fields).fields.check(2).expect_err("refused");
         assert!(wrong.wanted.contains(wanted), "{wrong:?}");
     }
-    assert_eq!(
-        controller("angles = [\"q\", \"r\"]").fields.check(2),
-        Ok(())
-    );
+    assert_eq!(controller("angles = [\"q\", \"r\"]").fields.check(2), Ok(()));
 }

@@ -14,33 +14,20 @@ pub fn reader(
 ) -> FieldReader {
     let schema =
         MessageSchema::read(encoding, name, language, text).expect("an encoding that is read");
-    let paths = wanted
-        .iter()
-        .map(|path| FieldPath::parse(path).expect("a sound path"));
-    schema
-        .expect("a sound schema")
-        .reader(&paths.collect::<Vec<_>>())
-        .expect("fields exist")
+    let paths = wanted.iter().map(|path| FieldPath::parse(path).expect("a sound path"));
+    schema.expect("a sound schema").reader(&paths.collect::<Vec<_>>()).expect("fields exist")
 }
 
 /// Each value in words.
 fn words(reader: &FieldReader, message: &[u8], count: usize) -> Result<Vec<String>, MessageFault> {
     let mut row = Row::default();
     reader.read(message, &mut row)?;
-    Ok((0..count)
-        .map(|slot| super::sample::word(&row.value(message, slot)))
-        .collect())
+    Ok((0..count).map(|slot| super::sample::word(&row.value(message, slot))).collect())
 }
 
 fn types(syntax: &str) -> Vec<u8> {
-    let inner = describe(
-        "Inner",
-        &[
-            Field::one("a", 1, 1),
-            Field::one("b", 2, 5),
-            Field::one("s", 3, 9),
-        ],
-    );
+    let inner =
+        describe("Inner", &[Field::one("a", 1, 1), Field::one("b", 2, 5), Field::one("s", 3, 9)]);
     let outer = describe(
         "Outer",
         &[
@@ -56,18 +43,8 @@ fn types(syntax: &str) -> Vec<u8> {
     set(&[file("t.proto", "t", &[], syntax, &[outer, inner])])
 }
 
-const WANTED: [&str; 10] = [
-    "inner.a",
-    "inner.b",
-    "many[].a",
-    "many[1].s",
-    "left",
-    "right.a",
-    "n",
-    "n[1]",
-    "flag",
-    "big",
-];
+const WANTED: [&str; 10] =
+    ["inner.a", "inner.b", "many[].a", "many[1].s", "left", "right.a", "n", "n[1]", "flag", "big"];
 
 fn outer(syntax: &str, message: &Proto) -> Vec<String> {
     // `n` and an element of it cannot both be wanted of one reader.
@@ -86,20 +63,11 @@ fn what_is_missing_is_zero_without_presence_and_absent_with_it() {
     );
     assert_eq!(
         outer("proto2", &nothing),
-        [
-            absent, absent, "[]", absent, absent, absent, "[]", absent, absent
-        ]
+        [absent, absent, "[]", absent, absent, absent, "[]", absent, absent]
     );
     // An empty message is there, and so are its numbers.
-    let empty = nothing
-        .clone()
-        .message(1, &nothing)
-        .message(2, &nothing)
-        .message(4, &nothing);
-    assert_eq!(
-        outer("proto3", &empty),
-        ["0", "0", "[0]", absent, absent, "0", "[]", "0", "0"]
-    );
+    let empty = nothing.clone().message(1, &nothing).message(2, &nothing).message(4, &nothing);
+    assert_eq!(outer("proto3", &empty), ["0", "0", "[0]", absent, absent, "0", "[]", "0", "0"]);
 }
 
 #[test]
@@ -112,10 +80,7 @@ fn doubled_and_unknown_fields_are_read_as_official_readers_do() {
         // Of another wire type than it is defined with: unknown.
         .varint(6, 1)
         .bytes(6, b"x")
-        .group(
-            77,
-            &Proto::default().group(78, &inner(1.0)).bytes(2, &[0xFF; 3]),
-        )
+        .group(77, &Proto::default().group(78, &inner(1.0)).bytes(2, &[0xFF; 3]))
         .double(3, 2.5)
         .message(4, &inner(3.5))
         .message(2, &inner(1.0))
@@ -141,28 +106,13 @@ fn doubled_and_unknown_fields_are_read_as_official_readers_do() {
     // The other way round, the double ousts the message.
     let other = Proto::default().message(4, &inner(3.5)).double(3, 2.5);
     assert_eq!(outer("proto3", &other)[4..6], ["2.5", "absent"]);
-    let picked = reader(
-        "protobuf",
-        "t.Outer",
-        "protobuf",
-        &types("proto3"),
-        &["n[1]", "n[3]"],
-    );
-    assert_eq!(
-        words(&picked, &message.0, 2),
-        Ok(vec!["-1".to_owned(), "absent".to_owned()])
-    );
+    let picked = reader("protobuf", "t.Outer", "protobuf", &types("proto3"), &["n[1]", "n[3]"]);
+    assert_eq!(words(&picked, &message.0, 2), Ok(vec!["-1".to_owned(), "absent".to_owned()]));
 }
 
 #[test]
 fn bytes_that_are_no_protobuf_are_refused() {
-    let reader = reader(
-        "protobuf",
-        "t.Outer",
-        "protobuf",
-        &types("proto3"),
-        &["inner.a", "n"],
-    );
+    let reader = reader("protobuf", "t.Outer", "protobuf", &types("proto3"), &["inner.a", "n"]);
     let fault = |bytes: &[u8]| words(&reader, bytes, 2).expect_err("refused");
     for (bytes, expected) in [
         (&[0x00][..], MessageFault::Wire),          // field number 0
@@ -176,18 +126,9 @@ fn bytes_that_are_no_protobuf_are_refused() {
         assert_eq!(fault(bytes), expected, "{bytes:02x?}");
     }
     // A varint of eleven bytes; a length of 2^63; an inner message that runs past the outer one.
-    assert_eq!(
-        fault(&[&[0x38][..], &[0xFF; 10], &[0]].concat()),
-        MessageFault::Wire
-    );
-    assert_eq!(
-        fault(&[&[0x0A][..], &[0x80; 9], &[1]].concat()),
-        MessageFault::Short
-    );
-    assert_eq!(
-        fault(&[0x0A, 0x02, 0x1A, 0x05, 0, 0, 0, 0, 0]),
-        MessageFault::Short
-    );
+    assert_eq!(fault(&[&[0x38][..], &[0xFF; 10], &[0]].concat()), MessageFault::Wire);
+    assert_eq!(fault(&[&[0x0A][..], &[0x80; 9], &[1]].concat()), MessageFault::Short);
+    assert_eq!(fault(&[0x0A, 0x02, 0x1A, 0x05, 0, 0, 0, 0, 0]), MessageFault::Short);
     let deep = (0..100_000).fold(Vec::new(), |mut bytes, _| {
         bytes.push(0x53);
         bytes
@@ -208,10 +149,7 @@ fn descriptor_sets_that_cannot_be_are_refused() {
     let lost = describe("Outer", &[Field::of("x", 1, ".t.Lost")]);
     assert!(read(&set(&[file("t.proto", "t", &[], "proto3", &[lost])])).contains(".t.Lost"));
     // A type that contains itself is no trouble: only what is wanted is unfolded.
-    let own = describe(
-        "Outer",
-        &[Field::of("own", 1, ".t.Outer"), Field::one("x", 2, 1)],
-    );
+    let own = describe("Outer", &[Field::of("own", 1, ".t.Outer"), Field::one("x", 2, 1)]);
     let own = set(&[file("t.proto", "t", &[], "proto3", &[own])]);
     let reader = reader("protobuf", "t.Outer", "protobuf", &own, &["own.own.x"]);
     let message = Proto::default().double(2, 1.5);
@@ -220,31 +158,18 @@ fn descriptor_sets_that_cannot_be_are_refused() {
 }
 
 fn json(wanted: &[&str], message: &str) -> Result<Vec<String>, MessageFault> {
-    words(
-        &reader("json", "", "", b"", wanted),
-        message.as_bytes(),
-        wanted.len(),
-    )
+    words(&reader("json", "", "", b"", wanted), message.as_bytes(), wanted.len())
 }
 
 #[test]
 fn json_is_read_by_path_whatever_stands_around_it() {
     let read = |wanted: &str, message: &str| json(&[wanted], message).expect("sound")[0].clone();
-    assert_eq!(
-        read(
-            "a.b",
-            r#" { "c" : [ { } , [ ] ] , "a" : { "b" : -0.5E+1 } } "#
-        ),
-        "-5"
-    );
+    assert_eq!(read("a.b", r#" { "c" : [ { } , [ ] ] , "a" : { "b" : -0.5E+1 } } "#), "-5");
     assert_eq!(read("a[1][0]", "{\"a\":[[1],[2,3]]}"), "2");
     assert_eq!(read("[1].x", "[{\"x\":1},{\"x\":2}]\0\0"), "2");
     assert_eq!(read("a", "{\"a\":1,\"a\":null}"), "absent"); // the last one counts
     assert_eq!(read("a.x", "{\"a\":{\"x\":1},\"a\":{\"y\":2}}"), "absent");
-    assert_eq!(
-        read("a", "{\"a\":[1,null,\"x\",[2],true]}"),
-        "[1, absent, \"x\", absent, 1]"
-    );
+    assert_eq!(read("a", "{\"a\":[1,null,\"x\",[2],true]}"), "[1, absent, \"x\", absent, 1]");
     assert_eq!(read("a[]", "{\"a\":[1,2]}"), "[1, 2]");
     assert_eq!(
         read("a[].x", "{\"a\":[{\"x\":1,\"x\":2},{},3,{\"x\":\"s\"}]}"),
@@ -256,10 +181,7 @@ fn json_is_read_by_path_whatever_stands_around_it() {
     assert_eq!(read("x", "{\"x\":1e400}"), "inf");
     assert_eq!(read("x", "{\"x\":-Infinity}"), "-inf");
     assert_eq!(read("x", "{\"y\":{\"x\":1}}"), "absent");
-    let both = json(
-        &["a[].x", "a[1].x", "a[1].y"],
-        "{\"a\":[{\"x\":1},{\"y\":3,\"x\":2}]}",
-    );
+    let both = json(&["a[].x", "a[1].x", "a[1].y"], "{\"a\":[{\"x\":1},{\"y\":3,\"x\":2}]}");
     assert_eq!(both, Ok(["[1, 2]", "2", "3"].map(str::to_owned).to_vec()));
 }
 

@@ -73,35 +73,19 @@ pub struct Field<'a> {
 
 impl<'a> Field<'a> {
     pub const fn one(name: &'a str, number: u32, kind: u64) -> Self {
-        Self {
-            name,
-            number,
-            repeated: false,
-            kind,
-            type_name: "",
-            oneof: None,
-        }
+        Self { name, number, repeated: false, kind, type_name: "", oneof: None }
     }
 
     pub const fn of(name: &'a str, number: u32, type_name: &'a str) -> Self {
-        Self {
-            type_name,
-            ..Self::one(name, number, 11)
-        }
+        Self { type_name, ..Self::one(name, number, 11) }
     }
 
     pub const fn many(self) -> Self {
-        Self {
-            repeated: true,
-            ..self
-        }
+        Self { repeated: true, ..self }
     }
 
     pub const fn in_oneof(self, index: u64) -> Self {
-        Self {
-            oneof: Some(index),
-            ..self
-        }
+        Self { oneof: Some(index), ..self }
     }
 
     fn describe(&self) -> Proto {
@@ -124,57 +108,30 @@ impl<'a> Field<'a> {
 /// The descriptor of a message type.
 pub fn describe(name: &str, fields: &[Field<'_>]) -> Proto {
     let named = Proto::default().bytes(1, name.as_bytes());
-    let whole = fields
-        .iter()
-        .fold(named, |of, field| of.message(2, &field.describe()));
-    let oneofs = fields
-        .iter()
-        .filter_map(|field| field.oneof)
-        .max()
-        .map_or(0, |most| most + 1);
+    let whole = fields.iter().fold(named, |of, field| of.message(2, &field.describe()));
+    let oneofs = fields.iter().filter_map(|field| field.oneof).max().map_or(0, |most| most + 1);
     (0..oneofs).fold(whole, |of, index| {
-        of.message(
-            8,
-            &Proto::default().bytes(1, format!("oneof_{index}").as_bytes()),
-        )
+        of.message(8, &Proto::default().bytes(1, format!("oneof_{index}").as_bytes()))
     })
 }
 
 /// A file of message types.
 pub fn file(name: &str, package: &str, uses: &[&str], syntax: &str, types: &[Proto]) -> Proto {
-    let head = Proto::default()
-        .bytes(1, name.as_bytes())
-        .bytes(2, package.as_bytes());
-    let head = uses
-        .iter()
-        .fold(head, |of, name| of.bytes(3, name.as_bytes()));
+    let head = Proto::default().bytes(1, name.as_bytes()).bytes(2, package.as_bytes());
+    let head = uses.iter().fold(head, |of, name| of.bytes(3, name.as_bytes()));
     let whole = types.iter().fold(head, |of, inner| of.message(4, inner));
-    if syntax == "proto2" {
-        whole
-    } else {
-        whole.bytes(12, syntax.as_bytes())
-    }
+    if syntax == "proto2" { whole } else { whole.bytes(12, syntax.as_bytes()) }
 }
 
 /// A descriptor set.
 pub fn set(files: &[Proto]) -> Vec<u8> {
-    files
-        .iter()
-        .fold(Proto::default(), |of, file| of.message(1, file))
-        .0
+    files.iter().fold(Proto::default(), |of, file| of.message(1, file)).0
 }
 
 /// The descriptor set of Foxglove's messages that are used here.
 pub fn foxglove() -> Vec<u8> {
-    let time = describe(
-        "Timestamp",
-        &[Field::one("seconds", 1, 3), Field::one("nanos", 2, 5)],
-    );
-    let xyz = [
-        Field::one("x", 1, 1),
-        Field::one("y", 2, 1),
-        Field::one("z", 3, 1),
-    ];
+    let time = describe("Timestamp", &[Field::one("seconds", 1, 3), Field::one("nanos", 2, 5)]);
+    let xyz = [Field::one("x", 1, 1), Field::one("y", 2, 1), Field::one("z", 3, 1)];
     let xyzw = [
         Field::one("x", 1, 1),
         Field::one("y", 2, 1),
@@ -201,46 +158,24 @@ pub fn foxglove() -> Vec<u8> {
         ),
         describe(
             "PoseInFrame",
-            &[
-                stamp(),
-                Field::one("frame_id", 2, 9),
-                Field::of("pose", 3, ".foxglove.Pose"),
-            ],
+            &[stamp(), Field::one("frame_id", 2, 9), Field::of("pose", 3, ".foxglove.Pose")],
         ),
         describe(
             "Point3InFrame",
-            &[
-                stamp(),
-                Field::one("frame_id", 2, 9),
-                Field::of("point", 3, ".foxglove.Point3"),
-            ],
+            &[stamp(), Field::one("frame_id", 2, 9), Field::of("point", 3, ".foxglove.Point3")],
         ),
         describe("JointState", &joint),
-        describe(
-            "JointStates",
-            &[
-                stamp(),
-                Field::of("joints", 2, ".foxglove.JointState").many(),
-            ],
-        ),
+        describe("JointStates", &[stamp(), Field::of("joints", 2, ".foxglove.JointState").many()]),
     ];
     let time_file = "google/protobuf/timestamp.proto";
     set(&[
         file(time_file, "google.protobuf", &[], "proto3", &[time]),
-        file(
-            "foxglove/all.proto",
-            "foxglove",
-            &[time_file],
-            "proto3",
-            &types,
-        ),
+        file("foxglove/all.proto", "foxglove", &[time_file], "proto3", &types),
     ])
 }
 
 /// A `google.protobuf.Timestamp`.
 pub fn timestamp(ns: i64) -> Proto {
     let part = |value: i64| u64::try_from(value).expect("after 1970");
-    Proto::default()
-        .varint(1, part(ns / 1_000_000_000))
-        .varint(2, part(ns % 1_000_000_000))
+    Proto::default().varint(1, part(ns / 1_000_000_000)).varint(2, part(ns % 1_000_000_000))
 }

@@ -12,11 +12,7 @@ use crate::build::Log;
 
 /// A number's bits, or the one word for all that are none.
 fn bits(number: f64) -> String {
-    if number.is_nan() {
-        "nan".to_owned()
-    } else {
-        format!("{:016x}", number.to_bits())
-    }
+    if number.is_nan() { "nan".to_owned() } else { format!("{:016x}", number.to_bits()) }
 }
 
 /// A value for people.
@@ -29,20 +25,11 @@ pub fn word(value: &Value<'_>) -> String {
         Value::Text(found) => text(&found.to_text()),
         Value::Numbers(_) | Value::Texts(_) | Value::List(_) => {
             let numbers = value.numbers();
-            let texts: Vec<_> = value
-                .texts()
-                .map(|all| all.iter().collect())
-                .unwrap_or_default();
+            let texts: Vec<_> = value.texts().map(|all| all.iter().collect()).unwrap_or_default();
             let count = numbers.map_or(texts.len(), |numbers| numbers.len());
             let one = |index| {
-                let number = numbers
-                    .and_then(|numbers| numbers.get(index))
-                    .map(|x| x.to_string());
-                let word = texts
-                    .get(index)
-                    .copied()
-                    .flatten()
-                    .map(|found| text(&found.to_text()));
+                let number = numbers.and_then(|numbers| numbers.get(index)).map(|x| x.to_string());
+                let word = texts.get(index).copied().flatten().map(|found| text(&found.to_text()));
                 number.or(word).unwrap_or_else(|| "absent".to_owned())
             };
             format!("[{}]", (0..count).map(one).collect::<Vec<_>>().join(", "))
@@ -57,24 +44,15 @@ pub fn elements(value: &Value<'_>) -> Vec<serde_json::Value> {
         Value::Absent => vec![serde_json::Value::Null],
         Value::Text(text) => vec![text.to_text().into()],
         Value::Integer(_) | Value::Number(_) => value.number().map(number).into_iter().collect(),
-        Value::Texts(texts) => texts
-            .iter()
-            .map(|text| text.map(|text| text.to_text()).into())
-            .collect(),
+        Value::Texts(texts) => {
+            texts.iter().map(|text| text.map(|text| text.to_text()).into()).collect()
+        }
         Value::Numbers(_) | Value::List(_) => {
             let numbers = value.numbers().expect("an array");
-            let texts: Vec<_> = value
-                .texts()
-                .map(|all| all.iter().collect())
-                .unwrap_or_default();
+            let texts: Vec<_> = value.texts().map(|all| all.iter().collect()).unwrap_or_default();
             let one = |index| match numbers.get(index) {
                 Some(found) => number(found),
-                None => texts
-                    .get(index)
-                    .copied()
-                    .flatten()
-                    .map(|text| text.to_text())
-                    .into(),
+                None => texts.get(index).copied().flatten().map(|text| text.to_text()).into(),
             };
             (0..numbers.len()).map(one).collect()
         }
@@ -86,10 +64,8 @@ pub struct Noise(pub u64);
 
 impl Noise {
     fn next(&mut self) -> u64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // The upper bits of such a generator are the better ones.
         self.0.rotate_left(32)
     }
@@ -101,14 +77,7 @@ impl Noise {
     /// Any double: also tiny, huge, infinite and none.
     fn double(&mut self) -> f64 {
         match self.below(8) {
-            0 => [
-                0.0,
-                -0.0,
-                f64::INFINITY,
-                f64::NAN,
-                f64::MIN_POSITIVE / 4.0,
-                1.0,
-            ][self.place(6)],
+            0 => [0.0, -0.0, f64::INFINITY, f64::NAN, f64::MIN_POSITIVE / 4.0, 1.0][self.place(6)],
             1 => f64::from_bits(self.next()),
             _ => self.next() as f64 * 1e-19 - 0.5,
         }
@@ -144,23 +113,12 @@ const PRIMITIVES: [(&str, &str, usize); 12] = [
 fn ros_schemas() -> (String, String, Vec<String>) {
     let (mut message, mut typedefs, mut members) = (String::new(), String::new(), String::new());
     let mut paths = Vec::new();
-    writeln!(
-        message,
-        "uint8 CONSTANT=7\nstring<=8 word \"default\" # bounded"
-    )
-    .expect("a string");
+    writeln!(message, "uint8 CONSTANT=7\nstring<=8 word \"default\" # bounded").expect("a string");
     members.push_str("@default (value=\"x\") string<8> word;\n");
     for (name, idl, _) in PRIMITIVES {
-        writeln!(
-            message,
-            "{name} one_{name}\n{name}[3] three_{name}\n{name}[] some_{name}"
-        )
-        .expect("a string");
-        writeln!(
-            message,
-            "{name}[<=5] few_{name}\nsamples/Inner inner_{name}"
-        )
-        .expect("a string");
+        writeln!(message, "{name} one_{name}\n{name}[3] three_{name}\n{name}[] some_{name}")
+            .expect("a string");
+        writeln!(message, "{name}[<=5] few_{name}\nsamples/Inner inner_{name}").expect("a string");
         writeln!(typedefs, "typedef {idl} {name}__3[3];").expect("a string");
         writeln!(
             members,
@@ -219,8 +177,7 @@ impl Cdr {
     fn raw(&mut self, little: &[u8]) {
         let widest = if self.layout.version_2 { 4 } else { 8 };
         let size = little.len().min(widest);
-        self.bytes
-            .resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
+        self.bytes.resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
         let mut bytes = little.to_vec();
         if self.layout.encapsulation.is_multiple_of(2) {
             bytes.reverse();
@@ -336,10 +293,8 @@ const KINDS: [(&str, u64, u8); 15] = [
 
 pub fn protobuf_schema() -> (Vec<u8>, Vec<String>) {
     let (mut fields, mut paths) = (Vec::new(), Vec::new());
-    let names: Vec<_> = KINDS
-        .iter()
-        .map(|(name, ..)| [format!("one_{name}"), format!("many_{name}")])
-        .collect();
+    let names: Vec<_> =
+        KINDS.iter().map(|(name, ..)| [format!("one_{name}"), format!("many_{name}")]).collect();
     for ([one, many], (number, (name, kind, _))) in names.iter().zip((1..).zip(KINDS)) {
         fields.push(Field::one(one, number, kind));
         fields.push(Field::one(many, number + 20, kind).many());
@@ -355,30 +310,15 @@ pub fn protobuf_schema() -> (Vec<u8>, Vec<String>) {
         Field::one("right", 53, 5).in_oneof(0),
     ]);
     paths.extend(
-        [
-            "inner.x",
-            "inner.inner.x",
-            "list[].x",
-            "list[].s",
-            "list[1].x",
-            "left",
-            "right",
-        ]
-        .map(str::to_owned),
+        ["inner.x", "inner.inner.x", "list[].x", "list[].s", "list[1].x", "left", "right"]
+            .map(str::to_owned),
     );
     let inner = describe(
         "Inner",
-        &[
-            Field::one("x", 1, 1),
-            Field::one("s", 2, 9),
-            Field::of("inner", 3, ".samples.Inner"),
-        ],
+        &[Field::one("x", 1, 1), Field::one("s", 2, 9), Field::of("inner", 3, ".samples.Inner")],
     );
     let types = [describe("All", &fields), inner];
-    (
-        set(&[file("samples.proto", "samples", &[], "proto3", &types)]),
-        paths,
-    )
+    (set(&[file("samples.proto", "samples", &[], "proto3", &types)]), paths)
 }
 
 fn protobuf_value(of: Proto, number: u32, kind: (&str, u64, u8), noise: &mut Noise) -> Proto {
@@ -430,10 +370,7 @@ pub fn protobuf_message(noise: &mut Noise) -> Vec<u8> {
     message = message.bytes(24, &packed.0);
     for _ in 0..=noise.below(2) {
         // Nested in a nested one, merged with the next.
-        message = message.message(
-            50,
-            &protobuf_inner(noise).message(3, &protobuf_inner(noise)),
-        );
+        message = message.message(50, &protobuf_inner(noise).message(3, &protobuf_inner(noise)));
     }
     for _ in 0..noise.below(4) {
         message = message.message(51, &protobuf_inner(noise));
@@ -446,9 +383,8 @@ pub fn protobuf_message(noise: &mut Noise) -> Vec<u8> {
     message.0
 }
 
-pub const JSON_PATHS: [&str; 9] = [
-    "x", "a.x", "a.b[1].x", "list", "list[].x", "names", "a.b[].s", "\"", "tall",
-];
+pub const JSON_PATHS: [&str; 9] =
+    ["x", "a.x", "a.b[1].x", "list", "list[].x", "names", "a.b[].s", "\"", "tall"];
 
 fn json_value(noise: &mut Noise, levels: u64) -> serde_json::Value {
     match noise.below(if levels == 0 { 5 } else { 8 }) {
@@ -460,17 +396,11 @@ fn json_value(noise: &mut Noise, levels: u64) -> serde_json::Value {
             let number = noise.double();
             serde_json::Number::from_f64(number).map_or(serde_json::Value::Null, Into::into)
         }
-        5 => (0..noise.below(5))
-            .map(|_| json_value(noise, levels - 1))
-            .collect(),
+        5 => (0..noise.below(5)).map(|_| json_value(noise, levels - 1)).collect(),
         _ => {
             let names = ["x", "a", "b", "list", "names", "s", "\"", "tall"];
-            let members = (0..noise.below(8)).map(|_| {
-                (
-                    names[noise.place(8)].to_owned(),
-                    json_value(noise, levels - 1),
-                )
-            });
+            let members = (0..noise.below(8))
+                .map(|_| (names[noise.place(8)].to_owned(), json_value(noise, levels - 1)));
             serde_json::Value::Object(members.collect())
         }
     }
@@ -506,18 +436,12 @@ impl Sample {
     ) {
         let channel = self.log.channel_of(topic, name, language, text, encoding);
         let read = MessageSchema::read(encoding, name, language, text);
-        let schema = read
-            .expect("an encoding that is read")
-            .expect("a sound schema");
-        let parsed: Vec<_> = paths
-            .iter()
-            .map(|path| FieldPath::parse(path).expect("a path"))
-            .collect();
+        let schema = read.expect("an encoding that is read").expect("a sound schema");
+        let parsed: Vec<_> =
+            paths.iter().map(|path| FieldPath::parse(path).expect("a path")).collect();
         // One path a reader: whole arrays and elements of them are both compared.
-        let alone: Vec<_> = parsed
-            .iter()
-            .map(|path| schema.reader(std::slice::from_ref(path)))
-            .collect();
+        let alone: Vec<_> =
+            parsed.iter().map(|path| schema.reader(std::slice::from_ref(path))).collect();
         let mut row = Row::default();
         for (index, message) in messages.iter().enumerate() {
             self.log.write(channel, index as u64, message);
@@ -536,10 +460,7 @@ impl Sample {
 
 #[test]
 fn a_sample_of_every_type_is_written_for_an_independent_reader() {
-    let mut sample = Sample {
-        log: Log::new(Some(Compression::Zstd)),
-        lines: String::new(),
-    };
+    let mut sample = Sample { log: Log::new(Some(Compression::Zstd)), lines: String::new() };
     let mut noise = Noise(1);
     let (msg, idl, paths) = ros_schemas();
     let layout = |encapsulation| Layout {
@@ -557,22 +478,15 @@ fn a_sample_of_every_type_is_written_for_an_independent_reader() {
         ("/idl/big-delimited", "ros2idl", &idl, 8),
         ("/idl/little-delimited", "ros2idl", &idl, 9),
     ] {
-        let messages: Vec<_> = (0..20)
-            .map(|_| Cdr::all(layout(encapsulation), &mut noise))
-            .collect();
+        let messages: Vec<_> =
+            (0..20).map(|_| Cdr::all(layout(encapsulation), &mut noise)).collect();
         let channel = (topic, "samples/msg/All", language, text.as_bytes(), "cdr");
         sample.add(channel, &paths, &messages);
     }
     let (descriptors, paths) = protobuf_schema();
     let messages: Vec<_> = (0..100).map(|_| protobuf_message(&mut noise)).collect();
     sample.add(
-        (
-            "/protobuf",
-            "samples.All",
-            "protobuf",
-            &descriptors,
-            "protobuf",
-        ),
+        ("/protobuf", "samples.All", "protobuf", &descriptors, "protobuf"),
         &paths,
         &messages,
     );

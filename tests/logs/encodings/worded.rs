@@ -18,9 +18,7 @@ pub struct Seen {
 /// What a row says of a message, down to the bits; and in words, which tell integers from numbers.
 fn said(row: &Row, message: &[u8], count: usize) -> Vec<(Vec<serde_json::Value>, String)> {
     let values = (0..count).map(|slot| row.value(message, slot));
-    values
-        .map(|value| (elements(&value), word(&value)))
-        .collect()
+    values.map(|value| (elements(&value), word(&value))).collect()
 }
 
 /// Reads a message and `changes` that differ from it in a few bytes, in a row and in new ones.
@@ -35,12 +33,9 @@ pub fn compare(
     for _ in 0..=changes {
         let filled = row.filled();
         let mut fresh = Row::default();
-        let expected: Result<_, MessageFault> = reader
-            .read(&changed, &mut fresh)
-            .map(|()| said(&fresh, &changed, count));
-        let found = reader
-            .read(&changed, &mut row)
-            .map(|()| said(&row, &changed, count));
+        let expected: Result<_, MessageFault> =
+            reader.read(&changed, &mut fresh).map(|()| said(&fresh, &changed, count));
+        let found = reader.read(&changed, &mut row).map(|()| said(&row, &changed, count));
         let shown = changed.escape_ascii();
         assert_eq!(found, expected, "{shown} after {reader:?}");
         seen.as_before += usize::from(filled > 0 && row.filled() == filled);
@@ -88,16 +83,10 @@ fn damage(message: &mut Vec<u8>, noise: &mut Noise) {
 /// Compares with all fields wanted at once, and with each alone.
 fn compare_all(schema: &MessageSchema, paths: &[String], messages: &[Vec<u8>]) -> Seen {
     let (mut noise, mut seen) = (Noise(7), Seen::default());
-    let parsed: Vec<_> = paths
-        .iter()
-        .map(|path| FieldPath::parse(path).expect("a path"))
-        .collect();
+    let parsed: Vec<_> = paths.iter().map(|path| FieldPath::parse(path).expect("a path")).collect();
     let alone = parsed.iter().map(std::slice::from_ref);
     let together = schema.reader(&parsed).ok();
-    let mut readers: Vec<_> = together
-        .map(|reader| (reader, paths.len()))
-        .into_iter()
-        .collect();
+    let mut readers: Vec<_> = together.map(|reader| (reader, paths.len())).into_iter().collect();
     readers.extend(alone.map(|path| (schema.reader(path).expect("a field that is there"), 1)));
     for message in messages {
         for (reader, count) in &readers {
@@ -137,32 +126,12 @@ fn a_value_given_twice_or_moved_is_not_taken_for_the_one_before() {
         ("x", r#"{"x":1,"x":null}"#, r#"{"x":2,"x":null}"#, "absent"),
         ("x", r#"{"x":1,"x":2}"#, r#"{"x":5,"x":3}"#, "3"),
         ("x|y", r#"{"x":1,"y":"s"}"#, r#"{"x":2,"y":"s"}"#, "\"s\""),
-        (
-            "a[].x",
-            r#"{"a":[{"x":1,"x":null}]}"#,
-            r#"{"a":[{"x":2,"x":null}]}"#,
-            "[absent]",
-        ),
-        (
-            "a",
-            r#"{"a":[1],"a":[2,3]}"#,
-            r#"{"a":[7],"a":[8,9]}"#,
-            "[8, 9]",
-        ),
+        ("a[].x", r#"{"a":[{"x":1,"x":null}]}"#, r#"{"a":[{"x":2,"x":null}]}"#, "[absent]"),
+        ("a", r#"{"a":[1],"a":[2,3]}"#, r#"{"a":[7],"a":[8,9]}"#, "[8, 9]"),
         ("a", r#"{"a":[1],"a":2}"#, r#"{"a":[7],"a":8}"#, "8"),
         // A text moves with the length of what stands before it, wanted or not.
-        (
-            "s",
-            r#"{"n":1,"s":"end"}"#,
-            r#"{"n":-12.5e3,"s":"end"}"#,
-            "\"end\"",
-        ),
-        (
-            "s",
-            r#"{"n":[1,"x"],"s":"end"}"#,
-            r#"{"n":{"y":null},"s":"end"}"#,
-            "\"end\"",
-        ),
+        ("s", r#"{"n":1,"s":"end"}"#, r#"{"n":-12.5e3,"s":"end"}"#, "\"end\""),
+        ("s", r#"{"n":[1,"x"],"s":"end"}"#, r#"{"n":{"y":null},"s":"end"}"#, "\"end\""),
         (
             "a[].s",
             r#"{"a":[{"n":1,"s":"p"},{"s":"q"}]}"#,
@@ -172,23 +141,14 @@ fn a_value_given_twice_or_moved_is_not_taken_for_the_one_before() {
         // A number may become whole, huge or longer than an integer.
         ("x", r#"{"x":0.5}"#, r#"{"x":7}"#, "7"),
         ("x", r#"{"x":7}"#, r#"{"x":1e400}"#, "inf"),
-        (
-            "x",
-            r#"{"x":7}"#,
-            r#"{"x":9223372036854775808}"#,
-            "9223372036854776000",
-        ),
+        ("x", r#"{"x":7}"#, r#"{"x":9223372036854775808}"#, "9223372036854776000"),
     ] {
         let reader = reader("json", "", "", b"", &[path]);
         let mut row = Row::default();
         reader.read(before.as_bytes(), &mut row).expect("sound");
         let read = reader.read(message.as_bytes(), &mut row);
         assert_eq!(read, Ok(()), "{message}");
-        assert_eq!(
-            word(&row.value(message.as_bytes(), 0)),
-            expected,
-            "{before} {message}"
-        );
+        assert_eq!(word(&row.value(message.as_bytes(), 0)), expected, "{before} {message}");
     }
 }
 
@@ -207,19 +167,11 @@ fn what_may_not_be_is_refused_in_known_words_too() {
         (r#"{"y":[1],"x":2}"#, Ok(())),
         (r#"{"y":[1.],"x":2}"#, Err(MessageFault::Json)),
     ] {
-        assert_eq!(
-            reader.read(message.as_bytes(), &mut row),
-            expected,
-            "{message}"
-        );
+        assert_eq!(reader.read(message.as_bytes(), &mut row), expected, "{message}");
     }
     // Deeper and deeper, where the one before was flat.
     let refused = (50..70).filter(|&levels| {
-        let deep = format!(
-            "{{\"y\":{}{},\"x\":1}}",
-            "[".repeat(levels),
-            "]".repeat(levels)
-        );
+        let deep = format!("{{\"y\":{}{},\"x\":1}}", "[".repeat(levels), "]".repeat(levels));
         let (mut row, mut fresh) = (Row::default(), Row::default());
         assert_eq!(reader.read(br#"{"y":[],"x":1}"#, &mut row), Ok(()));
         let expected = reader.read(deep.as_bytes(), &mut fresh);
@@ -236,19 +188,12 @@ fn an_array_and_elements_of_it_are_wanted_at_once() {
     let mut row = Row::default();
     for (message, expected) in [
         ("{\"a\":[1,2]}", ["[1, 2]", "2", "[1, 2]", "[1, 2]"]),
-        (
-            "{\"a\":[3,\"s\"]}",
-            ["[3, \"s\"]", "\"s\"", "[3, \"s\"]", "[3, \"s\"]"],
-        ),
-        (
-            "{\"a\":[3,[4]]}",
-            ["[3, absent]", "[4]", "[3, absent]", "[3, absent]"],
-        ),
+        ("{\"a\":[3,\"s\"]}", ["[3, \"s\"]", "\"s\"", "[3, \"s\"]", "[3, \"s\"]"]),
+        ("{\"a\":[3,[4]]}", ["[3, absent]", "[4]", "[3, absent]", "[3, absent]"]),
     ] {
         reader.read(message.as_bytes(), &mut row).expect("sound");
-        let found: Vec<_> = (0..wanted.len())
-            .map(|slot| word(&row.value(message.as_bytes(), slot)))
-            .collect();
+        let found: Vec<_> =
+            (0..wanted.len()).map(|slot| word(&row.value(message.as_bytes(), slot))).collect();
         assert_eq!(found, expected, "{message}");
     }
 }

@@ -49,12 +49,7 @@ fn layout(opcode: u8) -> &'static [Part] {
             Number("summary_offset_start", 8),
             Number("summary_crc", 4),
         ],
-        op::SCHEMA => &[
-            Number("id", 2),
-            Text("name"),
-            Text("encoding"),
-            Text("data"),
-        ],
+        op::SCHEMA => &[Number("id", 2), Text("name"), Text("encoding"), Text("data")],
         op::CHANNEL => &[
             Number("id", 2),
             Number("schema_id", 2),
@@ -114,11 +109,9 @@ fn layout(opcode: u8) -> &'static [Part] {
         ],
         op::METADATA => &[Text("name"), Text("metadata")],
         op::METADATA_INDEX => &[Number("offset", 8), Number("length", 8), Text("name")],
-        op::SUMMARY_OFFSET => &[
-            Number("group_opcode", 1),
-            Number("group_start", 8),
-            Number("group_length", 8),
-        ],
+        op::SUMMARY_OFFSET => {
+            &[Number("group_opcode", 1), Number("group_start", 8), Number("group_length", 8)]
+        }
         op::DATA_END => &[Number("data_section_crc", 4)],
         _ => &[],
     }
@@ -131,11 +124,7 @@ pub fn fields(bytes: &[u8], range: Range<usize>) -> Vec<Field> {
     while at < range.end {
         let opcode = bytes[at];
         let mut add = |name: String, at, width| {
-            let field = Field {
-                name: format!("record {opcode:#04x} {name}"),
-                at,
-                width,
-            };
+            let field = Field { name: format!("record {opcode:#04x} {name}"), at, width };
             let value = field.value(bytes);
             found.push(field);
             usize::try_from(value).expect("a sound log")
@@ -196,11 +185,8 @@ fn joints(i: u32) -> Vec<u8> {
 }
 
 fn definitions() -> Vec<Vec<u8>> {
-    let topics = [
-        ("/joints", "JointState"),
-        ("/command", "PoseStamped"),
-        ("/reading", "PointStamped"),
-    ];
+    let topics =
+        [("/joints", "JointState"), ("/command", "PoseStamped"), ("/reading", "PointStamped")];
     let definition = |(id, (topic, short)): (u16, (&str, &str))| {
         let (name, text) = schema(short);
         [
@@ -241,11 +227,7 @@ impl Log {
         let metadata = Body::default().text("session").map(&[("robot", "r")]);
         let metadata_at = log.bytes.len() as u64;
         log.bytes.extend(metadata.record(op::METADATA));
-        let attachment = Body::default()
-            .u64(1)
-            .u64(2)
-            .text("photo")
-            .text("image/png");
+        let attachment = Body::default().u64(1).u64(2).text("photo").text("image/png");
         let attachment = attachment.u64(3).raw(&[1, 2, 3]);
         let crc = crc32fast::hash(&attachment.0);
         log.bytes.extend(attachment.u32(crc).record(op::ATTACHMENT));
@@ -267,27 +249,18 @@ impl Log {
     fn chunk(&mut self, first: u32, packing: Packing) -> Vec<u8> {
         let start = self.bytes.len();
         // Repeated in one chunk, as recorders do, which has to contradict nothing.
-        let repeated = if packing == Packing::None {
-            definitions()
-        } else {
-            Vec::new()
-        };
+        let repeated = if packing == Packing::None { definitions() } else { Vec::new() };
         let mut records = repeated.concat();
         let mut entries = Vec::new();
         for i in first..first + 4 {
-            entries.push((
-                u64::try_from(stamp(i)).expect("positive"),
-                records.len() as u64,
-            ));
+            entries.push((u64::try_from(stamp(i)).expect("positive"), records.len() as u64));
             records.extend(joints(i));
         }
         let chunk = raw::chunk((entries[0].0, entries[3].0), &records, packing);
         self.bytes.extend(chunk.record(op::CHUNK));
         let place = start..self.bytes.len();
-        self.bytes
-            .extend(raw::message_index(1, &entries).record(op::MESSAGE_INDEX));
-        self.homes
-            .extend((first..first + 4).map(|i| (i, place.clone())));
+        self.bytes.extend(raw::message_index(1, &entries).record(op::MESSAGE_INDEX));
+        self.homes.extend((first..first + 4).map(|i| (i, place.clone())));
         let packed = packing.pack(&records).len();
         let index = Body::default()
             .u64(entries[0].0)
@@ -299,21 +272,12 @@ impl Log {
             .text("")
             .u64(packed as u64)
             .u64(records.len() as u64);
-        self.chunks.push(Chunk {
-            packing,
-            records,
-            packed: place.end - packed..place.end,
-            place,
-        });
+        self.chunks.push(Chunk { packing, records, packed: place.end - packed..place.end, place });
         index.record(op::CHUNK_INDEX)
     }
 
     fn finish(&mut self, indexes: &[Vec<u8>], metadata_at: u64) {
-        let crc = if self.has_data_crc {
-            crc32fast::hash(&self.bytes)
-        } else {
-            0
-        };
+        let crc = if self.has_data_crc { crc32fast::hash(&self.bytes) } else { 0 };
         self.bytes.extend(raw::data_end(crc).record(op::DATA_END));
         let start = self.bytes.len();
         let of_channels = [(1, 18), (2, 2), (3, 2)].into_iter();
@@ -346,21 +310,14 @@ impl Log {
 
     /// The log with other compressed bytes in one of its chunks, which states this size.
     pub fn with_packed(&self, chunk: &Chunk, packed: &[u8], stated: u64) -> Vec<u8> {
-        let name = if chunk.packing == Packing::Zstd {
-            "zstd"
-        } else {
-            "lz4"
-        };
+        let name = if chunk.packing == Packing::Zstd { "zstd" } else { "lz4" };
         let body = Body::default().u64(0).u64(u64::MAX).u64(stated).u32(0);
         let body = body.text(name).u64(packed.len() as u64).raw(packed);
         self.replaced(chunk, &body.record(op::CHUNK))
     }
 
     fn replaced(&self, chunk: &Chunk, record: &[u8]) -> Vec<u8> {
-        let (before, after) = (
-            &self.bytes[..chunk.place.start],
-            &self.bytes[chunk.place.end..],
-        );
+        let (before, after) = (&self.bytes[..chunk.place.start], &self.bytes[chunk.place.end..]);
         [before, record, after].concat()
     }
 }
@@ -388,37 +345,19 @@ pub fn large(log: &Log) -> Vec<(&'static str, Vec<u8>)> {
     let shared = std::iter::once(long.clone()).chain(sharing(|id| format!("/{id}")));
     let on_one_topic = std::iter::once(long).chain(sharing(|_| "/joints".to_owned()));
     let each = sharing(|id| format!("/{id}")).chain((10..u16::MAX).map(message));
-    let each = [
-        each.collect::<Vec<_>>().concat(),
-        (10..u16::MAX).flat_map(message).collect(),
-    ];
+    let each = [each.collect::<Vec<_>>().concat(), (10..u16::MAX).flat_map(message).collect()];
     let tiny = raw::chunk((0, 0), &message(2), Packing::Zstd).record(op::CHUNK);
     vec![
-        (
-            "thirty-megabytes-of-schemas",
-            insert(schemas.flatten().collect()),
-        ),
+        ("thirty-megabytes-of-schemas", insert(schemas.flatten().collect())),
         ("every-channel-unknown", insert(unknown.flatten().collect())),
         ("a-name-for-each-pair", insert(metadata)),
         ("a-million-pairs", insert(channel)),
-        (
-            "a-million-empty-messages",
-            insert(message(2).repeat(1_000_000)),
-        ),
+        ("a-million-empty-messages", insert(message(2).repeat(1_000_000))),
         ("many-tiny-chunks", insert(tiny.repeat(20_000))),
-        (
-            "channels-that-share-a-long-schema",
-            insert(shared.flatten().collect()),
-        ),
-        (
-            "channels-of-one-topic",
-            insert(on_one_topic.flatten().collect()),
-        ),
+        ("channels-that-share-a-long-schema", insert(shared.flatten().collect())),
+        ("channels-of-one-topic", insert(on_one_topic.flatten().collect())),
         ("a-message-of-every-channel-twice", insert(each.concat())),
         ("many-logs-in-one-file", log.bytes.repeat(300)),
-        (
-            "many-ends",
-            insert(raw::data_end(0).record(op::DATA_END).repeat(100_000)),
-        ),
+        ("many-ends", insert(raw::data_end(0).record(op::DATA_END).repeat(100_000))),
     ]
 }

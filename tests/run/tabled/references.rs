@@ -37,10 +37,8 @@ struct Noise(u64);
 
 impl Noise {
     fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }
@@ -58,11 +56,7 @@ fn motion(station: usize) -> Isometry3<f64> {
 fn moved(count: usize) -> String {
     let number = |cell: &str| cell.replace(',', ".").parse::<f64>().expect("a number");
     let mut noise = Noise(7);
-    let places = [
-        [900.0, -700.0, -200.0],
-        [1600.0, 300.0, -250.0],
-        [400.0, 600.0, 300.0],
-    ];
+    let places = [[900.0, -700.0, -200.0], [1600.0, 300.0, -250.0], [400.0, 600.0, 300.0]];
     let mut text = format!("{HEADER};F1_x;F1_y;F1_z;F2_x;F2_y;F2_z;F3_x;F3_y;F3_z\n");
     for (station, row) in rows().iter().enumerate() {
         let now = motion(station);
@@ -107,9 +101,7 @@ fn session(text: &str, references: &str) -> Cell {
 
 fn mean(cell: &Cell, model: &str) -> f64 {
     let all = means(cell);
-    let own = all
-        .iter()
-        .find(|(name, _)| name.starts_with(model) && name.contains("blocks"));
+    let own = all.iter().find(|(name, _)| name.starts_with(model) && name.contains("blocks"));
     own.unwrap_or_else(|| panic!("{model} in {all:?}")).1
 }
 
@@ -141,57 +133,39 @@ fn drift_and_bump_are_taken_out_and_told() {
     }
     let motion = followed.table("reference_motion", "mon");
     let (event, taken) = (motion.text("event"), motion.text("stands_on"));
-    let bumps: Vec<usize> = (0..motion.rows())
-        .filter(|&row| event.is_valid(row))
-        .collect();
+    let bumps: Vec<usize> = (0..motion.rows()).filter(|&row| event.is_valid(row)).collect();
     assert_eq!(bumps, [BUMPED]);
     assert_eq!((motion.rows(), taken.value(0)), (rows().len(), "floor"));
     let places = followed.table("references", "mon");
     assert_eq!(places.rows(), 3);
     let rejects = followed.table("rejects", "mon");
     let kinds = rejects.text("kind");
-    let own: Vec<usize> = (0..rejects.rows())
-        .filter(|&row| kinds.value(row) == "references")
-        .collect();
+    let own: Vec<usize> =
+        (0..rejects.rows()).filter(|&row| kinds.value(row) == "references").collect();
     assert_eq!(own.len(), 2);
     let reason = rejects.text("reason").value(own[1]);
-    assert!(
-        reason.contains("farther than any instrument reads"),
-        "{reason}"
-    );
-    assert!(
-        rejects
-            .text("reason")
-            .value(own[0])
-            .contains("reference \"F2\" is 2.")
-    );
+    assert!(reason.contains("farther than any instrument reads"), "{reason}");
+    assert!(rejects.text("reason").value(own[0]).contains("reference \"F2\" is 2."));
     crate::verify::verify(&followed, &[]).expect(0, &[]);
 }
 
 #[test]
 fn two_references_keep_the_larger_part() {
-    let two = REFERENCES
-        .split("\n[[stations.references]]\nname = \"F3\"")
-        .next()
-        .expect("the first two");
+    let two =
+        REFERENCES.split("\n[[stations.references]]\nname = \"F3\"").next().expect("the first two");
     let cell = session(&moved(2), two);
     cell.run(&[]).expect(0, &["only the larger is used"]);
     let stations = cell.table("stations", "mon");
     let (verdict, reason) = (stations.text("verdict"), stations.text("reason"));
-    let unmeasured: Vec<usize> = (0..stations.rows())
-        .filter(|&row| verdict.value(row) != "paired")
-        .collect();
+    let unmeasured: Vec<usize> =
+        (0..stations.rows()).filter(|&row| verdict.value(row) != "paired").collect();
     let smaller: Vec<usize> = if 2 * BUMPED > stations.rows() {
         (BUMPED..stations.rows()).collect()
     } else {
         (0..BUMPED).collect()
     };
     assert_eq!(unmeasured, smaller);
-    assert!(
-        unmeasured
-            .iter()
-            .all(|&row| reason.value(row) == "instrument_moved")
-    );
+    assert!(unmeasured.iter().all(|&row| reason.value(row) == "instrument_moved"));
     assert_two_steps_as_one(&cell, 0);
 }
 
@@ -207,49 +181,28 @@ fn a_wrong_section_of_references_is_told() {
     // A wire whose anchor is on the floor, beside references on a base that may move.
     let wire = "\n[[stations.lengths]]\nname = \"wire\"\nreads = \"distance\"\ncolumn = \"L\"\nunit = \"mm\"\nsd_mm = 0.1\n";
     let on_base = REFERENCES.replace("on = \"floor\"", "on = \"base\"") + wire;
-    session(&text, &on_base).run(&[]).expect(
-        2,
-        &[
-            "[[stations.lengths]] on",
-            "\"wire\" beside references on the base",
-        ],
-    );
+    session(&text, &on_base)
+        .run(&[])
+        .expect(2, &["[[stations.lengths]] on", "\"wire\" beside references on the base"]);
     told("\"F3_z\"", "\"F4_z\"").expect(1, &["F4_z"]);
 }
 
 /// A session that `posegrid simulate --table` wrote, by the section in the table's head.
 #[test]
 fn a_simulated_table_has_the_drift_of_its_base() {
-    let flags = [
-        "--grid-step",
-        "240",
-        "--size",
-        "720,960,480",
-        "--table",
-        "--base-drift-mm",
-        "0.5",
-    ];
-    let references = [
-        "--reference",
-        "300,300,100",
-        "--reference",
-        "-300,250,90",
-        "--reference",
-        "100,-380,400",
-    ];
+    let flags =
+        ["--grid-step", "240", "--size", "720,960,480", "--table", "--base-drift-mm", "0.5"];
+    let references =
+        ["--reference", "300,300,100", "--reference", "-300,250,90", "--reference", "100,-380,400"];
     let flags: Vec<&str> = flags.into_iter().chain(references).collect();
     let made = cell().with_simulated("mon", &flags);
     let text = std::fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
-    let head = text
-        .lines()
-        .skip(1)
-        .map_while(|line| line.strip_prefix("# "));
+    let head = text.lines().skip(1).map_while(|line| line.strip_prefix("# "));
     let section: Vec<&str> = head.collect();
     let cell = made
         .with(STATIONS, &format!("{}\n", section.join("\n")))
         .with("stations = \"measured.csv\"", "stations = \"stations.csv\"");
-    cell.run(&["--verbose"])
-        .expect(0, &["3 references on the base, which tell rotations"]);
+    cell.run(&["--verbose"]).expect(0, &["3 references on the base, which tell rotations"]);
     let motion = cell.table("reference_motion", "mon");
     let shift = ["shift_x_mm", "shift_y_mm", "shift_z_mm"].map(|name| motion.f64(name).clone());
     let size = |row: usize| Vector3::from([0, 1, 2].map(|axis| shift[axis].value(row))).norm();
@@ -263,16 +216,10 @@ fn a_simulated_table_has_the_drift_of_its_base() {
 #[test]
 fn inspect_takes_positions_that_stand_still_for_references() {
     // The quickstart's x is a sum of columns, which no name tells: a constant away it is one column.
-    let cell = session(
-        &moved(3).replace("x0;dx;", "x;more;").replace(";F", ";B"),
-        "",
-    );
+    let cell = session(&moved(3).replace("x0;dx;", "x;more;").replace(";F", ";B"), "");
     let table = cell.session("mon").join("measured.csv");
     let mut inspect = crate::cell::posegrid();
-    inspect
-        .arg("inspect")
-        .arg(&table)
-        .args(["--robot", "kr210-r2700-extra"]);
+    inspect.arg("inspect").arg(&table).args(["--robot", "kr210-r2700-extra"]);
     crate::cell::ended(&mut inspect).expect(
         0,
         &[
@@ -287,10 +234,7 @@ fn inspect_takes_positions_that_stand_still_for_references() {
 fn a_simulated_table_has_the_orientations_of_its_target() {
     let made = cell().with_simulated("mon", &["--random-joints", "30", "--table", "--six-dof"]);
     let text = std::fs::read_to_string(made.session("mon").join("stations.csv")).expect("written");
-    let head = text
-        .lines()
-        .skip(1)
-        .map_while(|line| line.strip_prefix("# "));
+    let head = text.lines().skip(1).map_while(|line| line.strip_prefix("# "));
     let section: Vec<&str> = head.collect();
     let cell = made
         .with(STATIONS, &format!("{}\n", section.join("\n")))

@@ -44,16 +44,10 @@ pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> 
             (robot.file.to_owned(), robot.text.to_owned())
         }
         (Err(source), _) => {
-            return Err(NoArm::Read {
-                path: named,
-                source,
-            });
+            return Err(NoArm::Read { path: named, source });
         }
     };
     let arm = robot_file::arm(path, &text, selection);
-    let arm = arm.map_err(|source| NoArm::File {
-        path: named,
-        source: Box::new(source),
-    })?;
+    let arm = arm.map_err(|source| NoArm::File { path: named, source: Box::new(source) })?;
     Ok(Arms::named(file, arm))
 }

@@ -30,11 +30,7 @@ pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection) -> String 
     lines.robot(selection);
     lines.input(paths);
     lines.stations(&guess.settings);
-    if let Some(commands) = guess
-        .commands
-        .as_ref()
-        .filter(|_| guess.settings.commanded.is_some())
-    {
+    if let Some(commands) = guess.commands.as_ref().filter(|_| guess.settings.commanded.is_some()) {
         lines.commanded(commands);
     }
     lines.head("tracker");
@@ -45,21 +41,13 @@ pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection) -> String 
 
 impl Lines<'_> {
     fn head(&mut self, name: &str) {
-        let gap = if self.text.ends_with("\n\n") {
-            ""
-        } else {
-            "\n"
-        };
+        let gap = if self.text.ends_with("\n\n") { "" } else { "\n" };
         self.text.extend([gap, "[", name, "]\n"]);
     }
 
     /// A key with its value, and what is unsure about `about`.
     fn key(&mut self, key: &str, value: &str, about: Option<Key>) {
-        let doubts = self
-            .guess
-            .doubts
-            .iter()
-            .filter(|doubt| Some(doubt.key) == about);
+        let doubts = self.guess.doubts.iter().filter(|doubt| Some(doubt.key) == about);
         let words: Vec<String> = doubts.map(|doubt| escaped(&doubt.words)).collect();
         let unsure = if words.is_empty() {
             String::new()
@@ -72,26 +60,14 @@ impl Lines<'_> {
     fn robot(&mut self, selection: &Selection) {
         self.head("robot");
         let guess = self.guess;
-        let found = guess
-            .verdict
-            .as_ref()
-            .filter(|verdict| guess.arm_is_named || verdict.agrees());
-        let named = if guess.arm_is_named {
-            guess.arms.first()
-        } else {
-            None
-        };
+        let found = guess.verdict.as_ref().filter(|verdict| guess.arm_is_named || verdict.agrees());
+        let named = if guess.arm_is_named { guess.arms.first() } else { None };
         let file = found.map(|verdict| &guess.arms[verdict.best.arm]).or(named);
         if let Some(ready) = file.filter(|_| !guess.arm_is_named) {
             let name = ready.trim_end_matches(".toml");
-            self.text
-                .extend(["# posegrid robot ", name, " > ", ready, "\n"]);
+            self.text.extend(["# posegrid robot ", name, " > ", ready, "\n"]);
         }
-        self.key(
-            "file",
-            &toml_text(file.map_or("robot.toml", String::as_str)),
-            Some(Key::Robot),
-        );
+        self.key("file", &toml_text(file.map_or("robot.toml", String::as_str)), Some(Key::Robot));
         for (key, value) in [("base", &selection.base), ("tip", &selection.tip)] {
             if let Some(value) = value {
                 self.key(key, &toml_text(value), None);
@@ -105,9 +81,7 @@ impl Lines<'_> {
             .first()
             .and_then(|path| path.parent())
             .map(|path| path.to_string_lossy().into_owned());
-        let folder = folder
-            .filter(|folder| !folder.is_empty())
-            .unwrap_or_else(|| ".".to_owned());
+        let folder = folder.filter(|folder| !folder.is_empty()).unwrap_or_else(|| ".".to_owned());
         self.key("folder", &toml_text(&folder), None);
         if !self.guess.sessions.is_empty() {
             self.key("sessions_by", "\"column\"", Some(Key::Session));
@@ -146,11 +120,7 @@ impl Lines<'_> {
             Some(Key::JointUnit),
         );
         if let Some(unit) = settings.length_unit {
-            self.key(
-                "length_unit",
-                &format!("\"{}\"", length(unit)),
-                Some(Key::LengthUnit),
-            );
+            self.key("length_unit", &format!("\"{}\"", length(unit)), Some(Key::LengthUnit));
         }
         let columns = [
             ("session", &settings.session, Key::Session),
@@ -209,20 +179,14 @@ impl Lines<'_> {
             self.key("name", &toml_text(name), None);
         }
         self.key("position", &list(&reading.position), Some(Key::Position));
-        self.key(
-            "unit",
-            &format!("\"{}\"", length(reading.unit)),
-            Some(Key::Unit),
-        );
+        self.key("unit", &format!("\"{}\"", length(reading.unit)), Some(Key::Unit));
         if let Some(sd) = &reading.sd {
             self.key("sd", &list(sd), None);
         }
         match &reading.orientation {
-            Some(orientation) => self.key(
-                "orientation",
-                &of_orientation(orientation),
-                Some(Key::Orientation),
-            ),
+            Some(orientation) => {
+                self.key("orientation", &of_orientation(orientation), Some(Key::Orientation))
+            }
             None => self.left_out(),
         }
     }
@@ -256,14 +220,9 @@ impl Lines<'_> {
 
     /// The comment about an orientation that the table has and that is left out.
     fn left_out(&mut self) {
-        let doubts = self
-            .guess
-            .doubts
-            .iter()
-            .filter(|doubt| doubt.key == Key::Orientation);
+        let doubts = self.guess.doubts.iter().filter(|doubt| doubt.key == Key::Orientation);
         for doubt in doubts {
-            self.text
-                .extend(["# orientation: ", &escaped(&doubt.words), "\n"]);
+            self.text.extend(["# orientation: ", &escaped(&doubt.words), "\n"]);
         }
     }
 
@@ -275,11 +234,7 @@ impl Lines<'_> {
             &placement(&commands.base_from_command),
             Some(Key::Commanded),
         );
-        self.key(
-            "flange_from_tool",
-            &placement(&commands.flange_from_tool),
-            Some(Key::Commanded),
-        );
+        self.key("flange_from_tool", &placement(&commands.flange_from_tool), Some(Key::Commanded));
         self.text +=
             "target_is_tool = false  # true where the commanded point is the measured target\n";
     }
@@ -315,10 +270,9 @@ fn of_orientation(orientation: &OrientationColumns) -> String {
             format!("order = \"{}\"", String::from(*order)),
             format!("unit = \"{}\"", angle(*unit)),
         ],
-        OrientationForm::Vector(own, unit) => vec![
-            format!("rotation_vector = {}", list(own)),
-            format!("unit = \"{}\"", angle(*unit)),
-        ],
+        OrientationForm::Vector(own, unit) => {
+            vec![format!("rotation_vector = {}", list(own)), format!("unit = \"{}\"", angle(*unit))]
+        }
         OrientationForm::Matrix(own) => vec![format!("matrix = {}", list(own))],
     };
     if !orientation.sd.is_empty() {
@@ -372,11 +326,8 @@ T1\u{1b} x;T1\u{1b} y;T1\u{1b} z;T2 x;T2 y;T2 z;T1\u{1b} rx;T1\u{1b} ry;T1\u{1b}
                 0.3 * t.sin(),
                 1.7e9 + t,
             ];
-            let texts: Vec<String> = values
-                .iter()
-                .chain(&more)
-                .map(|value| format!("{value:.4}"))
-                .collect();
+            let texts: Vec<String> =
+                values.iter().chain(&more).map(|value| format!("{value:.4}")).collect();
             text += &(texts.join(";") + "\n");
         }
         text
@@ -396,10 +347,7 @@ T1\u{1b} x;T1\u{1b} y;T1\u{1b} z;T2 x;T2 y;T2 z;T1\u{1b} rx;T1\u{1b} ry;T1\u{1b}
         let stations: StationsSettings = sections["stations"].clone().try_into().expect("settings");
         assert_eq!(stations, guess.settings);
         assert_eq!(sections["input"]["sessions"][0].as_str(), Some("a \"b\""));
-        assert_eq!(
-            sections["input"]["stations"].as_str(),
-            Some("{session}.csv")
-        );
+        assert_eq!(sections["input"]["stations"].as_str(), Some("{session}.csv"));
         assert!(text.contains("# unsure: "), "{text}");
     }
 

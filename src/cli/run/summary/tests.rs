@@ -34,10 +34,7 @@ fn summary() -> Summary {
             stated: Stated::Joints,
             first: "",
             sets_base: false,
-            instead: Some(Instead {
-                words: "measure more".to_owned(),
-                allow: "not-shown",
-            }),
+            instead: Some(Instead { words: "measure more".to_owned(), allow: "not-shown" }),
         },
     }
 }
@@ -51,10 +48,7 @@ fn not_shown() -> Ending {
 }
 
 fn failed() -> Ending {
-    Ending::Failed(Failure {
-        reason: "no log".to_owned(),
-        session: None,
-    })
+    Ending::Failed(Failure { reason: "no log".to_owned(), session: None })
 }
 
 fn before() -> Ending {

@@ -20,50 +20,29 @@ fn arm_of(links: &[Link], has_track: bool) -> Arm {
     };
     if has_track {
         named(2000.0);
-        elements.push(Element::Joint {
-            motion: Motion::Translation(Axis::Y),
-            joint: 0,
-            sign: 1.0,
-        });
+        elements.push(Element::Joint { motion: Motion::Translation(Axis::Y), joint: 0, sign: 1.0 });
     }
     for (place, [a, alpha, d]) in links.iter().enumerate() {
         named(170.0_f64.to_radians());
         elements.extend(link([*a, *alpha, *d], place + usize::from(has_track)));
     }
     let size = joints.len();
-    let row = |row| {
-        (0..size)
-            .map(|own| f64::from(u8::from(own == row)))
-            .collect()
-    };
+    let row = |row| (0..size).map(|own| f64::from(u8::from(own == row))).collect();
     let map: Vec<Vec<f64>> = (0..size).map(row).collect();
-    Arm::new(
-        "arm".to_owned(),
-        Convention::StandardDh,
-        joints,
-        &map,
-        Chain::new(elements),
-    )
-    .expect("an arm")
+    Arm::new("arm".to_owned(), Convention::StandardDh, joints, &map, Chain::new(elements))
+        .expect("an arm")
 }
 
 fn link([a, alpha, d]: Link, joint: usize) -> Vec<Element> {
     let free = |motion, nominal, quantity| Element::Free {
         motion,
         nominal,
-        parameter: Parameter::Link {
-            joint: joint + 1,
-            quantity,
-        },
+        parameter: Parameter::Link { joint: joint + 1, quantity },
     };
     let (about, along) = (Motion::Rotation, Motion::Translation);
     vec![
         free(about(Axis::Z), 0.0, LinkQuantity::Theta),
-        Element::Joint {
-            motion: about(Axis::Z),
-            joint,
-            sign: 1.0,
-        },
+        Element::Joint { motion: about(Axis::Z), joint, sign: 1.0 },
         free(along(Axis::Z), d, LinkQuantity::D),
         free(along(Axis::X), a, LinkQuantity::A),
         free(about(Axis::X), alpha.to_radians(), LinkQuantity::Alpha),
@@ -90,13 +69,8 @@ const OFFSET_WRIST: [Link; 6] = [
     [0.0, 0.0, 160.0],
 ];
 /// Base, three parallel axes, and the roll of the tool.
-const FIVE: [Link; 5] = [
-    [0.0, 90.0, 400.0],
-    [500.0, 0.0, 0.0],
-    [400.0, 0.0, 0.0],
-    [0.0, 90.0, 0.0],
-    [0.0, 0.0, 188.0],
-];
+const FIVE: [Link; 5] =
+    [[0.0, 90.0, 400.0], [500.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 90.0, 0.0], [0.0, 0.0, 188.0]];
 
 /// Identified with 0.4 mm and 0.3 mrad at each parameter, measured within ±1.6 rad and ±1 m.
 fn measured(arm: &Arm) -> IdentifiedArm {
@@ -108,11 +82,7 @@ fn measured(arm: &Arm) -> IdentifiedArm {
 fn at(angles: &[f64]) -> Target {
     Target {
         name: "rivet 7".to_owned(),
-        joints: Some(TargetJoints {
-            names: Vec::new(),
-            slides: None,
-            angles: angles.to_vec(),
-        }),
+        joints: Some(TargetJoints { names: Vec::new(), slides: None, angles: angles.to_vec() }),
         ..Target::default()
     }
 }
@@ -178,12 +148,7 @@ fn a_track_under_an_arm_stays_where_it_is_commanded() {
     attained(&identified, at(&asked));
     asked[0] = 1011.25;
     let refused = one(&identified, at(&asked)).expect_err("more than 8.7 mm beyond");
-    assert!(
-        refused
-            .to_string()
-            .contains("11.250 mm beyond the -1000.000 mm"),
-        "{refused}"
-    );
+    assert!(refused.to_string().contains("11.250 mm beyond the -1000.000 mm"), "{refused}");
 }
 
 #[test]
@@ -196,8 +161,5 @@ fn a_pose_alone_is_reached_within_the_ranges_measured_by_an_arm_without_configur
     assert_eq!(pose.configuration, None);
     let by_pose = attained(&identified, pose);
     let within = |joints: &[f64]| joints.iter().all(|q| q.abs() <= 1.6 + RIM_RAD);
-    assert!(
-        within(&by_pose.target) && within(&by_pose.command),
-        "{by_pose:?}"
-    );
+    assert!(within(&by_pose.target) && within(&by_pose.command), "{by_pose:?}");
 }

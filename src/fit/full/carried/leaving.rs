@@ -54,10 +54,7 @@ impl Total {
         let determined = posterior.determined();
         let shown = |first: usize, count: usize| {
             let own = (first..first + count).filter(|&place| all[place] > 0.0);
-            let none = Shown {
-                squares: 0.0,
-                counted: 0.0,
-            };
+            let none = Shown { squares: 0.0, counted: 0.0 };
             own.fold(none, |sum, place| Shown {
                 squares: sum.squares + posterior.whitened[place].powi(2),
                 counted: sum.counted + determined[place],
@@ -130,19 +127,11 @@ impl Settled {
         // The zero that a joint had in this session will be one that it had before.
         let columns: Vec<usize> = (0..size).chain(zeros).collect();
         let first: Vec<usize> = (0..size + joints).collect();
-        let mut total = sums(around, &self.prior_mean)
-            .selected(&columns)
-            .placed(&first, all);
+        let mut total = sums(around, &self.prior_mean).selected(&columns).placed(&first, all);
         if let Some(before) = before {
             total.add(&places.laid(&before.then, Some(before), all)?, 1.0);
         }
-        Some(Total {
-            sums: total,
-            own,
-            joints,
-            changes,
-            last,
-        })
+        Some(Total { sums: total, own, joints, changes, last })
     }
 
     /// The columns that are carried over: what all sessions share, and the changes of curves of this one; gear lines without evidence are
@@ -154,16 +143,10 @@ impl Settled {
             let column = |place: usize| match block {
                 Block::Unknowns => {
                     let unknown = unknowns[place];
-                    unknown
-                        .session()
-                        .is_none()
-                        .then_some(Column::Unknown(unknown))
+                    unknown.session().is_none().then_some(Column::Unknown(unknown))
                 }
                 Block::SessionCurve { joint, .. } => Some(Column::Last { joint, place }),
-                block => block
-                    .session()
-                    .is_none()
-                    .then_some(Column::Of { block, place }),
+                block => block.session().is_none().then_some(Column::Of { block, place }),
             };
             let is_left = matches!(block, Block::Line { .. })
                 && self.posterior.gain_of(&own).is_none_or(|gain| gain <= 0.0);
@@ -189,9 +172,7 @@ impl Settled {
             if !total.changes.is_empty() {
                 ageing = ageing.after(expected, changes.squares, changes.counted);
             }
-            let of_curves = sizes
-                .iter_mut()
-                .find(|(part, _)| *part == Part::SessionCurve);
+            let of_curves = sizes.iter_mut().find(|(part, _)| *part == Part::SessionCurve);
             if let (Some((_, own)), Some(then)) = (of_curves, then(Part::SessionCurve)) {
                 *own = then.after(expected, last.squares, last.counted);
             }

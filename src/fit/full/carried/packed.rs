@@ -16,11 +16,7 @@ impl Carried {
     /// # Errors
     /// Where a number cannot be written as text, which only one that is not finite could cause.
     pub fn packed(&self) -> serde_json::Result<Vec<u8>> {
-        let Sums {
-            information,
-            moment,
-            ..
-        } = &self.sums;
+        let Sums { information, moment, .. } = &self.sums;
         let head = serde_json::to_vec(self)?;
         let size = moment.len();
         let mut bytes = (head.len() as u64).to_le_bytes().to_vec();
@@ -47,11 +43,7 @@ impl Carried {
         let (head, numbers) = rest.split_at_checked(length)?;
         let mut carried: Self = serde_json::from_slice(head).ok()?;
         let size = carried.columns.len();
-        let lengths = [
-            carried.sums.moment.len(),
-            carried.at.len(),
-            carried.variances.len(),
-        ];
+        let lengths = [carried.sums.moment.len(), carried.at.len(), carried.variances.len()];
         if lengths != [size; 3] || numbers.len() != triangle(size) * NUMBER {
             return None;
         }

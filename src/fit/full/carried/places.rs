@@ -26,10 +26,7 @@ impl Entered {
         let changed = self.changes.iter().map(|(_, variance)| *variance);
         let last = self.then.columns.iter().zip(&self.then.variances);
         let last = last.filter(|(own, _)| own.is_of_last());
-        (
-            changed.collect(),
-            last.map(|(_, variance)| *variance).collect(),
-        )
+        (changed.collect(), last.map(|(_, variance)| *variance).collect())
     }
 }
 
@@ -47,13 +44,10 @@ impl<'p> Places<'p> {
 
     /// The column of each joint's constant in this session.
     pub(super) fn constants(&self) -> Vec<usize> {
-        let constants = self
-            .layout
-            .blocks()
-            .filter_map(|(block, columns)| match block {
-                Block::SessionCurve { session: 0, .. } => Some(columns.start),
-                _ => None,
-            });
+        let constants = self.layout.blocks().filter_map(|(block, columns)| match block {
+            Block::SessionCurve { session: 0, .. } => Some(columns.start),
+            _ => None,
+        });
         constants.collect()
     }
 

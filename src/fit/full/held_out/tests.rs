@@ -16,12 +16,7 @@ fn truth(beyond: fn(&mut [f64]) -> Vector3<f64>) -> Truth {
 
 /// Few harmonics: training takes no time.
 fn settings() -> FullSettings {
-    FullSettings {
-        harmonics: 40,
-        gear_lines: false,
-        drift: false,
-        ..FullSettings::default()
-    }
+    FullSettings { harmonics: 40, gear_lines: false, drift: false, ..FullSettings::default() }
 }
 
 fn geometry(truth: &Truth, seen: &[Observation]) -> (Vec<crate::fit::Frames>, Vec<f64>, Prior) {
@@ -35,15 +30,7 @@ fn curves(truth: &Truth) -> PartEvidence {
     let seen = truth.observed(false);
     let (frames, offsets, prior) = geometry(truth, &seen);
     let up: Option<UnitVector3<f64>> = None;
-    let model = FullModel::train(
-        &truth.arm,
-        &seen,
-        &frames,
-        &offsets,
-        &prior,
-        &settings(),
-        up,
-    );
+    let model = FullModel::train(&truth.arm, &seen, &frames, &offsets, &prior, &settings(), up);
     model.expect("a model").parts[0].clone()
 }
 
@@ -123,10 +110,7 @@ fn curves_that_a_near_tie_keeps_cost_little_on_poses_that_were_not_seen() {
         ) * 1.5
     });
     let chosen = fresh_error_mm(&truth, &settings());
-    let without = FullSettings {
-        harmonics: 0,
-        ..settings()
-    };
+    let without = FullSettings { harmonics: 0, ..settings() };
     let without = fresh_error_mm(&truth, &without);
     assert!(chosen < 1.03 * without, "{chosen} {without}");
 }
@@ -146,10 +130,7 @@ fn with_settled(harmonics: usize, check: impl Fn(&Problem<'_>, &Settled)) {
     );
     let mut start = DVector::zeros(problem.unknowns().len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
-    let settings = FullSettings {
-        harmonics,
-        ..settings()
-    };
+    let settings = FullSettings { harmonics, ..settings() };
     let settled = train(&problem, start, (&settings, None), None).expect("a model");
     check(&problem, &settled);
 }
@@ -174,10 +155,7 @@ fn never_saw_the_block(problem: &Problem<'_>, settled: &Settled) {
     let whole: Vec<_> = rows.iter().enumerate().map(whole).collect();
     let (mut information, mut moment) = (DMatrix::zeros(size, size), DVector::zeros(size));
     for place in (0..rows.len()).filter(|place| place % 5 != 2) {
-        let weight = covariances[place]
-            .clone()
-            .try_inverse()
-            .expect("a covariance");
+        let weight = covariances[place].clone().try_inverse().expect("a covariance");
         let value = &rows[place].value - &whole[place] * &settled.prior_mean;
         information += whole[place].tr_mul(&(&weight * &whole[place]));
         moment += whole[place].tr_mul(&(weight * value));
@@ -187,15 +165,11 @@ fn never_saw_the_block(problem: &Problem<'_>, settled: &Settled) {
         let own = if row == column { 1.0 } else { 0.0 };
         own + scale[row] * information[(row, column)] * scale[column]
     });
-    let whitened = matrix
-        .cholesky()
-        .expect("positive definite")
-        .solve(&moment.component_mul(scale));
+    let whitened =
+        matrix.cholesky().expect("positive definite").solve(&moment.component_mul(scale));
     let without = whitened.component_mul(scale) + &settled.prior_mean;
-    let wanted: f64 = block
-        .iter()
-        .map(|&place| (&rows[place].value - &whole[place] * &without).norm())
-        .sum();
+    let wanted: f64 =
+        block.iter().map(|&place| (&rows[place].value - &whole[place] * &without).norm()).sum();
     assert!((found - wanted).abs() < 1e-6 * wanted, "{found} {wanted}");
 }
 
@@ -217,10 +191,7 @@ fn few_rows_leave_stations_out_as_their_sums_do() {
             let apart = (&few.information - &many.information).norm();
             assert!(apart < 1e-4 * many.information.norm(), "{apart}");
             let apart = few.distance_squared - many.distance_squared;
-            assert!(
-                apart.abs() < 1e-4 * (1.0 + many.distance_squared),
-                "{apart}"
-            );
+            assert!(apart.abs() < 1e-4 * (1.0 + many.distance_squared), "{apart}");
         }
     });
 }
@@ -229,10 +200,8 @@ fn few_rows_leave_stations_out_as_their_sums_do() {
 fn pool(truth: &Truth) -> (Vec<Observation>, Vec<crate::fit::Frames>, Vec<f64>, Prior) {
     let seen = truth.observed(false);
     let (frames, offsets, prior) = geometry(truth, &seen[..60]);
-    let of = |(place, own): (usize, &Observation)| Observation {
-        session: place / 30,
-        ..own.clone()
-    };
+    let of =
+        |(place, own): (usize, &Observation)| Observation { session: place / 30, ..own.clone() };
     let pool = seen.iter().take(60).enumerate().map(of);
     (pool.collect(), vec![frames[0].clone(); 2], offsets, prior)
 }
@@ -250,12 +219,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
     );
     let mut start = DVector::zeros(problem.unknowns().len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
-    let settings = FullSettings {
-        harmonics: 2,
-        gear_lines: true,
-        drift: true,
-        ..settings()
-    };
+    let settings = FullSettings { harmonics: 2, gear_lines: true, drift: true, ..settings() };
     let settled = train(&problem, start, (&settings, None), None).expect("a model");
     check(&problem, &settled);
 }

@@ -76,11 +76,7 @@ impl FewRows {
         Some(Posterior {
             whitened: &transposed * explained,
             log_evidence: -0.5 * (quadratic + factor.ln_determinant() + self.ln_noise),
-            root: Root::Rows(FewRoot {
-                transposed,
-                columns: Arc::clone(&self.columns),
-                factor,
-            }),
+            root: Root::Rows(FewRoot { transposed, columns: Arc::clone(&self.columns), factor }),
             scale,
         })
     }
@@ -213,9 +209,7 @@ mod tests {
             }
         }
         few.columns = Arc::new(ByMotion {
-            plain: (0..columns)
-                .filter(|own| ![0, 3].contains(&(own % 5)))
-                .collect(),
+            plain: (0..columns).filter(|own| ![0, 3].contains(&(own % 5))).collect(),
             stations: (0..stations).map(|own| 3 * own..3 * own + 3).collect(),
             joints,
         });
@@ -268,10 +262,7 @@ mod tests {
             for chosen in [vec![0], vec![1, 2]] {
                 let gain = |posterior: &Posterior| posterior.gain_of(&chosen).expect("definite");
                 let apart = gain(&by_rows) - gain(&by_columns);
-                assert!(
-                    apart.abs() < 1e-6 * (1.0 + gain(&by_columns).abs()),
-                    "gain {apart}"
-                );
+                assert!(apart.abs() < 1e-6 * (1.0 + gain(&by_columns).abs()), "gain {apart}");
             }
             let factor = (by_rows.factor().lower().lower_triangle()
                 - by_columns.factor().lower().lower_triangle())

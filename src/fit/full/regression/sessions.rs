@@ -78,20 +78,12 @@ impl SessionSums {
             across: DMatrix::zeros(own.len(), shared),
             moment: DVector::zeros(own.len()),
         });
-        Self {
-            own: own.collect(),
-            common: Sums::zero(shared),
-            partition: partition.clone(),
-        }
+        Self { own: own.collect(), common: Sums::zero(shared), partition: partition.clone() }
     }
 
     /// What `share` times rows of one session are added to.
     pub fn adding(&mut self, session: usize, share: f64) -> Adding<'_> {
-        Adding {
-            own: Some(&mut self.own[session]),
-            common: &mut self.common,
-            share,
-        }
+        Adding { own: Some(&mut self.own[session]), common: &mut self.common, share }
     }
 
     /// Makes the upper triangles those below.
@@ -124,11 +116,8 @@ impl SessionSums {
         for root in &own {
             subtract_gram(&mut matrix, &root.across);
         }
-        let arrow = Arrow {
-            common: Cholesky::new(matrix)?,
-            own,
-            partition: self.partition.clone(),
-        };
+        let arrow =
+            Arrow { common: Cholesky::new(matrix)?, own, partition: self.partition.clone() };
         let right = self.moment().component_mul(&scale);
         let whitened = arrow.solve(&right);
         let quadratic = self.common.square - right.dot(&whitened);
@@ -151,11 +140,7 @@ impl SessionSums {
 impl<'s> Adding<'s> {
     /// Sums over columns of one kind.
     pub const fn to(sums: &'s mut Sums, share: f64) -> Self {
-        Self {
-            own: None,
-            common: sums,
-            share,
-        }
+        Self { own: None, common: sums, share }
     }
 
     /// Adds the products of these rows and columns, from those of their shapes. Of two lists each product is of either order, of a list
@@ -184,11 +169,7 @@ impl<'s> Adding<'s> {
             // The lower triangle.
             _ => row.place < column.place,
         };
-        let (down, across) = if is_turned {
-            (column, row)
-        } else {
-            (row, column)
-        };
+        let (down, across) = if is_turned { (column, row) } else { (row, column) };
         let (into, place) = match &mut self.own {
             Some(own) if is_own(across) => (&mut own.information, (down.place, across.place)),
             Some(own) if is_own(down) => {
@@ -225,8 +206,7 @@ impl<'s> Adding<'s> {
                 _ => (&mut self.common.moment, run.place - first_shared),
             };
             let moments = moments.rows(run.shape, run.count);
-            into.rows_mut(place, run.count)
-                .axpy(self.share * run.share, &moments, 1.0);
+            into.rows_mut(place, run.count).axpy(self.share * run.share, &moments, 1.0);
         }
     }
 
@@ -279,11 +259,7 @@ impl Arrow {
 
     /// `M⁻¹ b`, in the order of the model.
     fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
-        let half = self.half(&DMatrix::from_column_slice(
-            right.len(),
-            1,
-            right.as_slice(),
-        ));
+        let half = self.half(&DMatrix::from_column_slice(right.len(), 1, right.as_slice()));
         self.backward(&half.column(0).into_owned())
     }
 
@@ -301,19 +277,13 @@ impl Arrow {
             shared.gemm(-1.0, &transposed(&root.across.as_view()), &own, 1.0);
             put_rows(&mut half, places, &own);
         }
-        put_rows(
-            &mut half,
-            &self.partition.common,
-            &self.common.forward(shared, 0),
-        );
+        put_rows(&mut half, &self.partition.common, &self.common.forward(shared, 0));
         half
     }
 
     /// `R b`.
     pub(in crate::fit::full) fn backward(&self, half: &DVector<f64>) -> DVector<f64> {
-        let shared = self
-            .common
-            .backward(half.select_rows(&self.partition.common));
+        let shared = self.common.backward(half.select_rows(&self.partition.common));
         let sessions = self.own.iter().zip(&self.partition.own);
         let own = sessions.map(|(root, places)| {
             let rest = half.select_rows(places) - &root.across * &shared;

@@ -15,12 +15,7 @@ fn kernel(lengths: &[f64], nugget: f64) -> Kernel {
 /// Two joints at places without order, with a smooth error.
 fn joints(count: u32) -> Vec<[f64; 2]> {
     (0..count)
-        .map(|i| {
-            [
-                (1.3 * f64::from(i)).sin() * 1.5,
-                (2.9 * f64::from(i) + 0.4).cos(),
-            ]
-        })
+        .map(|i| [(1.3 * f64::from(i)).sin() * 1.5, (2.9 * f64::from(i) + 0.4).cos()])
         .collect()
 }
 
@@ -29,11 +24,8 @@ fn smooth(joints: &[[f64; 2]]) -> Vec<Sample<'_>> {
         .iter()
         .enumerate()
         .map(|(i, q)| {
-            let mut of = sample(
-                q,
-                [0.0; 3],
-                0.3 * (1.5 * q[0]).sin() + 0.05 * (i as f64 * 7.7).sin(),
-            );
+            let mut of =
+                sample(q, [0.0; 3], 0.3 * (1.5 * q[0]).sin() + 0.05 * (i as f64 * 7.7).sin());
             of.error.y = 0.2 * q[0].cos() * (0.7 * q[1]).sin() + 0.05 * (i as f64 * 3.1).cos();
             of.error.z = 0.1 * q[1] + 0.02 * (i as f64 * 5.3).sin();
             of
@@ -47,21 +39,12 @@ fn one_station_says_its_error_times_its_correlation() {
     let samples = [sample(&[0.0], [0.0; 3], 0.5)];
     let map = Kriging::with_kernel(&samples, kernel(&[2.0 * 0.25_f64.sin()], 0.25)).expect("one");
     let at = map.at(&place(&[0.5], [0.0; 3]));
-    assert!(
-        (at.error.x - 0.606_530_66 * 0.5 / 1.25).abs() < 1e-8,
-        "{at:?}"
-    );
+    assert!((at.error.x - 0.606_530_66 * 0.5 / 1.25).abs() < 1e-8, "{at:?}");
     // σ² (1 − r²/1.25) = 0.2 (1 − 0.36788/1.25) = 0.141139, and the nugget 0.05 beyond 0.01 mm² of measurement.
-    assert!(
-        (at.variance.x - (0.141_139_29 + 0.04)).abs() < 1e-8,
-        "{at:?}"
-    );
+    assert!((at.variance.x - (0.141_139_29 + 0.04)).abs() < 1e-8, "{at:?}");
     // Half a turn away at this length nothing is known: chord 2 rad over 0.495 rad.
     let far = map.at(&place(&[std::f64::consts::PI], [0.0; 3]));
-    assert!(
-        far.error.x < 2e-4 && (far.variance.x - 0.24).abs() < 1e-4,
-        "{far:?}"
-    );
+    assert!(far.error.x < 2e-4 && (far.variance.x - 0.24).abs() < 1e-4, "{far:?}");
 }
 
 #[test]
@@ -90,10 +73,7 @@ fn inverse_matrices_say_the_same() {
         let size = errors.dot(&(&inverse * &errors)) / 40.0;
         let variance = size * (1.0 - row.dot(&(&inverse * &row))) + (0.05 * size - 0.01).max(0.0);
         assert!((found.error[axis] - mean).abs() < 1e-9, "{found:?} {mean}");
-        assert!(
-            (found.variance[axis] - variance).abs() < 1e-9,
-            "{found:?} {variance}"
-        );
+        assert!((found.variance[axis] - variance).abs() < 1e-9, "{found:?} {variance}");
     }
 }
 

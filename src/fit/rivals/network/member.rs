@@ -54,11 +54,8 @@ impl Member {
             .iter()
             .map(Layer::variables)
             .collect::<Result<Vec<_>>>()?;
-        let parameters = ParamsAdamW {
-            lr: LEARNING_RATE,
-            weight_decay: WEIGHT_DECAY,
-            ..ParamsAdamW::default()
-        };
+        let parameters =
+            ParamsAdamW { lr: LEARNING_RATE, weight_decay: WEIGHT_DECAY, ..ParamsAdamW::default() };
         let mut optimizer = AdamW::new(variables.iter().flatten().cloned().collect(), parameters)?;
         let mut best = Self::of(&variables, &validation)?;
         let mut since = 0;
@@ -91,9 +88,8 @@ impl Member {
     /// Outputs at the inputs of one station.
     pub(super) fn at(&self, inputs: &RowDVector<f64>) -> RowDVector<f64> {
         let (last, hidden) = self.layers.split_last().expect("three layers");
-        let units = hidden.iter().fold(inputs.clone(), |units, layer| {
-            layer.at(&units).map(f64::tanh)
-        });
+        let units =
+            hidden.iter().fold(inputs.clone(), |units, layer| layer.at(&units).map(f64::tanh));
         last.at(&units)
     }
 }
@@ -111,10 +107,7 @@ impl Layer {
 
     fn variables(&self) -> Result<[Var; 2]> {
         let bias = DMatrix::from_row_slice(1, self.bias.len(), self.bias.as_slice());
-        Ok([
-            Var::from_tensor(&tensor(&self.weights)?)?,
-            Var::from_tensor(&tensor(&bias)?)?,
-        ])
+        Ok([Var::from_tensor(&tensor(&self.weights)?)?, Var::from_tensor(&tensor(&bias)?)?])
     }
 
     fn of(variables: &[Var; 2]) -> Result<Self> {

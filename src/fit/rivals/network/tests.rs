@@ -7,10 +7,7 @@ use crate::fit::rivals::test::sample_at;
 fn stations(count: u32, low: f64, high: f64, seed: f64) -> Vec<([f64; 2], Vector3<f64>)> {
     let own = |i: u32| {
         let part = |by: f64| (f64::from(i) * by + seed).fract();
-        let q = [
-            low + (high - low) * part(0.754_877_67),
-            low + (high - low) * part(0.569_840_29),
-        ];
+        let q = [low + (high - low) * part(0.754_877_67), low + (high - low) * part(0.569_840_29)];
         // Numbers without order that are as good as noise here.
         let noise = |by: f64| 0.028 * (f64::from(i) * by + 31.0 * seed).sin();
         let error = Vector3::new(
@@ -25,8 +22,7 @@ fn stations(count: u32, low: f64, high: f64, seed: f64) -> Vec<([f64; 2], Vector
 
 fn samples(stations: &[([f64; 2], Vector3<f64>)]) -> Vec<Sample<'_>> {
     let each = stations.iter();
-    each.map(|(q, error)| sample_at(q, [500.0 * q[0], 500.0 * q[1], 0.0], *error, 1e-6))
-        .collect()
+    each.map(|(q, error)| sample_at(q, [500.0 * q[0], 500.0 * q[1], 0.0], *error, 1e-6)).collect()
 }
 
 fn inside(map: &Network, test: &[Sample<'_>]) -> f64 {
@@ -48,14 +44,8 @@ fn it_learns_a_smooth_error_says_how_well_and_has_the_same_bytes() {
         let squares = unseen.iter().map(|own| error(own).norm_squared());
         (squares.sum::<f64>() / unseen.len() as f64).sqrt()
     };
-    let (before, after) = (
-        rms(&|own| own.error),
-        rms(&|own| own.error - map.at(&own.place).error),
-    );
-    println!(
-        "{before:.4} → {after:.4} mm, noise 0.034 mm; {:.3} inside",
-        inside(&map, &unseen)
-    );
+    let (before, after) = (rms(&|own| own.error), rms(&|own| own.error - map.at(&own.place).error));
+    println!("{before:.4} → {after:.4} mm, noise 0.034 mm; {:.3} inside", inside(&map, &unseen));
     assert!(after < 0.3 * before, "{before} → {after} mm");
     assert!(inside(&map, &unseen) > 0.88);
     let repeated = Network::new(&known, &[false, false]).expect("enough stations");
@@ -109,17 +99,12 @@ fn it_learns_what_a_temperature_does_and_fades_outside_the_measured_ones() {
         samples
     });
     let rms_y = |map: &Network, test: &[Sample<'_>]| {
-        let squares = test
-            .iter()
-            .map(|own| (own.error - map.at(&own.place).error).y.powi(2));
+        let squares = test.iter().map(|own| (own.error - map.at(&own.place).error).y.powi(2));
         (squares.sum::<f64>() / test.len() as f64).sqrt()
     };
     let told = Network::new(&told_known, &[false, false]).expect("enough stations");
     let untold = Network::new(&samples(&known), &[false, false]).expect("enough stations");
-    let (told_mm, untold_mm) = (
-        rms_y(&told, &told_unseen),
-        rms_y(&untold, &samples(&unseen)),
-    );
+    let (told_mm, untold_mm) = (rms_y(&told, &told_unseen), rms_y(&untold, &samples(&unseen)));
     println!("{told_mm:.4} mm with temperatures, {untold_mm:.4} mm without");
     assert!(told_mm < 0.6 * untold_mm, "{told_mm} {untold_mm}");
     let at = |celsius: f64| {
@@ -129,8 +114,5 @@ fn it_learns_what_a_temperature_does_and_fades_outside_the_measured_ones() {
     };
     let (inside, outside) = (at(22.0), at(60.0));
     assert!(outside.error.norm() < 1e-9, "{outside:?}");
-    assert!(
-        outside.variance.y > inside.variance.y,
-        "{inside:?} {outside:?}"
-    );
+    assert!(outside.variance.y > inside.variance.y, "{inside:?} {outside:?}");
 }

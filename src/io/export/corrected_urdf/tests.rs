@@ -23,10 +23,7 @@ fn attributes_of_an_origin_are_changed_or_added_and_nothing_else() {
             "<joint><origin xyz=\"0 0 0\"/></joint>",
             "<joint><origin xyz=\"1 2 3\" rpy=\"0.5 0 0\"/></joint>",
         ),
-        (
-            "<joint><origin/></joint>",
-            "<joint><origin xyz=\"1 2 3\" rpy=\"0.5 0 0\"/></joint>",
-        ),
+        ("<joint><origin/></joint>", "<joint><origin xyz=\"1 2 3\" rpy=\"0.5 0 0\"/></joint>"),
         (
             "<joint><origin></origin></joint>",
             "<joint><origin xyz=\"1 2 3\" rpy=\"0.5 0 0\"></origin></joint>",

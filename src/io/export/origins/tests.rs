@@ -38,9 +38,7 @@ limits_mm = [0, 300]
 "#;
 
 fn iiwa() -> Arm {
-    arm(include_str!(
-        "../../../../pipelines/robots/lbr-iiwa14-r820.toml"
-    ))
+    arm(include_str!("../../../../pipelines/robots/lbr-iiwa14-r820.toml"))
 }
 
 fn arm(text: &str) -> Arm {
@@ -80,31 +78,20 @@ fn chain(arm: &Arm, tip: bool) -> Vec<ChainJoint> {
         let frame = Isometry3::from_parts(screw.line.point.into(), turn);
         if number == 2 {
             let halfway = isometry_from_rpy([10.0, 20.0, 30.0], [0.1, 0.2, 0.3]);
-            joints.push(ChainJoint {
-                name: "halfway".to_owned(),
-                origin: halfway,
-                moves: None,
-            });
+            joints.push(ChainJoint { name: "halfway".to_owned(), origin: halfway, moves: None });
             before *= halfway;
         }
         let axis = turn.inverse() * screw.line.direction.scale(screw.factor.signum());
         joints.push(ChainJoint {
             name: format!("joint {number}"),
             origin: before.inverse() * frame,
-            moves: Some(Moves {
-                axis: UnitVector3::new_normalize(axis),
-                slides: screw.slides,
-            }),
+            moves: Some(Moves { axis: UnitVector3::new_normalize(axis), slides: screw.slides }),
         });
         before = frame;
     }
     let last = before.inverse() * plain.end;
     if tip {
-        joints.push(ChainJoint {
-            name: "tip".to_owned(),
-            origin: last,
-            moves: None,
-        });
+        joints.push(ChainJoint { name: "tip".to_owned(), origin: last, moves: None });
     }
     joints
 }
@@ -154,14 +141,8 @@ fn seven_axes_and_axes_that_slide_are_the_arm_with_its_errors() {
                 - truth(&arm, &errors, &q).to_homogeneous();
             assert!(off.abs().max() < 1e-7, "{}: {off}", arm.model());
         }
-        let halfway = chain
-            .iter()
-            .position(|joint| joint.name == "halfway")
-            .unwrap();
-        assert_eq!(
-            origins.joints[halfway], None,
-            "a fixed joint inside stays as it is"
-        );
+        let halfway = chain.iter().position(|joint| joint.name == "halfway").unwrap();
+        assert_eq!(origins.joints[halfway], None, "a fixed joint inside stays as it is");
         for (joint, origin) in chain.iter().zip(&origins.joints) {
             let moved = joint.origin.inverse() * origin.unwrap_or(joint.origin);
             assert!(
@@ -182,10 +163,7 @@ fn without_a_fixed_joint_behind_the_last_axis_what_is_left_lies_across_it() {
     let last = chain.last_mut().unwrap();
     let axis = last.moves.unwrap().axis;
     last.origin *= tip;
-    last.moves = Some(Moves {
-        axis: tip.rotation.inverse() * axis,
-        slides: false,
-    });
+    last.moves = Some(Moves { axis: tip.rotation.inverse() * axis, slides: false });
     let origins = Origins::carrying(&arm, &errors, &chain).unwrap();
     let rest = origins.rest.unwrap();
     let axis = chain.last().unwrap().moves.unwrap().axis;

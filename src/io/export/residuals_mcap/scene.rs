@@ -29,10 +29,7 @@ pub(super) struct Time {
 
 impl Time {
     pub(super) const fn of(ns: u64) -> Self {
-        Self {
-            sec: ns / 1_000_000_000,
-            nsec: ns % 1_000_000_000,
-        }
+        Self { sec: ns / 1_000_000_000, nsec: ns % 1_000_000_000 }
     }
 }
 
@@ -44,10 +41,7 @@ pub(super) struct SceneUpdate {
 
 impl SceneUpdate {
     pub(super) const fn of(entities: Vec<Entity>) -> Self {
-        Self {
-            deletions: [],
-            entities,
-        }
+        Self { deletions: [], entities }
     }
 }
 
@@ -110,12 +104,7 @@ struct Color {
 
 impl Color {
     const fn of(red: u8, green: u8, blue: u8) -> Self {
-        Self {
-            r: red as f64 / 255.0,
-            g: green as f64 / 255.0,
-            b: blue as f64 / 255.0,
-            a: 1.0,
-        }
+        Self { r: red as f64 / 255.0, g: green as f64 / 255.0, b: blue as f64 / 255.0, a: 1.0 }
     }
 }
 
@@ -179,12 +168,7 @@ fn along(direction: &Vector3<f64>) -> Orientation {
     } else {
         UnitQuaternion::identity()
     };
-    Orientation {
-        x: turn.i,
-        y: turn.j,
-        z: turn.k,
-        w: turn.w,
-    }
+    Orientation { x: turn.i, y: turn.j, z: turn.k, w: turn.w }
 }
 
 #[cfg(test)]
@@ -195,12 +179,7 @@ mod tests {
 
     #[test]
     fn arrows_point_along_the_error() {
-        let directions = [
-            [0.0, 2.0, 0.0],
-            [-3.0, 0.0, 0.0],
-            [1.0, -1.0, 0.5],
-            [1e-9, 0.0, 0.0],
-        ];
+        let directions = [[0.0, 2.0, 0.0], [-3.0, 0.0, 0.0], [1.0, -1.0, 0.5], [1e-9, 0.0, 0.0]];
         for direction in directions.map(Vector3::from) {
             let o = along(&direction);
             let turn = UnitQuaternion::from_quaternion(Quaternion::new(o.w, o.x, o.y, o.z));

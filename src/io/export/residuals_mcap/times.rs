@@ -51,14 +51,8 @@ impl Times {
 
     /// The time of a station, ns.
     pub(super) fn of(&self, session: &str, station: usize) -> Result<u64, ExportError> {
-        let unknown = || ExportError::NoTime {
-            session: session.to_owned(),
-            station,
-        };
-        let ns = *self
-            .0
-            .get(&(session.to_owned(), station))
-            .ok_or_else(unknown)?;
+        let unknown = || ExportError::NoTime { session: session.to_owned(), station };
+        let ns = *self.0.get(&(session.to_owned(), station)).ok_or_else(unknown)?;
         u64::try_from(ns).map_err(|_| ExportError::EarlyTime {
             session: session.to_owned(),
             station,
@@ -71,11 +65,7 @@ impl Times {
 fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     let root = residuals.ancestors().nth(4);
     let root = root.ok_or_else(|| ExportErrorKind::NoLake.at(residuals))?;
-    Ok(Lake::new(if root == Path::new("") {
-        Path::new(".")
-    } else {
-        root
-    }))
+    Ok(Lake::new(if root == Path::new("") { Path::new(".") } else { root }))
 }
 
 /// The session of a table of stations that the same run wrote, and the table.

@@ -18,11 +18,8 @@ fn every_ready_ur_has_the_six_frames_of_its_description() {
         seen += 1;
         let arm = robot(&name);
         let q = [0.3, -1.1, 1.7, -0.4, 0.9, -2.2];
-        let flange = chain(&arm)
-            .unwrap()
-            .iter()
-            .zip(q)
-            .fold(Isometry3::identity(), |frame, (joint, q)| {
+        let flange =
+            chain(&arm).unwrap().iter().zip(q).fold(Isometry3::identity(), |frame, (joint, q)| {
                 frame * joint.origin * isometry_from_rpy([0.0; 3], [0.0, 0.0, q])
             });
         let apart = flange.to_homogeneous() - arm.flange(&q).isometry().to_homogeneous();

@@ -50,18 +50,12 @@ pub struct Arms {
 impl Arms {
     /// The ready arms.
     pub fn ready() -> Self {
-        Self {
-            known: ready::arms(),
-            is_named: false,
-        }
+        Self { known: ready::arms(), is_named: false }
     }
 
     /// The arm of the file that was named.
     pub fn named(file: String, arm: Arm) -> Self {
-        Self {
-            known: vec![KnownArm { file, arm }],
-            is_named: true,
-        }
+        Self { known: vec![KnownArm { file, arm }], is_named: true }
     }
 }
 
@@ -125,9 +119,7 @@ impl Verdict {
     /// The best other reading that differs in this, where it is not clearly worse.
     pub fn rival(&self, differs: Differs) -> Option<&Tried> {
         let others = self.others.iter().filter(|(own, _)| *own == differs);
-        others
-            .map(|(_, tried)| tried)
-            .find(|tried| self.best.median_mm > BETTER * tried.median_mm)
+        others.map(|(_, tried)| tried).find(|tried| self.best.median_mm > BETTER * tried.median_mm)
     }
 }
 
@@ -151,15 +143,9 @@ pub fn verdict(
     choices: &[Choice],
     arms: &Arms,
 ) -> Option<Verdict> {
-    let bench = Bench {
-        table,
-        rows,
-        choices,
-        arms,
-    };
-    let mut tried: Vec<Tried> = (0..choices.len())
-        .flat_map(|choice| bench.screened(choice))
-        .collect();
+    let bench = Bench { table, rows, choices, arms };
+    let mut tried: Vec<Tried> =
+        (0..choices.len()).flat_map(|choice| bench.screened(choice)).collect();
     tried.sort_by(|a, b| a.median_mm.total_cmp(&b.median_mm));
     let first = bench.chosen(&tried)?;
     let evidence = bench.evidence(first.choice, usize::MAX);
@@ -175,13 +161,7 @@ pub fn verdict(
         .collect();
     let alike = bench.alike(best.arm);
     let finding = bench.finding(&tried, &best, &evidence);
-    Some(Verdict {
-        best,
-        others,
-        stations: evidence.stations.len(),
-        alike,
-        finding,
-    })
+    Some(Verdict { best, others, stations: evidence.stations.len(), alike, finding })
 }
 
 impl Bench<'_> {
@@ -189,11 +169,8 @@ impl Bench<'_> {
     fn evidence(&self, choice: usize, most: usize) -> Evidence {
         let choice = &self.choices[choice];
         let dwelt = |&row: &usize| {
-            let joints = choice
-                .joints
-                .columns
-                .iter()
-                .map(|&column| number(self.table, row, column));
+            let joints =
+                choice.joints.columns.iter().map(|&column| number(self.table, row, column));
             Some(Dwelt {
                 reported: joints.collect::<Option<_>>()?,
                 measured: Vector3::from(position(
@@ -216,34 +193,21 @@ impl Bench<'_> {
             return Vec::new();
         }
         let tried = self.readings(choice, &evidence).into_iter();
-        tried
-            .map(|own| Tried {
-                median_mm: self.median(&own, &evidence),
-                ..own
-            })
-            .collect()
+        tried.map(|own| Tried { median_mm: self.median(&own, &evidence), ..own }).collect()
     }
 
     /// Every reading of a choice, untried.
     fn readings(&self, choice: usize, evidence: &Evidence) -> Vec<Tried> {
         let joints = self.choices[choice].joints.columns.len();
-        let values = evidence
-            .stations
-            .iter()
-            .flat_map(|station| &station.reported);
+        let values = evidence.stations.iter().flat_map(|station| &station.reported);
         let is_degrees =
             values.fold(0.0_f64, |largest, value| largest.max(value.abs())) > LARGEST_RAD;
-        let angles = if is_degrees {
-            &[AngleUnit::Deg][..]
-        } else {
-            &[AngleUnit::Rad, AngleUnit::Deg]
-        };
+        let angles =
+            if is_degrees { &[AngleUnit::Deg][..] } else { &[AngleUnit::Rad, AngleUnit::Deg] };
         let lengths = [LengthUnit::Mm, LengthUnit::M];
         // In a unit in which positions hardly move they agree with anything.
         let spread = spread(self.table, &self.choices[choice].targets[0].position);
-        let moving = lengths
-            .into_iter()
-            .filter(|unit| unit.to_mm() * spread > gate_mm());
+        let moving = lengths.into_iter().filter(|unit| unit.to_mm() * spread > gate_mm());
         let moving: Vec<LengthUnit> = moving.collect();
         let mut all = Vec::new();
         for (arm, known) in self
@@ -253,18 +217,12 @@ impl Bench<'_> {
             .enumerate()
             .filter(|(_, known)| known.arm.joints().len() == joints)
         {
-            let slides = if known.arm.has_slides() {
-                &lengths[..]
-            } else {
-                &lengths[..1]
-            };
-            for (&angle, &slide) in angles
-                .iter()
-                .flat_map(|angle| slides.iter().map(move |slide| (angle, slide)))
+            let slides = if known.arm.has_slides() { &lengths[..] } else { &lengths[..1] };
+            for (&angle, &slide) in
+                angles.iter().flat_map(|angle| slides.iter().map(move |slide| (angle, slide)))
             {
-                for (length, is_reversed) in moving
-                    .iter()
-                    .flat_map(|length| [(*length, false), (*length, true)])
+                for (length, is_reversed) in
+                    moving.iter().flat_map(|length| [(*length, false), (*length, true)])
                 {
                     all.push(Tried {
                         choice,
@@ -305,16 +263,10 @@ impl Bench<'_> {
                 .filter(move |own| self.choices[own.choice].whose == whose)
                 .collect::<Vec<_>>()
         };
-        let classes = [
-            Whose::Measured,
-            Whose::Unknown,
-            Whose::Controller,
-            Whose::Command,
-        ]
-        .map(of_whose);
-        let agreeing = classes
-            .iter()
-            .find(|own| own.first().is_some_and(|best| best.median_mm <= gate_mm()));
+        let classes =
+            [Whose::Measured, Whose::Unknown, Whose::Controller, Whose::Command].map(of_whose);
+        let agreeing =
+            classes.iter().find(|own| own.first().is_some_and(|best| best.median_mm <= gate_mm()));
         let Some(class) = agreeing else {
             return tried.first().copied();
         };
@@ -343,10 +295,7 @@ impl Bench<'_> {
     /// Of a position, and it with differences added or taken away: the one that was measured.
     fn chosen_part(&self, class: &[&Tried]) -> Option<Tried> {
         let of = |part: Part| {
-            class
-                .iter()
-                .find(|own| self.choices[own.choice].part == part)
-                .map(|own| **own)
+            class.iter().find(|own| self.choices[own.choice].part == part).map(|own| **own)
         };
         let (base, plus, minus) = (of(Part::Base)?, of(Part::Plus)?, of(Part::Minus)?);
         let summed = plus.median_mm.min(minus.median_mm);
@@ -358,10 +307,7 @@ impl Bench<'_> {
 
     /// The best other reading for each thing in which it may differ.
     fn others(&self, tried: &[Tried], best: &Tried) -> Vec<(Differs, Tried)> {
-        let same = |own: &Tried| Tried {
-            median_mm: 0.0,
-            ..*own
-        };
+        let same = |own: &Tried| Tried { median_mm: 0.0, ..*own };
         let but = |change: fn(&mut Tried, &Tried)| {
             tried.iter().find(|own| {
                 let mut changed = same(own);
@@ -372,10 +318,7 @@ impl Bench<'_> {
         let chain = |own: &&Tried| {
             self.arms.known[own.arm].arm.chain() != self.arms.known[best.arm].arm.chain()
         };
-        let arm = tried
-            .iter()
-            .filter(|own| own.choice == best.choice)
-            .find(chain);
+        let arm = tried.iter().filter(|own| own.choice == best.choice).find(chain);
         let mut columns: Vec<&Tried> = Vec::new();
         for own in tried.iter().filter(|own| own.choice != best.choice) {
             if columns.iter().all(|other| other.choice != own.choice) {
@@ -387,18 +330,11 @@ impl Bench<'_> {
             (Differs::Angle, but(|own, best| own.angle = best.angle)),
             (Differs::Slide, but(|own, best| own.slide = best.slide)),
             (Differs::Length, but(|own, best| own.length = best.length)),
-            (
-                Differs::Order,
-                but(|own, best| own.is_reversed = best.is_reversed),
-            ),
+            (Differs::Order, but(|own, best| own.is_reversed = best.is_reversed)),
             (Differs::Arm, arm),
         ];
-        let found = found
-            .into_iter()
-            .filter_map(|(differs, own)| Some((differs, *own?)));
-        found
-            .chain(columns.into_iter().map(|own| (Differs::Columns, *own)))
-            .collect()
+        let found = found.into_iter().filter_map(|(differs, own)| Some((differs, *own?)));
+        found.chain(columns.into_iter().map(|own| (Differs::Columns, *own))).collect()
     }
 
     /// Other arms with the chain of this one.
@@ -411,33 +347,18 @@ impl Bench<'_> {
 
     /// The usual mistake that explains what the best reading leaves over; where none agrees, what a few of the best readings leave.
     fn finding(&self, tried: &[Tried], best: &Tried, evidence: &Evidence) -> Option<String> {
-        let most = if best.median_mm > gate_mm() {
-            MOST_SEARCHED
-        } else {
-            1
-        };
+        let most = if best.median_mm > gate_mm() { MOST_SEARCHED } else { 1 };
         // A named arm may have been taken for another one; ready ones have all been tried.
         let alternatives = if self.arms.is_named {
-            Alternatives {
-                arms: Arc::new(LazyLock::new(ready::arms)),
-                readings: Vec::new(),
-            }
+            Alternatives { arms: Arc::new(LazyLock::new(ready::arms)), readings: Vec::new() }
         } else {
             Alternatives::default()
         };
-        let first = [best]
-            .into_iter()
-            .chain(tried.iter().filter(|own| own.choice == best.choice));
+        let first = [best].into_iter().chain(tried.iter().filter(|own| own.choice == best.choice));
         let mut searched: Vec<Tried> = Vec::new();
         for own in first {
             let is_new = searched.iter().all(|other| {
-                Tried {
-                    median_mm: 0.0,
-                    ..*other
-                } != Tried {
-                    median_mm: 0.0,
-                    ..*own
-                }
+                Tried { median_mm: 0.0, ..*other } != Tried { median_mm: 0.0, ..*own }
             });
             searched.extend((is_new && searched.len() < most).then_some(*own));
         }
@@ -447,9 +368,7 @@ impl Bench<'_> {
             // What leaves more than nominal arms are off by explains nothing.
             Some((finding.mended.filter(|mm| *mm <= gate_mm())?, words))
         });
-        found
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, words)| words)
+        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, words)| words)
     }
 }
 
@@ -457,18 +376,10 @@ impl Bench<'_> {
 pub fn joints_from_columns(arm: &Arm, tried: &Tried) -> DMatrix<f64> {
     let count = arm.joints().len();
     let factor = |joint: usize| {
-        if arm.joints()[joint].slides {
-            tried.slide.to_mm()
-        } else {
-            tried.angle.to_rad()
-        }
+        if arm.joints()[joint].slides { tried.slide.to_mm() } else { tried.angle.to_rad() }
     };
     DMatrix::from_fn(count, count, |joint, column| {
-        let own = if tried.is_reversed {
-            count - 1 - joint
-        } else {
-            joint
-        };
+        let own = if tried.is_reversed { count - 1 - joint } else { joint };
         if own == column { factor(joint) } else { 0.0 }
     })
 }

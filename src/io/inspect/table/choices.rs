@@ -77,9 +77,7 @@ pub fn choices(
         .collect();
     let mut targets = targets(columns, roles);
     if targets.is_empty() {
-        targets = windows(columns, &free, 3)
-            .map(|run| of_window(&run))
-            .collect();
+        targets = windows(columns, &free, 3).map(|run| of_window(&run)).collect();
     }
     let mut all = Vec::new();
     for own in &targets {
@@ -88,16 +86,10 @@ pub fn choices(
             .iter()
             .flat_map(|target| target.position.iter().flat_map(Sum::columns))
             .collect();
-        let left: Vec<usize> = free
-            .iter()
-            .copied()
-            .filter(|column| !used.contains(column))
-            .collect();
+        let left: Vec<usize> =
+            free.iter().copied().filter(|column| !used.contains(column)).collect();
         for joints in joint_sets(columns, roles, &left, counts) {
-            all.push(Choice {
-                joints,
-                ..own.clone()
-            });
+            all.push(Choice { joints, ..own.clone() });
         }
     }
     all.truncate(MOST);
@@ -106,12 +98,7 @@ pub fn choices(
 
 /// Whether a column may hold a joint's or a position's value: numbers that differ, and no time, temperature or running number.
 fn may_be_value(column: &ColumnSummary) -> bool {
-    let other = [
-        Sense::Time,
-        Sense::Temperature,
-        Sense::Station,
-        Sense::Session,
-    ];
+    let other = [Sense::Time, Sense::Temperature, Sense::Station, Sense::Session];
     let is_other = other.iter().any(|sense| column.named.has(*sense));
     column.is_numeric() && column.varies() && !is_other
 }
@@ -136,16 +123,9 @@ fn joint_sets(
     if let [first, ..] = &roles.joints[..] {
         return vec![first.clone()];
     }
-    let angles: Vec<usize> = free
-        .iter()
-        .copied()
-        .filter(|&column| columns[column].largest() <= LARGEST_DEG)
-        .collect();
-    let counts = if counts.is_empty() {
-        &USUAL_JOINTS[..]
-    } else {
-        counts
-    };
+    let angles: Vec<usize> =
+        free.iter().copied().filter(|&column| columns[column].largest() <= LARGEST_DEG).collect();
+    let counts = if counts.is_empty() { &USUAL_JOINTS[..] } else { counts };
     let unnamed = |columns: Vec<usize>| JointSet {
         doubt: Some(
             "no name says which columns are joints; this is the run of columns that agrees best"
@@ -155,21 +135,13 @@ fn joint_sets(
     };
     counts
         .iter()
-        .flat_map(|&count| {
-            windows(columns, &angles, count)
-                .map(unnamed)
-                .collect::<Vec<_>>()
-        })
+        .flat_map(|&count| windows(columns, &angles, count).map(unnamed).collect::<Vec<_>>())
         .collect()
 }
 
 /// The first columns of a set that has more than the arm has joints: the others are external axes.
 fn shorter(set: &JointSet, counts: &[usize]) -> Option<JointSet> {
-    let count = counts
-        .iter()
-        .copied()
-        .filter(|&count| count < set.columns.len())
-        .max()?;
+    let count = counts.iter().copied().filter(|&count| count < set.columns.len()).max()?;
     Some(JointSet {
         columns: set.columns[..count].to_vec(),
         doubt: Some(format!(
@@ -190,9 +162,7 @@ fn windows<'c>(
             (pair[0]..pair[1]).all(|between| between == pair[0] || !columns[between].is_numeric())
         })
     };
-    free.windows(count.max(1))
-        .filter(beside)
-        .map(<[usize]>::to_vec)
+    free.windows(count.max(1)).filter(beside).map(<[usize]>::to_vec)
 }
 
 fn of_window(run: &[usize]) -> Choice {
@@ -205,10 +175,7 @@ fn of_window(run: &[usize]) -> Choice {
 
 fn of_targets(targets: Vec<Target>, whose: Whose) -> Choice {
     Choice {
-        joints: JointSet {
-            columns: Vec::new(),
-            doubt: None,
-        },
+        joints: JointSet { columns: Vec::new(), doubt: None },
         targets,
         whose,
         part: Part::Whole,
@@ -245,9 +212,7 @@ fn targets(columns: &[ColumnSummary], roles: &Roles) -> Vec<Choice> {
             ..of_placed(columns, &[own], whose)
         }));
     }
-    all.iter()
-        .flat_map(|choice| with_differences(roles, choice))
-        .collect()
+    all.iter().flat_map(|choice| with_differences(roles, choice)).collect()
 }
 
 /// Positions of one manner: their words differ in a number or a letter only.
@@ -308,18 +273,11 @@ fn with_differences(roles: &Roles, choice: &Choice) -> Vec<Choice> {
         for (sum, column) in target.position.iter_mut().zip(difference) {
             *sum = sum.with(sign, *column);
         }
-        Choice {
-            targets: vec![target],
-            part,
-            ..choice.clone()
-        }
+        Choice { targets: vec![target], part, ..choice.clone() }
     };
     vec![
         made(1.0, Part::Plus),
         made(-1.0, Part::Minus),
-        Choice {
-            part: Part::Base,
-            ..choice.clone()
-        },
+        Choice { part: Part::Base, ..choice.clone() },
     ]
 }

@@ -93,8 +93,7 @@ impl ColumnSummary {
 
     /// The largest absolute value; 0 without numbers.
     pub fn largest(&self) -> f64 {
-        self.range
-            .map_or(0.0, |(low, high)| low.abs().max(high.abs()))
+        self.range.map_or(0.0, |(low, high)| low.abs().max(high.abs()))
     }
 
     /// Whether its numbers differ.
@@ -105,9 +104,7 @@ impl ColumnSummary {
 
 /// Every column, in the order of the table.
 pub fn summaries(table: &MeasuredTable) -> Vec<ColumnSummary> {
-    (0..table.columns().len())
-        .map(|column| ColumnSummary::of(table, column))
-        .collect()
+    (0..table.columns().len()).map(|column| ColumnSummary::of(table, column)).collect()
 }
 
 /// The number in a cell; `None` where a reading is missing there.

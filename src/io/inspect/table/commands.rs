@@ -68,9 +68,7 @@ pub fn commands(
             is_of_base,
         })
     };
-    let found = [LengthUnit::Mm, LengthUnit::M]
-        .into_iter()
-        .filter_map(of_unit);
+    let found = [LengthUnit::Mm, LengthUnit::M].into_iter().filter_map(of_unit);
     let found = found.min_by(|a, b| a.median_mm.total_cmp(&b.median_mm))?;
     (found.median_mm <= JoinSettings::default().geometry_gate_mm)
         .then(|| with_turn(table, found, flanges))
@@ -83,15 +81,9 @@ fn with_turn(
     flanges: &[(usize, Isometry3<f64>)],
 ) -> Commands {
     let command_from_base = found.base_from_command.rotation.inverse();
-    let flanges: Vec<(usize, UnitQuaternion<f64>)> = flanges
-        .iter()
-        .map(|(row, flange)| (*row, command_from_base * flange.rotation))
-        .collect();
-    found.turned = found
-        .placed
-        .turn
-        .as_ref()
-        .and_then(|columns| turned(table, columns, &flanges));
+    let flanges: Vec<(usize, UnitQuaternion<f64>)> =
+        flanges.iter().map(|(row, flange)| (*row, command_from_base * flange.rotation)).collect();
+    found.turned = found.placed.turn.as_ref().and_then(|columns| turned(table, columns, &flanges));
     if let Some(turned) = &found.turned {
         found.flange_from_tool.rotation = turned.flange_from_own;
     }
@@ -100,29 +92,18 @@ fn with_turn(
 
 /// The frame of commands, the tool's origin in the flange frame, what they leave in the median, and whether it is the base's.
 fn frames(pairs: &[Pair]) -> Option<(Isometry3<f64>, nalgebra::Translation3<f64>, f64, bool)> {
-    let readings: Vec<ReadingAtFlange> = pairs
-        .iter()
-        .map(|&(_, flange, attained)| ReadingAtFlange { flange, attained })
-        .collect();
+    let readings: Vec<ReadingAtFlange> =
+        pairs.iter().map(|&(_, flange, attained)| ReadingAtFlange { flange, attained }).collect();
     let placement = Placement::fit(&readings)?;
-    let fitted_mm = median(
-        &readings
-            .iter()
-            .map(|own| placement.distance_mm(own))
-            .collect::<Vec<_>>(),
-    )?;
+    let fitted_mm =
+        median(&readings.iter().map(|own| placement.distance_mm(own)).collect::<Vec<_>>())?;
     let turn = nearest_right_angles(&placement.tracker_from_base.rotation);
     let base = Isometry3::from_parts(Vector3::zeros().into(), turn.inverse());
     let (tool, median_mm) = tool(pairs, &base)?;
     if median_mm <= (AS_GOOD * fitted_mm).max(A_MILLIMETRE) {
         return Some((base, tool.into(), median_mm, true));
     }
-    Some((
-        placement.tracker_from_base.inverse(),
-        placement.target_mm.into(),
-        fitted_mm,
-        false,
-    ))
+    Some((placement.tracker_from_base.inverse(), placement.target_mm.into(), fitted_mm, false))
 }
 
 /// The tool's origin in the flange frame, the median per axis, and what it leaves, mm.
@@ -135,12 +116,8 @@ fn tool(pairs: &[Pair], base_from_command: &Isometry3<f64>) -> Option<(Vector3<f
         .collect();
     let axis = |axis: usize| median(&local.iter().map(|point| point[axis]).collect::<Vec<_>>());
     let tool = Vector3::new(axis(0)?, axis(1)?, axis(2)?);
-    let apart = median(
-        &local
-            .iter()
-            .map(|point| (point.coords - tool).norm())
-            .collect::<Vec<_>>(),
-    )?;
+    let apart =
+        median(&local.iter().map(|point| (point.coords - tool).norm()).collect::<Vec<_>>())?;
     Some((tool, apart))
 }
 

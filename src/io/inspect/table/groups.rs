@@ -33,11 +33,8 @@ pub struct NumberedGroup {
 }
 
 /// Words that stand for the axes of an angle triple, with the word that takes their place in the group.
-const ANGLES: [([&str; 3], &str); 3] = [
-    (["roll", "pitch", "yaw"], "rpy"),
-    (["w", "p", "r"], "wpr"),
-    (["a", "b", "c"], "abc"),
-];
+const ANGLES: [([&str; 3], &str); 3] =
+    [(["roll", "pitch", "yaw"], "rpy"), (["w", "p", "r"], "wpr"), (["a", "b", "c"], "abc")];
 
 /// Ways of reading a name's words as an axis and the rest.
 fn axes(words: &[String]) -> Vec<(Vec<String>, Axis)> {
@@ -46,21 +43,14 @@ fn axes(words: &[String]) -> Vec<(Vec<String>, Axis)> {
         let word = words[place].as_str();
         let put = |with: &[&str]| {
             let own = with.iter().map(|word| (*word).to_owned());
-            [
-                words[..place].to_vec(),
-                own.collect(),
-                words[place + 1..].to_vec(),
-            ]
-            .concat()
+            [words[..place].to_vec(), own.collect(), words[place + 1..].to_vec()].concat()
         };
         if let Some(axis) = ["x", "y", "z", "w"].iter().position(|axis| *axis == word) {
             found.push((put(&[]), axis));
         }
         for (own, group) in ANGLES {
             found.extend(
-                own.iter()
-                    .position(|axis| *axis == word)
-                    .map(|axis| (put(&[group]), axis)),
+                own.iter().position(|axis| *axis == word).map(|axis| (put(&[group]), axis)),
             );
         }
         // Of `qx` and `posx` the last letter is the axis, if the others are there too.
@@ -75,22 +65,14 @@ fn axes(words: &[String]) -> Vec<(Vec<String>, Axis)> {
 /// The groups of columns along x, y and z, in the order of their first columns. A column is in one group at most.
 pub fn along_axes(columns: &[ColumnSummary]) -> Vec<AxisGroup> {
     let mut groups: BTreeMap<Vec<String>, [Option<usize>; 4]> = BTreeMap::new();
-    for (column, summary) in columns
-        .iter()
-        .enumerate()
-        .filter(|(_, own)| own.is_numeric())
-    {
+    for (column, summary) in columns.iter().enumerate().filter(|(_, own)| own.is_numeric()) {
         for (words, axis) in axes(&summary.named.words) {
             groups.entry(words).or_default()[axis].get_or_insert(column);
         }
     }
-    let whole = groups.into_iter().filter_map(|(words, [x, y, z, w])| {
-        Some(AxisGroup {
-            words,
-            columns: [x?, y?, z?],
-            w,
-        })
-    });
+    let whole = groups
+        .into_iter()
+        .filter_map(|(words, [x, y, z, w])| Some(AxisGroup { words, columns: [x?, y?, z?], w }));
     let mut whole: Vec<AxisGroup> = whole.collect();
     whole.sort_by_key(|group| (group.columns, group.words.clone()));
     let mut used = Vec::new();
@@ -105,28 +87,18 @@ pub fn along_axes(columns: &[ColumnSummary]) -> Vec<AxisGroup> {
 /// The groups of columns that are numbered from 0 or 1, at least two; the larger ones first.
 pub fn numbered(columns: &[ColumnSummary]) -> Vec<NumberedGroup> {
     let mut groups: BTreeMap<Vec<String>, BTreeMap<usize, usize>> = BTreeMap::new();
-    for (column, summary) in columns
-        .iter()
-        .enumerate()
-        .filter(|(_, own)| own.is_numeric())
-    {
+    for (column, summary) in columns.iter().enumerate().filter(|(_, own)| own.is_numeric()) {
         let words = &summary.named.words;
         for (place, word) in words.iter().enumerate() {
             let Ok(number) = word.parse::<usize>() else {
                 continue;
             };
             let rest = [&words[..place], &["#".to_owned()], &words[place + 1..]].concat();
-            groups
-                .entry(rest)
-                .or_default()
-                .entry(number)
-                .or_insert(column);
+            groups.entry(rest).or_default().entry(number).or_insert(column);
         }
     }
-    let mut found: Vec<NumberedGroup> = groups
-        .into_iter()
-        .filter_map(|(words, own)| consecutive(words, &own))
-        .collect();
+    let mut found: Vec<NumberedGroup> =
+        groups.into_iter().filter_map(|(words, own)| consecutive(words, &own)).collect();
     found.sort_by_key(|group| (usize::MAX - group.columns.len(), group.columns.clone()));
     found
 }

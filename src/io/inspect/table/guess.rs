@@ -119,26 +119,12 @@ pub(super) fn guess(
     let joint_names: Vec<Vec<String>> = arms
         .known
         .iter()
-        .map(|known| {
-            known
-                .arm
-                .joints()
-                .iter()
-                .map(|joint| joint.name.clone())
-                .collect()
-        })
+        .map(|known| known.arm.joints().iter().map(|joint| joint.name.clone()).collect())
         .collect();
     let roles = Roles::of(table, columns, &joint_names);
-    let counts: Vec<usize> = arms
-        .known
-        .iter()
-        .filter(|_| arms.is_named)
-        .map(|known| known.arm.joints().len())
-        .collect();
-    let mut long = roles
-        .joints
-        .first()
-        .and_then(|set| long::long(table, columns, &set.columns));
+    let counts: Vec<usize> =
+        arms.known.iter().filter(|_| arms.is_named).map(|known| known.arm.joints().len()).collect();
+    let mut long = roles.joints.first().and_then(|set| long::long(table, columns, &set.columns));
     let mut choices = choices::choices(columns, &roles, long.as_ref(), &counts);
     for choice in &mut choices {
         choice.targets.sort_by_key(|target| missing(table, target));
@@ -147,16 +133,10 @@ pub(super) fn guess(
         return Err(lacking(&roles, columns));
     }
     if let (Some(long), Some(target)) = (&mut long, choices[0].targets.first()) {
-        long.take_lengths(table, |row| {
-            position(&target.position, table, row).is_some()
-        });
+        long.take_lengths(table, |row| position(&target.position, table, row).is_some());
     }
     let session = uses::session(table, columns, &roles.used());
-    let rows = main_rows(
-        table,
-        session.as_ref().map(|(column, _)| *column),
-        long.as_ref(),
-    );
+    let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
     let verdict = by_arm::verdict(table, &rows, &choices, arms);
     let choice = choices[verdict.as_ref().map_or(0, |own| own.best.choice)].clone();
     let work = Work::new(table, columns, choice, verdict, (arms, &rows));
@@ -171,18 +151,15 @@ pub(super) fn guess(
 
 /// Number of rows without a reading of a target.
 fn missing(table: &MeasuredTable, target: &Target) -> usize {
-    (0..table.row_count())
-        .filter(|&row| position(&target.position, table, row).is_none())
-        .count()
+    (0..table.row_count()).filter(|&row| position(&target.position, table, row).is_none()).count()
 }
 
 /// What neither names nor values tell.
 fn lacking(roles: &Roles, columns: &[ColumnSummary]) -> String {
     let joints = "no columns that are named like joints (joint_1, J1[deg], A1, q1, shoulder_pan_joint) or stand side by side as angles";
     let position = "no columns of a measured position: three numbers that differ, named like x y z";
-    let mut lengths = columns
-        .iter()
-        .filter(|own| own.is_numeric() && lengths::is_length(&own.named.words));
+    let mut lengths =
+        columns.iter().filter(|own| own.is_numeric() && lengths::is_length(&own.named.words));
     let lengths = lengths.next().map(|own| {
         format!(
             "; {:?} is named like an instrument of one length: a table of lengths alone is read with [[stations.lengths]] (name, reads, column, \
@@ -221,13 +198,7 @@ impl<'t> Work<'t> {
         (arms, rows): (&Arms, &[usize]),
     ) -> Self {
         let units = verdict.as_ref().map_or_else(
-            || {
-                (
-                    angle_by_size(columns, &choice),
-                    LengthUnit::Mm,
-                    length_by_size(columns, &choice),
-                )
-            },
+            || (angle_by_size(columns, &choice), LengthUnit::Mm, length_by_size(columns, &choice)),
             |own| (own.best.angle, own.best.slide, own.best.length),
         );
         let mut work = Self {
@@ -243,10 +214,7 @@ impl<'t> Work<'t> {
         work.flanges = work.flanges(arms, rows);
         let reading = |(row, flange): &(usize, Isometry3<f64>)| {
             let at = position(&work.choice.targets.first()?.position, table, *row)?;
-            Some(ReadingAtFlange {
-                flange: *flange,
-                attained: Vector3::from(at) * units.2.to_mm(),
-            })
+            Some(ReadingAtFlange { flange: *flange, attained: Vector3::from(at) * units.2.to_mm() })
         };
         let readings: Vec<ReadingAtFlange> = work.flanges.iter().filter_map(reading).collect();
         work.placement = Placement::fit(&readings).filter(|_| !readings.is_empty());
@@ -266,12 +234,8 @@ impl<'t> Work<'t> {
         let arm = &arms.known[verdict.best.arm].arm;
         let map = joints_from_columns(arm, &verdict.best);
         let flange = |&row: &usize| {
-            let joints = self
-                .choice
-                .joints
-                .columns
-                .iter()
-                .map(|&column| number(self.table, row, column));
+            let joints =
+                self.choice.joints.columns.iter().map(|&column| number(self.table, row, column));
             let joints = &map * DVector::from_vec(joints.collect::<Option<Vec<f64>>>()?);
             Some((row, *arm.flange(joints.as_slice()).isometry()))
         };
@@ -281,18 +245,9 @@ impl<'t> Work<'t> {
 
     /// The columns of the joints from base to flange.
     fn joints(&self) -> Vec<String> {
-        let mut joints: Vec<String> = self
-            .choice
-            .joints
-            .columns
-            .iter()
-            .map(|&column| self.names[column].clone())
-            .collect();
-        if self
-            .verdict
-            .as_ref()
-            .is_some_and(|own| own.best.is_reversed && own.agrees())
-        {
+        let mut joints: Vec<String> =
+            self.choice.joints.columns.iter().map(|&column| self.names[column].clone()).collect();
+        if self.verdict.as_ref().is_some_and(|own| own.best.is_reversed && own.agrees()) {
             joints.reverse();
         }
         joints
@@ -324,31 +279,21 @@ impl<'t> Work<'t> {
     ) -> Guess {
         let mut doubts = Vec::new();
         self.doubts(choices, arms, &mut doubts);
-        let measured = self
-            .choice
-            .targets
-            .iter()
-            .map(|target| self.reading(target, &mut doubts))
-            .collect();
+        let measured =
+            self.choice.targets.iter().map(|target| self.reading(target, &mut doubts)).collect();
         let commands = self.commands(roles);
-        let commanded = commands
-            .as_ref()
-            .map(|own| self.commanded(own, &mut doubts));
+        let commanded = commands.as_ref().map(|own| self.commanded(own, &mut doubts));
         let used = self.used(roles);
-        let (time, temperature) = (
-            uses::time(self.table, self.columns, &used),
-            uses::temperature(self.columns, &used),
-        );
+        let (time, temperature) =
+            (uses::time(self.table, self.columns, &used), uses::temperature(self.columns, &used));
         let references = self.references(roles, &mut doubts);
         let mut notes = self.notes(roles, commands.is_some());
         let of_lengths = (&used[..], long.as_ref(), !references.is_empty());
         let lengths = self.lengths(of_lengths, arms, &mut doubts, &mut notes);
         let time = time.and_then(|time| usable(time, &mut doubts, &mut notes));
         let (angle, slide, _) = self.units;
-        let slides = self
-            .verdict
-            .as_ref()
-            .is_some_and(|own| arms.known[own.best.arm].arm.has_slides());
+        let slides =
+            self.verdict.as_ref().is_some_and(|own| arms.known[own.best.arm].arm.has_slides());
         Guess {
             settings: StationsSettings {
                 lengths,
@@ -359,9 +304,7 @@ impl<'t> Work<'t> {
                 joints: self.joints(),
                 joint_unit: angle,
                 length_unit: slides.then_some(slide),
-                session: session
-                    .as_ref()
-                    .map(|(column, _)| self.names[*column].clone()),
+                session: session.as_ref().map(|(column, _)| self.names[*column].clone()),
                 robot: None,
                 station: long.as_ref().map(|own| self.names[own.station].clone()),
                 target: long.as_ref().map(|own| self.names[own.target].clone()),
@@ -378,10 +321,7 @@ impl<'t> Work<'t> {
             notes,
             arms: arms.known.iter().map(|known| known.file.clone()).collect(),
             arm_is_named: arms.is_named,
-            choices: choices
-                .iter()
-                .map(|choice| whose_choice(choice, self.names))
-                .collect(),
+            choices: choices.iter().map(|choice| whose_choice(choice, self.names)).collect(),
             commands,
             base: self.placement.map(|placement| placement.tracker_from_base),
             sessions: session.map(|(_, names)| names).unwrap_or_default(),
@@ -400,10 +340,8 @@ impl<'t> Work<'t> {
         // Rows of a long table are single readings: those of one instrument are as many as stations.
         let rows: Vec<usize> = (0..self.table.row_count()).collect();
         let several = long.map_or(1, |own| own.targets.len() + own.lengths.len());
-        let flanges: BTreeMap<usize, Isometry3<f64>> = self
-            .flanges_at(arms, &rows, several * MOST_STATIONS)
-            .into_iter()
-            .collect();
+        let flanges: BTreeMap<usize, Isometry3<f64>> =
+            self.flanges_at(arms, &rows, several * MOST_STATIONS).into_iter().collect();
         let (found, more) = lengths::lengths(
             self.table,
             self.columns,
@@ -415,10 +353,7 @@ impl<'t> Work<'t> {
         notes.extend(more);
         for (place, own) in found.iter().enumerate() {
             let words = own.doubts.iter().cloned();
-            doubts.extend(words.map(|words| Doubt {
-                key: Key::Length(place),
-                words,
-            }));
+            doubts.extend(words.map(|words| Doubt { key: Key::Length(place), words }));
         }
         found.into_iter().map(|own| own.own).collect()
     }
@@ -426,10 +361,7 @@ impl<'t> Work<'t> {
     /// Columns with a role in what was chosen.
     fn used(&self, roles: &Roles) -> Vec<usize> {
         let positions = self.choice.targets.iter().flat_map(|target| {
-            target
-                .position
-                .iter()
-                .flat_map(|sum| sum.columns().collect::<Vec<_>>())
+            target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
         });
         roles
             .used()
@@ -462,15 +394,12 @@ impl<'t> Work<'t> {
 
     /// The commanded pose, where it is not the measured one.
     fn commands(&self, roles: &Roles) -> Option<Commands> {
-        let of_command = roles
-            .positions
-            .iter()
-            .find(|own| own.whose == Whose::Command)?;
+        let of_command = roles.positions.iter().find(|own| own.whose == Whose::Command)?;
         let is_measured = self.choice.targets.iter().any(|target| {
-            target.position.iter().any(|sum| {
-                sum.columns()
-                    .any(|column| of_command.columns.contains(&column))
-            })
+            target
+                .position
+                .iter()
+                .any(|sum| sum.columns().any(|column| of_command.columns.contains(&column)))
         });
         if is_measured || self.flanges.is_empty() {
             return None;
@@ -489,10 +418,7 @@ impl<'t> Work<'t> {
         PoseColumns {
             position: self.three(own.placed.columns),
             unit: own.unit,
-            orientation: own
-                .turned
-                .as_ref()
-                .map(|turned| self.columns_of(&turned.form, None)),
+            orientation: own.turned.as_ref().map(|turned| self.columns_of(&turned.form, None)),
         }
     }
 
@@ -508,11 +434,7 @@ impl<'t> Work<'t> {
                     .any(|column| columns.contains(&column))
             })
         };
-        for own in roles
-            .positions
-            .iter()
-            .filter(|own| own.moves && !is_chosen(&own.columns))
-        {
+        for own in roles.positions.iter().filter(|own| own.moves && !is_chosen(&own.columns)) {
             let why = match own.whose {
                 Whose::Command if has_commands => continue,
                 Whose::Command => {
@@ -521,10 +443,7 @@ impl<'t> Work<'t> {
                 Whose::Controller => "is the controller's own position by its name",
                 Whose::Measured | Whose::Unknown => "is another position",
             };
-            notes.push(format!(
-                "{} {why}: it is not used",
-                self.three(own.columns).join(", ")
-            ));
+            notes.push(format!("{} {why}: it is not used", self.three(own.columns).join(", ")));
         }
         notes
     }
@@ -538,10 +457,7 @@ fn usable(
 ) -> Option<crate::ingest::TimeColumn> {
     match time {
         Time::Usable(column, doubt) => {
-            doubts.extend(doubt.map(|words| Doubt {
-                key: Key::Time,
-                words,
-            }));
+            doubts.extend(doubt.map(|words| Doubt { key: Key::Time, words }));
             Some(column)
         }
         Time::Unusable(column, reason) => {
@@ -566,72 +482,41 @@ fn whose_choice(choice: &Choice, names: &[String]) -> String {
 
 /// Joints and main position of a choice.
 fn in_words(choice: &Choice, names: &[String]) -> String {
-    let joints: Vec<&str> = choice
-        .joints
-        .columns
-        .iter()
-        .map(|&column| names[column].as_str())
-        .collect();
+    let joints: Vec<&str> =
+        choice.joints.columns.iter().map(|&column| names[column].as_str()).collect();
     let joints = match &joints[..] {
         [first, .., last] => format!("{first} … {last}"),
         _ => joints.concat(),
     };
-    let position = choice.targets.first().map(|target| {
-        target
-            .position
-            .each_ref()
-            .map(|sum| sum.text(names))
-            .join(", ")
-    });
+    let position = choice
+        .targets
+        .first()
+        .map(|target| target.position.each_ref().map(|sum| sum.text(names)).join(", "));
     format!("joints {joints}, position {}", position.unwrap_or_default())
 }
 
 /// The unit of angles by the size of their numbers.
 fn angle_by_size(columns: &[ColumnSummary], choice: &Choice) -> AngleUnit {
-    let largest = choice
-        .joints
-        .columns
-        .iter()
-        .map(|&column| columns[column].largest())
-        .fold(0.0, f64::max);
+    let largest =
+        choice.joints.columns.iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
     let stated =
-        choice
-            .joints
-            .columns
-            .iter()
-            .find_map(|&column| match columns[column].named.unit {
-                Some(super::StatedUnit::Angle(unit)) => Some(unit),
-                _ => None,
-            });
-    stated.unwrap_or(if largest > LARGEST_RAD {
-        AngleUnit::Deg
-    } else {
-        AngleUnit::Rad
-    })
+        choice.joints.columns.iter().find_map(|&column| match columns[column].named.unit {
+            Some(super::StatedUnit::Angle(unit)) => Some(unit),
+            _ => None,
+        });
+    stated.unwrap_or(if largest > LARGEST_RAD { AngleUnit::Deg } else { AngleUnit::Rad })
 }
 
 /// The unit of positions by the size of their numbers.
 fn length_by_size(columns: &[ColumnSummary], choice: &Choice) -> LengthUnit {
     let own = choice.targets.iter().flat_map(|target| {
-        target
-            .position
-            .iter()
-            .flat_map(|sum| sum.columns().collect::<Vec<_>>())
+        target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
     });
     let own: Vec<usize> = own.collect();
-    let stated = own
-        .iter()
-        .find_map(|&column| match columns[column].named.unit {
-            Some(super::StatedUnit::Length(unit)) => Some(unit),
-            _ => None,
-        });
-    let largest = own
-        .iter()
-        .map(|&column| columns[column].largest())
-        .fold(0.0, f64::max);
-    stated.unwrap_or(if largest > LARGEST_M {
-        LengthUnit::Mm
-    } else {
-        LengthUnit::M
-    })
+    let stated = own.iter().find_map(|&column| match columns[column].named.unit {
+        Some(super::StatedUnit::Length(unit)) => Some(unit),
+        _ => None,
+    });
+    let largest = own.iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
+    stated.unwrap_or(if largest > LARGEST_M { LengthUnit::Mm } else { LengthUnit::M })
 }

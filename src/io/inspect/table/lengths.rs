@@ -113,18 +113,12 @@ fn candidates(
             long::name(table.cell(*row, long.target)).as_deref() == Some(name)
                 && number(table, *row, column).is_some()
         };
-        (0..table.row_count())
-            .filter(is_own)
-            .collect::<Vec<usize>>()
+        (0..table.row_count()).filter(is_own).collect::<Vec<usize>>()
     };
     let of_names = long.lengths.iter().filter_map(|name| {
         let own = named.iter().map(|&column| (column, rows_of(name, column)));
         let (column, rows) = own.max_by_key(|(column, rows)| (rows.len(), usize::MAX - column))?;
-        (!rows.is_empty()).then(|| Candidate {
-            name: name.clone(),
-            column,
-            rows,
-        })
+        (!rows.is_empty()).then(|| Candidate { name: name.clone(), column, rows })
     });
     of_names.collect()
 }
@@ -170,32 +164,20 @@ fn tried(read: &Read, summary: &ColumnSummary, placement: Option<&Placement>) ->
     if read.len() < LEAST {
         return Vec::new();
     }
-    let target = placement.map(|own| KnownTarget {
-        xyz_mm: own.target_mm.into(),
-        sd_mm: TARGET_SD_MM,
-    });
+    let target =
+        placement.map(|own| KnownTarget { xyz_mm: own.target_mm.into(), sd_mm: TARGET_SD_MM });
     let units = match summary.named.unit {
         Some(StatedUnit::Length(unit)) => vec![unit],
         _ => vec![LengthUnit::Mm, LengthUnit::M],
     };
-    let kinds = [
-        (LengthRead::Distance, ReadingKind::Distance),
-        (LengthRead::Height, ReadingKind::Height),
-    ];
+    let kinds =
+        [(LengthRead::Distance, ReadingKind::Distance), (LengthRead::Height, ReadingKind::Height)];
     let mut all = Vec::new();
     for unit in units {
-        let in_mm: Read = read
-            .iter()
-            .map(|(at, own)| (*at, own * unit.to_mm()))
-            .collect();
+        let in_mm: Read = read.iter().map(|(at, own)| (*at, own * unit.to_mm())).collect();
         for (reads, kind) in kinds {
             if let Some((gauge, median_mm)) = gauge_alone(&in_mm, kind, target) {
-                all.push(Tried {
-                    reads,
-                    unit,
-                    gauge,
-                    median_mm,
-                });
+                all.push(Tried { reads, unit, gauge, median_mm });
             }
         }
     }
@@ -273,9 +255,7 @@ fn by_arm(best: &Tried, others: &[Tried]) -> String {
             )
         }
     };
-    let rivals = others
-        .iter()
-        .filter(|own| own.median_mm < RIVAL * best.median_mm);
+    let rivals = others.iter().filter(|own| own.median_mm < RIVAL * best.median_mm);
     let rivals: Vec<String> = rivals
         .map(|own| {
             format!(
@@ -286,11 +266,7 @@ fn by_arm(best: &Tried, others: &[Tried]) -> String {
             )
         })
         .collect();
-    let rivals = if rivals.is_empty() {
-        String::new()
-    } else {
-        format!("; {}", rivals.join(", "))
-    };
+    let rivals = if rivals.is_empty() { String::new() } else { format!("; {}", rivals.join(", ")) };
     format!(
         "a {} in {} leaves {:.2} mm in the median of the nominal arm{rivals}; {found}",
         best.reads.word(),

@@ -53,41 +53,27 @@ pub fn name(cell: Cell<'_>) -> Option<String> {
 
 /// The long form of a table with these joints; `None` where each row is a station.
 pub fn long(table: &MeasuredTable, columns: &[ColumnSummary], joints: &[usize]) -> Option<Long> {
-    let poses: Vec<Vec<u64>> = (0..table.row_count())
-        .map(|row| pose(table, joints, row))
-        .collect();
+    let poses: Vec<Vec<u64>> = (0..table.row_count()).map(|row| pose(table, joints, row)).collect();
     let different: BTreeSet<&Vec<u64>> = poses.iter().collect();
     if poses.is_empty() || different.len() as f64 > REPEATS * poses.len() as f64 {
         return None;
     }
-    let target = (0..columns.len())
-        .filter(|column| !joints.contains(column))
-        .find_map(|column| {
-            let targets = targets(table, &columns[column], column, &poses)?;
-            Some((column, targets))
-        });
+    let target = (0..columns.len()).filter(|column| !joints.contains(column)).find_map(|column| {
+        let targets = targets(table, &columns[column], column, &poses)?;
+        Some((column, targets))
+    });
     let (target, targets) = target?;
     let is_station = |column: &usize| {
         *column != target && !joints.contains(column) && names_poses(table, *column, &poses)
     };
     let stations: Vec<usize> = (0..columns.len()).filter(is_station).collect();
-    let named = stations
-        .iter()
-        .find(|&&column| columns[column].named.has(Sense::Station));
+    let named = stations.iter().find(|&&column| columns[column].named.has(Sense::Station));
     let station = *named.or(stations.first())?;
-    Some(Long {
-        target,
-        station,
-        targets,
-        lengths: Vec::new(),
-    })
+    Some(Long { target, station, targets, lengths: Vec::new() })
 }
 
 fn pose(table: &MeasuredTable, joints: &[usize], row: usize) -> Vec<u64> {
-    joints
-        .iter()
-        .map(|&column| number(table, row, column).map_or(u64::MAX, f64::to_bits))
-        .collect()
+    joints.iter().map(|&column| number(table, row, column).map_or(u64::MAX, f64::to_bits)).collect()
 }
 
 /// The names of targets in a column; `None` where it names something else: too many, or two rows of one pose with one name.
@@ -115,10 +101,8 @@ fn targets(
             return None;
         }
     }
-    let mut names: Vec<(usize, String)> = counts
-        .into_iter()
-        .map(|(name, count)| (usize::MAX - count, name))
-        .collect();
+    let mut names: Vec<(usize, String)> =
+        counts.into_iter().map(|(name, count)| (usize::MAX - count, name)).collect();
     names.sort();
     (names.len() >= 2).then(|| names.into_iter().map(|(_, name)| name).collect())
 }
@@ -144,8 +128,7 @@ fn names_poses(table: &MeasuredTable, column: usize, poses: &[Vec<u64>]) -> bool
 }
 
 fn of_count(table: &MeasuredTable, column: usize) -> usize {
-    let names: BTreeSet<Option<String>> = (0..table.row_count())
-        .map(|row| name(table.cell(row, column)))
-        .collect();
+    let names: BTreeSet<Option<String>> =
+        (0..table.row_count()).map(|row| name(table.cell(row, column))).collect();
     names.len()
 }

@@ -83,18 +83,12 @@ const SENSES: &[(Sense, &str)] = &[
         "measurement measured measure meas mess gemessen tracker laser leica faro smr reflector reflektor prism marker camera cam \
          mocap optitrack vicon observed obs probe lt at",
     ),
-    (
-        Sense::Controller,
-        "actual act ist robot controller fk forward tcp tool flange flansch ee",
-    ),
+    (Sense::Controller, "actual act ist robot controller fk forward tcp tool flange flansch ee"),
     (
         Sense::Other,
         "vel velocity speed v acc acceleration force torque effort current strom moment wrench f i load weight",
     ),
-    (
-        Sense::Time,
-        "time timestamp stamp date datum zeit datetime sec secs uhrzeit",
-    ),
+    (Sense::Time, "time timestamp stamp date datum zeit datetime sec secs uhrzeit"),
     (Sense::Temperature, "temperature temperatur temp"),
     (
         Sense::Session,
@@ -104,10 +98,7 @@ const SENSES: &[(Sense, &str)] = &[
         Sense::Station,
         "station pose index idx no nr id step order config configuration punkt position nummer key",
     ),
-    (
-        Sense::Target,
-        "target reflector reflektor smr ziel zielmarke marker prism point name tgt",
-    ),
+    (Sense::Target, "target reflector reflektor smr ziel zielmarke marker prism point name tgt"),
     (
         Sense::Length,
         "distance dist length len range laenge länge abstand distanz wire rope cable seil draht drahtseil seilzug bar ballbar dbb rod stab \
@@ -123,9 +114,7 @@ const SENSES: &[(Sense, &str)] = &[
 pub fn has_sense(word: &str, sense: Sense) -> bool {
     let compound = ["joint", "gelenk", "achse"];
     let lists = SENSES.iter().filter(|(own, _)| *own == sense);
-    let listed = lists
-        .flat_map(|(_, words)| words.split_whitespace())
-        .any(|own| own == word);
+    let listed = lists.flat_map(|(_, words)| words.split_whitespace()).any(|own| own == word);
     listed || (sense == Sense::Joint && compound.iter().any(|part| word.contains(part)))
 }
 
@@ -134,14 +123,8 @@ impl Named {
     pub fn of(name: &str, unit_line: Option<&str>) -> Self {
         let (rest, bracketed) = without_brackets(name);
         let mut words = words(&rest);
-        let mut unit = bracketed
-            .as_deref()
-            .and_then(unit)
-            .or_else(|| unit_line.and_then(unit));
-        let last = words
-            .last()
-            .filter(|_| words.len() > 1)
-            .and_then(|word| unit_word(word));
+        let mut unit = bracketed.as_deref().and_then(unit).or_else(|| unit_line.and_then(unit));
+        let last = words.last().filter(|_| words.len() > 1).and_then(|word| unit_word(word));
         if let Some(own) = last {
             words.pop();
             unit = unit.or(Some(own));
@@ -164,10 +147,7 @@ pub fn any_has(words: &[String], sense: Sense) -> bool {
 fn without_brackets(name: &str) -> (String, Option<String>) {
     let closed = [('[', ']'), ('(', ')'), ('{', '}')];
     for (open, close) in closed {
-        let Some((start, end)) = name
-            .find(open)
-            .zip(name.rfind(close))
-            .filter(|(a, b)| a < b)
+        let Some((start, end)) = name.find(open).zip(name.rfind(close)).filter(|(a, b)| a < b)
         else {
             continue;
         };
@@ -189,10 +169,7 @@ fn without_brackets(name: &str) -> (String, Option<String>) {
 
 /// The unit that a text states; `None` where it states none, or one of something else.
 pub fn unit(text: &str) -> Option<StatedUnit> {
-    let text = text
-        .trim()
-        .trim_matches(|c| "[](){}".contains(c))
-        .to_lowercase();
+    let text = text.trim().trim_matches(|c| "[](){}".contains(c)).to_lowercase();
     match text.as_str() {
         "m" | "meter" | "metre" | "meters" | "metres" => Some(StatedUnit::Length(LengthUnit::M)),
         "grad" | "°" => Some(StatedUnit::Angle(AngleUnit::Deg)),
@@ -263,10 +240,7 @@ fn large_then_small(word: &str) -> Vec<String> {
     if large < 2 || all != large + 1 {
         return vec![word.to_lowercase()];
     }
-    let end = word
-        .char_indices()
-        .nth(large)
-        .map_or(word.len(), |(at, _)| at);
+    let end = word.char_indices().nth(large).map_or(word.len(), |(at, _)| at);
     [&word[..end], &word[end..]].map(str::to_lowercase).into()
 }
 
@@ -306,10 +280,7 @@ mod tests {
         assert_eq!(told("Achse 3 (°)"), ("achse 3".to_owned(), deg));
         assert_eq!(told("X / mm"), ("x".to_owned(), mm));
         assert_eq!(told("pos_x_mm"), ("pos x".to_owned(), mm));
-        assert_eq!(
-            told("q1_rad"),
-            ("q 1".to_owned(), Some(StatedUnit::Angle(AngleUnit::Rad)))
-        );
+        assert_eq!(told("q1_rad"), ("q 1".to_owned(), Some(StatedUnit::Angle(AngleUnit::Rad))));
         // A unit of something else is no word to go by, and no unit.
         assert_eq!(told("x [N]").1, None);
         assert_eq!(Named::of("x", Some("[mm]")).unit, mm);

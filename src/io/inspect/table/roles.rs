@@ -106,36 +106,25 @@ impl Roles {
             .map(|group| (kind(columns, &group), group))
             .collect();
         let numbered = groups::numbered(columns);
-        let quaternions = numbered
-            .iter()
-            .filter_map(|group| numbered_quaternion(table, group));
+        let quaternions = numbered.iter().filter_map(|group| numbered_quaternion(table, group));
         groups.extend(quaternions.map(|group| (Kind::Turn, group)));
-        let used: Vec<usize> = groups
-            .iter()
-            .flat_map(|(_, group)| in_group(group))
-            .collect();
+        let used: Vec<usize> = groups.iter().flat_map(|(_, group)| in_group(group)).collect();
         let of_kind = |wanted: Kind| {
-            groups
-                .iter()
-                .filter(move |(kind, _)| *kind == wanted)
-                .map(|(_, group)| group)
+            groups.iter().filter(move |(kind, _)| *kind == wanted).map(|(_, group)| group)
         };
         let mut roles = Self {
             positions: of_kind(Kind::Position)
                 .map(|group| placed(columns, group, &groups))
                 .collect(),
-            differences: of_kind(Kind::Difference)
-                .map(|group| group.columns)
-                .collect(),
+            differences: of_kind(Kind::Difference).map(|group| group.columns).collect(),
             joints: joint_sets(columns, &numbered, names, &used),
             other: of_kind(Kind::Other).flat_map(in_group).collect(),
         };
         // A difference of nothing is a position of an odd name.
         if roles.positions.is_empty() {
             roles.differences.clear();
-            roles.positions = of_kind(Kind::Difference)
-                .map(|group| placed(columns, group, &groups))
-                .collect();
+            roles.positions =
+                of_kind(Kind::Difference).map(|group| placed(columns, group, &groups)).collect();
         }
         roles.mark_still(table);
         roles
@@ -147,9 +136,8 @@ impl Roles {
             .positions
             .iter_mut()
             .filter(|own| matches!(own.whose, Whose::Measured | Whose::Unknown));
-        let mut own: Vec<(f64, &mut Placed)> = own
-            .map(|own| (spread(table, &own.position()), own))
-            .collect();
+        let mut own: Vec<(f64, &mut Placed)> =
+            own.map(|own| (spread(table, &own.position()), own)).collect();
         let most = own.iter().map(|(spread, _)| *spread).fold(0.0, f64::max);
         for (spread, own) in &mut own {
             own.moves = *spread > STILL * most;
@@ -159,25 +147,14 @@ impl Roles {
     /// Columns that have a role.
     pub fn used(&self) -> Vec<usize> {
         let placed = self.positions.iter().flat_map(|own| {
-            let turn: Vec<usize> = own
-                .turn
-                .iter()
-                .flat_map(|turn| turn.columns().to_vec())
-                .collect();
+            let turn: Vec<usize> =
+                own.turn.iter().flat_map(|turn| turn.columns().to_vec()).collect();
             let sd = own.sd.into_iter().chain(own.turn_sd).flatten();
-            own.columns
-                .into_iter()
-                .chain(turn)
-                .chain(sd)
-                .collect::<Vec<_>>()
+            own.columns.into_iter().chain(turn).chain(sd).collect::<Vec<_>>()
         });
         let differences = self.differences.iter().flatten().copied();
         let joints = self.joints.iter().flat_map(|set| set.columns.clone());
-        placed
-            .chain(differences)
-            .chain(joints)
-            .chain(self.other.iter().copied())
-            .collect()
+        placed.chain(differences).chain(joints).chain(self.other.iter().copied()).collect()
     }
 }
 
@@ -197,15 +174,10 @@ fn in_group(group: &AxisGroup) -> Vec<usize> {
 
 fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
     let has = |sense| any_has(&group.words, sense);
-    let largest = in_group(group)
-        .iter()
-        .map(|&column| columns[column].largest())
-        .fold(0.0, f64::max);
-    let least = group
-        .columns
-        .iter()
-        .filter_map(|&column| columns[column].range)
-        .map(|(low, _)| low);
+    let largest =
+        in_group(group).iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
+    let least =
+        group.columns.iter().filter_map(|&column| columns[column].range).map(|(low, _)| low);
     let is_positive = least.fold(f64::INFINITY, f64::min) >= 0.0;
     let is_turn = group.w.is_some() || (has(Sense::Turn) && largest <= LARGEST_DEG);
     match (is_turn, has(Sense::Deviation) && is_positive) {
@@ -224,30 +196,17 @@ fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
 fn owner(words: &[String]) -> Vec<&String> {
     let generic: Vec<&str> = GENERIC.split_whitespace().collect();
     let of_kind = |word: &str| has_sense(word, Sense::Turn) || has_sense(word, Sense::Deviation);
-    words
-        .iter()
-        .filter(|word| !generic.contains(&word.as_str()) && !of_kind(word))
-        .collect()
+    words.iter().filter(|word| !generic.contains(&word.as_str()) && !of_kind(word)).collect()
 }
 
 /// A position with the groups that belong to it: those of the same owner, or the only one where there is one position only.
 fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGroup)]) -> Placed {
-    let is_only = groups
-        .iter()
-        .filter(|(kind, _)| *kind == Kind::Position)
-        .count()
-        == 1;
+    let is_only = groups.iter().filter(|(kind, _)| *kind == Kind::Position).count() == 1;
     let of_kind = |wanted: Kind| {
-        let all: Vec<&AxisGroup> = groups
-            .iter()
-            .filter(|(kind, _)| *kind == wanted)
-            .map(|(_, own)| own)
-            .collect();
-        let own = all
-            .iter()
-            .find(|own| owner(&own.words) == owner(&group.words));
-        own.or_else(|| all.first().filter(|_| is_only && all.len() == 1))
-            .map(|own| (*own).clone())
+        let all: Vec<&AxisGroup> =
+            groups.iter().filter(|(kind, _)| *kind == wanted).map(|(_, own)| own).collect();
+        let own = all.iter().find(|own| owner(&own.words) == owner(&group.words));
+        own.or_else(|| all.first().filter(|_| is_only && all.len() == 1)).map(|own| (*own).clone())
     };
     let turn = of_kind(Kind::Turn).map(|own| match own.w {
         Some(w) => TurnColumns::Quaternion([own.columns[0], own.columns[1], own.columns[2], w]),
@@ -267,11 +226,7 @@ fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGro
 fn whose(columns: &[ColumnSummary], group: &AxisGroup) -> Whose {
     let words = &columns[group.columns[0]].named.words;
     let has = |sense| any_has(words, sense);
-    match (
-        has(Sense::Command),
-        has(Sense::Measured),
-        has(Sense::Controller),
-    ) {
+    match (has(Sense::Command), has(Sense::Measured), has(Sense::Controller)) {
         (true, ..) => Whose::Command,
         (_, true, _) => Whose::Measured,
         (_, _, true) => Whose::Controller,
@@ -285,10 +240,7 @@ fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<A
         return None;
     };
     let is_unit = |row: usize| {
-        let parts = group
-            .columns
-            .iter()
-            .map(|&column| number(table, row, column));
+        let parts = group.columns.iter().map(|&column| number(table, row, column));
         let squares: Option<f64> = parts.map(|part| part.map(|part| part * part)).sum();
         squares.is_none_or(|squares| (squares - 1.0).abs() < 1e-2)
     };
@@ -309,21 +261,12 @@ fn joint_sets(
 ) -> Vec<JointSet> {
     let may_be = |column: usize| may_be_joint(&columns[column]) && !used.contains(&column);
     let known = names.iter().filter_map(|names| of_names(columns, names));
-    let of_numbers = numbered
-        .iter()
-        .filter(|group| any_has(&group.words, Sense::Joint));
+    let of_numbers = numbered.iter().filter(|group| any_has(&group.words, Sense::Joint));
     let of_numbers = of_numbers.map(|group| group.columns.clone());
-    let says_joint = |column: &usize| {
-        columns[*column]
-            .named
-            .words
-            .iter()
-            .any(|word| word.contains("joint"))
-    };
-    let all: Vec<usize> = (0..columns.len())
-        .filter(|&column| may_be(column))
-        .filter(says_joint)
-        .collect();
+    let says_joint =
+        |column: &usize| columns[*column].named.words.iter().any(|word| word.contains("joint"));
+    let all: Vec<usize> =
+        (0..columns.len()).filter(|&column| may_be(column)).filter(says_joint).collect();
     let mut sets: Vec<Vec<usize>> = known.collect();
     let mut others: Vec<Vec<usize>> = of_numbers.chain([all]).chain(of_letters(columns)).collect();
     // Of several, those that are no commands come first, and then the larger ones.
@@ -333,9 +276,7 @@ fn joint_sets(
     for set in sets {
         let is_whole =
             (2..=MOST_JOINTS).contains(&set.len()) && set.iter().all(|&column| may_be(column));
-        let is_part = kept
-            .iter()
-            .any(|own| set.iter().all(|column| own.contains(column)));
+        let is_part = kept.iter().any(|own| set.iter().all(|column| own.contains(column)));
         if is_whole && !is_part {
             kept.push(set);
         }
@@ -343,17 +284,11 @@ fn joint_sets(
     let doubt = |set: &Vec<usize>| {
         is_command(columns, set).then(|| "they are named as commanded angles".to_owned())
     };
-    kept.into_iter()
-        .map(|set| JointSet {
-            doubt: doubt(&set),
-            columns: set,
-        })
-        .collect()
+    kept.into_iter().map(|set| JointSet { doubt: doubt(&set), columns: set }).collect()
 }
 
 fn is_command(columns: &[ColumnSummary], set: &[usize]) -> bool {
-    set.iter()
-        .any(|&column| columns[column].named.has(Sense::Command))
+    set.iter().any(|&column| columns[column].named.has(Sense::Command))
 }
 
 /// Whether a column's values and words let it be a joint's.
@@ -363,34 +298,21 @@ fn may_be_joint(column: &ColumnSummary) -> bool {
         // `a` and `q` are joints here; single letters of other quantities are not meant.
         word.len() > 1 && other.iter().any(|sense| has_sense(word, *sense))
     });
-    let deviates = column
-        .named
-        .words
-        .iter()
-        .any(|word| word.len() > 1 && has_sense(word, Sense::Deviation));
+    let deviates =
+        column.named.words.iter().any(|word| word.len() > 1 && has_sense(word, Sense::Deviation));
     column.is_numeric() && !is_other && !deviates
 }
 
 /// The columns with the names of an arm's joints.
 fn of_names(columns: &[ColumnSummary], names: &[String]) -> Option<Vec<usize>> {
-    let column = |name: &String| {
-        columns
-            .iter()
-            .position(|own| own.name.trim().eq_ignore_ascii_case(name))
-    };
+    let column =
+        |name: &String| columns.iter().position(|own| own.name.trim().eq_ignore_ascii_case(name));
     names.iter().map(column).collect()
 }
 
 /// Joints that makers name by letters and words.
 fn of_letters(columns: &[ColumnSummary]) -> Vec<Vec<usize>> {
     let series = ["s l u r b t", "base shoulder elbow wrist1 wrist2 wrist3"];
-    let column = |name: &str| {
-        columns
-            .iter()
-            .position(|own| own.named.words.concat() == *name)
-    };
-    series
-        .iter()
-        .filter_map(|names| names.split_whitespace().map(column).collect())
-        .collect()
+    let column = |name: &str| columns.iter().position(|own| own.named.words.concat() == *name);
+    series.iter().filter_map(|names| names.split_whitespace().map(column).collect()).collect()
 }

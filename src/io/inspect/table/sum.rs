@@ -26,9 +26,9 @@ impl Sum {
 
     /// Its value in a row; `None` where a cell has no number.
     pub fn value(&self, table: &MeasuredTable, row: usize) -> Option<f64> {
-        self.0.iter().try_fold(0.0, |sum, &(sign, column)| {
-            Some(sum + sign * number(table, row, column)?)
-        })
+        self.0
+            .iter()
+            .try_fold(0.0, |sum, &(sign, column)| Some(sum + sign * number(table, row, column)?))
     }
 
     /// As `[stations]` writes it.
@@ -50,11 +50,7 @@ pub type Position = [Sum; 3];
 /// where they measured nothing.
 pub fn position(sums: &Position, table: &MeasuredTable, row: usize) -> Option<[f64; 3]> {
     let [x, y, z] = sums;
-    let at = [
-        x.value(table, row)?,
-        y.value(table, row)?,
-        z.value(table, row)?,
-    ];
+    let at = [x.value(table, row)?, y.value(table, row)?, z.value(table, row)?];
     at.iter().any(|value| *value != 0.0).then_some(at)
 }
 

@@ -25,18 +25,13 @@ fn tracker_from_base() -> Isometry3<f64> {
 
 fn ur10() -> Arm {
     let ready = crate::io::robot::ready::ReadyRobot::find("ur10").expect("ready");
-    toml::from_str::<RobotFile>(ready.text)
-        .expect("a robot file")
-        .arm()
-        .expect("an arm")
+    toml::from_str::<RobotFile>(ready.text).expect("a robot file").arm().expect("an arm")
 }
 
 /// Stations all over the work space; angles in degrees go beyond a turn in radians.
 fn stations(count: usize) -> Vec<Station> {
     let arm = ur10();
-    let nominal = arm
-        .chain()
-        .with_offsets(&vec![0.0; arm.chain().parameters().len()]);
+    let nominal = arm.chain().with_offsets(&vec![0.0; arm.chain().parameters().len()]);
     let arm = arm.with_chain(nominal);
     (0..count)
         .map(|number| {
@@ -49,10 +44,7 @@ fn stations(count: usize) -> Vec<Station> {
                 1.4 * (1.9 * t).sin(),
                 1.8 * (0.9 * t).cos(),
             ];
-            Station {
-                joints,
-                flange: *arm.flange(&joints).isometry(),
-            }
+            Station { joints, flange: *arm.flange(&joints).isometry() }
         })
         .collect()
 }
@@ -60,11 +52,8 @@ fn stations(count: usize) -> Vec<Station> {
 impl Station {
     /// Where a target is measured: an arm that is off by about half a millimetre, by a smooth error of its joints.
     fn measured(&self, target: usize) -> Vector3<f64> {
-        let error = Vector3::new(
-            self.joints[1].sin(),
-            self.joints[2].cos(),
-            self.joints[0].sin(),
-        ) * 0.5;
+        let error =
+            Vector3::new(self.joints[1].sin(), self.joints[2].cos(), self.joints[0].sin()) * 0.5;
         let point = self.flange * Point3::from(TARGETS_MM[target]) + error;
         (tracker_from_base() * point).coords
     }
@@ -83,9 +72,7 @@ fn named() -> Arms {
 }
 
 fn guess_of(text: &str) -> Guess {
-    inspected("measured.csv", text, &named())
-        .guess
-        .expect("joints and a position")
+    inspected("measured.csv", text, &named()).guess.expect("joints and a position")
 }
 
 fn row(values: &[f64]) -> String {
@@ -98,12 +85,7 @@ fn has_doubt(guess: &Guess, key: Key) -> bool {
 }
 
 fn median_mm(guess: &Guess) -> f64 {
-    guess
-        .verdict
-        .as_ref()
-        .expect("an arm with six joints")
-        .best
-        .median_mm
+    guess.verdict.as_ref().expect("an arm with six joints").best.median_mm
 }
 
 #[test]
@@ -113,9 +95,7 @@ fn a_plain_table_has_no_doubts_about_units_and_finds_its_arm_among_the_ready_one
         let at = station.measured(0);
         text += &row(&[&station.joints[..], at.as_slice()].concat());
     }
-    let guess = inspected("measured.csv", &text, &Arms::ready())
-        .guess
-        .expect("a guess");
+    let guess = inspected("measured.csv", &text, &Arms::ready()).guess.expect("a guess");
     let verdict = guess.verdict.as_ref().expect("ready arms have six joints");
     assert_eq!(guess.arms[verdict.best.arm], "ur10.toml");
     assert!(verdict.best.median_mm < 1.0, "{}", verdict.best.median_mm);
@@ -156,11 +136,7 @@ fn three_targets_with_zeros_for_missing_ones_and_a_still_one_on_the_base() {
         let mut values = station.joints.map(f64::to_degrees).to_vec();
         for target in 0..3 {
             let is_missing = (target == 0 && number % 3 == 0) || (target == 2 && number % 4 == 0);
-            let at = if is_missing {
-                Vector3::zeros()
-            } else {
-                station.measured(target)
-            };
+            let at = if is_missing { Vector3::zeros() } else { station.measured(target) };
             values.extend(at.as_slice());
         }
         let still = if number % 10 == 0 {
@@ -172,22 +148,14 @@ fn three_targets_with_zeros_for_missing_ones_and_a_still_one_on_the_base() {
         text += &row(&values);
     }
     let guess = guess_of(&text);
-    let names: Vec<_> = guess
-        .settings
-        .measured
-        .iter()
-        .filter_map(|own| own.name.clone())
-        .collect();
+    let names: Vec<_> = guess.settings.measured.iter().filter_map(|own| own.name.clone()).collect();
     // The one that is never missing is the main one.
     assert_eq!(names, ["T2", "T3", "T1"]);
     assert!(median_mm(&guess) < 1.0, "{}", median_mm(&guess));
     assert_eq!(guess.settings.joint_unit, AngleUnit::Deg);
     // What stands still is a reference; where it stands nobody can tell from the table.
     let references = &guess.settings.references;
-    assert!(
-        matches!(&references[..], [own] if own.name == "B1"),
-        "{references:?}"
-    );
+    assert!(matches!(&references[..], [own] if own.name == "B1"), "{references:?}");
     assert!(guess.doubts.iter().any(|doubt| doubt.key == Key::Reference));
 }
 
@@ -197,11 +165,9 @@ fn the_long_form_has_columns_of_stations_and_targets() {
     for (number, station) in stations(30).iter().enumerate() {
         for (target, name) in ["links", "mitte", "rechts"].iter().enumerate() {
             if target == 1 || number % 5 != target {
-                let values = [
-                    &station.joints.map(f64::to_degrees)[..],
-                    station.measured(target).as_slice(),
-                ]
-                .concat();
+                let values =
+                    [&station.joints.map(f64::to_degrees)[..], station.measured(target).as_slice()]
+                        .concat();
                 write!(text, "{number},{name},{}", row(&values)).expect("a string");
             }
         }
@@ -251,9 +217,7 @@ fn lengths_are_guessed_by_name_and_held_against_the_arm() {
     let words = |place: usize| {
         let doubts = guess.doubts.iter();
         let own = doubts.filter(|own| own.key == Key::Length(place));
-        own.map(|own| own.words.clone())
-            .collect::<Vec<_>>()
-            .join("; ")
+        own.map(|own| own.words.clone()).collect::<Vec<_>>().join("; ")
     };
     // The arm is off by half a millimetre; the anchor is found to some millimetres.
     let said = words(0);
@@ -262,18 +226,9 @@ fn lengths_are_guessed_by_name_and_held_against_the_arm() {
         said.contains("anchor at about [1") && said.contains("sd_mm = 0.1 is no guess"),
         "{said}"
     );
-    assert!(
-        words(1).starts_with("a height in m leaves 0."),
-        "{}",
-        words(1)
-    );
+    assert!(words(1).starts_with("a height in m leaves 0."), "{}", words(1));
     let is_told = |own: &&String| own.contains("\"laser_distance\"") && own.contains("not used");
-    assert_eq!(
-        guess.notes.iter().filter(is_told).count(),
-        1,
-        "{:?}",
-        guess.notes
-    );
+    assert_eq!(guess.notes.iter().filter(is_told).count(), 1, "{:?}", guess.notes);
 }
 
 #[test]
@@ -281,11 +236,7 @@ fn lengths_of_the_long_form_are_names_beside_targets() {
     let mut text = "station,instrument,q1,q2,q3,q4,q5,q6,x,y,z,length [mm]\n".to_owned();
     for (number, station) in stations(40).iter().enumerate() {
         let at = station.measured(0);
-        let joints: Vec<String> = station
-            .joints
-            .iter()
-            .map(|own| format!("{own:.6}"))
-            .collect();
+        let joints: Vec<String> = station.joints.iter().map(|own| format!("{own:.6}")).collect();
         let joints = joints.join(",");
         let [x, y, z] = at.into();
         writeln!(text, "{number},smr,{joints},{x:.4},{y:.4},{z:.4},").expect("a string");
@@ -316,9 +267,7 @@ fn joints_from_flange_to_base_are_turned_round() {
     let guess = guess_of(&text);
     assert_eq!(
         guess.settings.joints,
-        [
-            "joint_6", "joint_5", "joint_4", "joint_3", "joint_2", "joint_1"
-        ]
+        ["joint_6", "joint_5", "joint_4", "joint_3", "joint_2", "joint_1"]
     );
     assert!(has_doubt(&guess, Key::Joints), "{:?}", guess.doubts);
     assert!(median_mm(&guess) < 1.0);
@@ -365,10 +314,8 @@ fn a_decimal_comma_with_commands_in_metres_and_orientations_in_two_forms() {
         }
         values.extend(moving);
         values.push(21.5);
-        let texts: Vec<String> = values
-            .iter()
-            .map(|value| format!("{value:.6}").replace('.', ","))
-            .collect();
+        let texts: Vec<String> =
+            values.iter().map(|value| format!("{value:.6}").replace('.', ",")).collect();
         writeln!(text, "{}", texts.join(";")).expect("a string");
     }
     let guess = guess_of(&text);
@@ -380,19 +327,13 @@ fn a_decimal_comma_with_commands_in_metres_and_orientations_in_two_forms() {
         panic!("one target");
     };
     assert_eq!(measured.position, ["mess_x", "mess_y", "mess_z"]);
-    assert_eq!(
-        measured.sd.as_ref().expect("standard deviations")[2],
-        "mess_std_z"
-    );
+    assert_eq!(measured.sd.as_ref().expect("standard deviations")[2], "mess_std_z");
     let OrientationForm::Angles(_, order, unit) =
         measured.orientation.as_ref().expect("an orientation").form
     else {
         panic!("angles");
     };
-    assert_eq!(
-        (String::from(order).as_str(), unit),
-        ("moving-xyz", AngleUnit::Deg)
-    );
+    assert_eq!((String::from(order).as_str(), unit), ("moving-xyz", AngleUnit::Deg));
     let commanded = settings.commanded.as_ref().expect("commands near the arm");
     assert_eq!(commanded.unit, LengthUnit::M);
     let commands = guess.commands.as_ref().expect("commands");
@@ -417,10 +358,7 @@ fn a_target_and_a_difference_are_added_where_the_target_is_computed_from_the_joi
         write!(text, "{number},{}", row(&values)).expect("a string");
     }
     let guess = guess_of(&text);
-    assert_eq!(
-        guess.settings.measured[0].position,
-        ["x_t + x_dif", "y_t + y_dif", "z_t + z_dif"]
-    );
+    assert_eq!(guess.settings.measured[0].position, ["x_t + x_dif", "y_t + y_dif", "z_t + z_dif"]);
     assert!(has_doubt(&guess, Key::Position), "the sign is a convention");
 }
 
@@ -435,12 +373,8 @@ fn sessions_stand_in_a_column_and_times_that_a_spreadsheet_ruined_are_not_used()
             station.measured(0) + Vector3::new(300.0, 0.0, 0.0)
         };
         let day = if number < 35 { "monday" } else { "tuesday" };
-        write!(
-            text,
-            "{day},2.02011E+13,{}",
-            row(&[&station.joints[..], at.as_slice()].concat())
-        )
-        .expect("a string");
+        write!(text, "{day},2.02011E+13,{}", row(&[&station.joints[..], at.as_slice()].concat()))
+            .expect("a string");
     }
     let guess = guess_of(&text);
     assert_eq!(guess.settings.session.as_deref(), Some("day"));
@@ -474,24 +408,12 @@ fn without_an_arm_of_as_many_joints_units_follow_from_sizes_and_are_unsure() {
             t.cos(),
         ]);
     }
-    let guess = inspected("camera.csv", &text, &Arms::ready())
-        .guess
-        .expect("a guess");
+    let guess = inspected("camera.csv", &text, &Arms::ready()).guess.expect("a guess");
     assert!(guess.verdict.is_none());
     let settings: &StationsSettings = &guess.settings;
-    assert_eq!(
-        (settings.joint_unit, settings.measured[0].unit),
-        (AngleUnit::Rad, LengthUnit::M)
-    );
-    let form = &settings.measured[0]
-        .orientation
-        .as_ref()
-        .expect("a quaternion")
-        .form;
-    assert_eq!(
-        *form,
-        OrientationForm::Quaternion(["qx", "qy", "qz", "qw"].map(str::to_owned))
-    );
+    assert_eq!((settings.joint_unit, settings.measured[0].unit), (AngleUnit::Rad, LengthUnit::M));
+    let form = &settings.measured[0].orientation.as_ref().expect("a quaternion").form;
+    assert_eq!(*form, OrientationForm::Quaternion(["qx", "qy", "qz", "qw"].map(str::to_owned)));
     for key in [Key::Robot, Key::JointUnit, Key::Unit, Key::Orientation] {
         assert!(has_doubt(&guess, key), "{key:?}: {:?}", guess.doubts);
     }
@@ -501,9 +423,6 @@ fn without_an_arm_of_as_many_joints_units_follow_from_sizes_and_are_unsure() {
 fn a_table_without_positions_says_what_is_lacking() {
     let found = inspected("a.csv", "name,value\na,1\nb,2\nc,3\n", &Arms::ready());
     let lacking = found.guess.expect_err("nothing to guess");
-    assert!(
-        lacking.contains("joints") && lacking.contains("position"),
-        "{lacking}"
-    );
+    assert!(lacking.contains("joints") && lacking.contains("position"), "{lacking}");
     assert_eq!(found.columns[0].texts, 3);
 }

@@ -18,13 +18,7 @@ const AS_GOOD: f64 = 3.0;
 /// An agreement below this says nothing more, rad: five digits of degrees.
 const ROUNDED: f64 = 1e-5;
 /// Orders that people use, the more usual ones first; others are taken only where they agree better.
-const USUAL: [&str; 5] = [
-    "fixed-xyz",
-    "moving-xyz",
-    "moving-zyx",
-    "moving-zyz",
-    "fixed-zyx",
-];
+const USUAL: [&str; 5] = ["fixed-xyz", "moving-xyz", "moving-zyx", "moving-zyz", "fixed-zyx"];
 
 /// The way in which the numbers of an orientation are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,9 +59,8 @@ impl Form {
                     &[AngleUnit::Rad, AngleUnit::Deg]
                 };
                 let of_unit = |&unit: &AngleUnit| {
-                    let orders = usual_orders()
-                        .into_iter()
-                        .map(move |order| Self::Angles(own, order, unit));
+                    let orders =
+                        usual_orders().into_iter().map(move |order| Self::Angles(own, order, unit));
                     orders.chain([Self::Vector(own, unit)])
                 };
                 units.iter().flat_map(of_unit).collect()
@@ -98,9 +91,7 @@ impl Form {
 
 /// Every order of axes, the usual ones first.
 fn usual_orders() -> Vec<RotationOrder> {
-    let usual = USUAL
-        .iter()
-        .filter_map(|word| RotationOrder::try_from((*word).to_owned()).ok());
+    let usual = USUAL.iter().filter_map(|word| RotationOrder::try_from((*word).to_owned()).ok());
     let mut orders: Vec<RotationOrder> = usual.collect();
     orders.extend(
         RotationOrder::all().filter(|order| !USUAL.contains(&String::from(*order).as_str())),
@@ -116,20 +107,12 @@ pub fn turned(
     flanges: &[(usize, UnitQuaternion<f64>)],
 ) -> Option<Turned> {
     let numbers = flanges.iter().flat_map(|(row, _)| {
-        columns
-            .columns()
-            .iter()
-            .filter_map(|&column| number(table, *row, column))
+        columns.columns().iter().filter_map(|&column| number(table, *row, column))
     });
     let largest = numbers.fold(0.0_f64, |largest, value| largest.max(value.abs()));
-    let fits = Form::all(columns, largest)
-        .into_iter()
-        .filter_map(|form| fit(table, form, flanges));
+    let fits = Form::all(columns, largest).into_iter().filter_map(|form| fit(table, form, flanges));
     let fits: Vec<Turned> = fits.collect();
-    let least = fits
-        .iter()
-        .map(|own| own.median_rad)
-        .min_by(f64::total_cmp)?;
+    let least = fits.iter().map(|own| own.median_rad).min_by(f64::total_cmp)?;
     let is_as_good = |own: &&Turned| own.median_rad <= (AS_GOOD * least).max(ROUNDED);
     let mut best: Vec<&Turned> = fits.iter().filter(is_as_good).collect();
     // Where one of the usual forms agrees as well as any, it is taken.
@@ -151,29 +134,13 @@ fn fit(
     };
     let all: Vec<UnitQuaternion<f64>> = flanges.iter().filter_map(relative).collect();
     let apart = |centre: &UnitQuaternion<f64>| {
-        median(
-            &all.iter()
-                .map(|own| own.angle_to(centre))
-                .collect::<Vec<_>>(),
-        )
+        median(&all.iter().map(|own| own.angle_to(centre)).collect::<Vec<_>>())
     };
     let stride = all.len().div_ceil(25).max(1);
-    let centres = all
-        .iter()
-        .step_by(stride)
-        .filter_map(|centre| Some((apart(centre)?, *centre)));
+    let centres = all.iter().step_by(stride).filter_map(|centre| Some((apart(centre)?, *centre)));
     let (near, centre) = centres.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mean = mean(
-        all.iter()
-            .filter(|own| own.angle_to(&centre) <= AS_GOOD * near),
-        &centre,
-    );
-    Some(Turned {
-        form,
-        flange_from_own: mean,
-        median_rad: apart(&mean)?,
-        as_good: Vec::new(),
-    })
+    let mean = mean(all.iter().filter(|own| own.angle_to(&centre) <= AS_GOOD * near), &centre);
+    Some(Turned { form, flange_from_own: mean, median_rad: apart(&mean)?, as_good: Vec::new() })
 }
 
 /// The mean of orientations near `centre`.
@@ -186,9 +153,5 @@ fn mean<'a>(
         sum += (centre.inverse() * own).scaled_axis();
         count += 1.0;
     }
-    if count == 0.0 {
-        *centre
-    } else {
-        centre * UnitQuaternion::from_scaled_axis(sum / count)
-    }
+    if count == 0.0 { *centre } else { centre * UnitQuaternion::from_scaled_axis(sum / count) }
 }

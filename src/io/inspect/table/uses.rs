@@ -40,16 +40,13 @@ fn unit(
     column: usize,
 ) -> Result<(TableTime, Option<String>), String> {
     if summary.texts > summary.numbers {
-        return is_iso(table, column)
-            .then_some((TableTime::Iso8601, None))
-            .ok_or_else(|| {
-                "its texts are no dates and times as ISO 8601 writes them (2026-11-23T08:30:00Z)"
-                    .to_owned()
-            });
+        return is_iso(table, column).then_some((TableTime::Iso8601, None)).ok_or_else(|| {
+            "its texts are no dates and times as ISO 8601 writes them (2026-11-23T08:30:00Z)"
+                .to_owned()
+        });
     }
-    let times: Vec<f64> = (0..table.row_count())
-        .filter_map(|row| number(table, row, column))
-        .collect();
+    let times: Vec<f64> =
+        (0..table.row_count()).filter_map(|row| number(table, row, column)).collect();
     let different: BTreeSet<u64> = times.iter().map(|time| time.to_bits()).collect();
     let (Some((low, high)), true) = (summary.range, different.len() > 1) else {
         return Err("all rows have the same time: digits of it are lost".to_owned());
@@ -63,22 +60,13 @@ fn unit(
                 .to_owned(),
         );
     }
-    let since_1970 = [
-        (1e9, TableTime::S),
-        (1e12, TableTime::Ms),
-        (1e15, TableTime::Us),
-        (1e18, TableTime::Ns),
-    ];
+    let since_1970 =
+        [(1e9, TableTime::S), (1e12, TableTime::Ms), (1e15, TableTime::Us), (1e18, TableTime::Ns)];
     // From the year 2001 to 2128.
-    let found = since_1970
-        .into_iter()
-        .find(|(scale, _)| low >= *scale && high < 5.0 * scale);
+    let found = since_1970.into_iter().find(|(scale, _)| low >= *scale && high < 5.0 * scale);
     Ok(match found {
         Some((_, unit)) => (unit, None),
-        None => (
-            TableTime::S,
-            Some(format!("its numbers are {low} to {high}: s, ms, us or ns")),
-        ),
+        None => (TableTime::S, Some(format!("its numbers are {low} to {high}: s, ms, us or ns"))),
     })
 }
 
@@ -110,9 +98,8 @@ fn is_iso(table: &MeasuredTable, column: usize) -> bool {
 pub fn temperature(columns: &[ColumnSummary], used: &[usize]) -> Option<usize> {
     let fits = |column: &usize| {
         let own = &columns[*column];
-        let is_usual = own
-            .range
-            .is_some_and(|(low, high)| low > TEMPERATURES.0 && high < TEMPERATURES.1);
+        let is_usual =
+            own.range.is_some_and(|(low, high)| low > TEMPERATURES.0 && high < TEMPERATURES.1);
         own.named.has(Sense::Temperature) && own.is_numeric() && is_usual && !used.contains(column)
     };
     (0..columns.len()).find(fits)
@@ -127,9 +114,8 @@ pub fn session(
     let named =
         |column: &usize| columns[*column].named.has(Sense::Session) && !used.contains(column);
     (0..columns.len()).filter(named).find_map(|column| {
-        let names: Option<Vec<String>> = (0..table.row_count())
-            .map(|row| long::name(table.cell(row, column)))
-            .collect();
+        let names: Option<Vec<String>> =
+            (0..table.row_count()).map(|row| long::name(table.cell(row, column))).collect();
         let names = names?;
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for name in &names {

@@ -31,28 +31,15 @@ impl Frames<'_> {
                 times: None,
             }));
         }
-        let chunk = self
-            .chunk(start)?
-            .filter(ChunkRecord::has_known_compression);
-        let times = chunk
-            .as_ref()
-            .map(|chunk| (chunk.start_time, chunk.end_time));
+        let chunk = self.chunk(start)?.filter(ChunkRecord::has_known_compression);
+        let times = chunk.as_ref().map(|chunk| (chunk.start_time, chunk.end_time));
         self.log.chunked |= chunk.is_some();
         let found = self.resynchronise(start + 1, Among::Data)?;
         let end = found.unwrap_or(self.source.length());
         self.at = end;
         self.ended = found.is_none();
-        let why = if found.is_some() {
-            Loss::Framing(start)
-        } else {
-            why
-        };
-        Ok(Piece::Lost(Lost {
-            start,
-            end,
-            why,
-            times,
-        }))
+        let why = if found.is_some() { Loss::Framing(start) } else { why };
+        Ok(Piece::Lost(Lost { start, end, why, times }))
     }
 
     /// The next byte from `from` on where a frame begins that cannot be there by chance; `None` where there is none.
@@ -108,9 +95,9 @@ impl Frames<'_> {
             return Ok(false);
         };
         match opcode {
-            op::CHUNK => Ok(self
-                .chunk(at)?
-                .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
+            op::CHUNK => {
+                Ok(self.chunk(at)?.is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER)))
+            }
             op::DATA_END => self.summary_follows(end),
             _ => self.is_chain(end),
         }
@@ -122,14 +109,8 @@ impl Frames<'_> {
                 return Ok(true);
             }
             match self.judge(at)? {
-                Judged::Sound {
-                    opcode: op::DATA_END,
-                    ..
-                } => return Ok(true),
-                Judged::Sound {
-                    end,
-                    opcode: op::SCHEMA..=op::CHUNK | op::METADATA,
-                } => at = end,
+                Judged::Sound { opcode: op::DATA_END, .. } => return Ok(true),
+                Judged::Sound { end, opcode: op::SCHEMA..=op::CHUNK | op::METADATA } => at = end,
                 _ => return Ok(false),
             }
         }

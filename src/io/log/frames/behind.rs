@@ -86,12 +86,7 @@ impl Frames<'_> {
         } else {
             self.log.went_on = true;
         }
-        Ok(Some(Piece::Lost(Lost {
-            start: end,
-            end: found,
-            why: Loss::Framing(end),
-            times: None,
-        })))
+        Ok(Some(Piece::Lost(Lost { start: end, end: found, why: Loss::Framing(end), times: None })))
     }
 
     /// Skips a summary, up to the first byte that is none.

@@ -35,16 +35,10 @@ impl Frames<'_> {
         if opcode == 0 {
             return Ok(Judged::Broken(Loss::Framing(start)));
         }
-        let end = start
-            .checked_add(FRAME_HEADER)
-            .and_then(|body| body.checked_add(length));
+        let end = start.checked_add(FRAME_HEADER).and_then(|body| body.checked_add(length));
         let Some(end) = end.filter(|&end| end <= length_of_file) else {
             let known = opcode <= op::DATA_END;
-            return Ok(Judged::Broken(if known {
-                Loss::Truncated
-            } else {
-                Loss::Framing(start)
-            }));
+            return Ok(Judged::Broken(if known { Loss::Truncated } else { Loss::Framing(start) }));
         };
         let of_summary = belongs_to_summary(opcode) && self.log.went_on;
         if (is_private(opcode) && !self.was_a_chunk(start, length)?) || of_summary {
@@ -73,9 +67,7 @@ impl Frames<'_> {
 
     /// Whether the start of the body agrees with the length, for the records where it states one.
     fn body_fits(&mut self, opcode: u8, start: u64, length: u64) -> io::Result<bool> {
-        let body = self
-            .source
-            .probe(start + FRAME_HEADER, ChunkRecord::MOST_HEADER)?;
+        let body = self.source.probe(start + FRAME_HEADER, ChunkRecord::MOST_HEADER)?;
         Ok(match opcode {
             // A header is at the start of the file only.
             op::HEADER => false,
@@ -138,18 +130,13 @@ impl Frames<'_> {
         }
         let most = self.limits.record_bytes.max(self.source.length());
         let header = self.source.probe(start, 9)?;
-        Ok(
-            match (
-                header.first(),
-                header.get(1..9).and_then(|l| l.first_chunk::<8>()),
-            ) {
-                (Some(1..=op::DATA_END | op::FIRST_PRIVATE..), Some(length)) => {
-                    u64::from_le_bytes(*length) <= most
-                }
-                (Some(1..=op::DATA_END), None) => true,
-                _ => false,
-            },
-        )
+        Ok(match (header.first(), header.get(1..9).and_then(|l| l.first_chunk::<8>())) {
+            (Some(1..=op::DATA_END | op::FIRST_PRIVATE..), Some(length)) => {
+                u64::from_le_bytes(*length) <= most
+            }
+            (Some(1..=op::DATA_END), None) => true,
+            _ => false,
+        })
     }
 
     /// Whether the file or the log ends at `start`, or continues with a record of a summary.

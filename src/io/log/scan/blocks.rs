@@ -11,11 +11,7 @@ pub(super) fn settle<V: Visitor>(
     visitor: &mut V,
     read_summary: &mut ReadSummary,
 ) {
-    let Extent {
-        start,
-        end,
-        ref chunk,
-    } = block.extent;
+    let Extent { start, end, ref chunk } = block.extent;
     let reject = |fault: &BlockFault, tally: &Tally| LogReject {
         file: read_summary.file.clone(),
         topic: None,
@@ -27,17 +23,12 @@ pub(super) fn settle<V: Visitor>(
         loss: LossKind::Bytes,
         reason: fault.to_string(),
     };
-    let mut rejects: Vec<_> = block
-        .faults
-        .iter()
-        .map(|(fault, tally)| reject(fault, tally))
-        .collect();
+    let mut rejects: Vec<_> =
+        block.faults.iter().map(|(fault, tally)| reject(fault, tally)).collect();
     if let Outcome::Rejected(fault) = &block.outcome {
         let tally = Tally {
             messages: block.indexed,
-            times: chunk
-                .as_ref()
-                .map(|chunk| (chunk.start_time, chunk.end_time)),
+            times: chunk.as_ref().map(|chunk| (chunk.start_time, chunk.end_time)),
         };
         rejects.push(reject(fault, &tally));
     } else {
@@ -62,11 +53,7 @@ pub(super) struct Run {
 
 impl Run {
     pub fn grown(run: Option<Self>, start: u64, end: u64, is_message: bool) -> Self {
-        Self {
-            start: run.map_or(start, |run| run.start),
-            end,
-            last: (start, is_message),
-        }
+        Self { start: run.map_or(start, |run| run.start), end, last: (start, is_message) }
     }
 
     /// Where framing is lost right after a message, the message's own length may be wrong; where it is lost from the last

@@ -67,10 +67,7 @@ where
             (vec![(start, data_end)], "in messages outside chunks")
         } else {
             let places = std::mem::take(&mut self.private);
-            (
-                places,
-                "where chunks are sound, in application-specific records",
-            )
+            (places, "where chunks are sound, in application-specific records")
         };
         for (byte_start, byte_end) in places {
             let reject = LogReject {
@@ -103,23 +100,12 @@ where
     /// Adds a reject for the bytes that could not be decompressed, after all others; their number is not known, but each
     /// byte of the compressed file is counted as one byte, the least that it can be.
     pub(super) fn reject_undecompressed(&mut self) {
-        let Some(
-            packed @ Packed {
-                fault: Some(fault), ..
-            },
-        ) = &self.read_summary.packed
-        else {
+        let Some(packed @ Packed { fault: Some(fault), .. }) = &self.read_summary.packed else {
             return;
         };
-        let (bytes, lost) = (
-            self.read_summary.bytes,
-            packed.bytes.saturating_sub(fault.at),
-        );
+        let (bytes, lost) = (self.read_summary.bytes, packed.bytes.saturating_sub(fault.at));
         let (start, reach) = if fault.anywhere {
-            (
-                0,
-                "the damage is somewhere before it; what was decompressed was kept",
-            )
+            (0, "the damage is somewhere before it; what was decompressed was kept")
         } else {
             (bytes, "what follows cannot be decompressed")
         };

@@ -37,10 +37,7 @@ impl Missing {
         let sum = |of: &BTreeMap<u16, u64>| of.values().copied().fold(0, u64::saturating_add);
         let count = |of: &BTreeMap<u16, u64>, id: u16| of.get(&id).copied().unwrap_or(0);
         let believed = |count: u64| count <= MOST_MESSAGES;
-        let mut found = Self {
-            lost: indexed.clone(),
-            ..Self::default()
-        };
+        let mut found = Self { lost: indexed.clone(), ..Self::default() };
         let of_channels = stated.iter().flat_map(|stated| &stated.of_channels);
         let mut beyond = 0_u64;
         for (&id, &stated) in of_channels.filter(|(_, stated)| believed(**stated)) {
@@ -53,11 +50,7 @@ impl Missing {
             }
         }
         let all = stated.map_or(0, |stated| stated.messages);
-        let less = if believed(all) {
-            all.saturating_sub(sum(read))
-        } else {
-            0
-        };
+        let less = if believed(all) { all.saturating_sub(sum(read)) } else { 0 };
         let accounted = sum(&found.lost);
         found.elsewhere = less.max(beyond).saturating_sub(accounted);
         found.all = accounted.saturating_add(found.elsewhere);
@@ -77,11 +70,8 @@ where
         let stated = summary.map(|range| Statistics::read(source, range));
         let stated = stated.transpose().map_err(|source| self.io(source))?;
         let stated = stated.flatten();
-        let missing = Missing::new(
-            stated.as_ref(),
-            &self.read.by_channel(),
-            &self.lost.by_channel(),
-        );
+        let missing =
+            Missing::new(stated.as_ref(), &self.read.by_channel(), &self.lost.by_channel());
         self.note_undercount(stated.as_ref());
         self.read_summary.messages_lost =
             self.read_summary.messages_lost.saturating_add(missing.all);
@@ -170,10 +160,8 @@ mod tests {
     use super::*;
 
     fn missing(stated: u64, of_channels: &[(u16, u64)], indexed: &[(u16, u64)]) -> Missing {
-        let stated = Statistics {
-            messages: stated,
-            of_channels: of_channels.iter().copied().collect(),
-        };
+        let stated =
+            Statistics { messages: stated, of_channels: of_channels.iter().copied().collect() };
         // Messages read: 60 of channel 1, 10 of channel 2.
         let read = BTreeMap::from([(1, 60), (2, 10)]);
         Missing::new(Some(&stated), &read, &indexed.iter().copied().collect())

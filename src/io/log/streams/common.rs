@@ -175,11 +175,7 @@ const COMMON: [Common; 15] = [
         names: &["geometry_msgs/PoseArray"],
         layout: Layout::Points,
         stamp: "header.stamp",
-        fields: &[
-            "poses[].position.x",
-            "poses[].position.y",
-            "poses[].position.z",
-        ],
+        fields: &["poses[].position.x", "poses[].position.y", "poses[].position.z"],
     },
     Common {
         names: &["sensor_msgs/PointCloud"],
@@ -233,10 +229,7 @@ impl Layout {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
             Stream::Readings
-                if matches!(
-                    self,
-                    Self::Markers | Self::MarkersWithCovariance | Self::Points
-                ) =>
+                if matches!(self, Self::Markers | Self::MarkersWithCovariance | Self::Points) =>
             {
                 true
             }
@@ -257,10 +250,7 @@ impl Layout {
                 orientation: true,
                 covariance: matches!(self, Self::MarkersWithCovariance),
             },
-            Self::Points => Meaning::Poses {
-                orientation: false,
-                covariance: false,
-            },
+            Self::Points => Meaning::Poses { orientation: false, covariance: false },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),

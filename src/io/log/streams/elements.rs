@@ -27,11 +27,7 @@ impl ElementColumns<'_> {
     /// Checks that there are as many poses as names.
     pub(super) fn check_length(&self, names: usize) -> Result<(), RowFault> {
         let list = self.list(self.first)?;
-        if list.len() == names {
-            Ok(())
-        } else {
-            Err(RowFault::UnequalPoses)
-        }
+        if list.len() == names { Ok(()) } else { Err(RowFault::UnequalPoses) }
     }
 
     /// The pose of one element.
@@ -50,30 +46,20 @@ impl ElementColumns<'_> {
     /// Zeros in every column that an element would have.
     pub(super) fn missing(&self) -> Element {
         let covariance = LoggedCovariance::Pose([0.0; 36]);
-        (
-            [0.0; 3],
-            self.orientation.then_some([0.0; 4]),
-            self.covariance.then_some(covariance),
-        )
+        ([0.0; 3], self.orientation.then_some([0.0; 4]), self.covariance.then_some(covariance))
     }
 
     fn numbers<const N: usize>(&self, after: usize, index: usize) -> Result<[f64; N], RowFault> {
         let mut found = [0.0; N];
         for (place, number) in found.iter_mut().enumerate() {
             let slot = self.first + after + place;
-            *number = self
-                .list(slot)?
-                .get(index)
-                .ok_or(RowFault::NoNumber(slot))?;
+            *number = self.list(slot)?.get(index).ok_or(RowFault::NoNumber(slot))?;
         }
         Ok(found)
     }
 
     fn list(&self, slot: usize) -> Result<Numbers<'_>, RowFault> {
-        self.values
-            .get(slot)
-            .numbers()
-            .ok_or(RowFault::NoArray(slot))
+        self.values.get(slot).numbers().ok_or(RowFault::NoArray(slot))
     }
 }
 
@@ -106,9 +92,9 @@ impl<'m> Names<'m> {
     /// Whether an element has this name or number.
     pub(super) fn is(&self, index: usize, wanted: &TargetName) -> bool {
         match (self, wanted) {
-            (Self::Numbers(numbers), TargetName::Number(wanted)) => numbers
-                .get(index)
-                .is_some_and(|own| is_number(own, *wanted)),
+            (Self::Numbers(numbers), TargetName::Number(wanted)) => {
+                numbers.get(index).is_some_and(|own| is_number(own, *wanted))
+            }
             (Self::Texts(texts), wanted) => {
                 let own = texts.get(index).copied().flatten();
                 own.is_some_and(|own| is_text(own, wanted))

@@ -97,9 +97,7 @@ impl Glance {
         };
         let names = |schema: &MessageSchema| {
             let joints = common.filter(|common| common.layout == Layout::Joints)?;
-            schema
-                .reader(&[FieldPath::parse(joints.fields[0]).ok()?])
-                .ok()
+            schema.reader(&[FieldPath::parse(joints.fields[0]).ok()?]).ok()
         };
         let values = |schema: &MessageSchema| {
             let common = common?;
@@ -117,9 +115,7 @@ impl Glance {
                 }
             };
             let paths = fields.iter().map(|field| FieldPath::parse(field));
-            schema
-                .reader(&paths.collect::<Result<Vec<_>, _>>().ok()?)
-                .ok()
+            schema.reader(&paths.collect::<Result<Vec<_>, _>>().ok()?).ok()
         };
         Self {
             values: schema.as_ref().and_then(values),
@@ -257,17 +253,10 @@ impl<'m> Statements<'m> {
         let positions_alone = self.ignore_orientation || by_geometry;
         let (meaning, mut fields) = without_orientation(meaning, fields, positions_alone);
         let entries = match meaning {
-            Meaning::Poses {
-                covariance: true, ..
-            } => fields.pop(),
+            Meaning::Poses { covariance: true, .. } => fields.pop(),
             _ => None,
         };
-        Some(Asked {
-            meaning,
-            target,
-            fields,
-            entries,
-        })
+        Some(Asked { meaning, target, fields, entries })
     }
 
     /// The form of a message's stamp, and the paths of its values.
@@ -330,15 +319,9 @@ impl<'m> Statements<'m> {
             let covariance = fields.covariance.as_deref();
             let (orientation_is, covariance_is) = (orientation.is_some(), covariance.is_some());
             let meaning = if fields.is_of_each() {
-                Meaning::Poses {
-                    orientation: orientation_is,
-                    covariance: covariance_is,
-                }
+                Meaning::Poses { orientation: orientation_is, covariance: covariance_is }
             } else {
-                Meaning::Pose {
-                    orientation: orientation_is,
-                    covariance: covariance_is,
-                }
+                Meaning::Pose { orientation: orientation_is, covariance: covariance_is }
             };
             let rest = orientation.into_iter().flatten().chain(covariance);
             (meaning, position.into_iter().chain(rest).collect())
@@ -384,26 +367,14 @@ fn without_orientation(
     ignore: bool,
 ) -> (Meaning, Vec<&str>) {
     match meaning {
-        Meaning::Pose {
-            orientation: true,
-            covariance,
-        } if ignore => {
+        Meaning::Pose { orientation: true, covariance } if ignore => {
             fields.drain(3..7);
-            let meaning = Meaning::Pose {
-                orientation: false,
-                covariance,
-            };
+            let meaning = Meaning::Pose { orientation: false, covariance };
             (meaning, fields)
         }
-        Meaning::Poses {
-            orientation: true,
-            covariance,
-        } if ignore => {
+        Meaning::Poses { orientation: true, covariance } if ignore => {
             fields.drain(3..7);
-            let meaning = Meaning::Poses {
-                orientation: false,
-                covariance,
-            };
+            let meaning = Meaning::Poses { orientation: false, covariance };
             (meaning, fields)
         }
         other => (other, fields),

@@ -150,10 +150,7 @@ impl Reader {
         let recipe = &self.recipe;
         let row = &mut part.rows[self.stream as usize];
         recipe.reader.read(message.payload, row)?;
-        let values = Values {
-            row,
-            payload: message.payload,
-        };
+        let values = Values { row, payload: message.payload };
         let (stamp, mut first) = self.stamp(message, values)?;
         if let Some(frame) = &recipe.frame {
             values.check_frame(first, frame)?;
@@ -165,8 +162,7 @@ impl Reader {
         }
         match (recipe.meaning, self.stream) {
             (Meaning::NamedAngles, _) => {
-                part.order
-                    .read(values, first, joint_names, &mut part.joints)?;
+                part.order.read(values, first, joint_names, &mut part.joints)?;
                 part.joints.stamps.push(stamp);
             }
             (Meaning::Angles, _) => {
@@ -178,13 +174,7 @@ impl Reader {
                 part.temperatures.stamps.push(stamp);
             }
             (Meaning::Lengths, _) => self.push_lengths(values, first, stamp, &mut part.lengths)?,
-            (
-                Meaning::Pose {
-                    orientation,
-                    covariance,
-                },
-                stream,
-            ) => {
+            (Meaning::Pose { orientation, covariance }, stream) => {
                 let poses = if stream == Stream::Commands {
                     &mut part.commands
                 } else {
@@ -193,19 +183,8 @@ impl Reader {
                 };
                 push_pose(poses, stamp, values, first, orientation, covariance)?;
             }
-            (
-                Meaning::Poses {
-                    orientation,
-                    covariance,
-                },
-                _,
-            ) => {
-                let columns = ElementColumns {
-                    values,
-                    first,
-                    orientation,
-                    covariance,
-                };
+            (Meaning::Poses { orientation, covariance }, _) => {
+                let columns = ElementColumns { values, first, orientation, covariance };
                 if !recipe.has_target {
                     let place = self.target(values, target)?;
                     let poses = part.readings.get_mut(place);
@@ -368,8 +347,7 @@ impl<'m> Values<'m> {
             return Err(RowFault::Stamp);
         }
         let ns = sec.checked_mul(1_000_000_000);
-        ns.and_then(|ns| ns.checked_add(nanosec))
-            .ok_or(RowFault::Stamp)
+        ns.and_then(|ns| ns.checked_add(nanosec)).ok_or(RowFault::Stamp)
     }
 
     /// Seconds and nanoseconds, or a date-time as text in the third place.
@@ -486,9 +464,7 @@ fn push_angles(
     first: usize,
 ) -> Result<(), RowFault> {
     let places = first..first + joints.angles.joints();
-    joints
-        .angles
-        .try_push(places.map(|place| values.number(place)))
+    joints.angles.try_push(places.map(|place| values.number(place)))
 }
 
 fn push_pose(
@@ -501,11 +477,8 @@ fn push_pose(
 ) -> Result<(), RowFault> {
     let number = |place: usize| values.number(first + place);
     let position = [number(0)?, number(1)?, number(2)?];
-    let quaternion = if orientation {
-        Some([number(3)?, number(4)?, number(5)?, number(6)?])
-    } else {
-        None
-    };
+    let quaternion =
+        if orientation { Some([number(3)?, number(4)?, number(5)?, number(6)?]) } else { None };
     if covariance {
         let slot = first + if orientation { 7 } else { 3 };
         let own = logged_covariance(values, slot)?;

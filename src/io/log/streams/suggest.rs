@@ -66,11 +66,9 @@ impl Suggestible {
     pub fn suggestion(&self, first_message: Option<&[u8]>) -> Option<Suggestion> {
         match self {
             Self::Nothing => None,
-            Self::Common(layout) => Some(Suggestion {
-                layout: *layout,
-                fields: None,
-                stamped: true,
-            }),
+            Self::Common(layout) => {
+                Some(Suggestion { layout: *layout, fields: None, stamped: true })
+            }
             Self::Fields(leaves) => Leaves(leaves).suggestion(None),
             Self::Json(leaves) => match first_message {
                 Some(message) if leaves.is_empty() => {
@@ -134,29 +132,20 @@ impl Leaves<'_> {
         let (layout, mut named) = self.joints().or_else(|| self.pose())?;
         let stamp = self.stamp().or_else(|| self.date_time(json_message?));
         let usual = ["header.stamp", "timestamp"];
-        if let Some(path) = stamp
-            .as_ref()
-            .filter(|path| !usual.contains(&path.as_str()))
-        {
+        if let Some(path) = stamp.as_ref().filter(|path| !usual.contains(&path.as_str())) {
             named.insert(0, ("stamp", path.clone()));
         }
         let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
         Some(Suggestion {
             layout,
-            fields: Some(format!(
-                "fields = {{ {} }}",
-                named.collect::<Vec<_>>().join(", ")
-            )),
+            fields: Some(format!("fields = {{ {} }}", named.collect::<Vec<_>>().join(", "))),
             stamped: stamp.is_some(),
         })
     }
 
     /// The paths that a pipeline file can name: a message type may have field names that it cannot.
     fn sound(&self) -> impl Iterator<Item = &str> {
-        let plain = |leaf: &&str| {
-            leaf.chars()
-                .all(|c| c.is_alphanumeric() || "_.[]-".contains(c))
-        };
+        let plain = |leaf: &&str| leaf.chars().all(|c| c.is_alphanumeric() || "_.[]-".contains(c));
         let leaves = self.0.iter().map(String::as_str).filter(plain);
         leaves.filter(|leaf| FieldPath::parse(leaf).is_ok())
     }
@@ -169,9 +158,7 @@ impl Leaves<'_> {
     /// The prefixes of paths that end in one of these names, each with its dot.
     fn before(&self, name: &str) -> Vec<&str> {
         let before = self.sound().filter_map(|leaf| leaf.strip_suffix(name));
-        before
-            .filter(|before| before.is_empty() || before.ends_with('.'))
-            .collect()
+        before.filter(|before| before.is_empty() || before.ends_with('.')).collect()
     }
 
     fn joints(&self) -> Option<(Layout, Named)> {
@@ -213,30 +200,15 @@ impl Leaves<'_> {
         let mut position = prefixes.iter().filter(|prefix| is_place(prefix));
         let position = position.find_map(|prefix| axes(prefix, &["x", "y", "z"]))?;
         let mut named: Named = ["x", "y", "z"].into_iter().zip(position).collect();
-        let quaternion = prefixes
-            .iter()
-            .find_map(|prefix| axes(prefix, &["x", "y", "z", "w"]));
-        let layout = if quaternion.is_some() {
-            Layout::Pose
-        } else {
-            Layout::Point
-        };
-        named.extend(
-            ["qx", "qy", "qz", "qw"]
-                .into_iter()
-                .zip(quaternion.into_iter().flatten()),
-        );
+        let quaternion = prefixes.iter().find_map(|prefix| axes(prefix, &["x", "y", "z", "w"]));
+        let layout = if quaternion.is_some() { Layout::Pose } else { Layout::Point };
+        named.extend(["qx", "qy", "qz", "qw"].into_iter().zip(quaternion.into_iter().flatten()));
         Some((layout, named))
     }
 
     /// The path of the time among the fields: seconds and nanoseconds.
     fn stamp(&self) -> Option<String> {
-        let parts = [
-            ("sec", "nanosec"),
-            ("sec", "nsec"),
-            ("seconds", "nanos"),
-            ("secs", "nsecs"),
-        ];
+        let parts = [("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs")];
         parts.iter().find_map(|(sec, nanosec)| {
             let mut before = self.before(sec).into_iter();
             let found = before.find(|prefix| {
@@ -319,9 +291,6 @@ mod tests {
         );
         assert_eq!(of_json("{\"text\": \"x\"}"), None);
         // A name from a log that is no plain one is not offered.
-        assert_eq!(
-            of_json("{\"\\u001b\": {\"x\": 0, \"y\": 0, \"z\": 0}}"),
-            None
-        );
+        assert_eq!(of_json("{\"\\u001b\": {\"x\": 0, \"y\": 0, \"z\": 0}}"), None);
     }
 }

@@ -20,19 +20,13 @@ impl<'s> Block<'s> {
             let numbers = count(PieceKind::Number);
             numbers > 0 && numbers >= count(PieceKind::Text)
         });
-        Self {
-            sample,
-            width,
-            is_number: is_number.collect(),
-        }
+        Self { sample, width, is_number: is_number.collect() }
     }
 
     /// Cells of this kind in the columns of numbers.
     fn in_numbers(&self, row: &SampleRow, kind: PieceKind) -> usize {
         let columns = self.is_number.iter().enumerate();
-        columns
-            .filter(|&(column, &is)| is && row.kind(column) == kind)
-            .count()
+        columns.filter(|&(column, &is)| is && row.kind(column) == kind).count()
     }
 
     /// Whether half of the columns of numbers hold numbers.
@@ -43,16 +37,11 @@ impl<'s> Block<'s> {
 
     /// Whether names may stand there: no numbers, or among several texts different small whole numbers.
     fn is_header(&self, row: &SampleRow) -> bool {
-        let (texts, numbers) = (
-            self.in_numbers(row, PieceKind::Text),
-            row.count(PieceKind::Number),
-        );
+        let (texts, numbers) =
+            (self.in_numbers(row, PieceKind::Text), row.count(PieceKind::Number));
         let all_text = !self.is_number.contains(&true);
-        let is_name = if numbers == 0 {
-            texts > 0 || all_text
-        } else {
-            texts > 1 && names::are_counts(row)
-        };
+        let is_name =
+            if numbers == 0 { texts > 0 || all_text } else { texts > 1 && names::are_counts(row) };
         row.fits(self.width) && is_name
     }
 
@@ -119,12 +108,7 @@ impl<'s> Block<'s> {
         if 2 * names <= self.width {
             return Ok(());
         }
-        Err(MeasuredTableErrorKind::HeaderLength {
-            header: header.line,
-            names,
-            line,
-            cells,
-        })
+        Err(MeasuredTableErrorKind::HeaderLength { header: header.line, names, line, cells })
     }
 
     /// Whether rows look like numbers with decimal commas that were split at them: up to twice as many cells as names, none

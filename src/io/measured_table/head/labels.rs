@@ -29,13 +29,7 @@ pub(super) fn labelled(names: Vec<String>, above: &[SampleRow]) -> Vec<String> {
             with.insert(place);
             let own = joined(&names, &repeated, &labels, &with);
             let count = distinct(&own);
-            (
-                count,
-                !are_codes(&labels[place]),
-                labels.len() - place,
-                with,
-                own,
-            )
+            (count, !are_codes(&labels[place]), labels.len() - place, with, own)
         });
         let Some((count, _, _, with, own)) = tried.max() else {
             return best.0;
@@ -89,10 +83,7 @@ fn joined(
         if !repeated[column] {
             return name.clone();
         }
-        let parts = chosen
-            .iter()
-            .rev()
-            .map(|&place| labels[place][column].as_str());
+        let parts = chosen.iter().rev().map(|&place| labels[place][column].as_str());
         let parts = parts.filter(|label| !label.is_empty());
         let parts: Vec<&str> = parts.chain([name.as_str()]).collect();
         parts.join(" ")

@@ -7,11 +7,7 @@ pub(super) fn columns(written: &[String], width: usize) -> Vec<String> {
     let name = |column: usize| {
         let text = written.get(column).map_or("", String::as_str);
         let words: Vec<&str> = text.split_whitespace().collect();
-        if words.is_empty() {
-            (column + 1).to_string()
-        } else {
-            words.join(" ")
-        }
+        if words.is_empty() { (column + 1).to_string() } else { words.join(" ") }
     };
     (0..width).map(name).collect()
 }
@@ -28,11 +24,7 @@ pub(super) fn units(row: &SampleRow, width: usize) -> Vec<String> {
 /// Whether every cell that is not blank is a unit in brackets or a unit that people write without.
 pub(super) fn are_units(row: &SampleRow, width: usize) -> bool {
     let mut units = 0;
-    for piece in row
-        .pieces
-        .iter()
-        .filter(|piece| piece.kind != PieceKind::Blank)
-    {
+    for piece in row.pieces.iter().filter(|piece| piece.kind != PieceKind::Blank) {
         let text = piece.text.trim();
         match bare(text) {
             Some(inside) if inside.len() <= 16 => units += 1,
@@ -47,9 +39,7 @@ pub(super) fn are_units(row: &SampleRow, width: usize) -> bool {
 /// The inside of the brackets around a text.
 fn bare(text: &str) -> Option<&str> {
     let inside = |open, close| text.strip_prefix(open)?.strip_suffix(close);
-    inside('[', ']')
-        .or_else(|| inside('(', ')'))
-        .or_else(|| inside('<', '>'))
+    inside('[', ']').or_else(|| inside('(', ')')).or_else(|| inside('<', '>'))
 }
 
 fn is_unit(text: &str) -> bool {
@@ -64,10 +54,7 @@ fn is_unit(text: &str) -> bool {
 
 /// Whether the numbers of a record are different whole numbers of up to three digits, as columns are numbered.
 pub(super) fn are_counts(row: &SampleRow) -> bool {
-    let numbers = row
-        .pieces
-        .iter()
-        .filter(|piece| piece.kind == PieceKind::Number);
+    let numbers = row.pieces.iter().filter(|piece| piece.kind == PieceKind::Number);
     let mut found: Vec<&str> = numbers.map(|piece| piece.text.trim()).collect();
     let is_count = |text: &&str| text.len() <= 3 && text.bytes().all(|byte| byte.is_ascii_digit());
     let all = found.iter().all(is_count);

@@ -9,10 +9,7 @@ use super::super::{Cell, MeasuredTable, ods, xlsx};
 use super::*;
 use Cell::{Blank, Number, Text};
 
-const BOUND: Bound = Bound {
-    bytes: 1 << 22,
-    advice: "split it",
-};
+const BOUND: Bound = Bound { bytes: 1 << 22, advice: "split it" };
 
 fn packed(parts: &[(&str, String)]) -> Vec<u8> {
     let mut writer = ZipWriter::new(io::Cursor::new(Vec::new()));
@@ -20,11 +17,7 @@ fn packed(parts: &[(&str, String)]) -> Vec<u8> {
         // What a file of ODF is stands in its first entry, as it is.
         let is_packed = *name != "mimetype";
         let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        let options = if is_packed {
-            SimpleFileOptions::default()
-        } else {
-            stored
-        };
+        let options = if is_packed { SimpleFileOptions::default() } else { stored };
         writer.start_file(*name, options).unwrap();
         writer.write_all(content.as_bytes()).unwrap();
     }
@@ -39,10 +32,7 @@ fn workbook(sheets: &[(&str, &str)]) -> Vec<u8> {
     let numbered = || sheets.iter().enumerate();
     let listed: Vec<String> = numbered()
         .map(|(id, (name, _))| {
-            format!(
-                "<sheet name=\"{name}\" sheetId=\"{0}\" r:id=\"r{id}\"/>",
-                id + 1
-            )
+            format!("<sheet name=\"{name}\" sheetId=\"{0}\" r:id=\"r{id}\"/>", id + 1)
         })
         .collect();
     let related: Vec<String> = numbered()
@@ -73,9 +63,7 @@ fn workbook(sheets: &[(&str, &str)]) -> Vec<u8> {
             ),
         ),
     ];
-    let names: Vec<String> = numbered()
-        .map(|(id, _)| format!("xl/worksheets/s{id}.xml"))
-        .collect();
+    let names: Vec<String> = numbered().map(|(id, _)| format!("xl/worksheets/s{id}.xml")).collect();
     for (name, (_, rows)) in names.iter().zip(sheets) {
         parts.push((
             name,
@@ -102,9 +90,7 @@ fn row_of(number: u64, cells: &[&str]) -> String {
 }
 
 fn rows_of(rows: &[(u64, &[&str])]) -> String {
-    rows.iter()
-        .map(|(number, cells)| row_of(*number, cells))
-        .collect()
+    rows.iter().map(|(number, cells)| row_of(*number, cells)).collect()
 }
 
 fn row(table: &MeasuredTable, row: usize) -> Vec<Cell<'_>> {
@@ -131,62 +117,27 @@ fn the_first_sheet_with_a_table_is_read_below_its_title() {
     let table = read(&bytes, &Form::default()).unwrap();
     assert_eq!(table.columns(), ["station", "x", "y", "version"]);
     assert_eq!(table.units().unwrap(), ["", "mm", "mm", ""]);
-    assert_eq!(
-        row(&table, 0),
-        [Text("P1"), Number(1.5), Number(2.0), Number(5.9)]
-    );
-    assert_eq!(
-        row(&table, 1),
-        [Text("P2"), Number(-1e-3), Blank, Number(5.9)]
-    );
+    assert_eq!(row(&table, 0), [Text("P1"), Number(1.5), Number(2.0), Number(5.9)]);
+    assert_eq!(row(&table, 1), [Text("P2"), Number(-1e-3), Blank, Number(5.9)]);
     assert_eq!(row(&table, 2)[1..3], [Text("n/a"), Text("'7'")]);
     assert_eq!((table.line(1), table.counted()), (7, Counted::Row));
-    assert_eq!(
-        table.remarks(),
-        ["sheet \"Data\"", "it has other sheets: Notes, More"]
-    );
+    assert_eq!(table.remarks(), ["sheet \"Data\"", "it has other sheets: Notes, More"]);
     let records = table.records();
-    assert_eq!(
-        (
-            records.rows,
-            records.before,
-            records.blank,
-            records.left_out
-        ),
-        (3, 3, 2, 0)
-    );
+    assert_eq!((records.rows, records.before, records.blank, records.left_out), (3, 3, 2, 0));
 }
 
 #[test]
 fn a_sheet_and_a_header_are_stated() {
-    let data = rows_of(&[
-        (1, &["a", "b"]),
-        (2, &["1", "2"]),
-        (4, &["c", "d"]),
-        (5, &["3", "4"]),
-    ]);
+    let data = rows_of(&[(1, &["a", "b"]), (2, &["1", "2"]), (4, &["c", "d"]), (5, &["3", "4"])]);
     let bytes = workbook(&[("One", &data), ("Two", &data)]);
-    let form = Form {
-        sheet: Some("Two".to_owned()),
-        header: Some(4),
-        ..Form::default()
-    };
+    let form = Form { sheet: Some("Two".to_owned()), header: Some(4), ..Form::default() };
     let table = read(&bytes, &form).unwrap();
     assert_eq!((table.columns()[0].as_str(), table.row_count()), ("c", 1));
     assert_eq!(table.remarks(), ["sheet \"Two\""]);
-    let form = Form {
-        sheet: Some("Tow".to_owned()),
-        ..Form::default()
-    };
+    let form = Form { sheet: Some("Tow".to_owned()), ..Form::default() };
     let told = read(&bytes, &form).unwrap_err();
-    assert_eq!(
-        told,
-        "it has no sheet \"Tow\"; its sheets are \"One\", \"Two\""
-    );
-    let form = Form {
-        header: Some(3),
-        ..Form::default()
-    };
+    assert_eq!(told, "it has no sheet \"Tow\"; its sheets are \"One\", \"Two\"");
+    let form = Form { header: Some(3), ..Form::default() };
     let told = read(&bytes, &form).unwrap_err();
     assert!(told.contains("sheet \"One\": header = 3"), "{told}");
 }
@@ -198,14 +149,8 @@ fn dates_formulas_and_numbers_typed_as_text() {
         <row r=\"3\"><c r=\"A3\" s=\"1\"><v>0.25</v></c><c r=\"B3\" t=\"e\"><v>#DIV/0!</v></c><c r=\"C3\" t=\"b\"><v>1</v></c></row>\
         <row r=\"4\"><c r=\"B4\"><v>1</v></c><c r=\"C4\"><v>2</v></c></row>";
     let table = read(&workbook(&[("S", data)]), &Form::default()).unwrap();
-    assert_eq!(
-        row(&table, 0),
-        [Text("2020-07-14T12:00:00"), Number(2.0), Number(1.25)]
-    );
-    assert_eq!(
-        row(&table, 1),
-        [Text("06:00:00"), Text("#DIV/0!"), Text("true")]
-    );
+    assert_eq!(row(&table, 0), [Text("2020-07-14T12:00:00"), Number(2.0), Number(1.25)]);
+    assert_eq!(row(&table, 1), [Text("06:00:00"), Text("#DIV/0!"), Text("true")]);
 }
 
 #[test]
@@ -223,10 +168,7 @@ fn cells_far_away_and_packed_bombs_take_no_memory() {
         "{told}"
     );
     let told = read(b"PK\x03\x04 and so on", &Form::default()).unwrap_err();
-    assert!(
-        told.contains("it cannot be read as a spreadsheet"),
-        "{told}"
-    );
+    assert!(told.contains("it cannot be read as a spreadsheet"), "{told}");
 }
 
 /// A spreadsheet of ODF with these rows.
@@ -279,17 +221,11 @@ fn ods_repeats_cells_and_rows() {
     assert_eq!(table.row_count(), 3);
     assert_eq!(row(&table, 1), [Number(1.5), Number(1.5), Number(1.5)]);
     assert_eq!(row(&table, 2), [Blank, Number(2.0), Number(2.0)]);
-    assert_eq!(
-        (table.line(0), table.line(2), table.records().blank),
-        (5, 7, 3)
-    );
+    assert_eq!((table.line(0), table.line(2), table.records().blank), (5, 7, 3));
     let bomb = format!(
         "<table:table-row table:number-rows-repeated=\"1000000\">{}</table:table-row>",
         ods_number("1", 16_384)
     );
     let told = ods::read(&ods_of(&bomb.repeat(100)), &Form::default(), BOUND).unwrap_err();
-    assert!(
-        told.to_string().contains("more memory than a table may"),
-        "{told}"
-    );
+    assert!(told.to_string().contains("more memory than a table may"), "{told}");
 }

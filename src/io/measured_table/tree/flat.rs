@@ -44,9 +44,7 @@ impl<'d> Flat<'d> {
             return Ok(());
         }
         let mut path = String::new();
-        let key = record
-            .key
-            .map_or(Ok(()), |key| self.value("key", Value::Text(key)));
+        let key = record.key.map_or(Ok(()), |key| self.value("key", Value::Text(key)));
         let flat = key.and_then(|()| self.flatten(&mut path, record.node));
         self.ends.push(Some(self.values.len()));
         flat.map_err(|problem| problem.at(counted.word(), record.line))
@@ -109,12 +107,7 @@ impl<'d> Flat<'d> {
         counted: Counted,
         remarks: Vec<String>,
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-        let head = Head::of(
-            self.names
-                .iter()
-                .map(|name| name.trim().to_owned())
-                .collect(),
-        );
+        let head = Head::of(self.names.iter().map(|name| name.trim().to_owned()).collect());
         let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
         let mut row = vec![Value::Blank; self.names.len()];
         let mut start = 0;
@@ -152,9 +145,7 @@ impl Flattened {
         match self {
             Self::Twice(key) => MeasuredTableErrorKind::KeyTwice { counted, line, key },
             Self::Name => MeasuredTableErrorKind::LongName { counted, line },
-            Self::Columns => MeasuredTableErrorKind::TooManyColumns {
-                found: MOST_COLUMNS + 1,
-            },
+            Self::Columns => MeasuredTableErrorKind::TooManyColumns { found: MOST_COLUMNS + 1 },
         }
     }
 }

@@ -25,24 +25,13 @@ fn records_are_flattened_in_every_order_that_people_write_them() {
     let wrapped = format!("{{\"robot\": \"a\", \"stations\": {list}}}");
     let written = "- pose: {x: 1.5, y: ~}\n  q: [1, 2]\n- q:\n  - 3\n  - 4\n  pose:\n    x: -1e3\n";
     let documents = "pose: {x: 1.5, y: }\nq: [1, 2]\n---\nq: [3, 4]\npose: {x: -1000}\n";
-    for table in [
-        json(list),
-        json(lines),
-        json(&wrapped),
-        yaml(list),
-        yaml(written),
-        yaml(documents),
-    ] {
+    for table in
+        [json(list), json(lines), json(&wrapped), yaml(list), yaml(written), yaml(documents)]
+    {
         let table = table.unwrap();
         assert_eq!(table.columns(), ["pose.x", "pose.y", "q[0]", "q[1]"]);
-        assert_eq!(
-            row(&table, 0),
-            [Number(1.5), Blank, Number(1.0), Number(2.0)]
-        );
-        assert_eq!(
-            row(&table, 1),
-            [Number(-1000.0), Blank, Number(3.0), Number(4.0)]
-        );
+        assert_eq!(row(&table, 0), [Number(1.5), Blank, Number(1.0), Number(2.0)]);
+        assert_eq!(row(&table, 1), [Number(-1000.0), Blank, Number(3.0), Number(4.0)]);
     }
     let wrapped = json(&wrapped).unwrap();
     assert_eq!(wrapped.remarks(), ["its records are those of \"stations\""]);
@@ -55,10 +44,7 @@ fn rows_are_told_by_line_or_by_number() {
     let records = json("[{\"a\": 1},\n {\"a\": 2}]").unwrap();
     assert_eq!((records.counted(), records.line(1)), (Counted::Record, 2));
     let keyed = yaml("'7':\n  a: 1\n# between\n'8':\n  a: 2\n").unwrap();
-    assert_eq!(
-        (keyed.counted(), keyed.line(0), keyed.line(1)),
-        (Counted::Line, 1, 4)
-    );
+    assert_eq!((keyed.counted(), keyed.line(0), keyed.line(1)), (Counted::Line, 1, 4));
     assert_eq!(keyed.columns(), ["key", "a"]);
     assert_eq!(row(&keyed, 1), [Number(8.0), Number(2.0)]);
     let documents = yaml("a: 1\n---\na: 2\n").unwrap();
@@ -74,10 +60,7 @@ fn columns_one_after_the_other_are_turned() {
     assert_eq!(pandas.columns(), ["x", "y"]);
     assert_eq!(row(&pandas, 1), [Number(2.0), Blank]);
     let told = json(r#"{"x": [1, 2], "y": [1]}"#).unwrap_err();
-    assert!(
-        told.contains("\"x\" has 2 values, and column \"y\" 1"),
-        "{told}"
-    );
+    assert!(told.contains("\"x\" has 2 values, and column \"y\" 1"), "{told}");
 }
 
 #[test]
@@ -114,20 +97,10 @@ fn values_keep_their_kind() {
     else {
         panic!("{:?}", row(&table, 0));
     };
-    assert_eq!(
-        (a, e, h),
-        (0.300_000_000_000_000_04, 1.5, 1.593_701_755_123_456_8e18)
-    );
+    assert_eq!((a, e, h), (0.300_000_000_000_000_04, 1.5, 1.593_701_755_123_456_8e18));
     assert!(b.is_nan() && c.is_nan());
     let table = yaml("- {a: .nan, b: -.inf, c: yes, d: '1.5', e: 0x1F, f: null}\n").unwrap();
-    let [
-        Number(a),
-        Number(b),
-        Text("yes"),
-        Number(d),
-        Text("0x1F"),
-        Blank,
-    ] = row(&table, 0)[..]
+    let [Number(a), Number(b), Text("yes"), Number(d), Text("0x1F"), Blank] = row(&table, 0)[..]
     else {
         panic!("{:?}", row(&table, 0));
     };
@@ -143,15 +116,7 @@ fn records_that_are_none_are_left_out_and_empty_ones_counted() {
     let reason = LeftOutFor::NoObject;
     assert_eq!(table.left_out()[0], RowLeftOut { line: 2, reason });
     let records = table.records();
-    assert_eq!(
-        (
-            records.rows,
-            records.left_out,
-            records.blank,
-            records.before
-        ),
-        (2, 3, 1, 0)
-    );
+    assert_eq!((records.rows, records.left_out, records.blank, records.before), (2, 3, 1, 0));
     assert_eq!(table.line(1), 6);
 }
 
@@ -163,18 +128,9 @@ fn what_holds_no_table_is_reported() {
         ("[]", "holds no table"),
         ("5", "it holds no records"),
         ("[{\"a\": 1, \"a\": 2}]", "record 1: \"a\" is given twice"),
-        (
-            "{\"a\": [{\"x\": 1}], \"b\": [{\"x\": 1}]}",
-            "\"a\" and \"b\" both hold records",
-        ),
-        (
-            "[{\"a\": 1},\n {\"a\" 2}]",
-            "line 2, character 7: it is no JSON: a colon is missing",
-        ),
-        (
-            "[{\"a\": 1]",
-            "line 1, character 9: it is no JSON: a comma or a brace",
-        ),
+        ("{\"a\": [{\"x\": 1}], \"b\": [{\"x\": 1}]}", "\"a\" and \"b\" both hold records"),
+        ("[{\"a\": 1},\n {\"a\" 2}]", "line 2, character 7: it is no JSON: a colon is missing"),
+        ("[{\"a\": 1]", "line 1, character 9: it is no JSON: a comma or a brace"),
         ("[{\"a\": \"x}]", "a string is never closed"),
         ("[{\"a\": tru}]", "no value of JSON"),
         ("[{\"a\": \"\\x\"}]", "a backslash"),
@@ -200,26 +156,16 @@ fn aliases_are_read_and_bombs_refused() {
     let text = "a: &a {x: 1, q: [1, 2]}\nb: *a\nc:\n  <<: *a\n  x: 3\n";
     let table = yaml(text).unwrap();
     assert_eq!(table.columns(), ["key", "x", "q[0]", "q[1]"]);
-    assert_eq!(
-        row(&table, 1),
-        [Text("b"), Number(1.0), Number(1.0), Number(2.0)]
-    );
+    assert_eq!(row(&table, 1), [Text("b"), Number(1.0), Number(1.0), Number(2.0)]);
     let mut bomb = "a: &a [x,x,x,x,x,x,x,x,x,x]\n".to_owned();
     for (from, to) in ('a'..'k').zip('b'..='k') {
-        bomb += &[
-            format!("{to}: &{to} ["),
-            vec![format!("*{from}"); 10].join(","),
-            "]\n".to_owned(),
-        ]
-        .concat();
+        bomb +=
+            &[format!("{to}: &{to} ["), vec![format!("*{from}"); 10].join(","), "]\n".to_owned()]
+                .concat();
     }
     let told = yaml(&bomb).unwrap_err();
     assert!(told.contains("more memory than a table may"), "{told}");
-    for deep in [
-        "[".repeat(100_000),
-        "{a: ".repeat(100_000),
-        "- ".repeat(100_000),
-    ] {
+    for deep in ["[".repeat(100_000), "{a: ".repeat(100_000), "- ".repeat(100_000)] {
         assert!(yaml(&deep).is_err());
         assert!(json(&deep).is_err());
     }

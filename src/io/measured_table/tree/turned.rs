@@ -10,19 +10,14 @@ pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKin
     let Node::Map(map) = root else {
         return Ok(None);
     };
-    let columns = map
-        .members
-        .iter()
-        .map(|(key, node)| Some((key, values(node)?)));
+    let columns = map.members.iter().map(|(key, node)| Some((key, values(node)?)));
     let columns: Option<Vec<Column>> = columns.collect();
     let Some(columns) = columns.filter(|columns| !columns.is_empty()) else {
         return Ok(None);
     };
     let length = same_length(&columns)?;
     let row = |row: usize| {
-        let members = columns
-            .iter()
-            .map(|(key, column)| (Rc::clone(key), column[row].clone()));
+        let members = columns.iter().map(|(key, column)| (Rc::clone(key), column[row].clone()));
         let (line, members) = (0, members.collect());
         Node::Map(Map { line, members })
     };

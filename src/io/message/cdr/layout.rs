@@ -96,13 +96,9 @@ impl Layout {
         let mut is_same = |stretch: &Range<usize>| {
             let known = same.split_off(..stretch.len());
             let found = message.get(stretch.clone());
-            known
-                .zip(found)
-                .is_some_and(|(known, found)| alike(known, found))
+            known.zip(found).is_some_and(|(known, found)| alike(known, found))
         };
-        self.reader
-            .as_ref()
-            .is_some_and(|of| Arc::ptr_eq(of, reader))
+        self.reader.as_ref().is_some_and(|of| Arc::ptr_eq(of, reader))
             && message.len() == self.length
             && message.starts_with(&self.header)
             && self.stretches.iter().all(&mut is_same)

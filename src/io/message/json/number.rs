@@ -71,11 +71,7 @@ mod tests {
         let whole = whole.trim_start_matches('0');
         let sign = if seed.is_multiple_of(3) { "-" } else { "" };
         let whole = if whole.is_empty() { "0" } else { whole };
-        let behind = if behind.is_empty() {
-            String::new()
-        } else {
-            format!(".{behind}")
-        };
+        let behind = if behind.is_empty() { String::new() } else { format!(".{behind}") };
         let exponent = match seed % 7 {
             0 => format!("e{}", seed % 330),
             1 => format!("E-{}", seed % 330),
@@ -101,10 +97,7 @@ mod tests {
     fn whole_numbers_that_fit_are_integers_and_zeros_keep_their_sign() {
         assert_eq!(number("-0"), Cell::Integer(0));
         assert_eq!(number("9223372036854775807"), Cell::Integer(i64::MAX));
-        assert_eq!(
-            number("9223372036854775808"),
-            Cell::Number(9_223_372_036_854_775_808.0)
-        );
+        assert_eq!(number("9223372036854775808"), Cell::Number(9_223_372_036_854_775_808.0));
         let Cell::Number(zero) = number("-0.0") else {
             panic!("no number");
         };

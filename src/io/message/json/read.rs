@@ -19,11 +19,7 @@ impl JsonReader {
         row.begin(message, self.wanted)?;
         let mut scan = Scan {
             bytes: message,
-            at: if message.starts_with(BYTE_ORDER_MARK) {
-                BYTE_ORDER_MARK.len()
-            } else {
-                0
-            },
+            at: if message.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 },
         };
         self.value(&self.nodes[0], &mut scan, row, MOST_LEVELS)?;
         scan.finish()?;

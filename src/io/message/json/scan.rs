@@ -36,11 +36,7 @@ impl Scan<'_> {
 
     #[inline]
     pub(super) fn expect(&mut self, sign: u8) -> Result<(), MessageFault> {
-        if self.take_if(sign)? {
-            Ok(())
-        } else {
-            Err(MessageFault::Json)
-        }
+        if self.take_if(sign)? { Ok(()) } else { Err(MessageFault::Json) }
     }
 
     /// Reads a string, whose opening quote comes next.
@@ -164,10 +160,6 @@ impl Scan<'_> {
     pub(super) fn finish(&self) -> Result<(), MessageFault> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let blank = |byte: &u8| matches!(byte, b' ' | b'\n' | b'\r' | b'\t' | 0);
-        if rest.iter().all(blank) {
-            Ok(())
-        } else {
-            Err(MessageFault::LeftOver)
-        }
+        if rest.iter().all(blank) { Ok(()) } else { Err(MessageFault::LeftOver) }
     }
 }

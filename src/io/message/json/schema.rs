@@ -46,10 +46,7 @@ impl JsonSchema {
 
     /// Whether the schema has the field.
     pub fn has(&self, path: &FieldPath) -> bool {
-        let mut leaves = self
-            .leaves
-            .iter()
-            .filter_map(|leaf| FieldPath::parse(leaf).ok());
+        let mut leaves = self.leaves.iter().filter_map(|leaf| FieldPath::parse(leaf).ok());
         leaves.any(|leaf| path.may_be(&leaf))
     }
 }
@@ -63,9 +60,8 @@ fn collect(schema: &Value, path: &str, levels: usize, leaves: &mut Vec<String>) 
             let dot = if path.is_empty() { "" } else { "." };
             collect(inner, &format!("{path}{dot}{name}"), levels - 1, leaves);
         }
-    } else if let Some(items) = schema
-        .get("items")
-        .filter(|items| items.get("properties").is_some())
+    } else if let Some(items) =
+        schema.get("items").filter(|items| items.get("properties").is_some())
     {
         collect(items, &format!("{path}[]"), levels - 1, leaves);
     } else if !path.is_empty() {

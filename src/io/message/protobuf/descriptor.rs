@@ -90,32 +90,19 @@ impl Descriptors {
             _ => Ok(()),
         })
         .map_err(|source| SchemaError::Descriptor { source })?;
-        let indices = raw
-            .iter()
-            .enumerate()
-            .map(|(index, of)| (of.name.clone(), index));
+        let indices = raw.iter().enumerate().map(|(index, of)| (of.name.clone(), index));
         let indices: BTreeMap<_, _> = indices.collect();
-        let unknown = |name: &str| SchemaError::UnknownType {
-            name: name.to_owned(),
-        };
-        let root = *indices
-            .get(name.trim_start_matches('.'))
-            .ok_or_else(|| unknown(name))?;
+        let unknown = |name: &str| SchemaError::UnknownType { name: name.to_owned() };
+        let root = *indices.get(name.trim_start_matches('.')).ok_or_else(|| unknown(name))?;
         let types = raw.iter().map(|of| {
-            let fields = of
-                .fields
-                .iter()
-                .map(|field| read_field(field, of.presence, &indices));
+            let fields = of.fields.iter().map(|field| read_field(field, of.presence, &indices));
             Ok(Type {
                 name: of.name.clone(),
                 fields: fields.collect::<Result<_, _>>()?,
                 is_map_entry: of.is_map_entry,
             })
         });
-        Ok(Self {
-            root,
-            types: types.collect::<Result<_, SchemaError>>()?,
-        })
+        Ok(Self { root, types: types.collect::<Result<_, SchemaError>>()? })
     }
 
     /// Paths of the fields that can be wanted; not all of a very large type.
@@ -239,12 +226,7 @@ fn read_type<'d>(
     for message in nested {
         read_type(message, &name, presence, types, levels)?;
     }
-    types.push(RawType {
-        name,
-        fields,
-        is_map_entry,
-        presence,
-    });
+    types.push(RawType { name, fields, is_map_entry, presence });
     Ok(())
 }
 
@@ -271,9 +253,7 @@ fn read_field(
         Ok(())
     })
     .map_err(|source| SchemaError::Descriptor { source })?;
-    let unknown = |name: &str| SchemaError::UnknownType {
-        name: name.to_owned(),
-    };
+    let unknown = |name: &str| SchemaError::UnknownType { name: name.to_owned() };
     let message = indices.get(type_name.trim_start_matches('.')).copied();
     let kind = Kind::numbered(kind, message).ok_or_else(|| unknown(&type_name))?;
     let number = u32::try_from(number).ok().filter(|&number| number > 0);

@@ -180,11 +180,7 @@ impl NumberSlot {
             Stored::Number(kind) => kind.put(&mut wire, cell)?,
             Stored::Unwanted { number, wire_type } => wire.skip(number, wire_type)?,
         }
-        if wire.at - at == self.size {
-            Ok(wire.at)
-        } else {
-            Err(MessageFault::Wire)
-        }
+        if wire.at - at == self.size { Ok(wire.at) } else { Err(MessageFault::Wire) }
     }
 }
 

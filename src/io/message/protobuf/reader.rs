@@ -93,10 +93,7 @@ impl ProtobufReader {
                 identity: Arc::new(()),
             },
         };
-        let wants = wanted
-            .iter()
-            .enumerate()
-            .map(|(slot, path)| path.want(slot));
+        let wants = wanted.iter().enumerate().map(|(slot, path)| path.want(slot));
         resolving.node(descriptors.root, &wants.collect::<Vec<_>>())?;
         Ok(resolving.reader)
     }
@@ -127,19 +124,11 @@ impl Resolving<'_> {
             let action = if inner.is_empty() {
                 Action::Skip
             } else {
-                members.extend(
-                    inner
-                        .iter()
-                        .map(|want| (field.oneof, field.number, target(want))),
-                );
+                members.extend(inner.iter().map(|want| (field.oneof, field.number, target(want))));
                 self.action(field, &inner, &mut node)?
             };
             let (number, ousts) = (field.number, Vec::new());
-            node.entries.push(Entry {
-                number,
-                ousts,
-                action,
-            });
+            node.entries.push(Entry { number, ousts, action });
         }
         for (entry, field) in node.entries.iter_mut().zip(&of.fields) {
             let others = members.iter().filter(|(oneof, number, _)| {
@@ -147,8 +136,7 @@ impl Resolving<'_> {
             });
             entry.ousts = others.map(|(.., target)| *target).collect();
         }
-        node.entries
-            .retain(|entry| entry.action != Action::Skip || !entry.ousts.is_empty());
+        node.entries.retain(|entry| entry.action != Action::Skip || !entry.ousts.is_empty());
         self.reader.nodes[place] = node;
         Ok(place)
     }
@@ -242,17 +230,10 @@ impl Resolving<'_> {
     }
 
     fn wrong_type(&self, want: &Want<'_>, found: &str) -> SchemaError {
-        SchemaError::WrongType {
-            path: self.wanted[want.slot].to_string(),
-            found: found.to_owned(),
-        }
+        SchemaError::WrongType { path: self.wanted[want.slot].to_string(), found: found.to_owned() }
     }
 }
 
 const fn target(want: &Want<'_>) -> Target {
-    if want.each {
-        Target::Last(want.slot)
-    } else {
-        Target::Slot(want.slot)
-    }
+    if want.each { Target::Last(want.slot) } else { Target::Slot(want.slot) }
 }

@@ -81,8 +81,7 @@ impl<'m> Wire<'m> {
     pub(super) fn length(&mut self) -> Result<usize, MessageFault> {
         let length = usize::try_from(self.varint()?).map_err(|_| MessageFault::Short)?;
         let end = self.at.checked_add(length);
-        end.filter(|&end| end <= self.bytes.len())
-            .ok_or(MessageFault::Short)
+        end.filter(|&end| end <= self.bytes.len()).ok_or(MessageFault::Short)
     }
 
     /// Skips the value of a field.

@@ -61,10 +61,7 @@ pub(super) fn built_in(short_name: &str) -> Struct {
     Struct {
         scope: vec![package.to_owned(), "msg".to_owned()],
         name: name.to_owned(),
-        members: vec![
-            member("sec", Primitive::I32),
-            member("nanosec", Primitive::U32),
-        ],
+        members: vec![member("sec", Primitive::I32), member("nanosec", Primitive::U32)],
         extensibility: Extensibility::Unstated,
     }
 }
@@ -72,12 +69,8 @@ pub(super) fn built_in(short_name: &str) -> Struct {
 /// Reads a whole text.
 pub(super) fn parse(text: &str) -> Result<Parsed, SchemaError> {
     let tokens = tokens(text);
-    let mut parser = Parser {
-        tokens: &tokens,
-        at: 0,
-        scope: Vec::new(),
-        parsed: Parsed::default(),
-    };
+    let mut parser =
+        Parser { tokens: &tokens, at: 0, scope: Vec::new(), parsed: Parsed::default() };
     while parser.peek().is_some() {
         parser.declaration()?;
     }
@@ -125,10 +118,7 @@ impl<'t> Parser<'t> {
     /// An error for the last token, which is not allowed at its place.
     fn wrong(&self) -> SchemaError {
         let at = self.at.saturating_sub(1);
-        let found = self
-            .tokens
-            .get(at)
-            .map_or("the end of the text", |token| token.text);
+        let found = self.tokens.get(at).map_or("the end of the text", |token| token.text);
         let line = self.tokens.get(at).or(self.tokens.last());
         SchemaError::Idl {
             line: line.map_or(1, |token| token.line),
@@ -256,12 +246,7 @@ impl<'t> Parser<'t> {
             let of = self.type_spec(0)?;
             for (line, name, shape) in self.declarators()? {
                 let of = of.clone();
-                members.push(Member {
-                    line,
-                    name,
-                    of,
-                    shape,
-                });
+                members.push(Member { line, name, of, shape });
             }
         }
         self.expect(";")?;
@@ -306,9 +291,7 @@ impl<'t> Parser<'t> {
             let mut candidates = super::candidates(text, &self.scope);
             candidates.find_map(|name| self.parsed.constants.get(&name).copied())
         });
-        length
-            .filter(|&length| length > 0)
-            .ok_or_else(|| self.wrong())
+        length.filter(|&length| length > 0).ok_or_else(|| self.wrong())
     }
 
     fn type_spec(&mut self, level: usize) -> Result<RawType, SchemaError> {
@@ -328,9 +311,9 @@ impl<'t> Parser<'t> {
                 let unsigned = [Primitive::U16, Primitive::U32, Primitive::U64];
                 self.integer(unsigned).and_then(primitive)
             }
-            "long" if self.take_if("double") => Err(SchemaError::UnknownType {
-                name: "long double".to_owned(),
-            }),
+            "long" if self.take_if("double") => {
+                Err(SchemaError::UnknownType { name: "long double".to_owned() })
+            }
             "long" if self.take_if("long") => primitive(Primitive::I64),
             "long" | "int32" => primitive(Primitive::I32),
             "string" => self.bounded(FieldType::Text),

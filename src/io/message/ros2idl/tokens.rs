@@ -33,9 +33,7 @@ pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
 
 /// Whether a preprocessor line, or a line that recorders put between sections, begins here.
 fn is_heading(rest: &str) -> bool {
-    ["#", "===", "IDL: "]
-        .iter()
-        .any(|heading| rest.starts_with(heading))
+    ["#", "===", "IDL: "].iter().any(|heading| rest.starts_with(heading))
 }
 
 fn at_line_start(text: &str, rest: &str) -> bool {

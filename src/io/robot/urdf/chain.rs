@@ -38,11 +38,8 @@ pub(super) fn robot_file(
     let mut left = None;
     for step in steps {
         let kind = step.joint.kind()?;
-        let mut joint = JointFile {
-            name: step.joint.name.to_owned(),
-            kind,
-            ..JointFile::default()
-        };
+        let mut joint =
+            JointFile { name: step.joint.name.to_owned(), kind, ..JointFile::default() };
         left = place(&mut joint, step, left)?;
         if kind != JointKind::Fixed {
             move_by(&mut joint, step, tree, steps)?;
@@ -81,11 +78,7 @@ fn place(
 ) -> Result<Option<Isometry3<f64>>, UrdfError> {
     let origin = step.joint.origin()?;
     let moves = joint.kind != JointKind::Fixed;
-    let axis = if moves {
-        Some(step.joint.axis()?)
-    } else {
-        None
-    };
+    let axis = if moves { Some(step.joint.axis()?) } else { None };
     if !step.is_up {
         joint.origin = Some(match before {
             None => origin.placement(),

@@ -242,10 +242,7 @@ impl UrdfError {
         if let roxmltree::Error::UnknownNamespace(prefix, _) = error
             && prefix == "xacro"
         {
-            return Self::Xacro {
-                line: at.row,
-                found: "xacro:".to_owned(),
-            };
+            return Self::Xacro { line: at.row, found: "xacro:".to_owned() };
         }
         let problem = error.to_string();
         let place = format!(" at {}:{}", at.row, at.col);
@@ -260,11 +257,7 @@ impl UrdfError {
 /// A text of the reader, which may quote a control character of the file.
 fn printable(text: &str) -> String {
     let letter = |letter: char| {
-        if letter.is_control() {
-            letter.escape_default().to_string()
-        } else {
-            letter.to_string()
-        }
+        if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() }
     };
     text.chars().map(letter).collect()
 }
@@ -287,8 +280,6 @@ fn links_there(links: &[String]) -> String {
 
 fn with_lines(roots: &[(String, u32)]) -> String {
     let named = roots.iter().take(MOST_LISTED);
-    let named: Vec<String> = named
-        .map(|(link, line)| format!("{link:?} (line {line})"))
-        .collect();
+    let named: Vec<String> = named.map(|(link, line)| format!("{link:?} (line {line})")).collect();
     named.join(", ")
 }

@@ -51,10 +51,7 @@ pub(in crate::io) fn mm(metres: f64) -> f64 {
 }
 
 impl Origin {
-    const NOWHERE: Self = Self {
-        xyz_m: [0.0; 3],
-        turn: Turn::Rpy([0.0; 3]),
-    };
+    const NOWHERE: Self = Self { xyz_m: [0.0; 3], turn: Turn::Rpy([0.0; 3]) };
 
     /// The placement, mm and degrees.
     pub(in crate::io) fn placement(&self) -> Placement {
@@ -111,10 +108,7 @@ impl<'a> Joint<'a, '_> {
             let wanted = "three numbers in m, and this is too far away for an arm; is it in mm?";
             return Err(self.number(origin, "xyz", format!("{found:?}"), wanted));
         }
-        Ok(Origin {
-            xyz_m: xyz_m.unwrap_or_default(),
-            turn: self.turn(origin)?,
-        })
+        Ok(Origin { xyz_m: xyz_m.unwrap_or_default(), turn: self.turn(origin)? })
     }
 
     fn turn(&self, origin: Node<'_, '_>) -> Result<Turn, UrdfError> {
@@ -166,9 +160,7 @@ impl<'a> Joint<'a, '_> {
             return Ok(Vector3::x());
         };
         let wanted = "three numbers that are not all zero";
-        let xyz = self
-            .numbers(axis, "xyz", wanted)?
-            .unwrap_or([1.0, 0.0, 0.0]);
+        let xyz = self.numbers(axis, "xyz", wanted)?.unwrap_or([1.0, 0.0, 0.0]);
         let direction = Vector3::from(xyz);
         let norm = direction.norm();
         if norm.is_finite() && norm > 1e-9 {
@@ -210,17 +202,9 @@ impl<'a> Joint<'a, '_> {
             element: format!("<mimic> of joint {:?}", self.name),
             wanted: "joint",
         })?;
-        let [multiplier] = self
-            .numbers(mimic, "multiplier", "a number")?
-            .unwrap_or([1.0]);
-        let [offset] = self
-            .numbers(mimic, "offset", "a number")?
-            .unwrap_or_default();
-        Ok(Some(Following {
-            joint: expanded(mimic, joint)?,
-            multiplier,
-            offset,
-        }))
+        let [multiplier] = self.numbers(mimic, "multiplier", "a number")?.unwrap_or([1.0]);
+        let [offset] = self.numbers(mimic, "offset", "a number")?.unwrap_or_default();
+        Ok(Some(Following { joint: expanded(mimic, joint)?, multiplier, offset }))
     }
 
     /// The finite numbers of an attribute; `None` where it is not there.

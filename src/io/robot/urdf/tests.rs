@@ -53,11 +53,7 @@ const URDF: &str = r#"<?xml version="1.0"?>
 "#;
 
 fn ends(base: &str, tip: &str) -> Selection {
-    Selection {
-        base: Some(base.to_owned()),
-        tip: Some(tip.to_owned()),
-        joints: None,
-    }
+    Selection { base: Some(base.to_owned()), tip: Some(tip.to_owned()), joints: None }
 }
 
 fn of(text: &str, selection: &Selection) -> Result<(RobotFile, LeftOut), Box<UrdfError>> {
@@ -79,10 +75,7 @@ fn changed(from: &str, to: &str) -> String {
 
 fn about(axis: [f64; 3], angle: f64) -> Isometry3<f64> {
     let axis = nalgebra::Unit::new_normalize(Vector3::from(axis));
-    Isometry3::from_parts(
-        Translation3::identity(),
-        UnitQuaternion::from_axis_angle(&axis, angle),
-    )
+    Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&axis, angle))
 }
 
 fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
@@ -99,11 +92,7 @@ fn a_chain_is_the_product_of_origins_and_motions() {
     let (file, left_out) = of(URDF, &ends("base", "tool")).unwrap();
     let arm = file.arm().unwrap();
     let names: Vec<&str> = arm.joints().iter().map(|j| j.name.as_str()).collect();
-    assert_eq!(
-        names,
-        ["lift", "shoulder", "elbow"],
-        "those that are driven"
-    );
+    assert_eq!(names, ["lift", "shoulder", "elbow"], "those that are driven");
     let (lift, shoulder, elbow) = (120.0, 0.7, -0.4);
     let expected = at(100.0, 0.0, 500.0)
         * at(0.0, 0.0, lift)
@@ -121,17 +110,9 @@ fn a_chain_is_the_product_of_origins_and_motions() {
     assert!((found.translation.vector - expected.translation.vector).norm() < 1e-9);
     assert!(found.rotation.angle_to(&expected.rotation) < 1e-12);
     let xyz_mm = file.joint[1].origin.unwrap().xyz_mm;
-    assert_eq!(
-        format!("{xyz_mm:?}"),
-        "[0.0, 0.0, 89.159]",
-        "no digit made up"
-    );
+    assert_eq!(format!("{xyz_mm:?}"), "[0.0, 0.0, 89.159]", "no digit made up");
     assert_eq!(file.joint[0].limits_mm, Some([0.0, 300.0]));
-    assert_eq!(
-        file.joint[3].kind,
-        JointKind::Continuous,
-        "it states no limits"
-    );
+    assert_eq!(file.joint[3].kind, JointKind::Continuous, "it states no limits");
     assert_eq!(
         left_out,
         LeftOut {
@@ -208,14 +189,8 @@ fn a_chain_over_the_tree_goes_up_and_down() {
 fn base_and_tip_follow_where_there_is_one_root_and_one_leaf() {
     let alone = URDF.replace("floating", "fixed");
     let (_, left_out) = of(&alone, &Selection::default()).unwrap();
-    assert_eq!(
-        (left_out.base.as_str(), left_out.tip.as_str()),
-        ("base", "finger")
-    );
-    let from = Selection {
-        base: Some("carriage".to_owned()),
-        ..Selection::default()
-    };
+    assert_eq!((left_out.base.as_str(), left_out.tip.as_str()), ("base", "finger"));
+    let from = Selection { base: Some("carriage".to_owned()), ..Selection::default() };
     let (file, _) = of(&alone, &from).unwrap();
     assert_eq!(file.joint[0].name, "shoulder");
 }
@@ -250,18 +225,9 @@ fn a_joint_follows_another_over_one_that_follows() {
 #[test]
 fn joints_that_no_arm_has_are_refused_with_their_line() {
     let floating = told(URDF, &ends("base", "finger"));
-    assert!(
-        floating.starts_with("line 38: joint \"finger_joint\" is \"floating\""),
-        "{floating}"
-    );
-    let planar = changed(
-        "name=\"elbow\" type=\"revolute\"",
-        "name=\"elbow\" type=\"planar\"",
-    );
-    assert!(
-        planar.contains("line 29: joint \"elbow\" is \"planar\""),
-        "{planar}"
-    );
+    assert!(floating.starts_with("line 38: joint \"finger_joint\" is \"floating\""), "{floating}");
+    let planar = changed("name=\"elbow\" type=\"revolute\"", "name=\"elbow\" type=\"planar\"");
+    assert!(planar.contains("line 29: joint \"elbow\" is \"planar\""), "{planar}");
     let none = changed("name=\"elbow\" type=\"revolute\"", "name=\"elbow\"");
     assert!(none.contains("joint \"elbow\" is \"\""), "{none}");
 }
@@ -279,10 +245,7 @@ fn ends_that_are_not_there_are_told_with_the_links_that_are() {
     assert!(told(URDF, &ends("tool", "tool")).starts_with("base and tip are one link, \"tool\""));
     let two_leaves = URDF.replace("<parent link=\"tool\"/>", "<parent link=\"lower\"/>");
     let several = told(&two_leaves, &Selection::default());
-    assert!(
-        several.contains("behind \"base\": \"tool\", \"finger\"; choose the tip"),
-        "{several}"
-    );
+    assert!(several.contains("behind \"base\": \"tool\", \"finger\"; choose the tip"), "{several}");
 }
 
 #[test]
@@ -312,31 +275,19 @@ fn what_is_no_tree_is_refused_with_line_and_joint() {
             "line 22: joint \"passive\" has the parent link \"uper\", which is not in the file",
         ),
         (
-            (
-                "<link name=\"finger\"/>",
-                "<link name=\"finger\"/><link name=\"loose\"/>",
-            ),
+            ("<link name=\"finger\"/>", "<link name=\"finger\"/><link name=\"loose\"/>"),
             "the URDF has 2 root links, \"base\" (line 3), \"loose\" (line 9)",
         ),
         (
-            (
-                "<link name=\"finger\"/>",
-                "<link name=\"finger\"/><link name=\"tool\"/>",
-            ),
+            ("<link name=\"finger\"/>", "<link name=\"finger\"/><link name=\"tool\"/>"),
             "line 9: link \"tool\" is there already, in line 8",
         ),
         (
             ("name=\"elbow\"", "name=\"lift\""),
             "line 29: joint \"lift\" is there already, in line 10",
         ),
-        (
-            ("<link name=\"finger\"/>", "<link/>"),
-            "line 9: a <link> has no name",
-        ),
-        (
-            ("<parent link=\"upper\"/> ", ""),
-            "line 22: joint \"passive\" has no <parent link",
-        ),
+        (("<link name=\"finger\"/>", "<link/>"), "line 9: a <link> has no name"),
+        (("<parent link=\"upper\"/> ", ""), "line 22: joint \"passive\" has no <parent link"),
     ];
     for ((from, to), expected) in cases {
         let found = changed(from, to);
@@ -351,30 +302,15 @@ fn numbers_that_are_none_are_refused_with_line_and_joint() {
             ("0 0 0.089159", "0 0 nan"),
             "line 18: joint \"shoulder\": <origin xyz> = \"0 0 nan\", but it has to be three numbers in m",
         ),
-        (
-            ("0 0 0.089159", "0 0"),
-            "line 18: joint \"shoulder\": <origin xyz> = \"0 0\"",
-        ),
-        (
-            ("0 0 0.089159", "0,0,1"),
-            "line 18: joint \"shoulder\": <origin xyz> = \"0,0,1\"",
-        ),
+        (("0 0 0.089159", "0 0"), "line 18: joint \"shoulder\": <origin xyz> = \"0 0\""),
+        (("0 0 0.089159", "0,0,1"), "line 18: joint \"shoulder\": <origin xyz> = \"0,0,1\""),
         (
             ("0 0 0.089159", "0 0 89.159"),
             "line 18: joint \"shoulder\": <origin xyz> = \"[0.0, 0.0, 89.159]\"",
         ),
-        (
-            ("0 1.5707963267948966 0", "0 90 0"),
-            "line 18: joint \"shoulder\": <origin rpy>",
-        ),
-        (
-            ("0.6 0 0.8", "0 0 0"),
-            "line 26: joint \"passive\": <axis xyz>",
-        ),
-        (
-            ("upper=\"0.3\"", "upper=\"-0.3\""),
-            "line 14: joint \"lift\" has limits from 0 to -0.3",
-        ),
+        (("0 1.5707963267948966 0", "0 90 0"), "line 18: joint \"shoulder\": <origin rpy>"),
+        (("0.6 0 0.8", "0 0 0"), "line 26: joint \"passive\": <axis xyz>"),
+        (("upper=\"0.3\"", "upper=\"-0.3\""), "line 14: joint \"lift\" has limits from 0 to -0.3"),
         (
             ("<limit lower=\"0\" upper=\"0.3\"/>", ""),
             "line 10: joint \"lift\" has no limits; a joint that slides needs",
@@ -383,10 +319,7 @@ fn numbers_that_are_none_are_refused_with_line_and_joint() {
             ("multiplier=\"-0.5\"", "multiplier=\"x\""),
             "line 23: joint \"passive\": <mimic multiplier> = \"x\"",
         ),
-        (
-            ("lower=\"-1.5\"", "lower=\"-inf\""),
-            "line 20: joint \"shoulder\": <limit lower>",
-        ),
+        (("lower=\"-1.5\"", "lower=\"-inf\""), "line 20: joint \"shoulder\": <limit lower>"),
     ];
     for ((from, to), expected) in cases {
         let found = changed(from, to);
@@ -403,17 +336,11 @@ fn a_joint_that_follows_none_of_the_chain_is_refused() {
     ];
     for (to, expected) in cases {
         let found = changed("joint=\"shoulder\"", to);
-        assert!(
-            found.contains("line 22: joint \"passive\" follows"),
-            "{found}"
-        );
+        assert!(found.contains("line 22: joint \"passive\" follows"), "{found}");
         assert!(found.contains(expected), "{found}");
     }
     let beside = told(URDF, &ends("upper", "tool"));
-    assert!(
-        beside.contains("follows \"shoulder\", which is not between base and tip"),
-        "{beside}"
-    );
+    assert!(beside.contains("follows \"shoulder\", which is not between base and tip"), "{beside}");
 }
 
 #[test]
@@ -447,16 +374,8 @@ fn xacro_is_told_to_be_expanded() {
             "<link name=\"finger\"/><xacro:arm prefix=\"left\"/>",
             "line 9: \"xacro:arm\"",
         ),
-        (
-            "0 0 0.089159",
-            "0 0 ${height}",
-            "line 18: \"0 0 ${height}\"",
-        ),
-        (
-            "name=\"elbow\"",
-            "name=\"$(arg prefix)elbow\"",
-            "line 29: \"$(arg prefix)elbow\"",
-        ),
+        ("0 0 0.089159", "0 0 ${height}", "line 18: \"0 0 ${height}\""),
+        ("name=\"elbow\"", "name=\"$(arg prefix)elbow\"", "line 29: \"$(arg prefix)elbow\""),
         (
             "<link name=\"finger\"/>",
             "<link name=\"${prefix}finger\"/>",
@@ -465,20 +384,14 @@ fn xacro_is_told_to_be_expanded() {
     ];
     for (from, to, expected) in cases {
         let found = changed(from, to);
-        assert!(
-            found.starts_with(expected) && found.contains(expand),
-            "{found}"
-        );
+        assert!(found.starts_with(expected) && found.contains(expand), "{found}");
     }
     // Its prefix without a declaration.
     let found = told(
         "<robot name=\"a\">\n<xacro:include filename=\"$(find b)\"/></robot>",
         &Selection::default(),
     );
-    assert!(
-        found.starts_with("line 2: \"xacro:\"") && found.contains(expand),
-        "{found}"
-    );
+    assert!(found.starts_with("line 2: \"xacro:\"") && found.contains(expand), "{found}");
 }
 
 #[test]
@@ -496,11 +409,7 @@ fn what_is_no_urdf_is_refused_with_its_place() {
     );
     assert!(told("<robot name=\"a\"/>").starts_with("the URDF has no <link>"));
     let entities = "<!DOCTYPE r [<!ENTITY a \"aaaa\"><!ENTITY b \"&a;&a;\">]><robot name=\"&b;\"/>";
-    assert!(
-        told(entities).contains("it is no XML that can be read"),
-        "{}",
-        told(entities)
-    );
+    assert!(told(entities).contains("it is no XML that can be read"), "{}", told(entities));
     let control = told("<robot name=\"a\u{1b}[2J\"/>");
     assert!(!control.contains('\u{1b}'), "{control}");
 }
@@ -525,10 +434,7 @@ fn a_way_of_many_joints_and_deep_files_are_refused_in_time() {
     }
     text += "</robot>";
     let found = told(&text, &Selection::default());
-    assert!(
-        found.contains("has 50000 joints; a robot file has 64 at most"),
-        "{found}"
-    );
+    assert!(found.contains("has 50000 joints; a robot file has 64 at most"), "{found}");
     let deep = format!("<robot name=\"a\">{}", "<link>".repeat(200_000));
     assert!(told(&deep, &Selection::default()).contains("it is no XML"));
 }

@@ -162,9 +162,7 @@ impl<'a, 'i> Tree<'a, 'i> {
             several => {
                 let told = several.iter().take(100);
                 let told = told.map(|(name, node)| ((*name).to_owned(), line(*node)));
-                Err(UrdfError::Roots {
-                    roots: told.collect(),
-                })
+                Err(UrdfError::Roots { roots: told.collect() })
             }
         }
     }
@@ -178,10 +176,7 @@ impl<'a, 'i> Tree<'a, 'i> {
             None => self.only_leaf(base)?,
         };
         if base == tip {
-            return Err(UrdfError::OneLink {
-                link: base.to_owned(),
-                links: self.names(),
-            });
+            return Err(UrdfError::OneLink { link: base.to_owned(), links: self.names() });
         }
         Ok(Ends { base, tip })
     }
@@ -190,11 +185,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         let Some(link) = chosen else { return Ok(None) };
         match self.carried.get_key_value(link) {
             Some((own, _)) => Ok(Some(own)),
-            None => Err(UrdfError::NoSuchEnd {
-                role,
-                link: link.to_owned(),
-                links: self.names(),
-            }),
+            None => Err(UrdfError::NoSuchEnd { role, link: link.to_owned(), links: self.names() }),
         }
     }
 
@@ -234,11 +225,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         }
         let up = up.into_iter().map(|joint| Step { joint, is_up: true });
         let down = down.into_iter().rev();
-        up.chain(down.map(|joint| Step {
-            joint,
-            is_up: false,
-        }))
-        .collect()
+        up.chain(down.map(|joint| Step { joint, is_up: false })).collect()
     }
 
     /// The joints from a link up to the root.
@@ -266,10 +253,7 @@ fn refuse_xacro(document: &Document<'_>) -> Result<(), UrdfError> {
 /// A text of the file; an error where it is still to be expanded.
 pub(in crate::io) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str, UrdfError> {
     if text.contains("${") || text.contains("$(") {
-        return Err(UrdfError::Xacro {
-            line: line(node),
-            found: text.to_owned(),
-        });
+        return Err(UrdfError::Xacro { line: line(node), found: text.to_owned() });
     }
     Ok(text)
 }
@@ -323,11 +307,7 @@ fn end<'a>(joint: Node<'a, '_>, name: &str, role: &'static str) -> Result<&'a st
     let link = link.ok_or_else(|| UrdfError::Incomplete {
         line: line(joint),
         element: format!("joint {name:?}"),
-        wanted: if role == "parent" {
-            "<parent link=\"…\"/>"
-        } else {
-            "<child link=\"…\"/>"
-        },
+        wanted: if role == "parent" { "<parent link=\"…\"/>" } else { "<child link=\"…\"/>" },
     })?;
     expanded(joint, link)
 }

@@ -59,11 +59,7 @@ impl Reader<'_> {
     pub(super) fn add_apart(&mut self, row: usize, references: Vec<RowReference>) {
         let line = self.table.line(row);
         match self.time_ns(row) {
-            Ok(time_ns) => self.apart.push(ApartRow {
-                line,
-                time_ns,
-                references,
-            }),
+            Ok(time_ns) => self.apart.push(ApartRow { line, time_ns, references }),
             Err(fault) => self.reject(RowItem::Row, line, fault),
         }
     }
@@ -82,17 +78,12 @@ impl Reader<'_> {
                 position.x, position.y, position.z
             )));
         }
-        Ok(RowReference {
-            reference,
-            line: self.table.line(row),
-            position,
-        })
+        Ok(RowReference { reference, line: self.table.line(row), position })
     }
 
     fn kept(&mut self, read: Result<RowReference, Fault>, row: usize) -> Option<RowReference> {
         let line = self.table.line(row);
-        read.map_err(|fault| self.reject(RowItem::Reference, line, fault))
-            .ok()
+        read.map_err(|fault| self.reject(RowItem::Reference, line, fault)).ok()
     }
 
     fn is_blank(&self, sum: &Sum, row: usize) -> bool {

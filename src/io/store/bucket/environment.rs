@@ -31,9 +31,8 @@ pub(super) fn clients(place: &Place) -> Result<(Clients, Secrets), StoreError> {
     let secrets = Secrets::of(&builder);
     // TLS by ring for the whole process; for a second client it is installed already.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let builder = builder
-        .with_bucket_name(bucket)
-        .with_conditional_put(S3ConditionalPut::ETagMatch);
+    let builder =
+        builder.with_bucket_name(bucket).with_conditional_put(S3ConditionalPut::ETagMatch);
     let clients = Clients::of(&builder);
     let clients =
         clients.map_err(|error| trouble::failure("reach", place.clone(), &error, &secrets))?;
@@ -45,33 +44,20 @@ fn bucket(place: &Place) -> Result<&str, StoreError> {
     let (bucket, prefix) = place.bucket().expect("an address");
     let problem = if bucket.is_empty() {
         "it names no bucket"
-    } else if !bucket
-        .bytes()
-        .all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte))
-    {
+    } else if !bucket.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte)) {
         "a bucket's name holds letters, digits, `-` and `.` only"
-    } else if prefix
-        .split('/')
-        .any(|part| part.is_empty() && !prefix.is_empty())
-    {
+    } else if prefix.split('/').any(|part| part.is_empty() && !prefix.is_empty()) {
         "two slashes follow one another"
     } else {
         return Ok(bucket);
     };
-    Err(StoreError::Address {
-        place: place.clone(),
-        problem,
-    })
+    Err(StoreError::Address { place: place.clone(), problem })
 }
 
 /// Checks the environment before any request is sent.
 fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
     let wrong = |variable, problem| {
-        Err(StoreError::Environment {
-            place: place.clone(),
-            variable,
-            problem,
-        })
+        Err(StoreError::Environment { place: place.clone(), variable, problem })
     };
     let is_set = |name: &&str| env::var_os(name).is_some_and(|value| !value.is_empty());
     if !OTHER_CREDENTIALS.iter().any(is_set) {
@@ -90,11 +76,7 @@ fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
     let Some((scheme, rest)) = endpoint.split_once("://") else {
         return wrong(variable, "is no address: write https://HOST:PORT");
     };
-    if rest
-        .split('/')
-        .next()
-        .is_some_and(|host| host.contains('@'))
-    {
+    if rest.split('/').next().is_some_and(|host| host.contains('@')) {
         return wrong(
             variable,
             "holds a name and password, which belong in AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",

@@ -45,22 +45,14 @@ impl Clients {
             patient: retrying(RetryConfig {
                 max_retries: most_attempts().saturating_sub(1),
                 retry_timeout: PATIENCE,
-                backoff: BackoffConfig {
-                    init_backoff,
-                    max_backoff,
-                    base,
-                },
+                backoff: BackoffConfig { init_backoff, max_backoff, base },
             })?,
         })
     }
 
     /// The client for a request that is made now.
     pub fn now(&self) -> &AmazonS3 {
-        if ANSWERS.load(Ordering::Relaxed) {
-            &self.patient
-        } else {
-            &self.brief
-        }
+        if ANSWERS.load(Ordering::Relaxed) { &self.patient } else { &self.brief }
     }
 }
 
@@ -77,7 +69,5 @@ pub(super) fn noted<T>(answer: Result<T, Error>) -> Result<T, Error> {
 /// The attempts of a request, at most; as many as [`PATIENCE`] has time for where the environment states no number.
 fn most_attempts() -> usize {
     let stated = env::var(MOST_ATTEMPTS).ok();
-    stated
-        .and_then(|text| text.trim().parse().ok())
-        .unwrap_or(usize::MAX)
+    stated.and_then(|text| text.trim().parse().ok()).unwrap_or(usize::MAX)
 }

@@ -51,12 +51,7 @@ pub(super) fn failure(
         .map(|c| if c.is_control() { ' ' } else { c })
         .take(LONGEST)
         .collect();
-    StoreError::Bucket {
-        doing,
-        place,
-        reason,
-        trouble,
-    }
+    StoreError::Bucket { doing, place, reason, trouble }
 }
 
 /// The error of an object that does not exist.
@@ -71,12 +66,7 @@ pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
 
 /// The error of an object that differs from the one listed.
 pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
-    StoreError::Bucket {
-        doing,
-        place,
-        reason: CHANGED.to_owned(),
-        trouble: BucketTrouble::Changed,
-    }
+    StoreError::Bucket { doing, place, reason: CHANGED.to_owned(), trouble: BucketTrouble::Changed }
 }
 
 /// Whether the storage did not answer, or could not serve the request.
@@ -125,11 +115,7 @@ pub(super) fn is_answer_lost(error: &Error) -> bool {
 }
 
 fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
-    let refused = [
-        "AuthorizationHeaderMalformed",
-        "InvalidToken",
-        "ExpiredToken",
-    ];
+    let refused = ["AuthorizationHeaderMalformed", "InvalidToken", "ExpiredToken"];
     match status.get(..3).unwrap_or_default() {
         _ if code.is_some_and(|code| code == "RequestTimeTooSkewed") => BucketTrouble::Clock,
         "401" | "403" => BucketTrouble::Refused,
@@ -201,10 +187,7 @@ mod tests {
     #[test]
     fn an_answer_of_another_form_is_cut_where_it_quotes() {
         let text = refused("<html>hush-hush</html>");
-        assert!(
-            text.contains("403 Forbidden") && !text.contains("html"),
-            "{text}"
-        );
+        assert!(text.contains("403 Forbidden") && !text.contains("html"), "{text}");
         assert!(refused(&"x".repeat(5000)).len() < 600);
     }
 
@@ -215,23 +198,11 @@ mod tests {
             ("404 Not Found", no_bucket, "make the bucket"),
             ("404 Not Found", "", "check the name"),
             ("503 Service Unavailable", "", "run again"),
-            (
-                "412 Precondition Failed",
-                "",
-                "wait until nobody writes there",
-            ),
+            ("412 Precondition Failed", "", "wait until nobody writes there"),
             ("501 Not Implemented", "", "conditional put"),
-            (
-                "400 Bad Request",
-                "<Code>ExpiredToken</Code>",
-                "check AWS_ACCESS_KEY_ID",
-            ),
+            ("400 Bad Request", "<Code>ExpiredToken</Code>", "check AWS_ACCESS_KEY_ID"),
             ("400 Bad Request", "", "conditional put"),
-            (
-                "403 Forbidden",
-                "<Code>RequestTimeTooSkewed</Code>",
-                "set this machine's clock",
-            ),
+            ("403 Forbidden", "<Code>RequestTimeTooSkewed</Code>", "set this machine's clock"),
         ] {
             let text = answered(status, body);
             assert!(text.contains(advice), "{status}: {text}");

@@ -57,9 +57,8 @@ pub(super) fn difference(
             if left.len() != right.len() {
                 return Some(unlike(published, own, computed, other));
             }
-            (0..left.len()).fold(None, |most, place| {
-                larger(most, difference(&left, place, &right, place))
-            })
+            (0..left.len())
+                .fold(None, |most, place| larger(most, difference(&left, place, &right, place)))
         }
         DataType::Utf8 => {
             let text = |array: &dyn Array, row| array.as_string::<i32>().value(row).to_owned();
@@ -75,10 +74,7 @@ pub(super) fn difference(
     reason = "equal numbers are no difference, all others are compared by their size"
 )]
 fn number(published: f64, computed: f64) -> Option<CellDifference> {
-    (published != computed).then_some(CellDifference::Number(Numbers {
-        published,
-        computed,
-    }))
+    (published != computed).then_some(CellDifference::Number(Numbers { published, computed }))
 }
 
 /// The more important of two differences: unlike texts before numbers, then the larger relative difference.
@@ -125,9 +121,7 @@ fn json(at: &str, published: &Value, computed: &Value) -> Option<CellDifference>
         }
         (Value::Object(a), Value::Object(b)) if a.keys().eq(b.keys()) => {
             let each = a.iter().zip(b.values());
-            each.fold(None, |most, ((key, a), b)| {
-                larger(most, json(&format!("{at}.{key}"), a, b))
-            })
+            each.fold(None, |most, ((key, a), b)| larger(most, json(&format!("{at}.{key}"), a, b)))
         }
         (a, b) if a == b => None,
         (a, b) => differ(&a.to_string(), &b.to_string()),
@@ -175,24 +169,13 @@ mod tests {
             panic!("a number differs")
         };
         assert!((numbers.relative() - 1e-12).abs() < 1e-15, "{numbers:?}");
-        for (from, to) in [
-            ("sag", "drift"),
-            ("3", "4"),
-            (",2.0", ""),
-            ("\"n\"", "\"m\""),
-        ] {
+        for (from, to) in [("sag", "drift"), ("3", "4"), (",2.0", ""), ("\"n\"", "\"m\"")] {
             let other = a.replace(from, to);
             let found = texts(a, &other);
-            assert!(
-                matches!(found, Some(CellDifference::Unlike(..))),
-                "{from} → {to}: {found:?}"
-            );
+            assert!(matches!(found, Some(CellDifference::Unlike(..))), "{from} → {to}: {found:?}");
         }
         // Numbers that stand alone in a text column are texts: "60" is no measured value.
-        assert!(matches!(
-            texts("60", "61"),
-            Some(CellDifference::Unlike(..))
-        ));
+        assert!(matches!(texts("60", "61"), Some(CellDifference::Unlike(..))));
     }
 
     #[test]
@@ -200,10 +183,7 @@ mod tests {
         let found = texts(r#"[1.0, "a"]"#, r#"[9.0, "b"]"#);
         assert_eq!(
             found,
-            Some(CellDifference::Unlike(
-                "[1]: \"a\"".to_owned(),
-                "[1]: \"b\"".to_owned()
-            ))
+            Some(CellDifference::Unlike("[1]: \"a\"".to_owned(), "[1]: \"b\"".to_owned()))
         );
     }
 

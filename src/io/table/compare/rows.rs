@@ -26,14 +26,9 @@ pub(super) struct Rows {
 /// The name of a row: its values in the columns that rows are sorted by.
 pub(super) fn name(table: &Table, row: usize) -> String {
     let order = table.schema().order.iter();
-    let parts: Vec<String> = order
-        .map(|column| format!("{column} {}", cells::text(table.array(column), row)))
-        .collect();
-    if parts.is_empty() {
-        "the only row".to_owned()
-    } else {
-        parts.join(", ")
-    }
+    let parts: Vec<String> =
+        order.map(|column| format!("{column} {}", cells::text(table.array(column), row))).collect();
+    if parts.is_empty() { "the only row".to_owned() } else { parts.join(", ") }
 }
 
 /// Pairs the rows of two tables of one schema.
@@ -42,10 +37,7 @@ pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Row
     let order: Vec<&str> = order.filter(|column| !ignored.contains(column)).collect();
     let is_number = |column: &&str| published.array(column).data_type() == &DataType::Float64;
     let (numbers, words): (Vec<&str>, Vec<&str>) = order.into_iter().partition(is_number);
-    let (left, right) = (
-        Named::new(published, &numbers),
-        Named::new(computed, &numbers),
-    );
+    let (left, right) = (Named::new(published, &numbers), Named::new(computed, &numbers));
     // Nearly always both tables have the same rows, and names are not needed.
     let alike = |column: &&str| published.array(column) == computed.array(column);
     let in_step = published.rows() == computed.rows()
@@ -59,12 +51,8 @@ pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Row
             in_step,
         };
     }
-    let mut rows = Rows {
-        both: Vec::new(),
-        only_published: Vec::new(),
-        only_computed: Vec::new(),
-        in_step,
-    };
+    let mut rows =
+        Rows { both: Vec::new(), only_published: Vec::new(), only_computed: Vec::new(), in_step };
     for (own, other) in groups(published, computed, &words).into_values() {
         rows.merge(&left, &own, &right, &other);
     }
@@ -123,9 +111,7 @@ impl<'a> Named<'a> {
                 (a, b) => a.is_some().cmp(&b.is_some()),
             }
         });
-        orders
-            .find(|order| order.is_ne())
-            .unwrap_or(Ordering::Equal)
+        orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
     }
 }
 

@@ -81,9 +81,7 @@ impl ColumnDigest {
             Some(nulls) if nulls.null_count() == array.len() => {
                 self.presence.add(&[0], array.len() as u64);
             }
-            Some(nulls) => nulls
-                .iter()
-                .for_each(|there| self.presence.add(&[u8::from(there)], 1)),
+            Some(nulls) => nulls.iter().for_each(|there| self.presence.add(&[u8::from(there)], 1)),
         }
     }
 

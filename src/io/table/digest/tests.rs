@@ -10,13 +10,7 @@ use crate::manifest::RunKey;
 fn parameters(rows: usize, change: impl Fn(usize, &str) -> bool) -> Table {
     let number = |row: usize, name: &str| row as f64 / 7.0 + f64::from(u8::from(change(row, name)));
     let names: Vec<String> = (0..rows)
-        .map(|row| {
-            if change(row, "parameter") {
-                format!("p{row}x")
-            } else {
-                format!("p{row}")
-            }
-        })
+        .map(|row| if change(row, "parameter") { format!("p{row}x") } else { format!("p{row}") })
         .collect();
     let confounded = (0..rows).map(|row| -> Vec<String> {
         let count = row % 3 + usize::from(change(row, "confounded"));
@@ -74,14 +68,9 @@ fn parts_and_threads_leave_no_trace() {
 fn every_value_length_null_and_entry_counts() {
     let digest = |own: &str| of_file(&parameters(9, |row, name| row == 4 && name == own), &[]);
     let mut seen = vec![digest("nothing")];
-    for changed in [
-        "parameter",
-        "confounded",
-        "of_session",
-        "identified",
-        "offset",
-        "standard_error",
-    ] {
+    for changed in
+        ["parameter", "confounded", "of_session", "identified", "offset", "standard_error"]
+    {
         let own = digest(changed);
         // Row 4 has this value in of_session already.
         assert_eq!(
@@ -91,10 +80,7 @@ fn every_value_length_null_and_entry_counts() {
         );
         seen.push(own);
     }
-    let odd = of_file(
-        &parameters(9, |row, name| row == 5 && name == "of_session"),
-        &[],
-    );
+    let odd = of_file(&parameters(9, |row, name| row == 5 && name == "of_session"), &[]);
     assert!(!seen.contains(&odd), "a null less");
     let table = parameters(9, |_, _| false);
     let entry = |key: &str, value: &str| [(key.to_owned(), value.to_owned())];

@@ -38,15 +38,8 @@ pub(super) fn encode(
     // The bytes before the values take little.
     let mut pages = TrackedWrite::new(Vec::with_capacity(plain + plain / 32));
     let sink = Box::new(SerializedPageWriter::new(&mut pages));
-    let close = write(
-        get_column_writer(column, properties, sink),
-        &values,
-        &levels,
-    )?;
-    Ok(EncodedColumn {
-        bytes: pages.into_inner()?.into(),
-        close,
-    })
+    let close = write(get_column_writer(column, properties, sink), &values, &levels)?;
+    Ok(EncodedColumn { bytes: pages.into_inner()?.into(), close })
 }
 
 /// The values that are present, one after another: without nulls and without the bounds of lists.
@@ -101,7 +94,5 @@ fn write(
 fn texts(array: &StringArray) -> Vec<ByteArray> {
     let all = Bytes::copy_from_slice(array.value_data());
     let bounds = array.value_offsets().windows(2);
-    bounds
-        .map(|pair| all.slice(pair[0].as_usize()..pair[1].as_usize()).into())
-        .collect()
+    bounds.map(|pair| all.slice(pair[0].as_usize()..pair[1].as_usize()).into()).collect()
 }

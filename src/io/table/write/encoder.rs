@@ -90,9 +90,7 @@ impl Encoder {
     /// The entries of the file's metadata about the table.
     pub(super) fn metadata(&self) -> Vec<(String, String)> {
         let entries = self.properties.key_value_metadata().into_iter().flatten();
-        entries
-            .filter_map(|entry| Some((entry.key.clone(), entry.value.clone()?)))
-            .collect()
+        entries.filter_map(|entry| Some((entry.key.clone(), entry.value.clone()?))).collect()
     }
 
     /// The row groups of a table: the same bytes on any thread, whatever was encoded before.
@@ -103,17 +101,12 @@ impl Encoder {
         }
         let firsts = (0..rows).step_by(ROW_GROUP_ROWS);
         let group = |first| part.batch.slice(first, ROW_GROUP_ROWS.min(rows - first));
-        firsts
-            .map(|first| self.row_group(&group(first)))
-            .collect::<Result<_, _>>()
-            .map(RowGroups)
+        firsts.map(|first| self.row_group(&group(first))).collect::<Result<_, _>>().map(RowGroups)
     }
 
     fn row_group(&self, rows: &RecordBatch) -> Result<Vec<Arc<EncodedColumn>>, ParquetError> {
         let columns = rows.columns().iter().enumerate();
-        columns
-            .map(|(place, array)| self.column(place, array))
-            .collect()
+        columns.map(|(place, array)| self.column(place, array)).collect()
     }
 
     fn column(&self, place: usize, array: &ArrayRef) -> Result<Arc<EncodedColumn>, ParquetError> {
@@ -142,11 +135,7 @@ impl Encoder {
         array: &ArrayRef,
         says: Says,
     ) -> Result<Arc<EncodedColumn>, ParquetError> {
-        let uniform = Uniform {
-            column: place,
-            rows: array.len(),
-            says,
-        };
+        let uniform = Uniform { column: place, rows: array.len(), says };
         if let Some(column) = locked(&self.uniform).get(&uniform) {
             return Ok(Arc::clone(column));
         }

@@ -19,10 +19,9 @@ impl Levels {
         let there = column.max_def_level();
         match array.as_list_opt::<i32>() {
             Some(lists) => Self::of_lists(there, lists),
-            None => Self {
-                definition: (there > 0).then(|| of_values(there, array)),
-                repetition: None,
-            },
+            None => {
+                Self { definition: (there > 0).then(|| of_values(there, array)), repetition: None }
+            }
         }
     }
 
@@ -40,18 +39,13 @@ impl Levels {
             definition.extend(repeat_n(level, places));
             repetition.extend(once(0).chain(repeat_n(1, places - 1)));
         }
-        Self {
-            definition: Some(definition),
-            repetition: Some(repetition),
-        }
+        Self { definition: Some(definition), repetition: Some(repetition) }
     }
 }
 
 fn of_values(there: i16, array: &ArrayRef) -> Vec<i16> {
     match array.null_count() {
         0 => vec![there; array.len()],
-        _ => (0..array.len())
-            .map(|row| there - i16::from(array.is_null(row)))
-            .collect(),
+        _ => (0..array.len()).map(|row| there - i16::from(array.is_null(row))).collect(),
     }
 }

@@ -65,9 +65,7 @@ impl<'a> Lists<'a> {
         let bounds = lists.value_offsets();
         let (first, end) = (bounds[0].as_usize(), bounds[lists.len()].as_usize());
         let length = (end - first).checked_div(lists.len())?;
-        let alike = bounds
-            .windows(2)
-            .all(|pair| (pair[1] - pair[0]).as_usize() == length);
+        let alike = bounds.windows(2).all(|pair| (pair[1] - pair[0]).as_usize() == length);
         if length == 0 || !alike || lists.null_count() + numbers.null_count() > 0 {
             return None;
         }
@@ -126,10 +124,7 @@ impl<'a> Lists<'a> {
             column_index: None,
             offset_index: Some(places.build()),
         };
-        Ok(EncodedColumn {
-            bytes: sink.into_inner()?.into(),
-            close,
-        })
+        Ok(EncodedColumn { bytes: sink.into_inner()?.into(), close })
     }
 
     fn page(
@@ -138,10 +133,8 @@ impl<'a> Lists<'a> {
         rows: &Range<usize>,
     ) -> Result<CompressedPage, ParquetError> {
         let values = rows.len() * self.length;
-        let (repetition, definition) = (
-            self.repetition_levels(values),
-            definition_levels(values, column.max_def_level()),
-        );
+        let (repetition, definition) =
+            (self.repetition_levels(values), definition_levels(values, column.max_def_level()));
         let row = self.length * NUMBER;
         let numbers = &self.bytes[rows.start * row..rows.end * row];
         let parts = [&repetition[..], &definition, numbers];

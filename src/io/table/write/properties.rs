@@ -65,10 +65,7 @@ fn metadata(table: &Table) -> Vec<KeyValue> {
         entry("table", schema.table.clone()),
         entry("schema_version", schema.version.to_string()),
         entry("units", by_column(schema, |column| column.unit.as_deref())),
-        entry(
-            "frames",
-            by_column(schema, |column| column.frame.as_deref()),
-        ),
+        entry("frames", by_column(schema, |column| column.frame.as_deref())),
     ];
     if let Some(key) = &table.key {
         entries.push(entry("robot", key.robot.clone()));

@@ -5,8 +5,7 @@ use crate::report::iso_9283::{Figure, Iso9283};
 
 /// The rows of all figures.
 pub(super) fn rows(all: &[Iso9283]) -> impl Iterator<Item = AccuracyRow> {
-    all.iter()
-        .flat_map(|of| of.figures.iter().map(move |figure| row(of, figure)))
+    all.iter().flat_map(|of| of.figures.iter().map(move |figure| row(of, figure)))
 }
 
 fn row(of: &Iso9283, figure: &Figure) -> AccuracyRow {
@@ -26,9 +25,5 @@ fn row(of: &Iso9283, figure: &Figure) -> AccuracyRow {
             if is_angle { Unit::Rad } else { Unit::Mm },
         )
     };
-    if is_angle {
-        row
-    } else {
-        row.with_uncertainty(of.expanded_uncertainty_mm)
-    }
+    if is_angle { row } else { row.with_uncertainty(of.expanded_uncertainty_mm) }
 }

@@ -56,16 +56,10 @@ pub(super) static ARM: LazyLock<Arm> = LazyLock::new(|| {
 pub(super) static FIT: LazyLock<FitSettings> = LazyLock::new(FitSettings::default);
 
 /// Few harmonics: the tables are the same, and training takes no time.
-pub(super) static FULL: LazyLock<FullSettings> = LazyLock::new(|| FullSettings {
-    harmonics: 8,
-    ..FullSettings::default()
-});
+pub(super) static FULL: LazyLock<FullSettings> =
+    LazyLock::new(|| FullSettings { harmonics: 8, ..FullSettings::default() });
 
-pub(super) const TOLERANCE: Tolerance = Tolerance {
-    mm: 0.5,
-    share: 0.95,
-    confidence: 0.95,
-};
+pub(super) const TOLERANCE: Tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
 
 pub(super) static OUTCOME: LazyLock<Outcome<'static>> = LazyLock::new(outcome);
 
@@ -134,12 +128,8 @@ fn session(stations: Vec<Station>) -> JoinedSession {
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
-            [
-                ("joints.messages", 10),
-                ("joints.kept", 7),
-                ("joints.rejected", 3),
-            ]
-            .map(|(name, count)| (name.to_owned(), count)),
+            [("joints.messages", 10), ("joints.kept", 7), ("joints.rejected", 3)]
+                .map(|(name, count)| (name.to_owned(), count)),
         ),
         joined: Joined {
             stations,
@@ -159,14 +149,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 station: Some(2),
                 reason: "missing: the cell is blank".to_owned(),
             }],
-            assigned: [(
-                0,
-                Assigned {
-                    misfit_mm: 0.8,
-                    runner_up_mm: 61.0,
-                },
-            )]
-            .into(),
+            assigned: [(0, Assigned { misfit_mm: 0.8, runner_up_mm: 61.0 })].into(),
             references: vec![references()],
             read_references: vec![ReadReference {
                 name: "F1".to_owned(),
@@ -175,17 +158,8 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 between: Some([0, 2]),
             }],
             elsewhere: Vec::new(),
-            counts: ReadingCounts {
-                kept: 20,
-                moving: 4,
-                missing: 1,
-                ..ReadingCounts::default()
-            },
-            found: Found {
-                stationary_rad: 1e-4,
-                stationary_mm: 0.1,
-                settle_s: 0.2,
-            },
+            counts: ReadingCounts { kept: 20, moving: 4, missing: 1, ..ReadingCounts::default() },
+            found: Found { stationary_rad: 1e-4, stationary_mm: 0.1, settle_s: 0.2 },
         },
         commanded,
     }
@@ -198,12 +172,7 @@ fn references() -> ReferenceCourse {
         seen: [0.0, 900.0]
             .into_iter()
             .enumerate()
-            .map(|(own, x)| {
-                (
-                    ReferenceId(own),
-                    Point3::new(x, 0.01 * f64::from(place), 5.0),
-                )
-            })
+            .map(|(own, x)| (ReferenceId(own), Point3::new(x, 0.01 * f64::from(place), 5.0)))
             .collect(),
     };
     let looks: Vec<Look> = (0..4).map(look).collect();
@@ -229,10 +198,7 @@ fn of_source(number: usize, geometric: &Calibration) -> OfSource {
     OfSource {
         model: Model::Geometric,
         name: format!("tracker {number}"),
-        size: SourceSize {
-            source: SourceId(number),
-            ..geometric.sources[0].clone()
-        },
+        size: SourceSize { source: SourceId(number), ..geometric.sources[0].clone() },
         factor: Some(1.0),
         is_fitted: true,
         gauge: None,
@@ -276,11 +242,7 @@ fn log_reject(messages: Option<u64>) -> LogReject {
 
 fn clock() -> ClockEstimate {
     ClockEstimate {
-        model: ClockModel {
-            origin: Stamp::from_ns(7),
-            offset_ns: -4.131e9,
-            drift: -25e-6,
-        },
+        model: ClockModel { origin: Stamp::from_ns(7), offset_ns: -4.131e9, drift: -25e-6 },
         offset_se_ns: 1e5,
         drift_se: 1e-7,
         matched_edges: 80,
@@ -303,10 +265,7 @@ impl PoseModel for Identified {
     }
 
     fn spread(&self, session: usize, source: SourceId, _: &Prediction) -> Spread {
-        let base = self.0.frames[session]
-            .tracker_from_base(source)
-            .isometry()
-            .rotation;
+        let base = self.0.frames[session].tracker_from_base(source).isometry().rotation;
         let covariance = Spread::Of(Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)));
         Spread::Of(covariance.seen_from(&base))
     }
@@ -382,12 +341,7 @@ fn outcome() -> Outcome<'static> {
         residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
         verdict: RunVerdict::of(
-            ProductVerdict::of(vec![Judge::blocks(
-                SESSION,
-                &accuracy(false),
-                None,
-                &TOLERANCE,
-            )]),
+            ProductVerdict::of(vec![Judge::blocks(SESSION, &accuracy(false), None, &TOLERANCE)]),
             Vec::new(),
             Model::Full,
         ),
@@ -399,10 +353,7 @@ fn outcome() -> Outcome<'static> {
             Model::BaseTarget,
             semivariograms(&samples, &SimilaritySettings::default()),
         )],
-        calibrations: vec![
-            (Model::BaseTarget, base_target),
-            (Model::Geometric, geometric),
-        ],
+        calibrations: vec![(Model::BaseTarget, base_target), (Model::Geometric, geometric)],
         full: Some(full.expect("positive definite")),
         camera_size: None,
         stated_sizes: Vec::new(),
@@ -437,18 +388,9 @@ fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSampl
 
 fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calibration) -> Grids {
     let reach = Reach::new(&ARM, *error_frame.flange_from_tool());
-    let attained: Vec<_> = stations
-        .iter()
-        .filter(|s| s.one_reading().is_some())
-        .collect();
-    let tools: Vec<_> = attained
-        .iter()
-        .map(|s| error_frame.nominal_tool(&s.joints))
-        .collect();
-    let positions: Vec<_> = tools
-        .iter()
-        .map(|tool| tool.translation.vector.into())
-        .collect();
+    let attained: Vec<_> = stations.iter().filter(|s| s.one_reading().is_some()).collect();
+    let tools: Vec<_> = attained.iter().map(|s| error_frame.nominal_tool(&s.joints)).collect();
+    let positions: Vec<_> = tools.iter().map(|tool| tool.translation.vector.into()).collect();
     let folds = Blocks::default().folds(&positions);
     let errors = samples(stations, error_frame);
     let station = |place: usize| GridStation {
@@ -465,12 +407,8 @@ fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calib
     let stations: Vec<GridStation> = (0..attained.len()).map(station).collect();
     let model = Identified(calibration.clone());
     let errors = ToolErrors::new(&model, 0, error_frame);
-    let input = GridInput {
-        stations: &stations,
-        folds: &[errors; 8],
-        model: errors,
-        guard_mm: 0.05,
-    };
+    let input =
+        GridInput { stations: &stations, folds: &[errors; 8], model: errors, guard_mm: 0.05 };
     let settings: GridSettings = toml::from_str("steps_mm = [100.0, 200.0]").expect("[grid]");
     grid::grids(&input, &reach, &settings, &TOLERANCE, None, &Quiet).expect("grids")
 }
@@ -512,17 +450,9 @@ fn scale() -> SessionScale {
         session: SESSION.to_owned(),
         stations: 20,
         prior_sd_ppm: 50.0,
-        fitted: Some(FittedScale {
-            ppm: 2.0,
-            sd_ppm: 49.0,
-            kept: true,
-        }),
+        fitted: Some(FittedScale { ppm: 2.0, sd_ppm: 49.0, kept: true }),
         length_sd_mm: 0.3,
-        free: Some(FreeScale {
-            ppm: 1000.0,
-            sd_ppm: 176.0,
-            length_rms_mm: 0.2,
-        }),
+        free: Some(FreeScale { ppm: 1000.0, sd_ppm: 176.0, length_rms_mm: 0.2 }),
     }
 }
 
@@ -540,10 +470,7 @@ fn accuracy(there: bool) -> Accuracy {
         finders: None,
         blocks: Some(2),
         beside: None,
-        coverage: there.then_some(Calibrated {
-            inside: 0.96,
-            mean_squared_distance: 2.9,
-        }),
+        coverage: there.then_some(Calibrated { inside: 0.96, mean_squared_distance: 2.9 }),
         expanded_uncertainty_mm: 0.05,
         verdict: Verdict::NotShown("3 held-out stations; 59 are needed".to_owned()),
     }

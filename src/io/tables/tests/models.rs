@@ -55,14 +55,11 @@ fn a_model_that_was_saved_predicts_as_it_did() {
     for &model in Model::ALL.iter().filter(|model| is_trained(**model)) {
         let own = models.get(model).unwrap();
         let text = own.saved(&ARM, &[SESSION]).unwrap().unwrap();
-        let back = model.about().load.unwrap()(&text, Some(models.geometric.misfit_mm))
-            .unwrap()
-            .model;
+        let back =
+            model.about().load.unwrap()(&text, Some(models.geometric.misfit_mm)).unwrap().model;
         let at = |model: &dyn PoseModel| {
-            let at: Vec<At<'_>> = observations
-                .iter()
-                .map(|observation| At::Joints(Query::of(observation)))
-                .collect();
+            let at: Vec<At<'_>> =
+                observations.iter().map(|observation| At::Joints(Query::of(observation))).collect();
             let one = model.predict(&at[0]).unwrap();
             let spread = model.spread(0, SourceId::ONLY, &one).covariance();
             (model.positions(&at), spread)

@@ -33,10 +33,7 @@ fn targets_may_stand_under_their_key() {
         r#"{"part": "wing", "targets": [{"target": "A", "x_mm": 1, "y_mm": 2, "z_mm": 3}]}"#,
     );
     let found = found.unwrap();
-    assert_eq!(
-        (found.targets.len(), found.unused),
-        (1, vec!["part".to_owned()])
-    );
+    assert_eq!((found.targets.len(), found.unused), (1, vec!["part".to_owned()]));
 }
 
 #[test]
@@ -55,39 +52,18 @@ fn what_is_wrong_is_reported_by_its_row_or_place() {
             r#"{"target": 7, "x_mm": 1, "y_mm": 2, "z_mm": 3}"#,
             "row 1: key \"target\" holds a number",
         ),
-        (
-            r#"{"target": "B", "x_mm": 1, "x_mm": 1, "y_mm": 2}"#,
-            "row 1: \"x_mm\" is given twice",
-        ),
-        (
-            r#"{"target": "B", "x_mm": 1, "z_mm": 2}"#,
-            "row 1: a position is three numbers",
-        ),
-        (
-            r#"{"target": "B"}"#,
-            "row 1: target \"B\" has neither a position",
-        ),
-        (
-            r#"{"x_mm": 1, "y_mm": 2, "z_mm": 3}"#,
-            "row 1: column \"target\" is empty",
-        ),
+        (r#"{"target": "B", "x_mm": 1, "x_mm": 1, "y_mm": 2}"#, "row 1: \"x_mm\" is given twice"),
+        (r#"{"target": "B", "x_mm": 1, "z_mm": 2}"#, "row 1: a position is three numbers"),
+        (r#"{"target": "B"}"#, "row 1: target \"B\" has neither a position"),
+        (r#"{"x_mm": 1, "y_mm": 2, "z_mm": 3}"#, "row 1: column \"target\" is empty"),
         (good, "row 1: target \"A\" is in row 0 already"),
-        (
-            r#"{"target": "B", "q1_deg": 1, "q2_rad": 2}"#,
-            "row 1: some are in radians",
-        ),
-        (
-            r#"{"target": "B", "q1_deg": 1, "q2_deg": null}"#,
-            "row 1: q2_deg is empty",
-        ),
+        (r#"{"target": "B", "q1_deg": 1, "q2_rad": 2}"#, "row 1: some are in radians"),
+        (r#"{"target": "B", "q1_deg": 1, "q2_deg": null}"#, "row 1: q2_deg is empty"),
         (
             r#"{"target": "B", "x_mm": 1, "y_mm": 2, "z_mm": 3, "table_id": "t-1"}"#,
             "is corrected already, with table \"t-1\"",
         ),
-        (
-            r#"{"target": "B", "x_mm": 1e999}"#,
-            "number out of range at line 1 column",
-        ),
+        (r#"{"target": "B", "x_mm": 1e999}"#, "number out of range at line 1 column"),
         ("[1]", "a target: an object with the keys"),
         ("", "trailing comma at line 1 column"),
     ];
@@ -103,19 +79,10 @@ fn texts_that_hold_no_targets_are_reported_so() {
     let cases = [
         ("[]", "holds no target"),
         ("{}", "no key \"targets\""),
-        (
-            "{\"targets\": [], \"targets\": []}",
-            "\"targets\" is given twice",
-        ),
-        (
-            "{\"targets\": {\"targets\": []}}",
-            "expected an array of targets",
-        ),
+        ("{\"targets\": [], \"targets\": []}", "\"targets\" is given twice"),
+        ("{\"targets\": {\"targets\": []}}", "expected an array of targets"),
         ("{\"Targets\": []}", "\"targets\" is; write it so"),
-        (
-            "{\"part\": 1, \"Part\": 2, \"targets\": []}",
-            "\"part\" and \"Part\" differ",
-        ),
+        ("{\"part\": 1, \"Part\": 2, \"targets\": []}", "\"part\" and \"Part\" differ"),
         ("3", "expected an array of targets"),
         ("[] x", "trailing characters"),
         (deep.as_str(), "a target: an object"),
@@ -125,11 +92,7 @@ fn texts_that_hold_no_targets_are_reported_so() {
         assert!(error.contains(expected), "{error}");
     }
     let nested = format!(r#"[{{"target": "A", "note": {}1"#, "[".repeat(100_000));
-    assert!(
-        targets(&nested)
-            .unwrap_err()
-            .contains("recursion limit exceeded")
-    );
+    assert!(targets(&nested).unwrap_err().contains("recursion limit exceeded"));
 }
 
 #[test]
@@ -142,10 +105,7 @@ fn a_mark_is_known_in_any_letters_and_anywhere() {
         format!("[{}]", row(r#", "made": {"by": [{"Table_Id": "t-1"}]}"#)),
         format!(r#"{{"table_id": "t-1", "targets": [{}]}}"#, row("")),
         format!(r#"{{"targets": [{}], "Table_ID": true}}"#, row("")),
-        format!(
-            r#"{{"head": {{"table_id": "t-1"}}, "targets": [{}]}}"#,
-            row("")
-        ),
+        format!(r#"{{"head": {{"table_id": "t-1"}}, "targets": [{}]}}"#, row("")),
     ];
     for text in &marked {
         let error = targets(text).unwrap_err();
@@ -161,18 +121,9 @@ fn a_mark_is_known_in_any_letters_and_anywhere() {
 #[test]
 fn keys_in_letters_of_another_size_are_reported_by_name() {
     let cases = [
-        (
-            r#"[{"target": "A", "X_mm": 1}]"#,
-            "row 0: \"X_mm\" is no name that is known here",
-        ),
-        (
-            r#"[{"target": "A", "Q1_deg": 1}]"#,
-            "\"q1_deg\" is; write it so",
-        ),
-        (
-            r#"[{"target": "A", "x": 1, "X": 2}]"#,
-            "\"x\" and \"X\" differ",
-        ),
+        (r#"[{"target": "A", "X_mm": 1}]"#, "row 0: \"X_mm\" is no name that is known here"),
+        (r#"[{"target": "A", "Q1_deg": 1}]"#, "\"q1_deg\" is; write it so"),
+        (r#"[{"target": "A", "x": 1, "X": 2}]"#, "\"x\" and \"X\" differ"),
         (
             r#"[{"target": "A", "table_id": null, "Table_ID": "t"}]"#,
             "\"table_id\" and \"Table_ID\" differ",

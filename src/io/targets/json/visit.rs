@@ -132,21 +132,13 @@ fn problem_of(keys: &[String]) -> Option<NamesProblem> {
     let (last, before) = keys.split_last()?;
     let folded = last.trim().to_lowercase();
     if folded == TARGETS && last != TARGETS {
-        return Some(NamesProblem::OtherLetters {
-            found: last.clone(),
-            known: folded,
-        });
+        return Some(NamesProblem::OtherLetters { found: last.clone(), known: folded });
     }
-    let first = before
-        .iter()
-        .find(|key| key.trim().to_lowercase() == folded)?;
+    let first = before.iter().find(|key| key.trim().to_lowercase() == folded)?;
     Some(if first == last {
         NamesProblem::Twice { name: last.clone() }
     } else {
-        NamesProblem::Alike {
-            first: first.clone(),
-            second: last.clone(),
-        }
+        NamesProblem::Alike { first: first.clone(), second: last.clone() }
     })
 }
 
@@ -169,9 +161,7 @@ impl<'de> Visitor<'de> for Targets<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut array: A) -> Result<(), A::Error> {
         while let Some(object) = array.next_element_seed(ObjectSeed)? {
-            self.0
-                .take(object)
-                .map_err(|()| A::Error::custom("a wrong target"))?;
+            self.0.take(object).map_err(|()| A::Error::custom("a wrong target"))?;
         }
         Ok(())
     }
@@ -233,10 +223,7 @@ impl<'de> Visitor<'de> for CellSeed {
     }
 
     fn visit_bool<E>(self, _: bool) -> Result<Cell, E> {
-        Ok(Cell::Other {
-            what: "true or false",
-            mark: None,
-        })
+        Ok(Cell::Other { what: "true or false", mark: None })
     }
 
     fn visit_f64<E>(self, number: f64) -> Result<Cell, E> {

@@ -99,9 +99,7 @@ fn typed(text: &[u8], piece: &Range<usize>) -> Option<(String, Range<usize>)> {
 /// Name and value, separated by blanks; the value is one word, text or aggregate.
 fn component(text: &[u8], piece: Range<usize>) -> Result<(String, Range<usize>), RowProblem> {
     let own = &text[piece.clone()];
-    let wrong = || KrlProblem::NoComponent {
-        text: String::from_utf8_lossy(own).into_owned(),
-    };
+    let wrong = || KrlProblem::NoComponent { text: String::from_utf8_lossy(own).into_owned() };
     let end = own.iter().position(u8::is_ascii_whitespace);
     let (name, rest) = own.split_at(end.unwrap_or(own.len()));
     let bare = name.split(|&byte| byte == b'[').next().unwrap_or_default();
@@ -204,10 +202,7 @@ impl Aggregate {
             Some(Some(("H", own))) => digits(own, 16),
             Some(_) => None,
         };
-        let wrong = || KrlProblem::NoWhole {
-            component: component.to_owned(),
-            text: text.clone(),
-        };
+        let wrong = || KrlProblem::NoWhole { component: component.to_owned(), text: text.clone() };
         number.map(Some).ok_or_else(|| wrong().into())
     }
 

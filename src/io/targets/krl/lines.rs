@@ -31,17 +31,9 @@ pub(super) fn all(text: &[u8]) -> Result<Vec<Line>, InLine> {
         let number = lines.len() as u64 + 1;
         if text[whole.clone()].contains(&b'\r') {
             // Some readers take it for the end of a line, others do not: a comment to one is a statement to the other.
-            return Err(InLine {
-                line: number,
-                problem: KrlProblem::LoneReturn.into(),
-            });
+            return Err(InLine { line: number, problem: KrlProblem::LoneReturn.into() });
         }
-        lines.push(Line {
-            number,
-            code: trimmed(text, code_of(text, whole.clone())),
-            whole,
-            next,
-        });
+        lines.push(Line { number, code: trimmed(text, code_of(text, whole.clone())), whole, next });
         start = next;
     }
     Ok(lines)
@@ -84,14 +76,9 @@ pub(super) struct Inside<'l> {
 /// The lines between DEFDAT and ENDDAT. Only lines that begin with `&`, and comments, may come before them; only comments
 /// after.
 pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, InLine> {
-    let at = |line: &Line, problem: KrlProblem| InLine {
-        line: line.number,
-        problem: problem.into(),
-    };
-    let at_end = |problem: KrlProblem| InLine {
-        line: lines.len() as u64,
-        problem: problem.into(),
-    };
+    let at =
+        |line: &Line, problem: KrlProblem| InLine { line: line.number, problem: problem.into() };
+    let at_end = |problem: KrlProblem| InLine { line: lines.len() as u64, problem: problem.into() };
     if let Some(line) = lines.iter().find(|line| is_ours(text, line)) {
         let comment = String::from_utf8_lossy(&text[line.whole.clone()]);
         let comment = comment.trim().to_owned();
@@ -113,23 +100,13 @@ pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, 
     if code(end).len() > "ENDDAT".len() {
         return Err(at(end, KrlProblem::Outside));
     }
-    if let Some(line) = inside[length + 1..]
-        .iter()
-        .find(|line| !code(line).is_empty())
-    {
+    if let Some(line) = inside[length + 1..].iter().find(|line| !code(line).is_empty()) {
         return Err(at(line, KrlProblem::Outside));
     }
-    if let Some(line) = inside[..length]
-        .iter()
-        .find(|line| begins(code(line), "DEFDAT"))
-    {
+    if let Some(line) = inside[..length].iter().find(|line| begins(code(line), "DEFDAT")) {
         return Err(at(line, KrlProblem::SecondList));
     }
-    Ok(Inside {
-        head: head.next,
-        lines: &inside[..length],
-        end: end.whole.start,
-    })
+    Ok(Inside { head: head.next, lines: &inside[..length], end: end.whole.start })
 }
 
 /// Whether a statement begins with a word.
@@ -142,10 +119,8 @@ pub(super) fn begins(code: &[u8], word: &str) -> bool {
 
 /// Checks the text after DEFDAT: a name, and PUBLIC or nothing.
 fn check_head(behind: &[u8]) -> Result<(), KrlProblem> {
-    let words: Vec<&[u8]> = behind
-        .split(u8::is_ascii_whitespace)
-        .filter(|word| !word.is_empty())
-        .collect();
+    let words: Vec<&[u8]> =
+        behind.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
     let of_name = |byte: &u8| byte.is_ascii_alphanumeric() || b"_$".contains(byte);
     match words[..] {
         [name, ..] if name.starts_with(b"$") => Err(KrlProblem::System),

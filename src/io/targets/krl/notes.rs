@@ -43,10 +43,7 @@ impl DataList {
     fn frame_values(&self) -> Option<String> {
         let lines = self.points.iter().filter_map(|point| point.frame_in);
         let all = lines.clone().count();
-        let shown: Vec<String> = lines
-            .take(LINES_SHOWN)
-            .map(|line| line.to_string())
-            .collect();
+        let shown: Vec<String> = lines.take(LINES_SHOWN).map(|line| line.to_string()).collect();
         let more = if all > shown.len() { ", …" } else { "" };
         (all > 0).then(|| {
             format!(
@@ -71,7 +68,6 @@ impl DataList {
 
 impl Point {
     fn is_taught_accurate(&self) -> bool {
-        self.status
-            .is_some_and(super::Status::taught_absolutely_accurate)
+        self.status.is_some_and(super::Status::taught_absolutely_accurate)
     }
 }

@@ -62,9 +62,8 @@ impl Name {
 const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 
 /// Declarations of anything but variables: they hold no values.
-const WITHOUT_VALUES: [&str; 8] = [
-    "EXT", "EXTP", "EXTFCT", "EXTFCTP", "IMPORT", "STRUC", "ENUM", "SIGNAL",
-];
+const WITHOUT_VALUES: [&str; 8] =
+    ["EXT", "EXTP", "EXTFCT", "EXTFCTP", "IMPORT", "STRUC", "ENUM", "SIGNAL"];
 
 /// The statement of a line; `None` where there is nothing to declare.
 pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement>, RowProblem> {
@@ -83,10 +82,7 @@ pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement
     let (kind, name) = left(&line[..equals]).ok_or(KrlProblem::NoStatement)?;
     let own = &text[value.clone()];
     if !own.starts_with(b"{") && !is_plain_value(own) {
-        return Err(KrlProblem::NoValue {
-            text: String::from_utf8_lossy(own).into_owned(),
-        }
-        .into());
+        return Err(KrlProblem::NoValue { text: String::from_utf8_lossy(own).into_owned() }.into());
     }
     Ok(Some(Statement::Valued { kind, name, value }))
 }
@@ -144,10 +140,7 @@ impl Index {
     /// The index in a text without blanks: `[2]`, `[1,4]`, `[]`, `[1,]`, or none at all.
     fn of(text: &str) -> Option<Self> {
         if text.is_empty() {
-            return Some(Self {
-                shown: String::new(),
-                is_counted: true,
-            });
+            return Some(Self { shown: String::new(), is_counted: true });
         }
         let inside = text.strip_prefix('[')?.strip_suffix(']')?;
         if inside.contains(['[', ']']) {
@@ -168,17 +161,13 @@ impl Index {
 /// The words of a left side without those before a type.
 fn typed(words: &str) -> Vec<&str> {
     let words = words.split_ascii_whitespace();
-    words
-        .skip_while(|word| BEFORE_TYPE.contains(word))
-        .collect()
+    words.skip_while(|word| BEFORE_TYPE.contains(word)).collect()
 }
 
 fn is_name(word: &str) -> bool {
     !word.starts_with(|first: char| first.is_ascii_digit())
         && !word.is_empty()
-        && word
-            .bytes()
-            .all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'$')
+        && word.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'$')
 }
 
 /// Type and names of a declaration without a value: `DECL E6POS P[5], Q[2,3]`.
@@ -193,10 +182,7 @@ fn declared(line: &[u8]) -> Option<Declaration> {
         }
     };
     let names: Option<Vec<String>> = outside_brackets(names).into_iter().map(own_name).collect();
-    is_name(kind).then_some(Declaration {
-        kind: kind.to_owned(),
-        names: names?,
-    })
+    is_name(kind).then_some(Declaration { kind: kind.to_owned(), names: names? })
 }
 
 /// A declared name without its brackets.

@@ -47,11 +47,7 @@ const UNSURE_RAD: f64 = 0.2;
 impl Postures {
     /// Postures of arms whose robot files are in standard DH with the signs of `pipelines/robots/kr210-r2700-extra.toml`.
     pub const STANDARD_DH: Self = Self {
-        home: Configuration {
-            shoulder: Side::Minus,
-            elbow: Side::Plus,
-            wrist: Side::Minus,
-        },
+        home: Configuration { shoulder: Side::Minus, elbow: Side::Plus, wrist: Side::Minus },
     };
 
     /// Postures of an arm; `None` for one without six axes.
@@ -146,11 +142,7 @@ mod tests {
             }
             let status = by_definition(&arm, degrees);
             seen[usize::from(status.0)] += 1;
-            assert_eq!(
-                postures.configuration(status),
-                factors.configuration(),
-                "{degrees:?}"
-            );
+            assert_eq!(postures.configuration(status), factors.configuration(), "{degrees:?}");
         }
         assert!(seen.iter().all(|&n| n > 20), "every S was met: {seen:?}");
     }

@@ -48,10 +48,7 @@ fn moved(target: &Target, by: [f64; 3]) -> Corrected {
 fn refused(target: &Target) -> Refused {
     Refused {
         target: target.name.clone(),
-        reason: Reason::Tool {
-            wanted: "drill\r\n6° − ü".to_owned(),
-            table: None,
-        },
+        reason: Reason::Tool { wanted: "drill\r\n6° − ü".to_owned(), table: None },
         slip: None,
     }
 }
@@ -61,12 +58,7 @@ fn positions_are_found_and_everything_else_is_counted() {
     let (targets, list) = list(LIST);
     let places: Vec<(&str, [f64; 3])> = targets
         .iter()
-        .map(|target| {
-            (
-                target.name.as_str(),
-                target.position.unwrap().coords().into(),
-            )
-        })
+        .map(|target| (target.name.as_str(), target.position.unwrap().coords().into()))
         .collect();
     let expected = [
         ("XP1", [1650.0, -120.5, 980.25]),
@@ -86,18 +78,9 @@ fn positions_are_found_and_everything_else_is_counted() {
     let notes = list.notes().join("\n");
     assert!(notes.contains("TOOL_NO 3, BASE_NO 1"), "{notes}");
     assert!(notes.contains("1 positions were taught with"), "{notes}");
-    assert!(
-        notes.contains("1 values of type FRAME are taken for positions (line 14)"),
-        "{notes}"
-    );
-    assert!(
-        notes.contains("1 positions have external axes away from 0"),
-        "{notes}"
-    );
-    assert!(
-        notes.contains("unchanged: 1 E6AXIS, 1 FDAT, 1 LOAD, 1 PDAT"),
-        "{notes}"
-    );
+    assert!(notes.contains("1 values of type FRAME are taken for positions (line 14)"), "{notes}");
+    assert!(notes.contains("1 positions have external axes away from 0"), "{notes}");
+    assert!(notes.contains("unchanged: 1 E6AXIS, 1 FDAT, 1 LOAD, 1 PDAT"), "{notes}");
 }
 
 #[test]
@@ -116,10 +99,7 @@ fn a_turn_is_about_z_then_y_then_x() {
 #[test]
 fn only_the_numbers_of_x_y_and_z_change() {
     let (targets, own) = list(LIST);
-    let outcomes: Vec<_> = targets
-        .iter()
-        .map(|t| Ok(moved(t, [0.001, -0.002, 0.5])))
-        .collect();
+    let outcomes: Vec<_> = targets.iter().map(|t| Ok(moved(t, [0.001, -0.002, 0.5]))).collect();
     let written = own.write(&outcomes, "t-1");
     let text = String::from_utf8_lossy(&written);
     let expected = String::from_utf8_lossy(LIST)
@@ -127,26 +107,11 @@ fn only_the_numbers_of_x_y_and_z_change() {
             "PUBLIC\r\n",
             "PUBLIC\r\n; corrected by posegrid table t-1: 4 positions corrected, 0 refused\r\n",
         )
-        .replace(
-            "\r\nENDDAT",
-            "\r\nDECL CHAR POSEGRID_CORRECTED[3]=\"t-1\"\r\nENDDAT",
-        )
-        .replace(
-            "X 1650.0,Y -120.5,Z 980.25,A 90",
-            "X 1650.001000,Y -120.502000,Z 980.750000,A 90",
-        )
-        .replace(
-            "y 2.5E1 , x +1.6e3, z 7 ,",
-            "y 24.998000 , x 1600.001000, z 7.500000 ,",
-        )
-        .replace(
-            "X 1600,Y 10.0,Z -0.5,",
-            "X 1600.001000,Y 9.998000,Z 0.000000,",
-        )
-        .replace(
-            "POS: X 1,Y 2,Z 3,",
-            "POS: X 1.001000,Y 1.998000,Z 3.500000,",
-        );
+        .replace("\r\nENDDAT", "\r\nDECL CHAR POSEGRID_CORRECTED[3]=\"t-1\"\r\nENDDAT")
+        .replace("X 1650.0,Y -120.5,Z 980.25,A 90", "X 1650.001000,Y -120.502000,Z 980.750000,A 90")
+        .replace("y 2.5E1 , x +1.6e3, z 7 ,", "y 24.998000 , x 1600.001000, z 7.500000 ,")
+        .replace("X 1600,Y 10.0,Z -0.5,", "X 1600.001000,Y 9.998000,Z 0.000000,")
+        .replace("POS: X 1,Y 2,Z 3,", "POS: X 1.001000,Y 1.998000,Z 3.500000,");
     assert_eq!(text, expected);
     assert!(written.contains(&0xfc), "a latin-1 letter stays one byte");
     // Corrected once is corrected.
@@ -173,10 +138,7 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
     );
     let expected = "\r\n; refused by posegrid table t??HALT: target \"XP1\" is for tool \"drill\\r\\n6 deg - ?\", the table";
     assert!(text.contains(expected), "{text}");
-    assert!(
-        text.contains("\r\n;DECL E6POS XP1={X 1650.0,Y -120.5,Z 980.25,A 90.0"),
-        "{text}"
-    );
+    assert!(text.contains("\r\n;DECL E6POS XP1={X 1650.0,Y -120.5,Z 980.25,A 90.0"), "{text}");
     assert_eq!(
         written.split(|&byte| byte == b'\n').count(),
         LIST.split(|&byte| byte == b'\n').count() + 3
@@ -189,140 +151,59 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
 /// Statements that KRL forbids, and the message for each.
 const FORBIDDEN: [(&str, &str); 32] = [
     // A decimal comma: the reader of a controller ends there as well.
-    (
-        "DECL E6POS P={X 1575,7,Y 2,Z 3}",
-        "line 2: \"7\" is between the commas",
-    ),
-    (
-        "DECL E6POS P={X 1575 7,Y 2,Z 3}",
-        "\"X 1575 7\" is between the commas",
-    ),
-    (
-        "DECL E6POS P={X 1 Y 2,Z 3}",
-        "\"X 1 Y 2\" is between the commas",
-    ),
+    ("DECL E6POS P={X 1575,7,Y 2,Z 3}", "line 2: \"7\" is between the commas"),
+    ("DECL E6POS P={X 1575 7,Y 2,Z 3}", "\"X 1575 7\" is between the commas"),
+    ("DECL E6POS P={X 1 Y 2,Z 3}", "\"X 1 Y 2\" is between the commas"),
     ("DECL E6POS P={X 1,,Y 2,Z 3}", "\"\" is between the commas"),
     ("DECL E6POS P={X 1,Y 2,Z 3,}", "\"\" is between the commas"),
     ("DECL E6POS P={,X 1,Y 2,Z 3}", "\"\" is between the commas"),
     ("DECL E6POS P={}", "\"\" is between the commas"),
     ("DECL E6POS P={X1,Y 2,Z 3}", "\"X1\" is between the commas"),
-    (
-        "DECL E6POS P={X=1,Y 2,Z 3}",
-        "\"X=1\" is between the commas",
-    ),
+    ("DECL E6POS P={X=1,Y 2,Z 3}", "\"X=1\" is between the commas"),
     ("DECL E6POS P={X: 1,Y 2,Z 3}", "\"1\" is between the commas"),
-    (
-        "DECL E6POS P={X1 1,X 1,Y 2,Z 3}",
-        "component X1: a value of type E6POS has none",
-    ),
-    (
-        "DECL POS P={X 1,Y 2,Z 3,E1 0}",
-        "component E1: a value of type POS has none",
-    ),
-    (
-        "DECL FRAME P={X 1,Y 2,Z 3,S 2}",
-        "component S: a value of type FRAME has none",
-    ),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3,T a}",
-        "component T holds \"A\", which is no whole number",
-    ),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3,S 'B-1'}",
-        "component S holds \"'B-1'\"",
-    ),
-    (
-        "DECL E6POS P={X {Y 2},Y 2,Z 3}",
-        "component X holds \"{Y 2}\"",
-    ),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3]",
-        "the braces of the value do not close",
-    ),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3} 4",
-        "the braces of the value do not close",
-    ),
+    ("DECL E6POS P={X1 1,X 1,Y 2,Z 3}", "component X1: a value of type E6POS has none"),
+    ("DECL POS P={X 1,Y 2,Z 3,E1 0}", "component E1: a value of type POS has none"),
+    ("DECL FRAME P={X 1,Y 2,Z 3,S 2}", "component S: a value of type FRAME has none"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,T a}", "component T holds \"A\", which is no whole number"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,S 'B-1'}", "component S holds \"'B-1'\""),
+    ("DECL E6POS P={X {Y 2},Y 2,Z 3}", "component X holds \"{Y 2}\""),
+    ("DECL E6POS P={X 1,Y 2,Z 3]", "the braces of the value do not close"),
+    ("DECL E6POS P={X 1,Y 2,Z 3} 4", "the braces of the value do not close"),
     ("DECL LOAD L={CM {X 0,X 1}}", "component X is given twice"),
-    (
-        "DECL LOAD L={M 1 CM {X 0}}",
-        "\"M 1 CM {X 0}\" is between the commas",
-    ),
-    (
-        "DECL E6POS P {X 1,Y 2,Z 3}",
-        "line 2: this is neither a declaration",
-    ),
+    ("DECL LOAD L={M 1 CM {X 0}}", "\"M 1 CM {X 0}\" is between the commas"),
+    ("DECL E6POS P {X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
     ("X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
     ("DECL E6POS", "this is neither a declaration"),
     ("P[1]", "this is neither a declaration"),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3}\nP.X=5",
-        "line 3: a value for a component of P",
-    ),
+    ("DECL E6POS P={X 1,Y 2,Z 3}\nP.X=5", "line 3: a value for a component of P"),
     ("P.X=5", "line 2: a value for a component of P"),
-    (
-        "P[A]={POS: X 1,Y 2,Z 3}",
-        "P[A] is a position, but its index",
-    ),
+    ("P[A]={POS: X 1,Y 2,Z 3}", "P[A] is a position, but its index"),
     ("DECL INT N=1,5", "\"1,5\" is not one value"),
     ("DECL CHAR C[3]=\"ab", "line 2: a text begins with"),
-    (
-        "DECL E6POS P\nDECL INT p",
-        "line 3: P is declared in line 2 already",
-    ),
-    (
-        "DECL E6POS P={AXIS: X 1,Y 2,Z 3}",
-        "the value is of type AXIS, but P is declared as E6POS",
-    ),
+    ("DECL E6POS P\nDECL INT p", "line 3: P is declared in line 2 already"),
+    ("DECL E6POS P={AXIS: X 1,Y 2,Z 3}", "the value is of type AXIS, but P is declared as E6POS"),
     ("P={X 1}", "P has X, Y and Z, but neither this list"),
 ];
 
 #[test]
 fn what_is_wrong_is_reported_by_its_line() {
     let cases = [
-        (
-            "DECL E6POS P={X 1,Y 2}",
-            "line 2: a position is three numbers",
-        ),
+        ("DECL E6POS P={X 1,Y 2}", "line 2: a position is three numbers"),
         (
             "DECL E6POS P={X 1,Y 2,Z a}",
             "line 2: component Z holds \"a\", which is no finite number",
         ),
         ("DECL E6POS P={X 1,Y 2,Z inf}", "component Z holds \"inf\""),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 1e999}",
-            "component Z holds \"1e999\"",
-        ),
+        ("DECL E6POS P={X 1,Y 2,Z 1e999}", "component Z holds \"1e999\""),
         ("DECL E6POS P={X 1,Y 2,Z }", "\"Z\" is between the commas"),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 3,X 4}",
-            "component X is given twice",
-        ),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 3,A 4}",
-            "an orientation is three angles",
-        ),
+        ("DECL E6POS P={X 1,Y 2,Z 3,X 4}", "component X is given twice"),
+        ("DECL E6POS P={X 1,Y 2,Z 3,A 4}", "an orientation is three angles"),
         ("DECL E6POS P={X 1,Y 2,Z 3,S 32}", "S is 32"),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 3,S 'B012'}",
-            "component S holds \"'B012'\"",
-        ),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 3",
-            "the braces of the value do not close",
-        ),
-        (
-            "DECL E6POS P={X 1,Y 2,Z 3} Q={X 1}",
-            "the braces of the value do not close",
-        ),
-        (
-            "DECL E6POS P=Q",
-            "P is a position, but its value is no aggregate",
-        ),
-        (
-            "P[1]={X 1,Y 2,Z 3}",
-            "P[1] has X, Y and Z, but neither this list",
-        ),
+        ("DECL E6POS P={X 1,Y 2,Z 3,S 'B012'}", "component S holds \"'B012'\""),
+        ("DECL E6POS P={X 1,Y 2,Z 3", "the braces of the value do not close"),
+        ("DECL E6POS P={X 1,Y 2,Z 3} Q={X 1}", "the braces of the value do not close"),
+        ("DECL E6POS P=Q", "P is a position, but its value is no aggregate"),
+        ("P[1]={X 1,Y 2,Z 3}", "P[1] has X, Y and Z, but neither this list"),
         ("a b c d={X 1}", "the text before = is no name"),
         (
             "P[1]={POS: X 1,Y 2,Z 3}\np[ 01 ]={POS: X 1,Y 2,Z 3}",
@@ -332,18 +213,9 @@ fn what_is_wrong_is_reported_by_its_line() {
             "DECL FDAT F1={TOOL_NO 1,BASE_NO 2}\nDECL FDAT F2={TOOL_NO 1,BASE_NO 3}",
             "line 3: TOOL_NO 1, BASE_NO 3, but TOOL_NO 1, BASE_NO 2 in line 2",
         ),
-        (
-            "DECL FDAT F1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #tcp}",
-            "line 2: IPO_FRAME #TCP",
-        ),
-        (
-            "DECL FDAT F1={TOOL_NO x,BASE_NO 2}",
-            "component TOOL_NO holds \"X\"",
-        ),
-        (
-            "; a\rDECL POS P={X 1,Y 2,Z 3}",
-            "line 2: a carriage return without a line feed",
-        ),
+        ("DECL FDAT F1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #tcp}", "line 2: IPO_FRAME #TCP"),
+        ("DECL FDAT F1={TOOL_NO x,BASE_NO 2}", "component TOOL_NO holds \"X\""),
+        ("; a\rDECL POS P={X 1,Y 2,Z 3}", "line 2: a carriage return without a line feed"),
         (";refused by POSEGRID table", "line 2: corrected already"),
     ];
     for (lines, expected) in cases.into_iter().chain(FORBIDDEN) {
@@ -383,14 +255,8 @@ fn what_is_corrected_stays_known_without_its_comments() {
         .filter(|line| !line.contains("POINT2") && !line.contains("NOTE"))
         .collect();
     let told = problem(uncommented.join("\n").to_lowercase().as_bytes());
-    assert!(
-        told.contains("corrected already, by table \"0a?1b\""),
-        "{told}"
-    );
-    for mark in [
-        "DECL CHAR POSEGRID_CORRECTED[9]",
-        "posegrid_corrected[]=\"t\"",
-    ] {
+    assert!(told.contains("corrected already, by table \"0a?1b\""), "{told}");
+    for mark in ["DECL CHAR POSEGRID_CORRECTED[9]", "posegrid_corrected[]=\"t\""] {
         let told = problem(format!("DEFDAT L\n{mark}\nENDDAT").as_bytes());
         assert!(told.contains("line 2: corrected already"), "{told}");
     }
@@ -452,11 +318,7 @@ fn without_ours(text: &[u8]) -> Vec<Vec<u8>> {
             was_refused = line.starts_with(ours[1]);
             continue;
         }
-        lines.push(if was_refused {
-            line[1..].to_vec()
-        } else {
-            line.to_vec()
-        });
+        lines.push(if was_refused { line[1..].to_vec() } else { line.to_vec() });
         was_refused = false;
     }
     lines
@@ -476,12 +338,7 @@ fn blanked(line: &[u8]) -> (Vec<u8>, Vec<f64>) {
         let text = std::str::from_utf8(part).unwrap();
         let inside = text.trim_end_matches([',', '}']);
         let (name, number) = inside.trim_end().rsplit_once(' ').unwrap_or((inside, ""));
-        let axis = name
-            .trim_end()
-            .chars()
-            .last()
-            .unwrap_or(' ')
-            .to_ascii_uppercase();
+        let axis = name.trim_end().chars().last().unwrap_or(' ').to_ascii_uppercase();
         match number.parse::<f64>() {
             Ok(number) if "XYZ".contains(axis) => {
                 numbers.push(number);

@@ -70,14 +70,8 @@ impl Written<'_> {
     fn mark(&mut self, table_id: &str) {
         // A text has at least one letter and no quotation mark.
         let table = plain(table_id).into_iter();
-        let table: Vec<u8> = table
-            .map(|byte| if byte == b'"' { b'?' } else { byte })
-            .collect();
-        let table = if table.is_empty() {
-            b"?".to_vec()
-        } else {
-            table
-        };
+        let table: Vec<u8> = table.map(|byte| if byte == b'"' { b'?' } else { byte }).collect();
+        let table = if table.is_empty() { b"?".to_vec() } else { table };
         let head = format!("DECL CHAR {MARK}[{}]=\"", table.len());
         self.bytes.extend(head.bytes());
         self.bytes.extend(table);
@@ -107,18 +101,14 @@ impl Written<'_> {
 fn head(outcomes: &[Result<Corrected, Refused>], table_id: &str) -> String {
     let done = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok());
     let mut allowed = BTreeMap::<&str, usize>::new();
-    for name in done
-        .clone()
-        .flat_map(|done| done.allowed.iter().map(|own| own.word()))
-    {
+    for name in done.clone().flat_map(|done| done.allowed.iter().map(|own| own.word())) {
         *allowed.entry(name).or_default() += 1;
     }
     let corrected = done.count();
     let refused = outcomes.len() - corrected;
     let allowed = allowed.iter();
-    let allowed: Vec<String> = allowed
-        .map(|(name, count)| format!(", exception {name} allowed for {count}"))
-        .collect();
+    let allowed: Vec<String> =
+        allowed.map(|(name, count)| format!(", exception {name} allowed for {count}")).collect();
     format!(
         "{CORRECTED} table {table_id}: {corrected} positions corrected, {refused} refused{}",
         allowed.concat()

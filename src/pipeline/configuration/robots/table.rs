@@ -71,11 +71,7 @@ fn columns_are_sound(columns: &[&str]) -> Result<(), String> {
 fn entry<'c>(cells: impl Iterator<Item = (&'c str, &'c str)>) -> Result<RobotEntry, String> {
     let mut robot = Table::new();
     for (column, cell) in cells.filter(|(_, cell)| !cell.is_empty()) {
-        let value = if is_text(column) {
-            Value::String(cell.to_owned())
-        } else {
-            value(cell)
-        };
+        let value = if is_text(column) { Value::String(cell.to_owned()) } else { value(cell) };
         insert(&mut robot, column, value).map_err(|reason| format!("column {column}: {reason}"))?;
     }
     RobotEntry::of(robot)
@@ -108,9 +104,7 @@ fn insert(table: &mut Table, column: &str, value: Value) -> Result<(), String> {
             Some(_) => Err("another column states it as a whole".to_owned()),
         };
     };
-    let inner = table
-        .entry(first)
-        .or_insert_with(|| Value::Table(Table::new()));
+    let inner = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
     let inner = inner.as_table_mut();
     let inner = inner.ok_or_else(|| "another column states it as a whole".to_owned())?;
     insert(inner, rest, value)
@@ -141,13 +135,8 @@ mod tests {
             .parse()
             .expect("TOML");
         assert_eq!(found[0].settings, wanted);
-        let wanted: Table = "robot = { valid_for = { tool = 'drill' } }"
-            .parse()
-            .expect("TOML");
-        assert_eq!(
-            (found[1].name.as_str(), &found[1].settings),
-            ("r8", &wanted)
-        );
+        let wanted: Table = "robot = { valid_for = { tool = 'drill' } }".parse().expect("TOML");
+        assert_eq!((found[1].name.as_str(), &found[1].settings), ("r8", &wanted));
     }
 
     #[test]
@@ -157,10 +146,7 @@ mod tests {
             ("name,name\na,b\n", "two columns are called \"name\""),
             ("name,mm\na,1\n", "column \"mm\" is neither"),
             ("name,tolerance.\na,1\n", "column \"tolerance.\" is neither"),
-            (
-                "name,tolerance.mm\na,0.5\n,0.3\n",
-                "row 3: missing field `name`",
-            ),
+            ("name,tolerance.mm\na,0.5\n,0.3\n", "row 3: missing field `name`"),
             ("name,input.folder\na,x\n", "row 2: unknown field `input`"),
             ("name,tolerance.mm\na\n", "CSV error: record 1"),
             (
@@ -171,10 +157,6 @@ mod tests {
             let found = robots(text).expect_err(text);
             assert!(found.starts_with(words), "{text}: {found}");
         }
-        assert_eq!(
-            value("1\nb = 2"),
-            Value::String("1\nb = 2".to_owned()),
-            "a cell is one value"
-        );
+        assert_eq!(value("1\nb = 2"), Value::String("1\nb = 2".to_owned()), "a cell is one value");
     }
 }

@@ -144,11 +144,7 @@ impl<'a> Found<'a> {
     /// The corrected targets of a session whose files are among those of others: their name has to contain the session's.
     fn corrected_of(&self, session: &str) -> Result<Option<PathBuf>, Lack> {
         let names = &self.input.corrected_targets;
-        if names
-            .patterns()
-            .iter()
-            .all(|pattern| pattern.contains(SESSION_PLACE))
-        {
+        if names.patterns().iter().all(|pattern| pattern.contains(SESSION_PLACE)) {
             logs::at_most_one(self.tree, self.folder, &names.of(session))
         } else {
             Ok(None)
@@ -181,10 +177,7 @@ impl<'a> Found<'a> {
             (Err(Lack::Absent(reason)), _) | (_, Err(Lack::Absent(reason))) => {
                 Err(Why::Waits(format!("{reason} yet")))
             }
-            (Ok(controller), Ok(tracker)) => self.settled(SessionLogs {
-                controller,
-                tracker,
-            }),
+            (Ok(controller), Ok(tracker)) => self.settled(SessionLogs { controller, tracker }),
         };
         self.sessions.push(Session {
             name,
@@ -216,8 +209,7 @@ impl<'a> Found<'a> {
         for session in &self.sessions {
             *counts.entry(named(session)).or_default() += 1;
         }
-        self.sessions
-            .dedup_by(|later, first| named(later) == named(first));
+        self.sessions.dedup_by(|later, first| named(later) == named(first));
         for session in &mut self.sessions {
             if session.name == POOLED {
                 let reason =
@@ -234,11 +226,7 @@ impl<'a> Found<'a> {
 }
 
 fn both_lacks(one: &str, other: &str) -> String {
-    if one == other {
-        one.to_owned()
-    } else {
-        format!("{one}, and {other}")
-    }
+    if one == other { one.to_owned() } else { format!("{one}, and {other}") }
 }
 
 /// Metadata alone does not show whether two files are one recording or two.

@@ -19,9 +19,7 @@ const LINES: [&str; 4] = ["csv", "tsv", "tab", "txt"];
 /// then its run reports the error.
 pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<String> {
     let age = lately(path, settle)?;
-    has_no_end(path, limits)
-        .ok()?
-        .then(|| wait(path, "has no end", age, settle))
+    has_no_end(path, limits).ok()?.then(|| wait(path, "has no end", age, settle))
 }
 
 /// Why to wait for the table at `path`, as text; `None` as of a log. A table of lines has an end where its last line is terminated, or
@@ -99,10 +97,7 @@ mod tests {
         let growing = || growing(&path, settle, Limits::default());
         fs::write(&path, mcap::MAGIC).unwrap();
         let told = growing().unwrap();
-        assert!(
-            told.starts_with("arm.mcap has no end and changed 0 s ago"),
-            "{told}"
-        );
+        assert!(told.starts_with("arm.mcap has no end and changed 0 s ago"), "{told}");
         fs::write(&path, [mcap::MAGIC, mcap::MAGIC].concat()).unwrap();
         assert_eq!(growing(), None);
         fs::write(&path, mcap::MAGIC).unwrap();
@@ -121,18 +116,9 @@ mod tests {
             growing_table(&path, settle)
         };
         let told = growing("q1;x;y\n1,5;2,5;3,5\n1,5;2").unwrap();
-        assert!(
-            told.starts_with("measured.csv ends within a row and changed 0 s ago"),
-            "{told}"
-        );
+        assert!(told.starts_with("measured.csv ends within a row and changed 0 s ago"), "{told}");
         // Terminated, however few its cells are, or whole without an end of the line.
-        for text in [
-            "q1;x\n1;2\n1\n",
-            "q1;x\n1;2\n1;2",
-            "q1;x\n1,5;2,5\n1;2",
-            "q1",
-            "",
-        ] {
+        for text in ["q1;x\n1;2\n1\n", "q1;x\n1;2\n1;2", "q1;x\n1,5;2,5\n1;2", "q1", ""] {
             assert_eq!(growing(text), None, "{text:?}");
         }
         fs::write(&path, "q1,x\n1,2\n1").unwrap();

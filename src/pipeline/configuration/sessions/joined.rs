@@ -49,14 +49,8 @@ pub(super) fn sessions(
         });
         match before {
             Ok(before) if wanted.robot.is_some_and(|own| own != before.key.robot) => {}
-            Ok(before) => by_name
-                .entry(before.key.session.clone())
-                .or_default()
-                .push(before),
-            Err(reason) => left_out.push(LeftOut {
-                name: place.display().to_string(),
-                reason,
-            }),
+            Ok(before) => by_name.entry(before.key.session.clone()).or_default().push(before),
+            Err(reason) => left_out.push(LeftOut { name: place.display().to_string(), reason }),
         }
     }
     Ok((by_name.into_iter().map(session).collect(), left_out))
@@ -75,23 +69,17 @@ fn before(key: RunKey, row: &JoinedSessionRow, wanted: &Wanted<'_>) -> Option<Be
         None
     };
     let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
-    Some(Before {
-        key,
-        inputs: inputs.collect(),
-        unusable,
-    })
+    Some(Before { key, inputs: inputs.collect(), unusable })
 }
 
 /// A session with its one result that can be used.
 fn session((name, results): (String, Vec<Before>)) -> Session {
-    let (usable, others): (Vec<Before>, Vec<Before>) = results
-        .into_iter()
-        .partition(|before| before.unusable.is_none());
+    let (usable, others): (Vec<Before>, Vec<Before>) =
+        results.into_iter().partition(|before| before.unusable.is_none());
     let recorded = match &usable[..] {
-        [one] => Ok(Recorded::Joined(JoinedBefore {
-            key: one.key.clone(),
-            inputs: one.inputs.clone(),
-        })),
+        [one] => {
+            Ok(Recorded::Joined(JoinedBefore { key: one.key.clone(), inputs: one.inputs.clone() }))
+        }
         [] => {
             let mut reasons: Vec<&str> = others.iter().filter_map(|own| own.unusable).collect();
             reasons.sort_unstable();
@@ -109,10 +97,5 @@ fn session((name, results): (String, Vec<Before>)) -> Session {
             )))
         }
     };
-    Session {
-        name,
-        recorded,
-        corrected: None,
-        robot: None,
-    }
+    Session { name, recorded, corrected: None, robot: None }
 }

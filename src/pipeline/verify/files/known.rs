@@ -122,13 +122,9 @@ fn of_row(key: &str) -> Option<(String, String)> {
 
 /// Robots and runs, or sessions as joined, that have rows now.
 pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
-    let files = [
-        lake.files("runs")?,
-        lake.files(JOINED)?,
-        lake.files(ESTIMATES)?,
-        lake.files(GRIDS)?,
-    ]
-    .concat();
+    let files =
+        [lake.files("runs")?, lake.files(JOINED)?, lake.files(ESTIMATES)?, lake.files(GRIDS)?]
+            .concat();
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 
@@ -148,11 +144,7 @@ impl Scope {
         names: &[String],
     ) -> Result<Self, LakeError> {
         let mut sessions = BTreeSet::new();
-        for claim in selected
-            .runs
-            .iter()
-            .filter_map(|run| run.claim.as_ref().ok())
-        {
+        for claim in selected.runs.iter().filter_map(|run| run.claim.as_ref().ok()) {
             let own = std::iter::once(&claim.key.session);
             for session in own.chain(claim.files.iter().map(|file| &file.session)) {
                 let row = lake.file_key("runs", &claim.key.of_session(session))?;
@@ -160,11 +152,7 @@ impl Scope {
                 sessions.insert(parts.join("/"));
             }
         }
-        Ok(Self {
-            all: names.is_empty(),
-            sessions,
-            names: names.iter().cloned().collect(),
-        })
+        Ok(Self { all: names.is_empty(), sessions, names: names.iter().cloned().collect() })
     }
 
     /// Whether a file is counted.

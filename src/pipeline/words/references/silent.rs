@@ -89,11 +89,7 @@ impl<'a> Set<'a> {
             quoted(&names),
             self.on.word(),
             have(names.len()),
-            if looks == 0 {
-                "no reading"
-            } else {
-                "readings at one look only"
-            },
+            if looks == 0 { "no reading" } else { "readings at one look only" },
             self.on.moves(),
             them(names.len()),
             them(names.len()),
@@ -131,9 +127,9 @@ impl<'a> Set<'a> {
                 ", with a standard deviation at the references of {edge:.3} mm there and {far:.3} mm at the far end"
             )
         });
-        let looks = self.course.map_or(0, |course| {
-            course.looks.iter().filter(|look| look.seen > 0).count()
-        });
+        let looks = self
+            .course
+            .map_or(0, |course| course.looks.iter().filter(|look| look.seen > 0).count());
         format!(
             "references on the {} were read at {looks} looks, {}: drift of {} at the {} stations {} is carried on from there{grows}, and a \
              bump there is not found; read them {} too",
@@ -266,21 +262,12 @@ mod tests {
     const STATIONS: usize = 90;
 
     fn read(name: &str, looks: usize, between: Option<[usize; 2]>) -> ReadReference {
-        ReadReference {
-            name: name.to_owned(),
-            on: StandsOn::Floor,
-            looks,
-            between,
-        }
+        ReadReference { name: name.to_owned(), on: StandsOn::Floor, looks, between }
     }
 
     fn warned_of(all: &[ReadReference], course: Option<&ReferenceCourse>) -> Vec<String> {
-        let set = Set {
-            on: StandsOn::Floor,
-            all: all.iter().collect(),
-            course,
-            stations: STATIONS,
-        };
+        let set =
+            Set { on: StandsOn::Floor, all: all.iter().collect(), course, stations: STATIONS };
         set.warned()
     }
 
@@ -288,11 +275,7 @@ mod tests {
     fn places(station: usize) -> Vec<(ReferenceId, Point3<f64>)> {
         let along = 0.05 * (station as f64 / 7.0).sin();
         let noise = |id: usize| 1e-3 * (3.0 * station as f64 + 5.0 * id as f64).cos();
-        let places = [
-            [2000.0, 0.0, 300.0],
-            [2150.0, 120.0, 300.0],
-            [1950.0, 200.0, 420.0],
-        ];
+        let places = [[2000.0, 0.0, 300.0], [2150.0, 120.0, 300.0], [1950.0, 200.0, 420.0]];
         let place = |(id, at): (usize, [f64; 3])| {
             let moved = Vector3::new(along, noise(id), noise(id + 1));
             (ReferenceId(id), Point3::from(at) + moved)
@@ -305,11 +288,7 @@ mod tests {
         let is_read = |station: usize| station.is_multiple_of(10) && station <= last;
         let look = |station: usize| Look {
             at_s: 60.0 * station as f64,
-            seen: if is_read(station) {
-                places(station)
-            } else {
-                Vec::new()
-            },
+            seen: if is_read(station) { places(station) } else { Vec::new() },
         };
         let looks: Vec<Look> = (0..STATIONS).map(look).collect();
         let at = looks.iter().enumerate().map(|(station, own)| LookAt {
@@ -352,11 +331,7 @@ mod tests {
 
     #[test]
     fn a_silent_reference_beside_others_is_named() {
-        let all = [
-            read("F1", 9, Some([0, 80])),
-            read("F2", 9, Some([0, 80])),
-            read("F4", 0, None),
-        ];
+        let all = [read("F1", 9, Some([0, 80])), read("F2", 9, Some([0, 80])), read("F4", 0, None)];
         let said = warned_of(&all, Some(&course(89)));
         assert_one(&said, &["reference \"F4\" on the floor has no reading"]);
     }

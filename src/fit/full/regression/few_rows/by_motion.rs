@@ -35,10 +35,7 @@ pub struct Shapes {
 impl ByMotion {
     /// All of `columns` columns as no shapes.
     pub fn plain(columns: usize) -> Self {
-        Self {
-            plain: (0..columns).collect(),
-            ..Self::default()
-        }
+        Self { plain: (0..columns).collect(), ..Self::default() }
     }
 
     /// `S Sᵀ`, of which the lower triangle is right, for `Sᵀ` and the scale in it.

@@ -124,11 +124,7 @@ fn draws_have_the_posterior_covariance() {
         root.set_column(column, &drawn);
     }
     let all: Vec<usize> = (0..size).collect();
-    assert_same(
-        &(&root * root.transpose()),
-        &arrow.covariance_of(&all),
-        "draws",
-    );
+    assert_same(&(&root * root.transpose()), &arrow.covariance_of(&all), "draws");
 }
 
 #[test]
@@ -136,9 +132,8 @@ fn a_session_taken_out_leaves_a_posterior_that_never_saw_it() {
     let pool = Pool::new();
     let mut sums = pool.sums(&[0, 1, 2]);
     sums.add(1, &pool.of(1), -1.0);
-    let left = Evidence::Sessions(sums)
-        .posterior_at(pool.scale.clone())
-        .expect("positive definite");
+    let left =
+        Evidence::Sessions(sums).posterior_at(pool.scale.clone()).expect("positive definite");
     let never = pool.dense(&[0, 2]);
     assert!((left.mean() - never.mean()).amax() < 1e-9);
     assert!((left.log_evidence - never.log_evidence).abs() < 1e-8);
@@ -152,9 +147,6 @@ fn the_gain_of_a_part_is_what_the_evidence_loses_without_it() {
     for columns in [vec![1, 8, 10], vec![0], vec![5, 9]] {
         let found = sums.gain_of(&arrow, &columns).expect("positive definite");
         let wanted = dense.gain_of(&columns).expect("positive definite");
-        assert!(
-            (found - wanted).abs() < 1e-9,
-            "{columns:?}: {found} {wanted}"
-        );
+        assert!((found - wanted).abs() < 1e-9, "{columns:?}: {found} {wanted}");
     }
 }

@@ -37,10 +37,7 @@ impl Work<'_> {
     /// Without an arm, units follow from the sizes of the numbers.
     fn by_size(&self, arms: &Arms, add: &mut impl FnMut(Key, String)) {
         let joints = self.choice.joints.columns.len();
-        let has_arm = arms
-            .known
-            .iter()
-            .any(|known| known.arm.joints().len() == joints);
+        let has_arm = arms.known.iter().any(|known| known.arm.joints().len() == joints);
         add(
             Key::Robot,
             match (has_arm, arms.is_named) {
@@ -56,18 +53,12 @@ impl Work<'_> {
             },
         );
         let size = |columns: &[usize]| {
-            columns
-                .iter()
-                .map(|&column| self.columns[column].largest())
-                .fold(0.0, f64::max)
+            columns.iter().map(|&column| self.columns[column].largest()).fold(0.0, f64::max)
         };
         if self.stated_angle().is_none() {
             add(
                 Key::JointUnit,
-                format!(
-                    "by numbers up to {:.4} alone",
-                    size(&self.choice.joints.columns)
-                ),
+                format!("by numbers up to {:.4} alone", size(&self.choice.joints.columns)),
             );
         }
         let position: Vec<usize> = self
@@ -75,38 +66,25 @@ impl Work<'_> {
             .targets
             .iter()
             .flat_map(|target| {
-                target
-                    .position
-                    .iter()
-                    .flat_map(|sum| sum.columns().collect::<Vec<_>>())
+                target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
             })
             .collect();
         if self.stated_length().is_none() {
-            add(
-                Key::Unit,
-                format!("by numbers up to {:.4} alone", size(&position)),
-            );
+            add(Key::Unit, format!("by numbers up to {:.4} alone", size(&position)));
         }
     }
 
     fn of_units(&self, verdict: &Verdict, add: &mut impl FnMut(Key, String)) {
         let best = &verdict.best;
         if let Some(other) = verdict.rival(Differs::Angle) {
-            add(
-                Key::JointUnit,
-                rival(best, other, &format!("{:?}", other.angle).to_lowercase()),
-            );
+            add(Key::JointUnit, rival(best, other, &format!("{:?}", other.angle).to_lowercase()));
         }
         if let Some(stated) = self.stated_angle().filter(|unit| *unit != best.angle) {
             add(
                 Key::JointUnit,
                 format!(
                     "the table states {}, and the arm agrees with this",
-                    if stated == AngleUnit::Deg {
-                        "deg"
-                    } else {
-                        "rad"
-                    }
+                    if stated == AngleUnit::Deg { "deg" } else { "rad" }
                 ),
             );
         }
@@ -119,19 +97,13 @@ impl Work<'_> {
         if let Some(stated) = self.stated_length().filter(|unit| *unit != best.length) {
             add(
                 Key::Unit,
-                format!(
-                    "the table states {}, and the arm agrees with this",
-                    length(stated)
-                ),
+                format!("the table states {}, and the arm agrees with this", length(stated)),
             );
         }
         if let Some(other) = verdict.rival(Differs::Order) {
             add(Key::Joints, rival(best, other, "in reverse order"));
         } else if best.is_reversed && verdict.agrees() {
-            let forward = verdict
-                .others
-                .iter()
-                .find(|(differs, _)| *differs == Differs::Order);
+            let forward = verdict.others.iter().find(|(differs, _)| *differs == Differs::Order);
             let forward = forward.map_or(f64::INFINITY, |(_, tried)| tried.median_mm);
             add(
                 Key::Joints,
@@ -176,16 +148,13 @@ impl Work<'_> {
     }
 
     fn stated_length(&self) -> Option<LengthUnit> {
-        let sums = self
-            .choice
-            .targets
-            .iter()
-            .flat_map(|target| &target.position);
-        sums.flat_map(|sum| sum.columns().collect::<Vec<_>>())
-            .find_map(|column| match self.columns[column].named.unit {
+        let sums = self.choice.targets.iter().flat_map(|target| &target.position);
+        sums.flat_map(|sum| sum.columns().collect::<Vec<_>>()).find_map(|column| {
+            match self.columns[column].named.unit {
                 Some(StatedUnit::Length(unit)) => Some(unit),
                 _ => None,
-            })
+            }
+        })
     }
 }
 
@@ -208,10 +177,7 @@ fn add_arm(verdict: &Verdict, arms: &Arms, add: &mut impl FnMut(Key, String)) {
     let file = |place: usize| arms.known[place].file.as_str();
     if !verdict.alike.is_empty() {
         let alike: Vec<&str> = verdict.alike.iter().map(|&place| file(place)).collect();
-        add(
-            Key::Robot,
-            format!("{} has the same nominal arm", alike.join(", ")),
-        );
+        add(Key::Robot, format!("{} has the same nominal arm", alike.join(", ")));
     }
     match verdict.rival(Differs::Arm) {
         Some(other) => add(Key::Robot, rival(&verdict.best, other, file(other.arm))),

@@ -20,10 +20,7 @@ impl Work<'_> {
     ) -> Option<OrientationColumns> {
         let columns = target.turn.as_ref()?;
         let mut doubt = |words: String| {
-            doubts.push(Doubt {
-                key: Key::Orientation,
-                words,
-            });
+            doubts.push(Doubt { key: Key::Orientation, words });
         };
         let Some(placement) = self.placement else {
             let largest = columns
@@ -36,22 +33,15 @@ impl Work<'_> {
             return Some(self.columns_of(&form, target.turn_sd));
         };
         let turn = placement.tracker_from_base.rotation;
-        let flanges: Vec<(usize, UnitQuaternion<f64>)> = self
-            .flanges
-            .iter()
-            .map(|(row, flange)| (*row, turn * flange.rotation))
-            .collect();
+        let flanges: Vec<(usize, UnitQuaternion<f64>)> =
+            self.flanges.iter().map(|(row, flange)| (*row, turn * flange.rotation)).collect();
         let Some(found) = turned(self.table, columns, &flanges) else {
             doubt("it is left out: no order of axes turns with the arm".to_owned());
             return None;
         };
         if !found.as_good.is_empty() {
-            let words: Vec<String> = found
-                .as_good
-                .iter()
-                .take(MOST_NAMED)
-                .map(Form::in_words)
-                .collect();
+            let words: Vec<String> =
+                found.as_good.iter().take(MOST_NAMED).map(Form::in_words).collect();
             doubt(format!(
                 "these agree with the arm as well ({:.2}°): {}",
                 found.median_rad.to_degrees(),

@@ -22,11 +22,7 @@ impl Found<'_> {
 
     fn tables_in_folders(&mut self, names: &LogNames) -> io::Result<()> {
         let tree = self.tree;
-        for path in tree
-            .entries(self.folder)?
-            .into_iter()
-            .filter(|path| tree.is_dir(path))
-        {
+        for path in tree.entries(self.folder)?.into_iter().filter(|path| tree.is_dir(path)) {
             let table = logs::find(tree, &path, names);
             let corrected = logs::at_most_one(tree, &path, &self.input.corrected_targets);
             self.add_table(name_of(&path), table, corrected)?;
@@ -56,10 +52,7 @@ impl Found<'_> {
             let corrected = self.corrected_of(&name);
             let robot = whose.robot.clone();
             let recorded = match &tables[..] {
-                [path] => Ok(SessionTable {
-                    path: path.clone(),
-                    whose,
-                }),
+                [path] => Ok(SessionTable { path: path.clone(), whose }),
                 several => Err(Lack::Wrong(format!(
                     "{} tables have rows of it; a session stands in one",
                     several.len()
@@ -127,10 +120,7 @@ impl Found<'_> {
                 several.len()
             ))),
         });
-        let of = |path: &PathBuf, whose: Whose| SessionTable {
-            path: path.clone(),
-            whose,
-        };
+        let of = |path: &PathBuf, whose: Whose| SessionTable { path: path.clone(), whose };
         let path = match one {
             Ok(path) if self.stations.is_some_and(|own| own.robot.is_some()) => path,
             one => {
@@ -165,11 +155,6 @@ impl Found<'_> {
                 (table, corrected)
             }
         };
-        self.sessions.push(Session {
-            name,
-            recorded: table,
-            corrected,
-            robot,
-        });
+        self.sessions.push(Session { name, recorded: table, corrected, robot });
     }
 }
