@@ -178,7 +178,7 @@ impl Held {
         match outside(own, said) {
             None => self.within.push(term),
             Some(how) => {
-                self.outside.push(Outside { term, words: format!("{} {how}", term.name()) })
+                self.outside.push(Outside { term, words: format!("{} {how}", term.name()) });
             }
         }
     }

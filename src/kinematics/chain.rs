@@ -173,7 +173,7 @@ impl Chain {
         let end = self.walk(q, offsets, |element, frame| match element {
             Element::Fixed(_) => {}
             Element::Joint { motion, joint, sign } => {
-                joints.push((*joint, *sign, UnitMotion::of(*motion, frame)))
+                joints.push((*joint, *sign, UnitMotion::of(*motion, frame)));
             }
             Element::Free { motion, .. } => parameters.push(UnitMotion::of(*motion, frame)),
         });

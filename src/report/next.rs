@@ -263,8 +263,8 @@ mod tests {
             let file: RobotFile = toml::from_str(text).expect("a robot file");
             file.arm().expect("an arm")
         };
-        let track = arm(include_str!("../../tests/any_arm/track.toml"));
-        let positioner = arm(include_str!("../../tests/any_arm/positioner.toml"));
+        let track = arm(include_str!("../../tests/robots/track.toml"));
+        let positioner = arm(include_str!("../../tests/robots/turn_and_tilt.toml"));
         let kr210 = arm(include_str!("../../pipelines/robots/kr210-r2700-extra.toml"));
         for (arm, expected) in [
             (track, "correct targets that state joint angles"),

@@ -91,7 +91,7 @@ fn take(row: &mut Row, assignment: StationAssignment) -> Vec<(u64, String)> {
             for (reading, target) in places.into_iter().zip(targets) {
                 match target {
                     PointTarget::Of(target) => {
-                        kept.push(RowReading { target: TargetId(target), ..reading })
+                        kept.push(RowReading { target: TargetId(target), ..reading });
                     }
                     PointTarget::OfNone(_) => {
                         left_out.extend(target.why_none().map(|reason| (reading.line, reason)));

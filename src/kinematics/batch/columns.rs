@@ -81,7 +81,7 @@ impl BatchColumns {
                     parameter += 1;
                 }
                 Element::Joint { motion, joint, sign } => {
-                    steps.push(Step::Joint(*motion, *joint, *sign))
+                    steps.push(Step::Joint(*motion, *joint, *sign));
                 }
             }
         }

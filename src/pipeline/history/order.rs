@@ -58,7 +58,7 @@ fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
         match fact {
             Ok(fact) => kept.push(CurrentRow { place, digest, fact }),
             Err(reason) => {
-                left_out.push(LeftOut { place, key: None, reason: Reason::Unreadable(reason) })
+                left_out.push(LeftOut { place, key: None, reason: Reason::Unreadable(reason) });
             }
         }
     }

@@ -104,7 +104,7 @@ pub fn account(
             Judged::Own => account.own += 1,
             Judged::Temporary => account.temporaries.push(lake.place_of(&file.key)),
             Judged::NotNamed(run) => {
-                add_foreign(&file, Some(format!("the row of run {run} in runs does not name it")))
+                add_foreign(&file, Some(format!("the row of run {run} in runs does not name it")));
             }
             Judged::Foreign => add_foreign(&file, said(lake, &file)),
             Judged::NoRow => doubtful.push(file),

@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_zero_is_that_of_its_joint_behind_one_that_follows() {
-        let text = include_str!("../../../tests/any_arm/parallelogram.toml");
+        let text = include_str!("../../../tests/robots/parallelogram.toml");
         let file: RobotFile = toml::from_str(text).expect("a robot file");
         let stated = SetUp::of_arm(file.arm().expect("an arm"));
         let edits: Vec<String> = zeros(&stated).into_iter().map(|own| own.edit).collect();

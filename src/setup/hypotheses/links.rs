@@ -111,7 +111,7 @@ mod tests {
 
     fn palletiser() -> SetUp {
         let file: RobotFile =
-            toml::from_str(include_str!("../../../tests/any_arm/parallelogram.toml"))
+            toml::from_str(include_str!("../../../tests/robots/parallelogram.toml"))
                 .expect("a robot file");
         SetUp::of_arm(file.arm().expect("an arm"))
     }

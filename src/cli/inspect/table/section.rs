@@ -185,7 +185,7 @@ impl Lines<'_> {
         }
         match &reading.orientation {
             Some(orientation) => {
-                self.key("orientation", &of_orientation(orientation), Some(Key::Orientation))
+                self.key("orientation", &of_orientation(orientation), Some(Key::Orientation));
             }
             None => self.left_out(),
         }

@@ -1,0 +1,32 @@
+//! What the library gives to whoever calls it: kinematics, the join, fits, grids, reports, tables.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod cameras;
+mod covariances;
+mod coverage;
+mod dense;
+mod driven;
+mod fit;
+mod full_model;
+mod full_model_bad_input;
+mod identified_arm;
+mod inverse;
+mod join;
+mod kinds;
+mod kinematics;
+mod locate;
+mod measured_tables;
+mod plan;
+mod pools;
+mod reach;
+mod reflectors;
+mod rivals;
+mod scale;
+mod setup;
+mod simulate;
+mod slides;
+mod stages;
+mod tables;
+mod tool_tip;
