@@ -1,11 +1,13 @@
 //! Every key of pipeline and robot files: section, type, unit, allowed words, default, and a sentence.
 //!
 //! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and an
-//! incomplete file is held against them, so that all missing keys are told at once ([`missing`]). What is read is decided by the
+//! incomplete file is held against them, so that all missing keys are told at once ([`missing`]). Keys that were retired are answered with
+//! what to do instead ([`mod@retired`]). What is read is decided by the
 //! structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds keys, words and defaults of both against each other.
 
 mod joins;
 pub mod missing;
+pub mod retired;
 #[cfg(test)]
 mod tests;
 mod text;

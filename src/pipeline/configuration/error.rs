@@ -12,6 +12,7 @@ use crate::io::store::StoreError;
 use crate::join::JoinError;
 use crate::manifest::ManifestError;
 use crate::pipeline::keys::missing::Incomplete;
+use crate::pipeline::keys::retired::Retired;
 use crate::pipeline::robot_file::NoRobotFile;
 
 /// Why a pipeline file makes no configuration.
@@ -98,6 +99,8 @@ pub enum ConfigurationErrorKind {
     Parse(Box<toml::de::Error>),
     /// Several keys of the pipeline file are missing, or not known.
     Incomplete(Box<Incomplete>),
+    /// The pipeline file has a key that was retired.
+    Retired(Retired),
     /// An invalid value.
     Setting {
         /// Section and key.
@@ -173,6 +176,7 @@ impl ConfigurationErrorKind {
             ),
             Self::Parse(source) => format!("{path}: {}", toml_problem(source)),
             Self::Incomplete(source) => format!("{path}: {source}"),
+            Self::Retired(source) => format!("{path}: {source}"),
             Self::Setting { key, found, wanted } => {
                 format!("{path}: {key} = {found}, but it has to be {wanted}")
             }

@@ -14,6 +14,7 @@ use crate::io::input::{self, Bound};
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
+use crate::pipeline::keys::retired::retired;
 
 /// The contents of the files.
 #[derive(Debug)]
@@ -61,6 +62,9 @@ impl Source {
         let text = input::text(path, Bound::SETTINGS)
             .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
         let values: Table = toml::from_str(&text).map_err(|source| unread(path, source))?;
+        if let Some(own) = retired(&values) {
+            return Err(ConfigurationErrorKind::Retired(own).at(path));
+        }
         checks::finite(path, &values)?;
         let base = folder_of(path)?;
         Ok(Self { robots: Robots::of(path, &base, &values)?, path: path.to_owned(), base, text })
