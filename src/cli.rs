@@ -7,7 +7,6 @@
 //! gone away (`| head -1`), a command ends silently, as if SIGPIPE had ended it. `run` has finished its work by then, so a
 //! reader who left does not change its exit code.
 
-pub mod benchmark;
 pub mod check;
 pub mod compact;
 pub mod compensate;
@@ -30,6 +29,7 @@ use std::fmt::Display;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{Parser, Subcommand};
 
 use crate::io::memory::keep_what_is_freed;
@@ -74,6 +74,12 @@ Exit codes: 0 done and within tolerance; 1 some session has no result, or
 Example:
   posegrid run pipelines/quickstart.toml";
 
+/// Commands that were retired, with what to do instead.
+const RETIRED: [(&str, &str); 1] = [(
+    "benchmark",
+    "it was retired: python pipelines/benchmarks/benchmark.py SUITE runs and judges posegrid and other programs on open data",
+)];
+
 #[derive(Debug, Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "one value per process")]
 enum Command {
@@ -87,7 +93,6 @@ enum Command {
     Compensate(compensate::CompensateArgs),
     Compact(compact::CompactArgs),
     History(history::HistoryArgs),
-    Benchmark(benchmark::BenchmarkArgs),
     Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
     Robot(robot::RobotArgs),
@@ -100,7 +105,7 @@ pub fn main() -> ExitCode {
     outlive_limits_of_files();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(answer) => return ExitCode::from(answered(&answer)),
+        Err(answer) => return ExitCode::from(answered(&with_remedy(answer))),
     };
     let bars = &Bars::new(arguments.log_format);
     messages::start(arguments.log_format, bars);
@@ -115,7 +120,6 @@ pub fn main() -> ExitCode {
         Command::Compensate(args) => compensate::main(&args, bars),
         Command::Compact(args) => compact::run(&args, bars),
         Command::History(args) => history::run(&args, bars),
-        Command::Benchmark(args) => benchmark::run(&args, bars),
         Command::Export(args) => export::main(&args, bars),
         Command::Verify(args) => verify::run(&args, bars),
         Command::Robot(args) => shown(robot::show(&args), bars),
@@ -140,6 +144,17 @@ fn answered(answer: &clap::Error) -> u8 {
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
+/// The answer to a command that was retired says what to do instead.
+fn with_remedy(mut answer: clap::Error) -> clap::Error {
+    let command = answer.get(ContextKind::InvalidSubcommand).map(ToString::to_string);
+    let retired = RETIRED.iter().find(|(own, _)| command.as_deref() == Some(*own));
+    if let Some((_, instead)) = retired {
+        let tip = ContextValue::StyledStrs(vec![(*instead).into()]);
+        answer.insert(ContextKind::Suggested, tip);
+    }
+    answer
+}
+
 /// Prints a command's result on stdout, or its error on stderr.
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
@@ -159,6 +174,13 @@ mod tests {
     use clap::CommandFactory;
 
     use super::*;
+
+    #[test]
+    fn a_retired_command_is_answered_with_what_to_do_instead() {
+        let answer = Arguments::try_parse_from(["posegrid", "benchmark", "suite.toml"]);
+        let answer = with_remedy(answer.expect_err("retired")).to_string();
+        assert!(answer.contains("pipelines/benchmarks/benchmark.py"), "{answer}");
+    }
 
     #[test]
     fn the_arguments_hold_together_and_every_command_has_an_example() {

@@ -109,9 +109,6 @@ pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 /// The 99 % quantile of chi squared with three degrees of freedom.
 pub const CHI_SQUARED_3_99: f64 = 11.344_866_730;
 
-/// Fewer blocks of the work space tell no spread of a figure: they are too few to be drawn or compared.
-pub const LEAST_BLOCKS: usize = 8;
-
 /// The mean of `values` and its standard error, `√(G/(G − 1) Σ_g (Σ_{i∈g} (vᵢ − v̄))²)/n`: values of one of the G groups are not
 /// independent, groups are (Liang and Zeger 1986, for a mean). `None` of fewer than two groups.
 pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)> {
@@ -124,12 +121,6 @@ pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)
     let groups = sums.len() as f64;
     let squares: f64 = sums.values().map(|own| own * own).sum();
     (sums.len() > 1).then(|| (mean, (squares * groups / (groups - 1.0)).sqrt() / count))
-}
-
-/// The percentile of `values` at `share` (type 7); `None` for an empty set.
-pub fn percentile_of(values: &[f64], share: f64) -> Option<f64> {
-    let sorted = ascending(values);
-    (!sorted.is_empty()).then(|| percentile(&sorted, share))
 }
 
 /// Distribution-free upper bound on the share `coverage.share` of the errors' population.

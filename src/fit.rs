@@ -10,7 +10,7 @@
 //!
 //! Every error model implements one trait ([`model`]), and all models are in one list ([`registry`]).
 //!
-//! Beyond geometry: the full error model ([`full`]), rivals to compare it with ([`rivals`]), the check that pooled sessions are of one arm ([`same_arm`]), visits of
+//! Beyond geometry: the full error model ([`full`]), the check that pooled sessions are of one arm ([`same_arm`]), visits of
 //! one pose ([`visits`]), base and target of a session that took no part ([`locate`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
 
 pub mod camera_size;
@@ -40,7 +40,6 @@ pub mod rank;
 #[cfg(test)]
 mod reflectors;
 pub mod registry;
-pub mod rivals;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;

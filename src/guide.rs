@@ -16,7 +16,6 @@
 //! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
-//! | [`rivals`] | How do kriging and inverse distances, and a neural network, compare with the error model? | |
 //! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
 //! | [`driven_session`] | Did the correction work? | `run` |
 //! | [`planning`] | How many poses, and which, before anything is measured? | `plan` |
@@ -24,7 +23,7 @@
 //! | [`operating`] | How does it run every night, and how does it end? | `run` |
 //! | [`history`] | What moved since the last session? | `history` |
 //! | [`verify`] | Is a result of years ago still what it was? What may be deleted? | `verify` |
-//! | [`benchmark`] | How do the models do on open data, and another program on the same splits? | `benchmark` |
+//! | [`benchmark`] | How do the models do on open data, beside kriging, a network and other programs on the same splits? | |
 //! | [`storage`] | How are sessions and lake kept on object storage? | |
 //! | [`performance`] | Which build, how much time and memory? | |
 //! | [`proofs`] | Which tests are there, and which longer proofs? | |
@@ -63,9 +62,6 @@ pub mod tables {}
 
 #[doc = include_str!("guide/figures.md")]
 pub mod figures {}
-
-#[doc = include_str!("guide/rivals.md")]
-pub mod rivals {}
 
 #[doc = include_str!("guide/compensate.md")]
 pub mod compensate {}

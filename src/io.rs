@@ -12,7 +12,6 @@ pub mod log_writer;
 pub mod measured_table;
 pub mod memory;
 pub mod message;
-pub mod predictions;
 pub mod robot;
 pub mod schema;
 pub mod station_table;

@@ -23,8 +23,7 @@
 //! | [`compensation`] | a table or the identified arm, target poses | commands, or reasons why there are none |
 //! | [`report`] | models and stations that judge them | residuals, accuracy figures, charts |
 //!
-//! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, [`history`] compares sessions, and
-//! [`benchmark`] judges predictions of any program on open data.
+//! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
 //!
 //! A table of stations is an input like logs: [`io::station_table`] reads it, and [`join::tabled`] makes its rows stations.
@@ -43,7 +42,7 @@
 //! | ring | modules | may use |
 //! |---|---|---|
 //! | core | [`units`], [`geometry`], [`kinematics`], [`linalg`], [`figures`], [`progress`] | core |
-//! | stages | those above, [`simulate`], [`plan`], [`history`], [`benchmark`] | core, and stages before them in the order of the data |
+//! | stages | those above, [`simulate`], [`plan`], [`history`] | core, and stages before them in the order of the data |
 //! | io | [`io`]: logs, messages, Parquet tables, schemas, the lake; [`manifest`]: provenance | core, stages |
 //! | page | [`page`]: rows of tables become pages for people | core, stages, io |
 //! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io, page |
@@ -73,7 +72,7 @@
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
-//!   registry. One that is only compared is a map of errors in [`fit::rivals`] and a line in the registry ([`fit::registry::Made::Rival`]). A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
+//!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
 //! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
@@ -115,9 +114,6 @@ pub mod grid;
 pub mod compensation;
 
 pub mod report;
-
-// Predictions of any program on open data.
-pub mod benchmark;
 
 // Before measuring.
 pub mod plan;

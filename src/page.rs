@@ -12,7 +12,6 @@
 //! [`plan`], uses it too.
 
 mod accuracy;
-pub mod benchmark;
 pub mod content;
 pub mod fleet;
 mod from_rows;

@@ -1,6 +1,5 @@
 //! The pipeline: a file becomes a checked configuration, a configuration becomes pieces of work, and each piece is one run.
 
-pub mod benchmark;
 pub mod compact;
 mod compared;
 pub mod configuration;

@@ -16,7 +16,6 @@ pub mod locate;
 pub mod next;
 pub mod promise;
 pub mod refit;
-pub mod rivals;
 pub mod symbols;
 pub mod tip;
 pub mod unseen;
@@ -31,7 +30,6 @@ pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
 use crate::join::TargetId;
 pub use locate::Finders;
-pub use rivals::Beside;
 use serde::{Deserialize, Serialize};
 use tip::Turn;
 
@@ -119,14 +117,9 @@ impl Residual {
 
     /// Squared Mahalanobis distance, `rᵀ Σ⁻¹ r`; `None` without a covariance, or with one that is not positive definite.
     pub fn mahalanobis_squared(&self) -> Option<f64> {
-        mahalanobis_squared(&self.residual, self.covariance.as_ref()?)
+        let factor = self.covariance?.cholesky()?;
+        Some(self.residual.dot(&factor.solve(&self.residual)))
     }
-}
-
-/// Squared Mahalanobis distance of a residual, `rᵀ Σ⁻¹ r`; `None` with a covariance that is not positive definite.
-pub fn mahalanobis_squared(residual: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
-    let factor = covariance.cholesky()?;
-    Some(residual.dot(&factor.solve(residual)))
 }
 
 /// Residuals of one model on one set of stations.
@@ -192,8 +185,6 @@ pub struct Accuracy {
     pub finders: Option<Finders>,
     /// Number of distinct blocks of the stations: those of one block are not independent. `None` where there are no blocks.
     pub blocks: Option<usize>,
-    /// The model held against the one that corrects; `None` unless it is a rival.
-    pub beside: Option<Beside>,
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without
     /// covariances.
     pub coverage: Option<Calibrated>,

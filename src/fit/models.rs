@@ -1,7 +1,5 @@
 //! Models to be compared, trained on the same observations.
 
-use std::time::{Duration, Instant};
-
 use nalgebra::UnitVector3;
 
 use super::full::{Carrying, FullModel, FullSettings, Purpose};
@@ -24,8 +22,6 @@ pub struct TrainingSettings<'s> {
     pub carrying: Option<&'s Carrying>,
     /// What the full error model is trained for.
     pub purpose: Purpose,
-    /// Whether rivals are trained to be compared ([`super::rivals`]).
-    pub rivals: bool,
 }
 
 /// The models of one training.
@@ -37,23 +33,6 @@ pub struct Models {
     pub geometric: Calibration,
     /// The full error model, unless it is switched off or could not be factored.
     pub full: Option<FullModel>,
-    /// Models built from the above, where they were asked for.
-    pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
-    /// Rivals of them all, where they were asked for.
-    pub rivals: Vec<(Model, Box<dyn PoseModel>)>,
-    /// The time that the training of each rival took.
-    pub rival_times: Vec<(Model, Duration)>,
-}
-
-/// The inputs of a model that is built from others.
-#[derive(Debug, Clone, Copy)]
-pub struct Training<'t> {
-    /// The nominal arm.
-    pub arm: &'t Arm,
-    /// The stations.
-    pub observations: &'t [Observation],
-    /// The models that every training makes.
-    pub models: &'t Models,
 }
 
 /// Trains base + target, geometry and the full error model on the observations of `sessions` sessions.
@@ -81,52 +60,7 @@ pub fn train(
         )
     };
     let full = if settings.full.enabled { train_full() } else { None };
-    Ok(Models {
-        base_target,
-        geometric,
-        full,
-        on_top: Vec::new(),
-        rivals: Vec::new(),
-        rival_times: Vec::new(),
-    })
-}
-
-/// Trains every model of the registry on the observations of `sessions` sessions.
-pub fn train_all(
-    arm: &Arm,
-    observations: &[Observation],
-    sessions: usize,
-    settings: &TrainingSettings<'_>,
-) -> Result<Models, FitError> {
-    let models = train(arm, observations, sessions, settings)?;
-    Ok(with_models_on_top(models, arm, observations, settings.rivals))
-}
-
-/// The models with those of the registry that are built on them; with `rivals`, these too.
-pub(super) fn with_models_on_top(
-    mut models: Models,
-    arm: &Arm,
-    observations: &[Observation],
-    rivals: bool,
-) -> Models {
-    let training = Training { arm, observations, models: &models };
-    let on_top = |model: &Model| match model.about().made {
-        Made::OnTop(make) => Some((*model, make(&training)?)),
-        Made::Elsewhere | Made::Always(_) | Made::Rival(_) => None,
-    };
-    let rival = |model: &Model| match model.about().made {
-        Made::Rival(make) if rivals => {
-            let began = Instant::now();
-            let made = make(&training)?;
-            Some(((*model, made), (*model, began.elapsed())))
-        }
-        _ => None,
-    };
-    let all = || Model::ALL.iter();
-    let (made, times) = all().filter_map(rival).unzip();
-    models.on_top = all().filter_map(on_top).collect();
-    (models.rivals, models.rival_times) = (made, times);
-    models
+    Ok(Models { base_target, geometric, full })
 }
 
 /// The prior of the full error model that starts from an identified geometry.
@@ -140,10 +74,6 @@ impl Models {
         match model.about().made {
             Made::Elsewhere => None,
             Made::Always(of) => of(self),
-            Made::OnTop(_) | Made::Rival(_) => {
-                let mut made = self.on_top.iter().chain(&self.rivals);
-                made.find(|(own, _)| *own == model).map(|(_, model)| &**model)
-            }
         }
     }
 

@@ -8,16 +8,11 @@
 mod base_target;
 mod full;
 mod geometric;
-mod idw_joints;
-mod idw_space;
-mod kriging_joints;
-mod network;
-mod on_geometry;
 mod raw_command;
 mod table;
 
 use super::model::{Angles, PoseModel};
-use super::models::{Models, Training};
+use super::models::Models;
 use super::saved::{SavedError, SavedHead};
 pub use geometric::IdentifiedGeometry;
 use serde::{Deserialize, Serialize};
@@ -54,14 +49,6 @@ registry! {
     Geometric: geometric,
     /// The full error model.
     Full: full,
-    /// A rival: kriging of what geometry leaves, with one kernel of all joints.
-    KrigingJoints: kriging_joints,
-    /// A rival: inverse distance weights in joint space of what geometry leaves.
-    IdwJoints: idw_joints,
-    /// A rival: inverse distance weights in space of what geometry leaves.
-    IdwSpace: idw_space,
-    /// A rival: neural networks on what geometry leaves, with the feature `learned`.
-    Network: network,
     /// The chosen compensation table.
     Table: table,
 }
@@ -106,12 +93,8 @@ pub enum Corrects {
 pub enum Made {
     /// Not from stations: the log has it, or the grid stage chooses it.
     Elsewhere,
-    /// In every training; other models are built on it.
+    /// In every training.
     Always(fn(&Models) -> Option<&dyn PoseModel>),
-    /// From the stations and the models of every training, where figures of it are asked for.
-    OnTop(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
-    /// In the same way, where rivals are asked for ([`super::rivals`]): compared with stations, and never saved.
-    Rival(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
 }
 
 /// Reads a saved model from its text and its misfit per axis (mm), which is stored separately where it has one.
@@ -130,11 +113,6 @@ impl Model {
     pub fn of_word(word: &str) -> Option<Self> {
         let mut all = Self::ALL.iter().copied();
         all.find(|model| model.about().word == word)
-    }
-
-    /// Whether it is trained to be compared, where rivals are asked for.
-    pub const fn is_rival(self) -> bool {
-        matches!(self.about().made, Made::Rival(_))
     }
 
     /// The models that grids, `compensate` and verdicts use, the best first.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::full::stored::StoredFull;
 use super::full::{FullModel, FullSettings};
-use super::models::{Models, TrainingSettings, full_prior, with_models_on_top};
+use super::models::{Models, TrainingSettings, full_prior};
 use super::saved::SavedError;
 use super::{Calibration, Observation, Prior};
 use crate::kinematics::Arm;
@@ -23,7 +23,7 @@ pub struct StoredModels {
 }
 
 impl StoredModels {
-    /// The form of `models` that is stored; those built on top are made anew from the others.
+    /// The form of `models` that is stored.
     pub fn of(models: &Models) -> Self {
         Self {
             base_target: models.base_target.clone(),
@@ -43,19 +43,14 @@ impl StoredModels {
         Self { full: self.full.map(StoredFull::for_predictions), ..self }
     }
 
-    /// The models without those built on them, to predict another session than that which trained, where sessions were learnt one on top of
-    /// the other.
+    /// The models to predict another session than that which trained, where sessions were learnt one on top of the other.
     pub fn for_another_session(
         self,
         arm: &Arm,
         settings: &TrainingSettings<'_>,
     ) -> Result<Models, SavedError> {
         let full = self.full.map(StoredFull::for_another_session);
-        let plain = TrainingSettings { rivals: false, ..*settings };
-        let own = Self { full, ..self };
-        let mut models = own.restored(arm, &[], &plain, StoredFull::model)?;
-        models.on_top.clear();
-        Ok(models)
+        Self { full, ..self }.restored(arm, &[], settings, StoredFull::model)
     }
 
     /// The models; arm, observations and settings are those of their training.
@@ -88,14 +83,10 @@ impl StoredModels {
     ) -> Result<Models, SavedError> {
         let prior = full_prior(&self.geometric, settings);
         let full = self.full.map(|full| full_model(full, arm, observations, &prior, settings.full));
-        let models = Models {
+        Ok(Models {
             base_target: self.base_target,
             geometric: self.geometric,
             full: full.transpose()?,
-            on_top: Vec::new(),
-            rivals: Vec::new(),
-            rival_times: Vec::new(),
-        };
-        Ok(with_models_on_top(models, arm, observations, settings.rivals))
+        })
     }
 }

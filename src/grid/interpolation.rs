@@ -3,8 +3,6 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use crate::fit::rivals::idw::inverse_distances;
-
 /// The interpolation of a value inside a cell from its vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -57,8 +55,26 @@ fn idw(fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
         let corner = Vector3::from_fn(|axis, _| if is_high(vertex, axis) { 1.0 } else { 0.0 });
         (fraction - corner).component_mul(&Vector3::from(*step)).norm()
     });
-    inverse_distances(&mut distances, power, EXACT_HIT_MM);
+    inverse_distances(&mut distances, power);
     distances
+}
+
+/// Turns distances into weights `w_i ∝ d_i^{−p}` that sum to one; the first below [`EXACT_HIT_MM`] has all the weight.
+fn inverse_distances(distances: &mut [f64; 8], power: f64) {
+    if let Some(hit) = distances.iter().position(|own| *own < EXACT_HIT_MM) {
+        *distances = [0.0; 8];
+        distances[hit] = 1.0;
+        return;
+    }
+    // Relative to the nearest, so that no power overflows.
+    let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    for own in distances.iter_mut() {
+        *own = (nearest / *own).powf(power);
+    }
+    let total: f64 = distances.iter().sum();
+    for own in distances.iter_mut() {
+        *own /= total;
+    }
 }
 
 #[cfg(test)]

@@ -35,9 +35,6 @@ pub struct GridSettings {
     /// Sources of node values.
     #[serde(default = "default_sources")]
     pub sources: Vec<Source>,
-    /// Whether node values are of a rival where one wins against the model that corrects ([`crate::report::rivals`]).
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub rivals: bool,
     /// The power p of `idw`.
     #[serde(default = "default_power")]
     pub idw_power: f64,

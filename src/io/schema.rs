@@ -140,7 +140,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 33] = [
+const FILES: [&str; 32] = [
     include_str!("../../schemas/readings.toml"),
     include_str!("../../schemas/joined_sessions.toml"),
     include_str!("../../schemas/estimates.toml"),
@@ -170,7 +170,6 @@ const FILES: [&str; 33] = [
     include_str!("../../schemas/plan_figures.toml"),
     include_str!("../../schemas/history.toml"),
     include_str!("../../schemas/drift.toml"),
-    include_str!("../../schemas/benchmark.toml"),
     include_str!("../../schemas/corrections.toml"),
     include_str!("../../schemas/targets.toml"),
     include_str!("../../schemas/corrected_targets.toml"),

@@ -11,7 +11,6 @@
 //! The numbers of items that each stage read, kept and rejected ([`counts`]) are in `runs` ([`runs`]).
 
 pub mod accuracy;
-pub mod benchmark;
 pub mod calibrations;
 pub mod clocks;
 pub mod compensation;

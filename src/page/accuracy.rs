@@ -1,6 +1,5 @@
 //! Accuracy figures before and after.
 
-mod rivals;
 mod sessions;
 mod tip;
 
@@ -46,7 +45,6 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
                 (rows(&content.figures, &training))
             }
         }
-        (rivals::section(&content.figures))
         (tip::figures(&content.tip))
     })
 }

@@ -325,7 +325,6 @@ fn verdict(name: &str, verdict: Verdict) -> RunVerdict {
         counted: Counted::once(100),
         finders: None,
         blocks: None,
-        beside: None,
         coverage: None,
         expanded_uncertainty_mm: 0.05,
         verdict: verdict.clone(),

@@ -396,7 +396,6 @@ fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
         tolerance: file.tolerance,
         locate: file.report.locate,
         leave_sessions_out: file.report.leave_sessions_out,
-        rivals: file.report.rivals,
         tool_tip: placed.tool_tip,
     }
 }

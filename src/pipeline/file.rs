@@ -522,9 +522,6 @@ pub struct ReportSection {
     pub locate: Locate,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
-    /// Whether rivals of the models are trained and judged too.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub rivals: bool,
     /// The id of the plan that the sessions were measured by, where their logs do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<String>,
@@ -567,13 +564,7 @@ pub struct OutputSection {
 
 impl Default for ReportSection {
     fn default() -> Self {
-        Self {
-            locate: Locate::default(),
-            leave_sessions_out: true,
-            rivals: false,
-            plan: None,
-            tool_tip: None,
-        }
+        Self { locate: Locate::default(), leave_sessions_out: true, plan: None, tool_tip: None }
     }
 }
 

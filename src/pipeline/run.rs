@@ -453,7 +453,7 @@ fn context<'a>(
         full: &configuration.stages.full,
         tolerance: configuration.stages.tolerance,
         grid: GridBasis {
-            model: outcome.gridded,
+            model: outcome.best,
             angles: Angles::Commanded,
             split: Split::Blocks,
             guard_mm: outcome.grids.guard_mm,

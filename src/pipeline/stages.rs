@@ -19,7 +19,6 @@ mod observed;
 mod repairs;
 pub(super) mod scales;
 mod slips;
-pub(super) mod split;
 mod stated;
 mod stated_sizes;
 mod turns;
@@ -41,7 +40,7 @@ use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::locate::Locate;
-use crate::report::{Angles, Model, Residual, ResidualSet, Split, rivals};
+use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 pub use carried::{Held, Learning, Learnt};
@@ -80,8 +79,6 @@ pub struct StageSettings {
     pub locate: Locate,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
-    /// Whether rivals of the models are trained and judged too.
-    pub rivals: bool,
     /// Position of the tool tip at the flange, along the flange's axes, mm; `None` where no figures are asked for it.
     pub tool_tip: Option<Vector3<f64>>,
 }
@@ -230,9 +227,6 @@ pub fn results<'a>(
     let mut residuals = estimate.residuals;
     residuals.extend(lengths::of_positions(unseen, &observed));
     let (last, best) = (training.len() - 1, models.best().0);
-    let beside = rivals::beside(&residuals, best, &settings.fit.blocks);
-    let rival = rivals::winner(&beside, &training[last].name).filter(|_| settings.grid.rivals);
-    let gridded = in_every_fold(rival, &folds).unwrap_or(best);
     let frames = main_frames(&models)?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
     residuals.extend(raw_command(&training[last], &error_frame, settings));
@@ -246,7 +240,7 @@ pub fn results<'a>(
         &error_frame,
         &models,
         &folds,
-        (last, &tested, gridded),
+        (last, &tested),
         (settings, known),
         progress,
     )?;
@@ -257,7 +251,6 @@ pub fn results<'a>(
         locator: &locator,
         test: &tested,
         own: (&training[last], last),
-        gridded,
         error_frame: &error_frame,
         settings,
     };
@@ -281,7 +274,6 @@ pub fn results<'a>(
         frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
-        beside: &beside,
         grids: &grids,
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
@@ -295,7 +287,6 @@ pub fn results<'a>(
     }
     Ok(Outcome {
         best,
-        gridded,
         targets: flanges.targets,
         frame: stated::frame(&error_frame, &models.base_target, last, settings),
         training,
@@ -307,7 +298,6 @@ pub fn results<'a>(
         full: models.full,
         camera_size: estimate.camera_size,
         stated_sizes: estimate.stated_sizes,
-        on_top: models.on_top,
         scales,
         sources: estimate.sources,
         length_residuals: estimate.length_residuals,
@@ -326,11 +316,6 @@ pub fn results<'a>(
 /// The main frames of each session by base + target.
 fn main_frames(models: &Models) -> Result<Vec<FramePair>, SeveralSources> {
     models.base_target.frames.iter().map(Frames::main).collect()
-}
-
-/// The model where every fold has it: a table is judged by models of its own kind.
-fn in_every_fold(model: Option<Model>, folds: &[Option<Models>]) -> Option<Model> {
-    model.filter(|model| folds.iter().flatten().all(|own| own.get(*model).is_some()))
 }
 
 /// Semivariograms of the errors that each model leaves on the session that it was trained on.

@@ -24,7 +24,6 @@ pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
         .chain(sessions_of(outcome).filter_map(assigned_words))
         .chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
-    let more = more.chain(rival_words(outcome));
     let stated = stated_words(outcome).collect::<Vec<String>>();
     named.chain(stated).chain(more).collect()
 }
@@ -46,7 +45,6 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(scales::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
-    words.extend(rival_words(outcome));
     words.extend(judged_by(outcome));
     words.push(format!("beside it: {}", outcome.verdict.other_statement()));
     words
@@ -110,28 +108,6 @@ fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
         )
     };
     outcome.stated_sizes.iter().map(words)
-}
-
-/// The rival that the table's node values are of, with what it won by; `None` of the model that corrects.
-fn rival_words(outcome: &Outcome<'_>) -> Option<String> {
-    let session = &outcome.training.last()?.name;
-    let is_of_table = |own: &&Accuracy| {
-        let subject = &own.subject;
-        (subject.model, subject.split) == (outcome.gridded, Split::Blocks)
-            && subject.of_session == *session
-    };
-    let figure = outcome.accuracy.iter().find(is_of_table)?;
-    let won = figure.beside?.after_choice?;
-    Some(format!(
-        "the table's node values are of a rival, {}: on held-out blocks of {session} that did not choose it its mean error is {:.4} ± {:.4} mm \
-         less than that of {} ({} stations in {} blocks)",
-        outcome.gridded.about().name,
-        -won.mean_mm,
-        won.expanded_mm,
-        outcome.best.about().name,
-        won.stations,
-        won.blocks
-    ))
 }
 
 /// The judgement of each judge, where a test session is one; and of the sessions of a pool that were left out in turn.

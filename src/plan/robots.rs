@@ -108,7 +108,6 @@ impl Robot<'_> {
             up: settings.up,
             carrying: None,
             purpose: Purpose::Judges,
-            rivals: false,
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;
         if let Some(known) = known {

@@ -41,7 +41,6 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         counted,
         finders: None,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
-        beside: None,
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,
         verdict,
@@ -90,14 +89,9 @@ fn explained(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
     })
 }
 
-/// Whether a squared Mahalanobis distance is inside the 95 % ellipsoid.
-pub fn is_inside(mahalanobis_squared: f64) -> bool {
-    mahalanobis_squared <= CHI_SQUARED_3_95
-}
-
 fn calibrated(distances: &[f64]) -> Option<Calibrated> {
     let n = distances.len() as f64;
-    let inside = distances.iter().filter(|&&d| is_inside(d)).count() as f64;
+    let inside = distances.iter().filter(|&&d| d <= CHI_SQUARED_3_95).count() as f64;
     (!distances.is_empty()).then(|| Calibrated {
         inside: inside / n,
         mean_squared_distance: distances.iter().sum::<f64>() / n,

@@ -330,15 +330,6 @@ impl Locator {
         Some(self.errors_at(observations, angles, frames, alone))
     }
 
-    /// The poses of a session as far as its frames concern them, with errors that no two share.
-    pub(super) fn poses_apart(
-        (placed, own_target): (&[Placed], Option<f64>),
-        alone: Vec<Matrix3<f64>>,
-    ) -> Poses {
-        let (columns, precision) = frame_columns(placed, own_target, 0.0);
-        Poses { half: DMatrix::zeros(0, 3 * placed.len()), columns, precision, alone }
-    }
-
     fn errors_at(
         &self,
         observations: &[Observation],

@@ -228,7 +228,6 @@ mod tests {
             counted,
             finders: None,
             blocks: Some(8),
-            beside: None,
             coverage: None,
             expanded_uncertainty_mm: guard_mm,
             verdict: verdict.clone(),

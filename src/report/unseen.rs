@@ -2,9 +2,8 @@
 //!
 //! Inputs: trained models, the session's observations, the stations that find its frames ([`Locator`]). Output: residual sets.
 //! Base and target come from stations that do not judge. By the full error model they are estimated by generalised least squares, and
-//! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]). By a rival they
-//! are estimated in the same way with errors that stations do not share, since a rival says nothing of what they share; other models count
-//! all stations alike and state no covariance.
+//! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]). Other
+//! models count all stations alike and state no covariance.
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
@@ -43,7 +42,7 @@ pub fn unseen_session(
         let frames = (&placed[..], located.target_sd_mm);
         let poses = match model {
             Model::Full => locator.poses(stations.observations, angles, frames, noise),
-            _ => (model.is_rival()).then(|| Locator::poses_apart(frames, noise)),
+            _ => None,
         };
         let targets = stations.observations.iter().map(|o| target_read(models, o));
         let unseen = Unseen {

@@ -282,7 +282,6 @@ mod tests {
             counted: Counted::once(poses),
             finders: None,
             blocks: None,
-            beside: None,
             coverage: None,
             expanded_uncertainty_mm: 0.03,
             verdict: TOLERANCE.verdict(bound, Counted::once(poses), 0.03),

@@ -71,7 +71,6 @@ pub fn one_step(step_mm: f64) -> GridSettings {
         orientation_tolerance_deg: 180.0,
         interpolations: vec![Interpolation::Trilinear],
         sources: vec![grid::Source::Model],
-        rivals: false,
         idw_power: 2.0,
         choose: Rule::Within,
         within: 0.05,

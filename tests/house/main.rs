@@ -28,23 +28,22 @@ const MAY_USE: &[(&str, &str)] = &[
     ("simulate", "geometry ingest join kinematics units"),
     ("plan", "figures fit geometry grid ingest join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),
-    ("benchmark", "figures geometry report"),
     // What reads and writes.
     ("manifest", ""),
     (
         "io",
-        "benchmark compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
+        "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
     ),
-    ("page", "benchmark figures fit grid io manifest plan report similarity units"),
+    ("page", "figures fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
-        "benchmark compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
+        "compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
          setup similarity simulate units",
     ),
     (
         "cli",
-        "benchmark compensation geometry grid history ingest io kinematics manifest page pipeline plan progress simulate units",
+        "compensation geometry grid history ingest io kinematics manifest pipeline plan progress simulate units",
     ),
 ];
 

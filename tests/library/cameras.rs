@@ -249,7 +249,6 @@ fn constant(mm: f64, rad: f64) -> Noise {
 
 fn settings(noise: Noise) -> StageSettings {
     StageSettings {
-        rivals: false,
         noise,
         fit: FitSettings { orientations: true, ..FitSettings::default() },
         full: FullSettings { harmonics: 8, ..FullSettings::default() },

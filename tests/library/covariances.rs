@@ -181,7 +181,6 @@ fn noise(reads: ReadingKind) -> Noise {
 
 fn settings(reads: ReadingKind, full: bool) -> StageSettings {
     StageSettings {
-        rivals: false,
         noise: noise(reads),
         fit: FitSettings { orientations: reads == ReadingKind::Pose, ..FitSettings::default() },
         full: FullSettings {

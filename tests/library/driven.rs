@@ -68,7 +68,6 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
 
 fn stage_settings(harmonics: usize) -> StageSettings {
     StageSettings {
-        rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings { harmonics, ..FullSettings::default() },

@@ -68,7 +68,6 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
         up: Some(Vector3::z_axis()),
         carrying: None,
         purpose: Purpose::Published,
-        rivals: false,
     };
     train(arm, observations, sessions, &settings)
 }

@@ -48,7 +48,6 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
         up: Some(Vector3::z_axis()),
         carrying: None,
         purpose: Purpose::Published,
-        rivals: false,
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");
     IdentifiedArm {

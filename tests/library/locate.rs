@@ -51,7 +51,6 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
         up: Some(Vector3::z_axis()),
         carrying: None,
         purpose: Purpose::Published,
-        rivals: false,
     })
 }
 

@@ -22,7 +22,6 @@ mod plan;
 mod pools;
 mod reach;
 mod reflectors;
-mod rivals;
 mod scale;
 mod setup;
 mod simulate;

@@ -345,7 +345,6 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {
     StageSettings {
-        rivals: false,
         noise: settings.noise.clone(),
         fit: settings.fit.clone(),
         full: settings.full.clone(),

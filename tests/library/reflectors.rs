@@ -224,7 +224,6 @@ fn settings(simulated: &Simulated, six_dof: bool) -> StageSettings {
     let cell = &simulated.truth.settings.cell;
     let surveyed = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     StageSettings {
-        rivals: false,
         noise: noise(six_dof),
         fit: FitSettings {
             orientations: six_dof,

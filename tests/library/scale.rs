@@ -54,7 +54,6 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
-        rivals: false,
         noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings { harmonics: 8, gear_lines: false, ..FullSettings::default() },

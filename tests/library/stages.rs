@@ -44,7 +44,6 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
 
 fn settings() -> StageSettings {
     StageSettings {
-        rivals: false,
         noise: Noise::of_one(
             posegrid::fit::Source {
                 reads: ReadingKind::Pose,
@@ -79,7 +78,6 @@ fn settings() -> StageSettings {
             orientation_tolerance_deg: 5.0,
             interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
             sources: vec![Source::Measured, Source::Model],
-            rivals: false,
             idw_power: 2.0,
             choose: Rule::Within,
             within: 0.05,

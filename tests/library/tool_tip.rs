@@ -72,7 +72,6 @@ fn settings(simulated: &Simulated) -> StageSettings {
         grid: common::one_step(250.0),
         tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
         locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
-        rivals: false,
         leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
     }

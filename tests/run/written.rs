@@ -15,10 +15,6 @@ use super::{conventions, damaged, driven, iso_9283, planned};
 
 /// Words that no run here writes: column, words, and where they are held instead, or what they wait for.
 const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
-    ("accuracy.model", &["network"], LEARNED),
-    ("estimate_residuals.model", &["network"], LEARNED),
-    ("residuals.model", &["network"], LEARNED),
-    ("semivariograms.errors", &["network"], LEARNED),
     (
         "calibrations.error_frame",
         &["fitted"],
@@ -80,11 +76,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         &["reported", "weighted"],
         "steps are judged from commands alone: to go from the schema",
     ),
-    (
-        "grid_steps.model",
-        &["base_target", "kriging_joints", "idw_joints", "idw_space", "network"],
-        "no grid goes by base_target: to go from the schema; no rival wins in these cells, tests/run/rivals.rs has one that does",
-    ),
+    ("grid_steps.model", &["base_target"], "no grid goes by base_target: to go from the schema"),
     (
         "grid_steps.split",
         &["none"],
@@ -199,8 +191,6 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("stations.stated_", NO_COVARIANCE),
     ("stations.assigned_", NAMED),
 ];
-const LEARNED: &str =
-    "only a build with the feature learned trains it; the tests of src/fit/rivals/network.rs";
 const NAMED: &str = "tests/run/unnamed.rs: the readings of these cells are of one target";
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
@@ -273,11 +263,11 @@ impl Written {
     }
 }
 
-/// The columns of the published tables of a lake, each with its table's name; `benchmark` is in no lake, and `tests/benchmark.rs` reads it.
+/// The columns of the published tables of a lake, each with its table's name.
 fn columns() -> impl Iterator<Item = (&'static str, &'static schema::ColumnSchema)> {
     schema::all()
         .iter()
-        .filter(|schema| schema.role == Role::Published && schema.table != "benchmark")
+        .filter(|schema| schema.role == Role::Published)
         .flat_map(|schema| schema.columns.iter().map(|column| (schema.table.as_str(), column)))
 }
 
@@ -391,11 +381,10 @@ fn pool() -> Cell {
     ran(cell, &[])
 }
 
-/// A session that another one judges, which is of another arm, with rivals; its table corrects a data list.
+/// A session that another one judges, which is of another arm; its table corrects a data list.
 fn tested() -> Cell {
     let other = ["--arm", "5", "--size", "600,1200,600", "--cone-deg", "3", "--random", "130"];
     let cell = Cell::new()
-        .with("[tolerance]", "[report]\nrivals = true\n\n[tolerance]")
         .with_simulated("mon", &["--size", "720,1440,720", "--grid-step", "240"])
         .with_simulated("wed", &other);
     let cell = ran(cell, &["mon", "--test", "wed"]);

@@ -12,7 +12,6 @@ use crate::grid::{Tolerance, Verdict};
 use crate::io::table::{row, words};
 use crate::manifest::RunKey;
 use crate::report::iso_9283::{Characteristic, Iso9283};
-use crate::report::rivals::Difference;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
 use crate::units::WallTime;
@@ -118,10 +117,6 @@ pub enum FigureName {
     MeanPlus3Sd,
     /// Distribution-free upper tolerance bound.
     Bound,
-    /// Mean difference of a rival's errors from those of the model that corrects.
-    MeanDifference,
-    /// Mean difference of the chosen rival's errors on blocks that took no part in choosing it.
-    MeanDifferenceAfterChoice,
     /// A figure of ISO 9283.
     Iso(Characteristic),
     /// Share of stations inside their 95 % ellipsoid.
@@ -145,8 +140,6 @@ words! {
         Max: "max",
         MeanPlus3Sd: "mean_plus_3sd",
         Bound: "bound",
-        MeanDifference: "mean_difference",
-        MeanDifferenceAfterChoice: "mean_difference_after_choice",
         Iso(Characteristic::ApP): "AP_p",
         Iso(Characteristic::ApX): "AP_x",
         Iso(Characteristic::ApY): "AP_y",
@@ -298,29 +291,7 @@ fn figures(
         figure(of, FigureKind::Coverage, name, Some(value), Unit::One, key)
     });
     let bound = bound(of, verdict, reason, tolerance, key);
-    let rows = norms.chain([bound]).chain(covered);
-    rows.chain(differences(of, key)).collect()
-}
-
-/// A rival's differences from the model that corrects, each with twice its standard error.
-fn differences(of: &Accuracy, key: &RunKey) -> Vec<AccuracyRow> {
-    let of_difference = |name: FigureName, own: &Difference| {
-        let value = Some(own.mean_mm);
-        let row = figure(of, FigureKind::PositionError, name, value, Unit::Mm, key);
-        AccuracyRow {
-            n: own.stations,
-            blocks: Some(own.blocks),
-            ..row.with_uncertainty(own.expanded_mm)
-        }
-    };
-    let Some(beside) = &of.beside else {
-        return Vec::new();
-    };
-    let after_choice = beside.after_choice.as_ref();
-    let after_choice =
-        after_choice.map(|own| of_difference(FigureName::MeanDifferenceAfterChoice, own));
-    let all = of_difference(FigureName::MeanDifference, &beside.all);
-    [Some(all), after_choice].into_iter().flatten().collect()
+    norms.chain([bound]).chain(covered).collect()
 }
 
 /// The bound with the tolerance and the uncertainty.

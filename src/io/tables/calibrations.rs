@@ -237,7 +237,7 @@ words! {
     LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 
-/// A calibration of geometry or frames, the full error model, or one made on top of these.
+/// A calibration of geometry or frames, or the full error model.
 struct Identified<'a> {
     model: Model,
     of: Of<'a>,
@@ -247,7 +247,6 @@ struct Identified<'a> {
 enum Of<'a> {
     Calibration(&'a Calibration),
     Full(&'a FullModel),
-    OnTop(&'a dyn PoseModel),
 }
 
 /// The rows of all models.
@@ -267,18 +266,7 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
     };
     let full =
         outcome.full.as_ref().map(|full| Identified { model: Model::Full, of: Of::Full(full) });
-    outcome
-        .calibrations
-        .iter()
-        .map(calibration)
-        .chain(full)
-        .chain(
-            outcome
-                .on_top
-                .iter()
-                .map(|(model, of)| Identified { model: *model, of: Of::OnTop(&**of) }),
-        )
-        .collect()
+    outcome.calibrations.iter().map(calibration).chain(full).collect()
 }
 
 /// Condition number of a calibration's solution; `None` where it is not finite.
@@ -407,7 +395,7 @@ impl<'a> Identified<'a> {
     const fn calibration(&self) -> Option<&'a Calibration> {
         match self.of {
             Of::Calibration(calibration) => Some(calibration),
-            Of::Full(_) | Of::OnTop(_) => None,
+            Of::Full(_) => None,
         }
     }
 
@@ -416,7 +404,6 @@ impl<'a> Identified<'a> {
         match self.of {
             Of::Calibration(calibration) => calibration,
             Of::Full(full) => full,
-            Of::OnTop(model) => model,
         }
     }
 
@@ -446,7 +433,7 @@ impl<'a> Identified<'a> {
     fn angles(&self) -> Angles {
         match self.of {
             Of::Full(_) if self.has_command_weight() => Angles::Weighted,
-            Of::Full(_) | Of::Calibration(_) | Of::OnTop(_) => Angles::Reported,
+            Of::Full(_) | Of::Calibration(_) => Angles::Reported,
         }
     }
 
@@ -463,7 +450,6 @@ impl<'a> Identified<'a> {
         let (frames, unknowns) = match self.of {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
-            Of::OnTop(model) => (model.frames().to_vec(), &[][..]),
         };
         match &frames[..] {
             [one] => Some((one.one()?, is_turned(unknowns))),
@@ -486,13 +472,12 @@ impl<'a> Identified<'a> {
         match self.of {
             Of::Calibration(own) => in_words(own.solution.convergence),
             Of::Full(_) => "a fixed number of rounds",
-            Of::OnTop(_) => "made on top of the others",
         }
     }
 
     fn log_evidence(&self) -> Option<f64> {
         match self.of {
-            Of::Calibration(_) | Of::OnTop(_) => None,
+            Of::Calibration(_) => None,
             Of::Full(full) => Some(full.log_evidence()),
         }
     }
@@ -500,9 +485,7 @@ impl<'a> Identified<'a> {
     fn loss(&self, context: &PublishContext<'_>) -> LossName {
         match (self.of, context.fit.loss) {
             (Of::Full(_), _) if context.full.student_t > 0.0 => LossName::StudentT,
-            (Of::Full(_) | Of::OnTop(_), _) | (Of::Calibration(_), Loss::Squares) => {
-                LossName::Squares
-            }
+            (Of::Full(_), _) | (Of::Calibration(_), Loss::Squares) => LossName::Squares,
             (Of::Calibration(_), Loss::Huber { .. }) => LossName::Huber,
             (Of::Calibration(_), Loss::Cauchy { .. }) => LossName::Cauchy,
         }

@@ -9,7 +9,7 @@ use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
 use crate::fit::stated_size::FoundSize;
-use crate::fit::{Calibration, ErrorFrame, Gauge, PoseModel, SourceSize, StatedSize};
+use crate::fit::{Calibration, ErrorFrame, Gauge, SourceSize, StatedSize};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::join::{Joined, ReadingKind, SourceId, TargetId, began};
@@ -184,12 +184,8 @@ pub struct Outcome<'a> {
     pub camera_size: Option<CameraSize>,
     /// The size of the covariances that readings state, of each session that trained and source that determine one.
     pub stated_sizes: Vec<FoundSize>,
-    /// Models made from these.
-    pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
-    /// The best model that was identified.
+    /// The best model that was identified; node values of grids are of it.
     pub best: Model,
-    /// The model of the grids' node values: the best, or a rival that won against it.
-    pub gridded: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
     /// The sources of each model.

@@ -110,7 +110,6 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
         as_schema::<runs::RunRow>(),
         as_schema::<history::HistoryRow>(),
         as_schema::<drift::DriftRow>(),
-        as_schema::<benchmark::BenchmarkRow>(),
         as_schema::<sampling_plan::VisitRow>(),
         as_schema::<plan_figures::FigureRow>(),
         as_schema::<logs::tests::LogRow>(),

@@ -164,12 +164,6 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     full(&file.fit.full, joints)?;
     similarity(&file.similarity, joints)?;
     grid(&file.grid)?;
-    wrong_unless(
-        !file.grid.rivals || file.report.rivals,
-        "[grid] rivals",
-        "true",
-        "left out without [report] rivals = true, which trains and judges them",
-    )?;
     tolerance(&file.tolerance)?;
     locate(&file.report.locate)?;
     limits(&file.limits)

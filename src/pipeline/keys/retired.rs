@@ -16,7 +16,13 @@ pub struct Retired {
 }
 
 /// Every retired key, with what to do instead.
-const RETIRED: &[Retired] = &[];
+const RETIRED: &[Retired] = &[
+    Retired { key: "report.rivals", value: None, instead: RIVALS },
+    Retired { key: "grid.rivals", value: None, instead: RIVALS },
+];
+/// Kriging, inverse distances and the neural network as error models.
+const RIVALS: &str =
+    "leave it out, and judge other error models with pipelines/benchmarks/benchmark.py";
 
 /// The first retired key of a pipeline file with these values, robots' settings included.
 pub fn retired(values: &Table) -> Option<Retired> {

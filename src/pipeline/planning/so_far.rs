@@ -187,7 +187,6 @@ impl Planning {
             up: settings.up,
             carrying: None,
             purpose: Purpose::Judges,
-            rivals: false,
         };
         let Some(known) = &settings.known else {
             return Ok(fit::models::train(&self.arm, observations, 1, &train)?.full);

@@ -3,10 +3,6 @@
 //! It follows from the sessions that train, how readings are weighed and what is fitted. Steps, tolerances, figures and sessions that only
 //! judge come behind it, so another of them trains nothing: [`Estimate::stored`] is what the lake keeps of it.
 
-use std::collections::BTreeMap;
-use std::iter;
-use std::time::Duration;
-
 use super::cameras;
 use super::carried::{Learning, Learnt};
 use super::flanges::Flanges;
@@ -95,7 +91,6 @@ pub fn estimate(
             let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
             Known { models, folds, sessions_left_out: None, residuals: None }
         };
-    log_rival_times(&training, iter::once(&models).chain(folds.iter().flatten()));
     let seen = observed.seen.clone();
     let learnt = seen.and_then(|seen| Learnt::of(&models, &folds, seen));
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
@@ -135,14 +130,14 @@ pub fn estimate(
 }
 
 /// The settings of a training, with sizes that its sessions show.
-pub(super) struct Prepared {
-    pub(super) settings: StageSettings,
+struct Prepared {
+    settings: StageSettings,
     camera_size: Option<CameraSize>,
     stated_sizes: Vec<FoundSize>,
 }
 
 /// Takes wrong readings out of the sessions, and finds the sizes that those which train show.
-pub(super) fn prepared(
+fn prepared(
     arm: &Arm,
     (training, test): (&mut [JoinedSession], &mut [JoinedSession]),
     settings: &StageSettings,
@@ -243,7 +238,7 @@ struct Known {
 }
 
 /// The models that were stored; an error where they are not of these observations. Where the residuals are stored too, the models of the
-/// folds are asked for predictions alone, and for those of rivals only where one may make the table.
+/// folds are asked for predictions alone.
 fn restored(
     arm: &Arm,
     stored: StoredTrainings,
@@ -254,14 +249,10 @@ fn restored(
     let models = stored.models.models(arm, &observed.all, &train)?;
     let has_lengths = observed.all.iter().any(|own| own.measured.length().is_some());
     let residuals = stored.residuals.filter(|_| !has_lengths);
-    let of_fold = TrainingSettings {
-        rivals: train.rivals && (residuals.is_none() || settings.grid.rivals),
-        ..train
-    };
     let of = if residuals.is_some() { StoredModels::predicting } else { StoredModels::models };
     let folds = stored.folds.into_iter().enumerate();
     let folds = folds.map(|(fold, stored)| {
-        let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &of_fold);
+        let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &train);
         stored.map(own).transpose()
     });
     Ok(Known {
@@ -272,20 +263,6 @@ fn restored(
     })
 }
 
-/// Logs how long the rivals of these trainings took to train, which no table has.
-fn log_rival_times<'m>(training: &[JoinedSession], trainings: impl Iterator<Item = &'m Models>) {
-    let mut times: BTreeMap<Model, (u32, Duration)> = BTreeMap::new();
-    for (model, time) in trainings.flat_map(|own| &own.rival_times) {
-        let (count, sum) = times.entry(*model).or_default();
-        (*count, *sum) = (*count + 1, *sum + *time);
-    }
-    let session = training.last().map_or("", |own| &own.name);
-    for (model, (count, time)) in times {
-        let (word, seconds) = (model.about().word, time.as_secs_f64());
-        tracing::info!("session {session}: {word}: {count} trainings in {seconds:.1} s");
-    }
-}
-
 /// The settings of a training.
 pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
     TrainingSettings {
@@ -294,7 +271,6 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         up: settings.up,
         carrying: None,
         purpose: Purpose::Published,
-        rivals: settings.rivals,
     }
 }
 

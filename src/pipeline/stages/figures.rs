@@ -14,8 +14,8 @@ use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Beside, Finders, Model, Moment, Point, ResidualSet, Split,
-    Subject, accuracy,
+    Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,
+    accuracy,
 };
 
 /// The inputs of figures other than residuals.
@@ -29,8 +29,6 @@ pub(super) struct FigureMaker<'f> {
     /// The error reference frame of the last session.
     pub(super) error_frame: &'f ErrorFrame<'f>,
     pub(super) stations: &'f [GridStation],
-    /// Every rival held against the model that corrects.
-    pub(super) beside: &'f BTreeMap<Subject, Beside>,
     pub(super) grids: &'f Grids,
 }
 
@@ -41,10 +39,7 @@ impl FigureMaker<'_> {
         residuals: &[ResidualSet],
         driven: Option<&Driven>,
     ) -> Vec<Accuracy> {
-        let own = residuals.iter().map(|set| Accuracy {
-            beside: self.beside.get(&set.subject).copied(),
-            ..self.of(set, self.grids.guard_mm)
-        });
+        let own = residuals.iter().map(|set| self.of(set, self.grids.guard_mm));
         let mut figures: Vec<Accuracy> = own.collect();
         figures.push(self.of_table());
         for (driven, set) in sets(driven) {
@@ -164,7 +159,6 @@ impl FigureMaker<'_> {
             counted: chosen.map(|chosen| chosen.held_out.counted()).unwrap_or_default(),
             finders: None,
             blocks: chosen.map(|chosen| chosen.held_out.blocks.len()),
-            beside: None,
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,
             verdict: self.grids.choice.verdict.clone(),

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::judged::TestSession;
 use super::{StageSettings, lengths, stated};
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{ErrorFrame, Model, Models, ToolErrors};
+use crate::fit::{ErrorFrame, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach, StepAnswers};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
@@ -37,13 +37,13 @@ pub(super) fn grid_stations(
 /// A station with its command and the index of the station that names its pose.
 type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
-/// Judged steps and table, with node values of the model `gridded`; what steps answer is taken from `known` where that is of these stations.
+/// Judged steps and table, with node values of the best model; what steps answer is taken from `known` where that is of these stations.
 pub(super) fn grids<'m>(
     stations: &[GridStation],
     error_frame: &'m ErrorFrame<'_>,
     models: &'m Models,
     folds: &'m [Option<Models>],
-    (session, tests, gridded): (usize, &[TestSession<'_>], Model),
+    (session, tests): (usize, &[TestSession<'_>]),
     (settings, known): (&StageSettings, Option<Vec<StepAnswers>>),
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
@@ -51,8 +51,8 @@ pub(super) fn grids<'m>(
     if sources.iter().all(|own| own.kind.is_length()) {
         return Ok(lengths::no_grids(tests, settings));
     }
-    let errors =
-        |models: &'m Models| ToolErrors::new(models.or_best(gridded), session, error_frame);
+    let best = models.best().0;
+    let errors = |models: &'m Models| ToolErrors::new(models.or_best(best), session, error_frame);
     // A fold that holds no station out is never used.
     let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
     let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();

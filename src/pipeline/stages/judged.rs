@@ -72,7 +72,7 @@ pub(super) fn train(
     progress.begin("folds", holdout::FOLDS as u64);
     let whole = || {
         let own = learning.map_or(*settings, |own| own.whole(*settings));
-        let models = fit::models::train_all(arm, &observed.all, sessions, &own)?;
+        let models = fit::models::train(arm, &observed.all, sessions, &own)?;
         check(&models)?;
         Ok(models)
     };
@@ -82,7 +82,7 @@ pub(super) fn train(
         let is_needed = learning.is_some() || observed.folds.contains(&fold);
         let own = learning.map_or(judges, |own| own.fold(fold, judges));
         let models =
-            is_needed.then(|| fit::models::train_all(arm, &observed.without(fold), sessions, &own));
+            is_needed.then(|| fit::models::train(arm, &observed.without(fold), sessions, &own));
         progress.advance(1);
         Ok(models.transpose()?)
     };
@@ -127,7 +127,7 @@ pub(super) fn sessions_left_out(
     let judge = |nth: usize| {
         let (place, session) = (of_now[nth], &training[of_now[nth]]);
         let train = observed.without_session(place);
-        let models = fit::models::train_all(arm, &train, others, settings)?;
+        let models = fit::models::train(arm, &train, others, settings)?;
         let own = observed.own(place);
         progress.advance(1);
         let judged = judged_apart(arm, &models, (session, &own), settings, locate)?;

@@ -129,6 +129,6 @@ pub(super) fn observations(
 }
 
 /// Position of the nominal flange: blocks are cut by it.
-pub(super) fn flange_position(arm: &Arm, observation: &Observation) -> Point3<f64> {
+fn flange_position(arm: &Arm, observation: &Observation) -> Point3<f64> {
     Point3::from(arm.chain().nominal(&observation.axes).translation.vector)
 }

@@ -42,8 +42,6 @@ pub(super) struct Judges<'j> {
     pub(super) locator: &'j Locator,
     /// The session that the table is for, its index among the training sessions, and its error reference frame.
     pub(super) own: (&'j JoinedSession, usize),
-    /// The model of its node values.
-    pub(super) gridded: Model,
     pub(super) error_frame: &'j ErrorFrame<'j>,
     pub(super) settings: &'j StageSettings,
 }
@@ -51,7 +49,7 @@ pub(super) struct Judges<'j> {
 impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
-        let model = self.models.or_best(self.gridded);
+        let model = self.models.best().1;
         let errors = ToolErrors::new(model, self.own.1, self.error_frame);
         for test in self.test {
             let stations = self.stations(test, &errors);
@@ -327,7 +325,6 @@ fn table_figure(row: &Judged, session: &str, base_refit: BaseRefit, guard_mm: f6
         counted: row.held_out.counted(),
         finders: None,
         blocks: None,
-        beside: None,
         coverage: None,
         expanded_uncertainty_mm: guard_mm,
         verdict: row.verdict.clone(),

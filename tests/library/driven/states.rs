@@ -104,7 +104,6 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
         up: Some(Vector3::z_axis()),
         carrying: None,
         purpose: Purpose::Published,
-        rivals: false,
     };
     train(&own.arm, &observations, 1, &settings).expect("a fit")
 }

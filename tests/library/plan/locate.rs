@@ -71,7 +71,6 @@ impl<'a> Remounted<'a> {
             up: settings.up,
             carrying: None,
             purpose: Purpose::Published,
-            rivals: false,
         };
         let locate = Locate { by, stations: Some(12), target: LocateTarget::Own };
         let locator = Locator::new(&self.models, arm, locate, &train);

@@ -310,9 +310,8 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         up: Some(Vector3::z_axis()),
         carrying: None,
         purpose: Purpose::Published,
-        rivals: false,
     };
-    let models = fit::models::train_all(&ARM, &observations, 1, &settings);
+    let models = fit::models::train(&ARM, &observations, 1, &settings);
     (models.expect("a fit"), observations)
 }
 
@@ -357,9 +356,7 @@ fn outcome() -> Outcome<'static> {
         full: Some(full.expect("positive definite")),
         camera_size: None,
         stated_sizes: Vec::new(),
-        on_top: Vec::new(),
         best: Model::Full,
-        gridded: Model::Full,
         training: vec![session],
         test: Vec::new(),
         frame: StatedFrame {
@@ -469,7 +466,6 @@ fn accuracy(there: bool) -> Accuracy {
         counted: Counted::once(if there { 3 } else { 0 }),
         finders: None,
         blocks: Some(2),
-        beside: None,
         coverage: there.then_some(Calibrated { inside: 0.96, mean_squared_distance: 2.9 }),
         expanded_uncertainty_mm: 0.05,
         verdict: Verdict::NotShown("3 held-out stations; 59 are needed".to_owned()),
