@@ -33,7 +33,7 @@ pub struct RunKey {
 }
 
 /// One file that a run read.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Input {
     /// The file's name in the run, without its folder.
     pub name: String,

@@ -12,7 +12,6 @@
 mod ageing;
 pub mod approach;
 mod before;
-pub mod carried;
 mod columns;
 pub mod components;
 pub mod curves;
@@ -41,8 +40,6 @@ pub mod tabulated;
 pub mod train;
 mod whitening;
 
-use std::sync::Arc;
-
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 use rayon::prelude::*;
 
@@ -55,7 +52,6 @@ use super::scale::ScaleEvidence;
 use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
-pub use carried::{Carried, Carrying, Sizes};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
@@ -116,8 +112,6 @@ pub struct FullModel {
     pub left_out: Vec<DVector<f64>>,
     /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
-    /// What the sessions so far said, for the next session; `None` where sessions are trained together.
-    leaves: Option<Arc<Carried>>,
 }
 
 /// Values for predictions that are computed once from the model.
@@ -168,23 +162,16 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let start = (frames, geometry);
-        Self::train_carrying(
-            arm,
-            observations,
-            start,
-            prior,
-            (settings, None, Purpose::Published),
-            up,
-        )
+        Self::train_for(arm, observations, start, prior, (settings, Purpose::Published), up)
     }
 
-    /// [`Self::train`] on a session on top of what those before it said ([`carried`]), where sessions are learnt so.
-    pub fn train_carrying(
+    /// [`Self::train`] for a stated purpose.
+    pub fn train_for(
         arm: &Arm,
         observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
-        (settings, carrying, purpose): (&FullSettings, Option<&Carrying>, Purpose),
+        (settings, purpose): (&FullSettings, Purpose),
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
@@ -199,11 +186,8 @@ impl FullModel {
         );
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
-        let of_training = (settings, carrying);
-        let settled = train::train(&problem, start.clone(), of_training, up)?;
-        let leaves = settled.carried(&problem, settings, up).map(Arc::new);
-        let (mut settled, curves) =
-            settled.without_curves_that_fail(&problem, start, of_training, up);
+        let settled = train::train(&problem, start.clone(), settings, up)?;
+        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
         let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
         let empty =
@@ -216,15 +200,8 @@ impl FullModel {
         Some(Self {
             scale_evidence,
             parts,
-            leaves,
             ..Self::of_settled(problems, (settled, &left_out), settings, up)
         })
-    }
-
-    /// What the sessions so far said, for the next to be learnt on top of; `None` where sessions are not learnt so, and of a model
-    /// that was read back.
-    pub const fn leaves(&self) -> Option<&Arc<Carried>> {
-        self.leaves.as_ref()
     }
 
     /// The model of a settled training on a problem, and the same problem without observations to predict with.
@@ -263,7 +240,6 @@ impl FullModel {
             weights,
             left_out: of_observations(left_out),
             parts: Vec::new(),
-            leaves: None,
         }
     }
 

@@ -32,17 +32,12 @@ impl Blocks {
         cells.map(|[x, y, z]| parity(x) + 2 * parity(y) + 4 * parity(z)).collect()
     }
 
-    /// Size of a block along x, y, z where positions extend from one corner to the other, mm.
-    pub fn size_of(&self, low: &[f64; 3], high: &[f64; 3]) -> [f64; 3] {
-        let quarter = |axis: usize| (high[axis] - low[axis]) / BLOCKS_PER_AXIS;
-        self.size_mm.unwrap_or_else(|| std::array::from_fn(quarter))
-    }
-
     /// The block of each position: its index along x, y and z, a whole number.
     pub fn cells(&self, positions: &[Point3<f64>]) -> Vec<[f64; 3]> {
         let (low, high) = extent(positions);
         let origin = self.origin_mm.unwrap_or(low);
-        let size = self.size_of(&low, &high);
+        let quarter = |axis: usize| (high[axis] - low[axis]) / BLOCKS_PER_AXIS;
+        let size = self.size_mm.unwrap_or_else(|| std::array::from_fn(quarter));
         let index = |position: &Point3<f64>, axis: usize| {
             // A flat axis has one block.
             if size[axis] > 0.0 {

@@ -2,7 +2,7 @@
 
 use nalgebra::UnitVector3;
 
-use super::full::{Carrying, FullModel, FullSettings, Purpose};
+use super::full::{FullModel, FullSettings, Purpose};
 use super::model::PoseModel;
 use super::observation::Observation;
 use super::registry::{Made, Model};
@@ -18,8 +18,6 @@ pub struct TrainingSettings<'s> {
     pub full: &'s FullSettings,
     /// Direction of up in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
-    /// That sessions are learnt one on top of the other, and what those before said; `None` where they are learnt from together.
-    pub carrying: Option<&'s Carrying>,
     /// What the full error model is trained for.
     pub purpose: Purpose,
 }
@@ -49,15 +47,9 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        let of_training = (settings.full, settings.carrying, settings.purpose);
-        FullModel::train_carrying(
-            arm,
-            observations,
-            (frames, geometry),
-            &prior,
-            of_training,
-            settings.up,
-        )
+        let of_training = (settings.full, settings.purpose);
+        let start = (&frames[..], &geometry[..]);
+        FullModel::train_for(arm, observations, start, &prior, of_training, settings.up)
     };
     let full = if settings.full.enabled { train_full() } else { None };
     Ok(Models { base_target, geometric, full })

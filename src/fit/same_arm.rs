@@ -79,7 +79,7 @@ impl SharedFit {
 
 /// Refuses a pool of `names` sessions with one that does not share the arm of the others.
 ///
-/// A single session always fits, unless it was learnt on top of others. `change_rad` is the expected change of a joint between sessions.
+/// A single session always fits. `change_rad` is the expected change of a joint between sessions.
 pub fn check(
     arm: &Arm,
     full: &FullModel,
@@ -101,7 +101,7 @@ pub fn check(
     }
 }
 
-/// The fit of the shared arm to every session of a pool; empty for a single session that shares its arm with none.
+/// The fit of the shared arm to every session of a pool; empty for a single session.
 pub fn fits(
     arm: &Arm,
     full: &FullModel,
@@ -139,13 +139,7 @@ pub fn fits(
             allowed_mm: median(&allowed)?,
         })
     };
-    (0..sessions)
-        .filter(|&session| {
-            let change = Block::SessionCurve { session, joint: 0 };
-            full.layout().columns(change).is_some()
-        })
-        .filter_map(fit)
-        .collect()
+    (0..sessions).filter(|_| sessions > 1).filter_map(fit).collect()
 }
 
 /// The fit of the arm identified from other sessions to one that took no part, its base found anew: its median residual and

@@ -70,9 +70,6 @@ pub enum SavedError {
         /// The factor's fault.
         problem: &'static str,
     },
-    /// An estimate that does not say which fold holds a station out.
-    #[error("its residuals do not say which fold holds each station out")]
-    NoFold,
     /// A geometry without a covariance and without a misfit.
     #[error(
         "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"

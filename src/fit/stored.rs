@@ -32,27 +32,6 @@ impl StoredModels {
         }
     }
 
-    /// Whether sessions were learnt one on top of the other.
-    pub fn grew(&self) -> bool {
-        self.full.as_ref().is_some_and(StoredFull::grew)
-    }
-
-    /// For predictions alone, where sessions were learnt one on top of the other: a factor of some megabytes less.
-    #[must_use]
-    pub fn for_predictions(self) -> Self {
-        Self { full: self.full.map(StoredFull::for_predictions), ..self }
-    }
-
-    /// The models to predict another session than that which trained, where sessions were learnt one on top of the other.
-    pub fn for_another_session(
-        self,
-        arm: &Arm,
-        settings: &TrainingSettings<'_>,
-    ) -> Result<Models, SavedError> {
-        let full = self.full.map(StoredFull::for_another_session);
-        Self { full, ..self }.restored(arm, &[], settings, StoredFull::model)
-    }
-
     /// The models; arm, observations and settings are those of their training.
     pub fn models(
         self,

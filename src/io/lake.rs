@@ -14,7 +14,7 @@
 //!
 //! The lake also holds the requests that changed the current run of a session ([`Lake::ask`]), and records of the files corrected with its
 //! tables ([`Correction`]); and beside the tables, as no part of them, what
-//! histories keep (`history`), what sessions said to the next (`learnt`), the index of finished work (`index`) and the tables for people
+//! histories keep (`history`), the index of finished work (`index`) and the tables for people
 //! by month ([`CompactState`]).
 //!
 //! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
@@ -28,7 +28,6 @@ mod error;
 mod files;
 mod history;
 mod index;
-mod learnt;
 mod lock;
 mod name;
 mod parts;
@@ -247,7 +246,6 @@ impl Lake {
             .chain([PAGES])
             .map(|folder| root.join(folder))
             .chain([root.join(history::FOLDER).join(history::FIGURES)])
-            .chain([root.join(learnt::FOLDER)])
             .collect();
         let index = root.join(index::FOLDER);
         let compact = root.join(COMPACT);
@@ -262,8 +260,8 @@ impl Lake {
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
-        let beside = [index::ALONE, index::JOINED, index::REFUSED].map(|own| root.join(own));
-        folders.extend([index, history].into_iter().chain(beside).filter(|own| own.is_dir()));
+        let beside = [index, history, root.join(index::ALONE)];
+        folders.extend(beside.into_iter().filter(|own| own.is_dir()));
         for table in subfolders(&compact)? {
             folders.extend(subfolders(&table)?);
             folders.push(table);

@@ -22,7 +22,7 @@ use std::path::{Component, Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
-use super::file::{PipelineFile, Pool, TipFrame, ToolTip, TrackerFromBase};
+use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
 use super::keys::{KeyReference, estimate_settings, grids_settings, join_settings, missing};
 use super::robot_file;
 use super::stages::StageSettings;
@@ -93,8 +93,6 @@ pub struct Configuration {
     pub estimate_settings: String,
     /// Those of them that the grids of an estimate read, likewise: part of the name of all grids.
     pub grids_settings: String,
-    /// The sessions that are learnt from together.
-    pub pool: Pool,
     /// Whether the work is with estimates that the lake has, so that nothing is trained.
     pub from_estimates: bool,
     /// Whether it is with grids that the lake has too.
@@ -117,12 +115,7 @@ pub struct Configuration {
     pub sampling_plan: Option<String>,
 }
 
-impl Configuration {
-    /// Whether each session is learnt on top of those before it.
-    pub fn grows(&self) -> bool {
-        self.pool == Pool::Growing
-    }
-}
+impl Configuration {}
 
 /// The reading of what sessions were recorded as.
 #[derive(Debug, Clone, PartialEq)]
@@ -215,7 +208,6 @@ impl Configuration {
             join_settings,
             estimate_settings: settings_of_training(&file)?,
             grids_settings: settings_of_grids(&file)?,
-            pool: file.input.pool,
             from_estimates: overrides.from_estimates,
             from_grids: overrides.from_grids,
             remarks: remarks(&file),

@@ -246,7 +246,7 @@ pub struct InputSection {
     #[serde(default = "corrected_targets", skip_serializing)]
     pub corrected_targets: LogNames,
     /// The sessions that are learnt from together.
-    #[serde(default, skip_serializing_if = "Pool::is_told_by_sessions")]
+    #[serde(default, skip_serializing)]
     pub pool: Pool,
     /// The most sessions that a pool learns from, the latest of them; absent: all.
     #[serde(default, skip_serializing)]
@@ -357,7 +357,7 @@ impl SessionsBy {
 }
 
 /// The sessions that are learnt from together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pool {
     /// Each session by itself.
@@ -367,16 +367,6 @@ pub enum Pool {
     All,
     /// Each one with all before it, in the order listed (by name where they are found).
     Until,
-    /// Each one on top of what those before it said, in that order, at its own cost.
-    Growing,
-}
-
-impl Pool {
-    /// Whether the sessions of a piece of work tell how they are learnt from.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
-    const fn is_told_by_sessions(&self) -> bool {
-        !matches!(self, Self::Growing)
-    }
 }
 
 /// `[commanded]`.

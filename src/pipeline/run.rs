@@ -5,15 +5,12 @@
 //! tables are written before the row of `runs` that makes the run exist, and the request after it.
 
 mod asked;
-mod earlier;
 mod error;
 mod estimated;
 mod gridded;
 mod inputs;
 mod joined;
 mod known;
-mod learnt;
-mod lines;
 mod mounting;
 pub mod publish;
 mod session;
@@ -44,7 +41,6 @@ use crate::progress::Progress;
 use crate::report::compared::Pairs;
 use crate::report::{Angles, Split};
 
-use earlier::Earlier;
 pub use error::RunError;
 use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
@@ -147,9 +143,7 @@ pub fn run_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    with_files(configuration, piece, |piece, known| {
-        run_local(configuration, piece, known, progress)
-    })
+    with_files(configuration, piece, |piece| run_local(configuration, piece, progress))
 }
 
 /// Ingest and join of the first session of a piece of work, for later runs to start from; fetched likewise.
@@ -158,9 +152,7 @@ pub fn join_session(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<SessionDone, RunError> {
-    with_files(configuration, piece, |piece, known| {
-        join_local(configuration, piece, known, progress)
-    })
+    with_files(configuration, piece, |piece| join_local(configuration, piece, progress))
 }
 
 /// The estimate of a piece of work, for later runs to start from; fetched likewise.
@@ -203,12 +195,11 @@ fn with_joined<T>(
     progress: &dyn Progress,
     work_with: impl Fn(&Joiner<'_>, Sessions) -> Result<T, RunError>,
 ) -> Result<T, RunError> {
-    with_files(configuration, piece, |piece, known| {
+    with_files(configuration, piece, |piece| {
         let joiner = Joiner {
             configuration,
             work: &work(configuration, piece)?,
             lake: &Lake::at(&configuration.lake)?,
-            known,
             progress,
         };
         let sessions = joiner.all(piece, None)?;
@@ -216,35 +207,15 @@ fn with_joined<T>(
     })
 }
 
-/// Work with the files of a piece on this machine; not with those of sessions that are known without them, unless what the lake should have
-/// of these is gone.
+/// Work with all files of a piece on this machine.
 fn with_files<T>(
     configuration: &Configuration,
     piece: &WorkPiece,
-    work: impl Fn(&WorkPiece, &Earlier) -> Result<T, RunError>,
-) -> Result<T, RunError> {
-    let known = Earlier::of(configuration, piece)?;
-    let work = |piece: &WorkPiece| work(piece, &known);
-    if let Some(few) = known.without_files(piece) {
-        match with_all_files(configuration, &few, &work) {
-            Err(error) if error.is_of_lost_result() => {
-                tracing::warn!("{error}; files of earlier sessions are read again");
-            }
-            done => return done,
-        }
-    }
-    with_all_files(configuration, piece, &work)
-}
-
-/// Work with all files of a piece on this machine.
-fn with_all_files<T>(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    work: &impl Fn(&WorkPiece) -> Result<T, RunError>,
+    work: impl Fn(&WorkPiece) -> Result<T, RunError>,
 ) -> Result<T, RunError> {
     let fetched = Fetched::of(&configuration.tree, piece)?;
     work(fetched.piece()).map_err(|error| {
-        if fetched.is_copied() && !error.is_of_lost_result() {
+        if fetched.is_copied() {
             RunError::Copied {
                 session: error.session().map(str::to_owned),
                 is_fault: error.is_fault(),
@@ -260,14 +231,12 @@ fn with_all_files<T>(
 fn join_local(
     configuration: &Configuration,
     piece: &WorkPiece,
-    known: &Earlier,
     progress: &dyn Progress,
 ) -> Result<SessionDone, RunError> {
     let joiner = Joiner {
         configuration,
         work: &work(configuration, piece)?,
         lake: &Lake::at(&configuration.lake)?,
-        known,
         progress,
     };
     let files = piece
@@ -281,7 +250,6 @@ fn join_local(
 fn run_local(
     configuration: &Configuration,
     piece: &WorkPiece,
-    known: &Earlier,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
     let work = work(configuration, piece)?;
@@ -290,7 +258,7 @@ fn run_local(
     let Some(mut run) = lake.start(&key)? else {
         return already_there(configuration, &lake, &key);
     };
-    let joiner = Joiner { configuration, work: &work, lake: &lake, known, progress };
+    let joiner = Joiner { configuration, work: &work, lake: &lake, progress };
     let sessions = joiner.all(piece, Some(&mut run))?;
     let made_of = sessions.made_of.clone();
     let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
@@ -305,9 +273,7 @@ fn run_local(
     let promised =
         promise::held(configuration.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
     let driven = driven::words(&outcome, &configuration.arm, &configuration.valid_for, &lake)?;
-    let on_top = on_top_of(configuration, piece);
-    let remarks = driven.lines.iter().cloned().chain(promised).chain(on_top);
-    let remarks: Vec<String> = remarks.collect();
+    let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
     let said = Statements {
         pairs: context.pairs.clone(),
         ..said(configuration, &outcome, &remarks, driven.state.clone())?
@@ -341,20 +307,6 @@ fn run_local(
         took_place: None,
     };
     Ok(done.asked_for(&lake)?)
-}
-
-/// What a session was learnt on top of, in words; `None` where sessions are not learnt so, and of the first.
-fn on_top_of(configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
-    let (_, earlier) = piece.training.split_last().filter(|_| configuration.grows())?;
-    let (first, last) = (&earlier.first()?.name, &earlier.last()?.name);
-    let which = if earlier.len() == 1 {
-        format!("the session before it, {first}")
-    } else {
-        format!("{} sessions before it, {first} to {last}", earlier.len())
-    };
-    Some(format!(
-        "the arm was learnt on top of {which}; the identified geometry alone is of this session alone"
-    ))
 }
 
 /// The statements of the page that no table has.

@@ -3,7 +3,6 @@
 
 mod between_sessions;
 mod cameras;
-mod carried;
 mod copies;
 mod driven;
 mod estimate;
@@ -43,7 +42,6 @@ use crate::report::locate::Locate;
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
-pub use carried::{Held, Learning, Learnt};
 pub use estimate::{Estimate, estimate};
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
@@ -207,7 +205,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    let estimate = estimate(arm, (training, test), (None, None), settings, progress)?;
+    let estimate = estimate(arm, (training, test), None, settings, progress)?;
     results(arm, estimate, None, progress)
 }
 

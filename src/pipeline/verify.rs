@@ -221,7 +221,6 @@ fn recomputed(
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),
     };
-    sought.hand_over(&claim.key.robot, temporary.path());
     let known_arm = cited::known_arm(&claim, register);
     let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
     let known_arm = known_arm.as_ref().and_then(Place::as_path);
@@ -252,7 +251,5 @@ fn recomputed(
         let cited = Citation::new(Role::Planned, &plan, register, lake);
         verified.cited.push(cited);
     }
-    let recomputed = recompute::again(verified, &source, lake, temporary.path(), progress);
-    sought.keep(claim.key.robot, temporary);
-    recomputed
+    recompute::again(verified, &source, lake, temporary.path(), progress)
 }

@@ -106,7 +106,6 @@ impl Robot<'_> {
             fit: &settings.fit,
             full: if known.is_some() { &geometry_alone } else { full },
             up: settings.up,
-            carrying: None,
             purpose: Purpose::Judges,
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;

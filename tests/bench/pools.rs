@@ -1,17 +1,16 @@
-//! What a pool costs as it grows: training on all, each session on top of those before it, and the memory that it takes.
+//! What a pool costs: training on all its sessions, and the memory that it takes.
 //!
-//! `cargo bench --bench pools` trains the full error model on 1, 10, 30 and 100 sessions of 600 stations of one simulated UR10, together and
-//! one on top of the other, and prints wall time, what one more session takes of the latter, the bytes that it leaves, and the most memory
-//! that the process held. Without `--bench` (as `cargo test` calls it) small pools show that it works.
+//! `cargo bench --bench pools` trains the full error model on 1, 10, 30 and 100 sessions of 600 stations of one simulated UR10, and prints
+//! wall time and the most memory that the process held so far. Without `--bench` (as `cargo test` calls it) small pools show that it works.
 
 #[path = "../common/mod.rs"]
 mod common;
 
 use std::time::Instant;
 
-use common::pool::{MeasuredArm, Truth, frames, learnt, one_by_one, trained};
+use common::pool::{MeasuredArm, Truth, frames, trained};
 use posegrid::fit::Observation;
-use posegrid::fit::full::{Carrying, FullSettings};
+use posegrid::fit::full::FullSettings;
 
 const TRUTH: Truth = Truth { curve_rad: 2e-4, walk_rad: 0.0, own_rad: 1e-5, days: 1.0 / 24.0 };
 
@@ -20,9 +19,7 @@ fn main() {
     let (pools, stations) = if full_size { (vec![1, 10, 30, 100], 600) } else { (vec![2, 4], 20) };
     let harmonics = if full_size { 90 } else { 4 };
     let settings = FullSettings { harmonics, ..FullSettings::default() };
-    println!(
-        "sessions  stations   columns  together s  one by one s  one more s  leaves MB  peak MB"
-    );
+    println!("sessions  stations   columns  training s  peak MB");
     for sessions in pools {
         let mut measured = MeasuredArm::new(TRUTH, 7);
         let seen: Vec<Observation> =
@@ -30,24 +27,11 @@ fn main() {
         let start = frames(&measured.arm, &seen[..stations]);
         let arm = measured.arm.clone();
         let began = Instant::now();
-        let one_by_one = one_by_one(&arm, &seen, &start, &settings);
-        let one_by_one_s = began.elapsed().as_secs_f64();
-        let before = one_by_one.leaves().cloned();
-        let leaves = before.as_ref().and_then(|own| own.packed().ok());
-        let leaves_mb = leaves.map_or(0, |own| own.len()) as f64 / 1e6;
-        let next = measured.session(stations);
-        let began = Instant::now();
-        let carrying = Carrying { before, held: None };
-        learnt(&arm, &carrying, &next, &start, &settings);
-        let more_s = began.elapsed().as_secs_f64();
+        let model = trained(&arm, &seen, &start, &settings);
+        let training_s = began.elapsed().as_secs_f64();
+        let (columns, count) = (model.layout().size(), seen.len());
         let peak = peak_mb();
-        let began = Instant::now();
-        let together = trained(&arm, &seen, &start, &settings);
-        let together_s = began.elapsed().as_secs_f64();
-        let (columns, count) = (together.layout().size(), seen.len());
-        println!(
-            "{sessions:>8} {count:>9} {columns:>9} {together_s:>11.2} {one_by_one_s:>13.2} {more_s:>11.2} {leaves_mb:>10.1} {peak:>8.0}"
-        );
+        println!("{sessions:>8} {count:>9} {columns:>9} {training_s:>11.2} {peak:>8.0}");
     }
 }
 

@@ -1,11 +1,10 @@
 //! Sessions of one simulated arm whose joint curves change, station by station and without logs: pools of a hundred in a second.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use posegrid::fit::commanded::SettlingError;
-use posegrid::fit::full::{Carrying, FullModel, FullSettings, Purpose, Query, Sizes};
+use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::{
     self, FitSettings, Frames, Freedom, Measured, MeasuredPoint, Observation, SourceId, TargetId,
 };
@@ -173,52 +172,6 @@ pub fn trained(
     let prior = FitSettings::default().prior();
     let up = Some(Vector3::z_axis());
     FullModel::train(arm, seen, &frames, &geometry, &prior, settings, up).expect("a model")
-}
-
-/// The model of a session, learnt as `carrying` says.
-pub fn learnt(
-    arm: &Arm,
-    carrying: &Carrying,
-    session: &[Observation],
-    frames: &Frames,
-    settings: &FullSettings,
-) -> FullModel {
-    let one: Vec<Observation> = session.iter().map(|own| of_session(own, 0)).collect();
-    let geometry = vec![0.0; arm.chain().parameters().len()];
-    let start = (std::slice::from_ref(frames), &geometry[..]);
-    let prior = FitSettings::default().prior();
-    let (with, up) = ((settings, Some(carrying), Purpose::Published), Some(Vector3::z_axis()));
-    FullModel::train_carrying(arm, &one, start, &prior, with, up).expect("a model")
-}
-
-/// The model of the last of some sessions, each learnt on top of those before it, all again where sizes have moved.
-pub fn one_by_one(
-    arm: &Arm,
-    seen: &[Observation],
-    frames: &Frames,
-    settings: &FullSettings,
-) -> FullModel {
-    let sessions = seen.chunk_by(|one, other| one.session == other.session);
-    let sessions: Vec<&[Observation]> = sessions.collect();
-    let after = |model: &FullModel, held: Option<Arc<Sizes>>| Carrying {
-        before: Some(Arc::clone(model.leaves().expect("what it leaves"))),
-        held,
-    };
-    let mut last = learnt(arm, &Carrying::default(), sessions[0], frames, settings);
-    for count in 2..=sessions.len() {
-        last = learnt(arm, &after(&last, None), sessions[count - 1], frames, settings);
-        let leaves = last.leaves().expect("what it leaves");
-        if leaves.stale() {
-            let held = leaves.held();
-            let first = Carrying { before: None, held: Some(Arc::clone(&held)) };
-            last = learnt(arm, &first, sessions[0], frames, settings);
-            for session in &sessions[1..count] {
-                let again = after(&last, Some(Arc::clone(&held)));
-                last = learnt(arm, &again, session, frames, settings);
-            }
-        }
-    }
-    last
 }
 
 /// Random numbers of a seed (Marsaglia's xorshift), the same on every machine.

@@ -66,7 +66,6 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
         fit: &FitSettings::default(),
         full: &FullSettings::default(),
         up: Some(Vector3::z_axis()),
-        carrying: None,
         purpose: Purpose::Published,
     };
     train(arm, observations, sessions, &settings)

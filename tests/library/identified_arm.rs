@@ -46,7 +46,6 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
             ..FullSettings::default()
         },
         up: Some(Vector3::z_axis()),
-        carrying: None,
         purpose: Purpose::Published,
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");

@@ -49,7 +49,6 @@ fn with_settings<T>(of: impl Fn(&TrainingSettings<'_>) -> T) -> T {
         fit: &fit,
         full: &full,
         up: Some(Vector3::z_axis()),
-        carrying: None,
         purpose: Purpose::Published,
     })
 }

@@ -2,7 +2,6 @@
 //! used.
 
 use std::num::NonZeroUsize;
-use std::ops::Range;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -109,21 +108,20 @@ pub fn all(
         let state = |own: &FleetPiece<'_>| known.state(own.configuration, own.piece);
         known.gather(pieces.iter().filter_map(state));
     }
-    let (next, units) = (AtomicUsize::new(0), units(pieces));
+    let next = AtomicUsize::new(0);
     let batch = Batch { extent, known, bars, stop };
     let work = || {
         let mut own = Vec::new();
         loop {
-            let Some(unit) = units.get(next.fetch_add(1, Ordering::Relaxed)) else {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            let Some(piece) = pieces.get(place) else {
                 return own;
             };
-            for place in unit.clone() {
-                own.push((place, pooled(&batch, place, pieces[place])));
-            }
+            own.push((place, pooled(&batch, place, *piece)));
         }
     };
     let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
-        let workers = jobs.get().min(units.len());
+        let workers = jobs.get().min(pieces.len());
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
         let joined = workers.into_iter().map(joined);
@@ -132,20 +130,6 @@ pub fn all(
     ended.sort_by_key(|(place, _)| *place);
     let (endings, without): (Vec<_>, Vec<_>) = ended.into_iter().map(|(_, ended)| ended).unzip();
     (endings, without.concat())
-}
-
-/// Pieces that are done one after the other: those of a robot whose sessions are learnt one on top of the other, and every other by itself.
-fn units(pieces: &[FleetPiece<'_>]) -> Vec<Range<usize>> {
-    let one_by_one = |a: &FleetPiece<'_>, b: &FleetPiece<'_>| {
-        a.configuration.grows() && std::ptr::eq(a.configuration, b.configuration)
-    };
-    let units = pieces.chunk_by(one_by_one);
-    let places = units.scan(0, |next, unit| {
-        let first = *next;
-        *next += unit.len();
-        Some(first..*next)
-    });
-    places.collect()
 }
 
 /// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.

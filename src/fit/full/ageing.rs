@@ -34,12 +34,6 @@ pub(super) fn share(age_years: f64, step: usize) -> f64 {
     ((age_years - begin_years(step)) / years(step)).clamp(0.0, 1.0)
 }
 
-/// Years from one day to another, days since 1970; none where one is not known, or the other is not later.
-pub(super) fn years_between(from: Option<f64>, to: Option<f64>) -> f64 {
-    let days = from.zip(to).map_or(0.0, |(from, to)| to - from);
-    days.max(0.0) / DAYS_PER_YEAR
-}
-
 /// Number of steps that sessions of these ages need: those that some session came before.
 pub(super) fn steps(ages_years: &[f64]) -> usize {
     let oldest = ages_years.iter().copied().fold(0.0, f64::max);

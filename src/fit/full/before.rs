@@ -37,7 +37,7 @@ impl FullModel {
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
         let offsets = DVector::zeros(problem.unknowns().len());
-        let state = State::expected(&problem, offsets, (settings, None), up.is_some());
+        let state = State::expected(&problem, offsets, settings, up.is_some());
         let span = stations.max(1) as f64;
         let variances = state.components.variances();
         let mean = DVector::zeros(state.layout.size());
@@ -64,7 +64,6 @@ impl FullModel {
             weights: Vec::new(),
             left_out: Vec::new(),
             parts: Vec::new(),
-            leaves: None,
         }
     }
 

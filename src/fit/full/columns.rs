@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 use nalgebra::{DVector, Point3, Vector3};
 
 use super::ageing;
-use super::carried::{Carried, Carrying};
 use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::repairs;
@@ -27,29 +26,24 @@ const LITTLE: f64 = 0.05;
 pub(super) fn layout(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,
-    (settings, carrying): (&FullSettings, Option<&Carrying>),
+    settings: &FullSettings,
     has_up: bool,
     span: f64,
 ) -> Layout {
     let sessions = problem.starts().len();
-    let before = carrying.and_then(|own| own.before.as_deref());
-    // Sessions that are learnt one on top of the other differ as those of a pool.
-    let differ = sessions > 1 || carrying.is_some();
     let observations = problem.observations();
     let joints = observations.first().map_or(0, |o| o.axes.len());
-    let mut layout = Layout::new(settings.curve_period_turns)
-        .with_slides(slide_periods_mm(problem, settings, before));
+    let mut layout =
+        Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
     let days = days(observations, sessions);
     layout = layout.with_ages(ageing::ages_years(&days));
-    if carrying.is_none() {
-        layout = layout.with_repairs(repairs::to_come(&settings.repaired, &days, joints));
-    }
+    layout = layout.with_repairs(repairs::to_come(&settings.repaired, &days, joints));
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
     }
     if settings.command_weight {
-        command_weights(&mut layout, observations, (sessions, differ), joints);
+        command_weights(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
         // Beyond this order the prior has less than a thousandth of its variance.
@@ -71,15 +65,12 @@ pub(super) fn layout(
             .slide_period_mm(joint)
             .filter(|_| harmonics > 0)
             .map_or(harmonics, |period_mm| slide_harmonics(settings, period_mm));
-        let known = before.map_or(0, |own| own.curve(joint) / 2);
-        // A joint that once moved the target keeps its curve.
-        let harmonics = if harmonics > 0 { harmonics.max(known) } else { 0 };
         layout.push(Block::Curve(joint), 2 * harmonics);
         let to_come = (0..sessions).map(|session| layout.to_come(Some(session), joint));
         for to_come in 1..=to_come.max().unwrap_or(0) {
             layout.push(Block::Earlier { joint, to_come }, 2 * harmonics + 1);
         }
-        for session in (0..sessions).filter(|_| differ) {
+        for session in (0..sessions).filter(|_| sessions > 1) {
             layout.push(
                 Block::SessionCurve { session, joint },
                 2 * few_harmonics(settings).min(harmonics) + 1,
@@ -100,11 +91,6 @@ fn days(observations: &[Observation], sessions: usize) -> Vec<Option<f64>> {
         days[observation.session] = observation.day;
     }
     days
-}
-
-/// The day of a single session, days since 1970; `None` without a date.
-pub(super) fn day_of(observations: &[Observation]) -> Option<f64> {
-    observations.first()?.day
 }
 
 /// Whether a session's base may have drifted unseen: references that were followed show the drift itself.
@@ -144,7 +130,7 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
 fn command_weights(
     layout: &mut Layout,
     observations: &[Observation],
-    (sessions, differ): (usize, bool),
+    sessions: usize,
     joints: usize,
 ) {
     let sent = |session: usize, is_sent: bool| {
@@ -157,7 +143,7 @@ fn command_weights(
         layout.push(Block::ApproachOffset, joints);
     }
     for session in 0..sessions {
-        if differ && sent(session, true) {
+        if sessions > 1 && sent(session, true) {
             layout.push(Block::SessionCommandWeight(session), joints);
         }
         if sent(session, false) {
@@ -175,11 +161,7 @@ pub(super) const fn few_harmonics(settings: &FullSettings) -> usize {
 ///
 /// A curve lives on a circle. Twice the measured range and two long lengths around, the ends of the range are so far apart that
 /// neither says anything of the other: on the range the kernel is that of plain distance.
-fn slide_periods_mm(
-    problem: &Problem<'_>,
-    settings: &FullSettings,
-    before: Option<&Carried>,
-) -> Vec<Option<f64>> {
+fn slide_periods_mm(problem: &Problem<'_>, settings: &FullSettings) -> Vec<Option<f64>> {
     let slides = problem.slides();
     if !slides.contains(&true) {
         return Vec::new();
@@ -191,9 +173,7 @@ fn slide_periods_mm(
             Some([low.min(position), high.max(position)])
         });
         let range_mm = outermost.map_or(0.0, |[low, high]| high - low);
-        let own = 2.0 * (range_mm + settings.slide_length_mm[1]);
-        let known = before.and_then(|own| *own.slide_periods_mm().get(joint)?);
-        slides.then_some(known.unwrap_or(own).max(own))
+        slides.then_some(2.0 * (range_mm + settings.slide_length_mm[1]))
     };
     slides.into_iter().enumerate().map(period_mm).collect()
 }

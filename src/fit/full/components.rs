@@ -8,7 +8,6 @@
 use std::ops::Range;
 
 use nalgebra::DVector;
-use serde::{Deserialize, Serialize};
 
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
@@ -16,7 +15,7 @@ use super::spectrum::{Kernel, Spectra, smooth_variances};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// The part that a component belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Part {
     /// The short kernel of one joint's curve.
     ShortCurve(usize),
@@ -55,45 +54,6 @@ pub struct Component {
     profiles: Vec<(Range<usize>, Vec<f64>)>,
     expected: f64,
     weight: f64,
-    /// What earlier sessions showed of it: sum of squares, in units of the size, and how many coefficients they determined.
-    earlier: (f64, f64),
-}
-
-/// The size of a part, with what the sessions so far showed of it where each has one of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Size {
-    /// A variance.
-    pub size: f64,
-    /// Sum of squares of the coefficients, each over its profile.
-    squares: f64,
-    /// How many coefficients the rows determined.
-    counted: f64,
-}
-
-impl Size {
-    /// A size that no session showed yet.
-    pub const fn expected(size: f64) -> Self {
-        Self { size, squares: 0.0, counted: 0.0 }
-    }
-
-    /// The size after a session in which coefficients had these squares over their prior variance, as [`Components::update`] has them: the
-    /// positive root of its fixed point, at what all sessions showed.
-    #[must_use]
-    pub fn after(self, expected: f64, squares: f64, counted: f64) -> Self {
-        let squares = self.squares + self.size * squares;
-        let counted = self.counted + counted;
-        // weight a²/expected + (counted − weight) a = squares.
-        let (weight, half) = (WEIGHT / expected, 0.5 * (counted - WEIGHT));
-        let root = half.mul_add(half, weight * squares).sqrt();
-        Self { size: (root - half) / weight, squares, counted }
-    }
-}
-
-impl Part {
-    /// Whether each session has one of its own, all of one size.
-    pub(super) const fn is_of_one_session(self) -> bool {
-        matches!(self, Self::Drift | Self::SessionCurve | Self::SessionCommandWeight | Self::Ageing)
-    }
 }
 
 /// All components, and the columns whose prior is fixed.
@@ -160,11 +120,7 @@ impl Components {
         variances: &DVector<f64>,
     ) {
         for component in &mut self.all {
-            let (mut squared, mut counted) = component.shown(squares, determined, variances);
-            if component.earlier.1 > 0.0 {
-                squared += component.earlier.0 / component.size;
-                counted += component.earlier.1;
-            }
+            let (squared, counted) = component.shown(squares, determined, variances);
             let weight = component.weight;
             let ratio =
                 (squared + weight) / (counted + weight * component.size / component.expected);
@@ -175,45 +131,6 @@ impl Components {
     /// The size of a part; `None` where the model has none.
     pub fn size(&self, part: Part) -> Option<f64> {
         self.all.iter().find(|component| component.part == part).map(|component| component.size)
-    }
-
-    /// Starts from the sizes that earlier sessions showed.
-    pub(super) fn take_sizes(&mut self, sizes: &[(Part, Size)]) {
-        for own in &mut self.all {
-            let known = sizes.iter().find(|(part, _)| *part == own.part);
-            if let Some((_, known)) = known {
-                own.size = known.size;
-                own.earlier = (known.squares, known.counted);
-            }
-        }
-    }
-
-    /// The size of each part, for the next session to start from; arguments as of [`Self::update`].
-    pub(super) fn sizes(
-        &self,
-        squares: &DVector<f64>,
-        determined: &DVector<f64>,
-        variances: &DVector<f64>,
-    ) -> Vec<(Part, Size)> {
-        let size = |own: &Component| {
-            if !own.part.is_of_one_session() {
-                return (own.part, Size::expected(own.size));
-            }
-            // What it showed of its curves is seen with the next session.
-            if own.part == Part::SessionCurve {
-                let (squares, counted) = own.earlier;
-                return (own.part, Size { size: own.size, squares, counted });
-            }
-            let (squared, counted) = own.shown(squares, determined, variances);
-            let size = Size {
-                size: own.size,
-                squares: own.earlier.0 + own.size * squared,
-                counted: own.earlier.1 + counted,
-            };
-            (own.part, size)
-        };
-        let sized = self.all.iter().filter(|own| own.size > 0.0);
-        sized.map(size).collect()
     }
 
     /// Sets the size of every component for which `is_of` is true to zero: the model without that part.
@@ -322,7 +239,6 @@ impl Components {
             profiles: vec![(columns, profile)],
             expected: size,
             weight,
-            earlier: (0.0, 0.0),
         });
     }
 }
@@ -361,7 +277,7 @@ fn curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -> ([f64;
 }
 
 /// Shares of the variance of a curve's change between sessions over its `columns` columns: a constant, then pairs.
-pub(super) fn change_profile(
+fn change_profile(
     layout: &Layout,
     settings: &FullSettings,
     joint: usize,

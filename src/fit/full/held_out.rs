@@ -10,7 +10,6 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
-use super::carried::Carrying;
 use super::leave_one_out::{firsts, left_open};
 use super::parts::PartEvidence;
 use super::regression::Evidence;
@@ -35,17 +34,16 @@ impl Settled {
         self,
         problem: &Problem<'_>,
         start: DVector<f64>,
-        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        settings: &FullSettings,
         up: Option<Vector3<f64>>,
     ) -> (Self, Option<PartEvidence>) {
         let plain = FullSettings { harmonics: 0, gear_lines: false, ..settings.clone() };
-        let of_plain = (&plain, carrying);
         // Of few stations a shorter training says something else, and a whole one takes no time.
         let is_few = matches!(self.evidence, Evidence::Rows(_));
         let without = if is_few {
-            train(problem, start.clone(), of_plain, up)
+            train(problem, start.clone(), &plain, up)
         } else {
-            self.with_fewer_parts(problem, of_plain, up)
+            self.with_fewer_parts(problem, &plain, up)
         };
         let Some(without) = without else {
             return (self, None);
@@ -64,7 +62,7 @@ impl Settled {
         if kept {
             return (self, Some(evidence));
         }
-        let whole = if is_few { None } else { train(problem, start, of_plain, up) };
+        let whole = if is_few { None } else { train(problem, start, &plain, up) };
         (whole.unwrap_or(without), Some(evidence))
     }
 

@@ -170,7 +170,6 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: Vec::new(),
             left_out: Vec::new(),
-            leaves: None,
             parts: self.parts.clone(),
         })
     }
@@ -425,7 +424,6 @@ impl FullModel {
             weights: of_readings(&observations, &state.weights),
             left_out: of_observations(&left_out),
             parts: self.parts.clone(),
-            leaves: None,
         })
     }
 
@@ -439,9 +437,6 @@ impl FullModel {
             offsets: self.offsets.clone(),
             span: self.span,
             middles: self.middles.clone(),
-            carries: false,
-            before: None,
-            held: None,
         }
     }
 

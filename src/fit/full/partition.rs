@@ -21,7 +21,7 @@ pub struct Partition {
 
 impl Block {
     /// The session that the block belongs to alone; `None` of a shared one, and of the unknowns, which have either kind.
-    pub(super) const fn session(self) -> Option<usize> {
+    const fn session(self) -> Option<usize> {
         match self {
             Self::SessionCommandWeight(session)
             | Self::OwnCommandWeight(session)

@@ -37,8 +37,7 @@ const OPTIONAL: [Optional; 7] = [
 ];
 
 impl Settled {
-    /// Compares the model with the one without each optional part, and drops those whose absence the evidence prefers; of a session that is
-    /// learnt on top of others ([`super::carried`]) those alone that sessions share.
+    /// Compares the model with the one without each optional part, and drops those whose absence the evidence prefers.
     ///
     /// The ratio of both evidences is that of posterior and prior density where all of the part's coefficients are zero (Savage and
     /// Dickey; Dickey 1971), so nothing is trained anew unless a part is dropped.
@@ -46,13 +45,11 @@ impl Settled {
         let mut found = Vec::new();
         for (name, is_of) in OPTIONAL {
             let blocks = self.state.layout.blocks();
-            let own: Vec<_> = blocks.filter(|(block, _)| is_of(*block)).collect();
-            // Of what each session has of its own, all sessions showed the size: one alone may happen to show little of it.
-            let is_of_each = own.iter().all(|(block, _)| block.session().is_some());
-            if own.is_empty() || (is_of_each && self.state.before.is_some()) {
+            let own = blocks.filter(|(block, _)| is_of(*block));
+            let columns: Vec<usize> = own.flat_map(|(_, columns)| columns).collect();
+            if columns.is_empty() {
                 continue;
             }
-            let columns: Vec<usize> = own.into_iter().flat_map(|(_, columns)| columns).collect();
             let Some(gain) = self.evidence.gain_of(&self.posterior, &columns) else {
                 continue;
             };

@@ -10,7 +10,6 @@ pub mod sessions;
 use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
-use serde::{Deserialize, Serialize};
 
 use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 use few_rows::{FewRoot, FewRows};
@@ -31,11 +30,9 @@ pub enum Evidence {
 }
 
 /// Sums over whitened rows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sums {
-    /// `Φᵀ N⁻¹ Φ`; not written as text, as it has millions of numbers.
-    #[serde(skip, default = "no_information")]
+    /// `Φᵀ N⁻¹ Φ`.
     pub information: DMatrix<f64>,
     /// `Φᵀ N⁻¹ y`.
     pub moment: DVector<f64>,
@@ -43,11 +40,6 @@ pub struct Sums {
     pub square: f64,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
-}
-
-/// The information of sums that were read from a text, which has none.
-fn no_information() -> DMatrix<f64> {
-    DMatrix::zeros(0, 0)
 }
 
 /// The posterior at given prior variances.
@@ -169,73 +161,6 @@ impl Sums {
         own.zip_apply(&other.information, |own, other| *own += share * other);
         self.moment.axpy(share, &other.moment, 1.0);
         self.add_squares(other, share);
-    }
-
-    /// The sums without some columns, which are eliminated at their prior variances (Schur's complement); the others keep their order.
-    /// `None` if rounding made a matrix indefinite.
-    pub(super) fn without(&self, eliminated: &[usize], variances: &[f64]) -> Option<Self> {
-        let mut is_kept = vec![true; self.moment.len()];
-        for &column in eliminated {
-            is_kept[column] = false;
-        }
-        let kept: Vec<usize> = (0..is_kept.len()).filter(|&own| is_kept[own]).collect();
-        let mut left = self.selected(&kept);
-        if eliminated.is_empty() {
-            return Some(left);
-        }
-        let own = self.selected(eliminated);
-        let scale = DVector::from_iterator(variances.len(), variances.iter().map(|v| v.sqrt()));
-        let mut matrix = own.scaled(&scale);
-        add_one(&mut matrix);
-        let factor = Cholesky::new(matrix)?;
-        // With the moment as one more column.
-        let count = kept.len();
-        let mut across = DMatrix::zeros(eliminated.len(), count + 1);
-        for (mut column, &place) in across.column_iter_mut().zip(&kept) {
-            for (entry, &row) in column.iter_mut().zip(eliminated) {
-                *entry = self.information[(row, place)];
-            }
-        }
-        across.set_column(count, &own.moment);
-        for mut column in across.column_iter_mut() {
-            column.component_mul_assign(&scale);
-        }
-        let explained = gram(&factor.forward(across, 0).as_view());
-        left.information -= explained.view((0, 0), (count, count));
-        left.moment -= explained.view((0, count), (count, 1));
-        left.square -= explained[(count, count)];
-        left.ln_noise += factor.ln_determinant();
-        Some(left)
-    }
-
-    /// The sums of rows that have these columns of the rows of these, some twice.
-    pub(super) fn selected(&self, columns: &[usize]) -> Self {
-        Self {
-            information: self.information.select_columns(columns).select_rows(columns),
-            moment: self.moment.select_rows(columns),
-            ..*self
-        }
-    }
-
-    /// The sums where the columns' values are relative to values that are larger by `away`.
-    pub(super) fn moved(mut self, away: &DVector<f64>) -> Self {
-        let pulled = &self.information * away;
-        self.square += away.dot(&(&pulled - 2.0 * &self.moment));
-        self.moment -= pulled;
-        self
-    }
-
-    /// The sums with each column at its place among `size`; what is beyond is left out.
-    pub(super) fn placed(&self, places: &[usize], size: usize) -> Self {
-        let mut placed = Self { square: self.square, ln_noise: self.ln_noise, ..Self::zero(size) };
-        let inside = || places.iter().enumerate().filter(|(_, place)| **place < size);
-        for (column, &to) in inside() {
-            placed.moment[to] = self.moment[column];
-            for (row, &place) in inside() {
-                placed.information[(place, to)] = self.information[(row, column)];
-            }
-        }
-        placed
     }
 
     /// The part of [`Self::add`] that is of no column.
@@ -466,35 +391,5 @@ mod tests {
         let covariance =
             &rows * (&v - &v * rows.transpose() * s_inverse * &rows * &v) * rows.transpose();
         assert!((half.transpose() * half - covariance).abs().max() < 1e-12);
-    }
-
-    #[test]
-    fn sums_without_columns_say_of_the_others_what_all_say() {
-        let rows = DMatrix::from_fn(9, 5, |i, j| ((3 * i + 5 * j) as f64).sin());
-        let values = DVector::from_fn(9, |i, _| (i as f64).cos());
-        let variances = [0.5, 2.0, 0.0, 1.5, 0.7];
-        let sums = Sums::new(&rows, &values, 0.3);
-        let posterior = |sums: &Sums, variances: &[f64]| {
-            let variances = DVector::from_column_slice(variances);
-            sums.posterior(&variances).expect("positive definite")
-        };
-        let all = posterior(&sums, &variances);
-        let some = sums.without(&[3, 1, 2], &[1.5, 2.0, 0.0]).expect("positive definite");
-        let left = posterior(&some, &[0.5, 0.7]);
-        assert!((left.mean() - all.mean().select_rows(&[0, 4])).norm() < 1e-12);
-        let covariance = all.covariance_of(&[0, 4]) - left.covariance_of(&[0, 1]);
-        assert!(covariance.norm() < 1e-12, "{covariance}");
-        assert!((left.log_evidence - all.log_evidence).abs() < 1e-12);
-    }
-
-    #[test]
-    fn sums_relative_to_other_values_say_the_same() {
-        let rows = DMatrix::from_fn(9, 3, |i, j| ((3 * i + 5 * j) as f64).sin());
-        let values = DVector::from_fn(9, |i, _| (i as f64).cos());
-        let away = DVector::from_vec(vec![0.2, -0.4, 0.1]);
-        let moved = Sums::new(&rows, &values, 0.0).moved(&away);
-        let directly = Sums::new(&rows, &(values - &rows * &away), 0.0);
-        assert!((moved.moment - directly.moment).norm() < 1e-12);
-        assert!((moved.square - directly.square).abs() < 1e-12);
     }
 }

@@ -72,16 +72,6 @@ pub(super) fn to_come(repairs: &[Repair], days: &[Option<f64>], joints: usize) -
     to_come
 }
 
-/// The joints (from 0) that were repaired after one session and before another, by their days (since 1970).
-pub(super) fn between(repairs: &[Repair], one: Option<f64>, other: Option<f64>) -> Vec<usize> {
-    let Some((one, other)) = one.zip(other) else {
-        return Vec::new();
-    };
-    let between =
-        repairs.iter().filter(|repair| repair.is_to_come(one) && !repair.is_to_come(other));
-    between.map(|repair| repair.joint.wrapping_sub(1)).collect()
-}
-
 /// Prior variance of the zero of a joint before its repair, rad²; mm² where it slides.
 pub(super) fn zero_variance(slides: bool) -> f64 {
     let unit = if slides { SLIDE_MM_PER_RAD } else { 1.0 };

@@ -290,7 +290,6 @@ impl FullModel {
             repeatability: saved.repeatability.repeatability(),
             weights: Vec::new(),
             left_out: Vec::new(),
-            leaves: None,
             parts: saved.parts.iter().map(SavedPart::evidence).collect::<Result<_, _>>()?,
         })
     }
@@ -568,7 +567,7 @@ impl SavedPart {
 }
 
 /// The lower triangle, column by column, as base64 of little-endian numbers.
-pub(super) fn encode(lower: &DMatrix<f64>) -> String {
+fn encode(lower: &DMatrix<f64>) -> String {
     let columns = lower.column_iter().enumerate();
     let below = columns.flat_map(|(column, own)| own.into_iter().skip(column));
     encode_numbers(below)
@@ -581,7 +580,7 @@ fn encode_numbers<'n>(numbers: impl Iterator<Item = &'n f64>) -> String {
 }
 
 /// The factor of `size` columns; `size` was checked against lists already read.
-pub(super) fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
+fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
     let mut numbers = decode_numbers(text, size * (size + 1) / 2)?.into_iter();
     let mut lower = DMatrix::zeros(size, size);
     for column in 0..size {

@@ -3,8 +3,7 @@
 //! [`super::saved`] is for whoever predicts with a model years later and has nothing else. Here is what follows from the training alone:
 //! columns, sizes, weights and coefficients, some hundred kilobytes. The factor of the covariance, some megabytes a model, follows from them
 //! and the observations by one more sum of rows, a small part of a training's work, so it is not stored; the coefficients prove that it is
-//! that of the training. Only that of a session which was learnt on top of others ([`super::carried`]) follows from all of them, and is
-//! stored. Leave-one-out residuals are not stored either: nothing after the training reads them.
+//! that of the training. Leave-one-out residuals are not stored either: nothing after the training reads them.
 
 use nalgebra::{DVector, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -13,9 +12,9 @@ use super::approach::ApproachOffsets;
 use super::layout::Layout;
 use super::noise::Repeatability;
 use super::regression::few_rows::FewRows;
-use super::regression::{Evidence, Posterior, Root};
+use super::regression::{Evidence, Posterior};
 use super::rows::{Around, prior_mean, stations};
-use super::saved::{SavedPart, encode, factor};
+use super::saved::SavedPart;
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::State;
@@ -54,21 +53,6 @@ pub struct StoredFull {
     repeatability: Repeatability,
     weights: Vec<f64>,
     parts: Vec<SavedPart>,
-    /// Of a session that was learnt on top of others; `None` of others, and where predictions alone are wanted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    factor: Option<StoredFactor>,
-    /// Whether sessions were learnt one on top of the other.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    grew: bool,
-}
-
-/// The factor of the covariance.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StoredFactor {
-    /// The lower triangle, as [`super::saved`] has it.
-    lower: String,
-    log_evidence: f64,
 }
 
 impl FullModel {
@@ -98,11 +82,6 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: self.weights.clone(),
             parts: self.parts.iter().map(SavedPart::of).collect(),
-            factor: self.leaves.as_ref().map(|_| StoredFactor {
-                lower: encode(self.posterior.factor().lower()),
-                log_evidence: self.posterior.log_evidence,
-            }),
-            grew: self.leaves.is_some(),
         }
     }
 }
@@ -111,23 +90,6 @@ impl FullModel {
 const SAME: f64 = 1e-6;
 
 impl StoredFull {
-    /// Whether sessions were learnt one on top of the other.
-    pub const fn grew(&self) -> bool {
-        self.grew
-    }
-
-    /// Without the weights of the stations that trained, to predict another session.
-    #[must_use]
-    pub fn for_another_session(self) -> Self {
-        Self { weights: Vec::new(), ..self }
-    }
-
-    /// Without the factor of its covariance, for its predictions alone.
-    #[must_use]
-    pub fn for_predictions(self) -> Self {
-        Self { factor: None, ..self }
-    }
-
     /// The model of `arm` that was trained on `observations` with this prior and these settings; an error where the parts do not fit each
     /// other, or are not of these observations.
     pub fn model(
@@ -183,7 +145,6 @@ impl StoredFull {
             repeatability: self.repeatability,
             weights: self.weights,
             left_out: Vec::new(),
-            leaves: None,
         })
     }
 
@@ -221,20 +182,6 @@ impl StoredFull {
         problem: &Problem<'_>,
         settings: &FullSettings,
     ) -> Result<Posterior, SavedError> {
-        if let Some(StoredFactor { lower, log_evidence }) = &self.factor {
-            return Ok(Posterior {
-                root: Root::Columns(factor(lower, self.scale.len())?),
-                scale: self.scale.clone(),
-                whitened: self.whitened.clone(),
-                log_evidence: *log_evidence,
-            });
-        }
-        if self.grew {
-            return Err(SavedError::Factor {
-                problem: "is not stored: sessions were learnt one on top of the other",
-            });
-        }
-        let not_positive = || SavedError::Factor { problem: "is not positive" };
         let at = self.rows_at.clone();
         let state = State {
             layout: self.layout.clone(),
@@ -243,11 +190,12 @@ impl StoredFull {
             weights: of_stations(problem.observations(), &self.weights),
             span: self.span,
             middles: self.middles.clone(),
-            ..State::expected(problem, at, (settings, None), self.up.is_some())
+            ..State::expected(problem, at, settings, self.up.is_some())
         };
         let around = Around::new(problem, &state, self.up);
-        let evidence = evidence(&around, &prior_mean(problem, &state)).ok_or_else(not_positive)?;
-        let posterior = evidence.posterior_at(self.scale.clone()).ok_or_else(not_positive)?;
+        let evidence = evidence(&around, &prior_mean(problem, &state));
+        let posterior = evidence.posterior_at(self.scale.clone());
+        let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;
         let away = (&posterior.whitened - &self.whitened).amax();
         // Written so that a number that is none is refused too.
         if away <= SAME {

@@ -5,11 +5,9 @@
 //! weights and new gear lines.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use nalgebra::{DVector, Point3, Vector3};
 
-use super::carried::{Carried, Carrying, Entered, Sizes};
 use super::columns::{layout, middles, unknown_variances};
 use super::components::Components;
 use super::layout::{Block, Layout};
@@ -54,12 +52,6 @@ pub struct State {
     pub span: f64,
     /// The middle of each session's stations, in the base frame, mm.
     pub middles: Vec<Point3<f64>>,
-    /// Whether sessions are learnt one on top of the other.
-    pub(super) carries: bool,
-    /// What the sessions before it said.
-    pub(super) before: Option<Arc<Entered>>,
-    /// Sizes that are not to be found again.
-    pub(super) held: Option<Arc<Sizes>>,
 }
 
 /// A converged model.
@@ -79,10 +71,10 @@ pub struct Settled {
 pub fn train(
     problem: &Problem<'_>,
     start: DVector<f64>,
-    (settings, carrying): (&FullSettings, Option<&Carrying>),
+    settings: &FullSettings,
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let state = State::new(problem, start, (settings, carrying), up.is_some())?;
+    let state = State::expected(problem, start, settings, up.is_some());
     settled(problem, state, settings, up, &STEPS)
 }
 
@@ -101,11 +93,11 @@ impl Settled {
     pub(super) fn with_fewer_parts(
         &self,
         problem: &Problem<'_>,
-        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        settings: &FullSettings,
         up: Option<Vector3<f64>>,
     ) -> Option<Self> {
         let start = self.state.offsets.clone();
-        let mut state = State::new(problem, start, (settings, carrying), up.is_some())?;
+        let mut state = State::expected(problem, start, settings, up.is_some());
         state.weights.clone_from(&self.state.weights);
         settled(problem, state, settings, up, &FEWER_STEPS)
     }
@@ -125,7 +117,7 @@ fn settled(
     for (round, &steps) in rounds.iter().enumerate() {
         let prior_mean = prior_mean(problem, &state);
         let around = Around::new(problem, &state, up);
-        let evidence = evidence(&around, &prior_mean)?;
+        let evidence = evidence(&around, &prior_mean);
         let mut components = state.components.clone();
         let posterior = settle(&mut components, &evidence, steps)?;
         if round + 1 == rounds.len() {
@@ -151,36 +143,17 @@ fn settled(
 }
 
 impl State {
-    /// The state before the first round; `None` where rounding made a matrix of what was carried over indefinite.
-    pub(super) fn new(
-        problem: &Problem<'_>,
-        offsets: DVector<f64>,
-        (settings, carrying): (&FullSettings, Option<&Carrying>),
-        has_up: bool,
-    ) -> Option<Self> {
-        let own = Self::expected(problem, offsets, (settings, carrying), has_up);
-        let mut state = match carrying.and_then(|own| own.before.as_deref()) {
-            Some(before) => own.after(before, problem.observations(), settings)?,
-            None => own,
-        };
-        if let Some(held) = &state.held {
-            state.components.take_sizes(held.all());
-        }
-        Some(state)
-    }
-
-    /// The state with expected sizes.
+    /// The state before the first round, with expected sizes.
     pub(super) fn expected(
         problem: &Problem<'_>,
         offsets: DVector<f64>,
-        (settings, carrying): (&FullSettings, Option<&Carrying>),
+        settings: &FullSettings,
         has_up: bool,
     ) -> Self {
         let observations = problem.observations();
         let last = observations.iter().map(|o| o.station).max().unwrap_or(0);
-        let before = carrying.and_then(|own| own.before.as_deref());
-        let span = ((last + 1) as f64).max(before.map_or(0.0, Carried::span));
-        let layout = layout(problem, &offsets, (settings, carrying), has_up, span);
+        let span = (last + 1) as f64;
+        let layout = layout(problem, &offsets, settings, has_up, span);
         let components = Components::new(&layout, &unknown_variances(problem), settings, span);
         let joints = observations.first().map_or(0, |o| o.axes.len());
         let sources = observations.iter().filter_map(of_length).max();
@@ -198,27 +171,7 @@ impl State {
             offsets,
             span,
             layout,
-            carries: carrying.is_some(),
-            before: None,
-            held: carrying.and_then(|own| own.held.clone()),
         }
-    }
-
-    /// The state on top of what earlier sessions said: their gear lines, and the sizes that they showed.
-    fn after(
-        mut self,
-        before: &Carried,
-        observations: &[Observation],
-        settings: &FullSettings,
-    ) -> Option<Self> {
-        let entered = before.entered(observations, &self.layout, settings)?;
-        for (joint, cycles) in entered.now().lines().filter(|_| settings.gear_lines) {
-            self.layout.push(Block::Line { joint, cycles }, 2);
-        }
-        self.components.add_lines(&self.layout, settings);
-        self.components.take_sizes(entered.now().sizes());
-        self.before = Some(Arc::new(entered));
-        Some(self)
     }
 
     fn take_in(&mut self, found: &[FoundLine], settings: &FullSettings) {

@@ -13,20 +13,8 @@ use super::rows::{Around, Coefficients, Row, covariances};
 use super::summing::Summing;
 use super::train::CHUNK;
 
-/// The evidence of all rows on the columns, on top of what was carried over; `None` where rounding made a matrix of that indefinite.
-pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Option<Evidence> {
-    if around.state.carries {
-        let mut own = sums(around, prior_mean);
-        if let Some(before) = &around.state.before {
-            own.add(&before.sums(around, prior_mean)?, 1.0);
-        }
-        return Some(Evidence::Sums(own));
-    }
-    Some(of_rows(around, prior_mean))
-}
-
 /// The evidence of all rows on the columns.
-fn of_rows(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
+pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
     let distances = around.problem.distances(&around.state.offsets).count();
     let partition = &around.partition;
     let own = partition.own.iter().map(Vec::len).max();

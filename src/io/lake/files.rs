@@ -8,9 +8,7 @@ use std::fs::File;
 
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{
-    Lake, LakeError, PAGES, file_key, history, index, is_correction, learnt, name, request_of,
-};
+use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name, request_of};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
@@ -91,13 +89,9 @@ impl Stands {
             [history::FOLDER, history::FIGURES, _, _, name] => {
                 Self::in_history(name, &[history::RUN])
             }
-            [learnt::FOLDER, _, _, name] => Self::in_index(name, name.ends_with(learnt::ENDING)),
             [index::FOLDER, name] => Self::in_index(name, name == "runs.jsonl"),
             [index::FOLDER, "alone", name] => {
                 Self::in_index(name, name.strip_suffix(".json").is_some())
-            }
-            [index::FOLDER, "joined" | "refused", name] => {
-                Self::in_index(name, name.strip_suffix(".jsonl").is_some())
             }
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
                 None => Self::Temporary,
@@ -173,8 +167,6 @@ mod tests {
             (".history/r.jsonl.zst", Stands::Own),
             (".history/figures/r/mon/0a.json.zst", Stands::Own),
             (".history/figures/r/mon/0a.json", Stands::Foreign),
-            (".learnt/r/mon/0a.bin", Stands::Own),
-            (".learnt/r/mon/0a.parquet", Stands::Foreign),
             (".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0", Stands::Temporary),
             ("corrections/r/mon/0123456789abcdef0123456789abcdef.parquet", Stands::Own),
             ("corrections/r/mon/.0123.parquet.tmp-host-12-345-0", Stands::Temporary),

@@ -16,10 +16,6 @@ pub(super) const FOLDER: &str = ".index";
 const KEY: &str = ".index/runs.jsonl";
 /// The folder in it with a file for each task that was done alone.
 pub(super) const ALONE: &str = ".index/alone";
-/// The folder in it with a file for each robot whose sessions are learnt one on top of the other: their names as joined.
-pub(super) const JOINED: &str = ".index/joined";
-/// The folder in it with a file for each robot that has sessions which could not be learnt on top of others.
-pub(super) const REFUSED: &str = ".index/refused";
 /// Number of its files that are open at once.
 const OPEN_AT_ONCE: usize = 256;
 
@@ -76,30 +72,6 @@ impl Lake {
         self.put_whole(&key, text.as_bytes())
     }
 
-    /// What the index says of the sessions of a robot as joined; empty where there is nothing that can be read.
-    pub fn joined_index(&self, robot: &str) -> String {
-        self.text_of(joined(robot))
-    }
-
-    /// Replaces what the index says of the sessions of a robot as joined, completely or not at all.
-    pub fn put_joined_index(&self, robot: &str, text: &str) -> Result<(), LakeError> {
-        self.put_whole(&joined(robot)?, text.as_bytes())
-    }
-
-    /// The sessions of a robot that could not be learnt on top of others; empty where there is nothing that can be read.
-    pub fn refused_index(&self, robot: &str) -> String {
-        self.text_of(refused(robot))
-    }
-
-    /// Replaces what the index says of such sessions, completely or not at all.
-    pub fn put_refused_index(&self, robot: &str, text: &str) -> Result<(), LakeError> {
-        self.put_whole(&refused(robot)?, text.as_bytes())
-    }
-
-    fn text_of(&self, key: Result<String, LakeError>) -> String {
-        key.ok().and_then(|key| self.text_at(&key)).unwrap_or_default()
-    }
-
     fn text_at(&self, key: &str) -> Option<String> {
         let mut text = String::new();
         let mut file = self.store.open(key).ok()?;
@@ -127,19 +99,6 @@ impl Lake {
     pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
         Ok(self.store.exists(key)?)
     }
-}
-
-fn joined(robot: &str) -> Result<String, LakeError> {
-    of_robot(JOINED, robot)
-}
-
-fn refused(robot: &str) -> Result<String, LakeError> {
-    of_robot(REFUSED, robot)
-}
-
-fn of_robot(folder: &str, robot: &str) -> Result<String, LakeError> {
-    let robot = super::encoded("robot", robot)?;
-    Ok(format!("{folder}/{robot}.jsonl"))
 }
 
 /// The key of the file of a single task; `None` of a text that is no state, which has hexadecimal digits only.

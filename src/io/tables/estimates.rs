@@ -1,8 +1,6 @@
 //! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist; `estimate_residuals` has the
 //! errors of its stations.
 
-use std::collections::BTreeMap;
-
 use thiserror::Error;
 
 use super::PublishError;
@@ -61,17 +59,6 @@ pub struct StoredTrainings {
     pub sessions_left_out: Vec<ResidualSet>,
     /// The errors of its stations in no special order, where `estimate_residuals` has all of them.
     pub residuals: Option<Vec<ResidualSet>>,
-}
-
-impl StoredTrainings {
-    /// The fold that holds each station out, by its number, where sessions were learnt one on top of the other: it follows from all of them.
-    /// `None` of other estimates.
-    pub fn folds_of_stations(&self) -> Option<BTreeMap<usize, usize>> {
-        let sets = self.models.grew().then_some(self.residuals.as_ref())?;
-        let residuals = sets.into_iter().flatten().flat_map(|own| &own.residuals);
-        let folds = residuals.filter_map(|own| Some((own.station, own.fold?)));
-        Some(folds.collect())
-    }
 }
 
 /// The reason why an estimate cannot be read back.

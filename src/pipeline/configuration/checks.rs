@@ -136,16 +136,10 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
             matches!(file.input.pool, Pool::All | Pool::Until),
             "[input] pool_latest",
             latest,
-            "left out where each session is learnt from by itself, or on top of all before it; pool = \"until\" or \"all\" has pools",
+            "left out where each session is learnt from by itself; pool = \"until\" or \"all\" has pools",
         )?;
         wrong_unless(latest > 1, "[input] pool_latest", latest, "2 or more")?;
     }
-    wrong_unless(
-        file.fit.full.enabled || file.input.pool != Pool::Growing,
-        "[input] pool",
-        "\"growing\"",
-        "another word where [fit.full] enabled = false: what sessions say to the next is said of the full error model",
-    )?;
     if let Some(kg) = file.robot.valid_for.payload_kg {
         not_negative("[robot.valid_for] payload_kg", kg)?;
     }

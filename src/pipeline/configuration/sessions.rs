@@ -424,7 +424,7 @@ fn pieces(
             (Err(why), Pool::Each) => {
                 set_aside.push(SetAside::new(&session.name, why.clone(), listed));
             }
-            (Err(why), Pool::All | Pool::Until | Pool::Growing) => {
+            (Err(why), Pool::All | Pool::Until) => {
                 let why = why.map(|reason| format!("{reason}; the pool learns without it"));
                 set_aside.push(SetAside::new(&session.name, why, listed));
             }

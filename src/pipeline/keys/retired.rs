@@ -19,6 +19,11 @@ pub struct Retired {
 const RETIRED: &[Retired] = &[
     Retired { key: "report.rivals", value: None, instead: RIVALS },
     Retired { key: "grid.rivals", value: None, instead: RIVALS },
+    Retired {
+        key: "input.pool",
+        value: Some("growing"),
+        instead: "write pool = \"until\", and pool_latest = 12 so that a night costs the same in every year",
+    },
 ];
 /// Kriging, inverse distances and the neural network as error models.
 const RIVALS: &str =

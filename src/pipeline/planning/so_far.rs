@@ -185,7 +185,6 @@ impl Planning {
             fit: &stages.fit,
             full: &settings.full,
             up: settings.up,
-            carrying: None,
             purpose: Purpose::Judges,
         };
         let Some(known) = &settings.known else {

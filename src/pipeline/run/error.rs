@@ -80,29 +80,6 @@ pub enum RunError {
         /// Why.
         source: Box<NoEstimate>,
     },
-    /// A session that leaves nothing for the next to be learnt on top of.
-    #[error(
-        "session {session}: its full error model could not be trained, so the next session has nothing to be learnt on top of: leave it out, or \
-         say [input] pool = \"until\""
-    )]
-    NotLearnt {
-        /// The session.
-        session: String,
-    },
-    /// A session that could not be learnt on top of those before it, as was found before.
-    #[error("{reason}")]
-    Refused {
-        /// Why.
-        reason: String,
-    },
-    /// What a session leaves for the next cannot be written.
-    #[error("session {session}: what it leaves for the next session cannot be written: {source}")]
-    NotPacked {
-        /// The session.
-        session: String,
-        /// Why.
-        source: serde_json::Error,
-    },
     /// Grids that the lake should have.
     #[error(
         "session {session}: the lake has no grids of it by these settings: run it without --from report, or with --until table first"
@@ -242,15 +219,6 @@ impl RunError {
             Self::Fetch(_) => true,
             Self::OfSession { source, .. } => source.is_fault(),
             Self::Copied { is_fault, .. } => *is_fault,
-            _ => false,
-        }
-    }
-
-    /// Whether a session as joined that the lake should have is gone or damaged.
-    pub(super) fn is_of_lost_result(&self) -> bool {
-        match self {
-            Self::NotRestored { .. } => true,
-            Self::OfSession { source, .. } => source.is_of_lost_result(),
             _ => false,
         }
     }

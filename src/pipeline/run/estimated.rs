@@ -6,7 +6,6 @@
 
 use super::joined::{Joiner, Sessions};
 use super::{EstimateDone, RunError};
-use crate::fit::saved::SavedError;
 use crate::io::lake::ESTIMATES;
 use crate::io::tables::PublishError;
 use crate::io::tables::estimates::{self, NoEstimate};
@@ -28,13 +27,9 @@ impl Estimator<'_> {
             return Ok((estimate, key));
         }
         let Joiner { configuration, progress, .. } = self.joiner;
-        let estimate = if configuration.grows() {
-            self.on_top(sessions)?
-        } else {
-            let both = (sessions.training, sessions.test);
-            let (arm, settings) = (&configuration.arm, &configuration.stages);
-            stages::estimate(arm, both, (None, None), settings, *progress)?
-        };
+        let both = (sessions.training, sessions.test);
+        let (arm, settings) = (&configuration.arm, &configuration.stages);
+        let estimate = stages::estimate(arm, both, None, settings, *progress)?;
         self.publish(&own, &estimate)?;
         Ok((estimate, key))
     }
@@ -54,19 +49,14 @@ impl Estimator<'_> {
 
     /// The estimate as work of its own.
     fn work_of(&self, sessions: &Sessions) -> Work {
-        let training = sessions.earlier.len() + sessions.training.len();
-        self.work_with(&self.joiner.work.session, &sessions.made_of[..training])
-    }
-
-    /// An estimate of this session from these sessions as joined.
-    pub(super) fn work_with(&self, session: &str, training: &[RunKey]) -> Work {
         let Joiner { configuration, work, .. } = self.joiner;
         let robot = work.inputs.iter().find(|input| input.name == ROBOT);
         let digest = robot.map_or("", |robot| robot.digest.as_str());
+        let training = &sessions.made_of[..sessions.training.len()];
         let training = training.iter().map(|own| (&own.session, &own.run));
         estimates::work(
             &work.robot,
-            session,
+            &work.session,
             estimates::inputs(digest, training),
             configuration.estimate_settings.clone(),
         )
@@ -82,14 +72,6 @@ impl Estimator<'_> {
         }
         match self.restored(sessions, key) {
             Ok(estimate) => Ok(Some(estimate)),
-            // Orientations that folds left are in no table, and the folds' own models are kept for predictions alone.
-            Err(RunError::Stage(StageError::Stored(SavedError::NoFold))) => {
-                tracing::info!(
-                    "session {}: it was learnt on top of others and has errors of orientation, which are not kept: it is trained again",
-                    key.session
-                );
-                Ok(None)
-            }
             Err(RunError::EstimateUnread { .. } | RunError::Stage(StageError::Stored(_)))
                 if !is_all_there_is =>
             {
@@ -115,9 +97,8 @@ impl Estimator<'_> {
         let targets = &settings.fit.target_names;
         let stored = estimates::restored(lake, key, targets).map_err(unread)?;
         let both = (sessions.training.clone(), sessions.test.clone());
-        let from = (Some(stored), None);
         let arm = &configuration.arm;
-        Ok(stages::estimate(arm, both, from, settings, *progress)?)
+        Ok(stages::estimate(arm, both, Some(stored), settings, *progress)?)
     }
 
     /// Publishes what was trained, and the errors that it leaves, unless the lake has it.

@@ -5,7 +5,6 @@
 //! and the version. Runs that differ in what comes after the join start from the same result, whatever pipeline file they are of. Commands
 //! and the check of the set-up follow from its stations, and are found anew.
 
-use super::earlier::Earlier;
 use super::estimated::Estimator;
 use super::inputs::is_of_session;
 use super::session::{of_joined, session};
@@ -20,13 +19,11 @@ use crate::progress::Progress;
 
 /// The sessions of a piece of work as joined.
 pub(super) struct Sessions {
-    /// Those that the session which trains is learnt on top of, where sessions are learnt so.
-    pub(super) earlier: Vec<SessionFiles>,
     /// Those that train.
     pub(super) training: Vec<JoinedSession>,
     /// Those that only judge.
     pub(super) test: Vec<JoinedSession>,
-    /// The name of each in the lake, in that order: earlier ones, those that train, those that judge.
+    /// The name of each in the lake, in that order.
     pub(super) made_of: Vec<RunKey>,
 }
 
@@ -36,8 +33,6 @@ pub(super) struct Joiner<'a> {
     /// The work of the piece, with the inputs of all its sessions.
     pub(super) work: &'a Work,
     pub(super) lake: &'a Lake,
-    /// The states of the sessions' files, and the index of joined sessions.
-    pub(super) known: &'a Earlier,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -53,21 +48,18 @@ impl<'a> Joiner<'a> {
         piece: &WorkPiece,
         mut run: Option<&mut OpenRun<'_>>,
     ) -> Result<Sessions, RunError> {
-        let own = if self.configuration.grows() { 1 } else { piece.training.len() };
-        let (earlier, own) = piece.training.split_at(piece.training.len().saturating_sub(own));
-        // Their results are named, and read where nothing is kept of what they said.
-        let mut made_of: Vec<RunKey> = earlier.iter().map(|own| self.work_of(own).key()).collect();
+        let mut made_of = Vec::new();
         let mut joined = |files: &SessionFiles| {
             let one = self.one(files, run.as_deref_mut());
             let (session, key) = one.map_err(|error| error.of(files))?;
             made_of.push(key);
             Ok(session)
         };
-        let training = own.iter().map(&mut joined);
+        let training = piece.training.iter().map(&mut joined);
         let training = training.collect::<Result<Vec<_>, RunError>>()?;
         let test = piece.test.iter().map(&mut joined);
         let test = test.collect::<Result<Vec<_>, RunError>>()?;
-        Ok(Sessions { earlier: earlier.to_vec(), training, test, made_of })
+        Ok(Sessions { training, test, made_of })
     }
 
     /// One session for later runs, in words.
@@ -98,13 +90,6 @@ impl<'a> Joiner<'a> {
             self.publish(&own, &session)?;
             session
         };
-        let inputs = own.inputs.into_iter().filter(|own| own.name != ROBOT);
-        if let Err(error) = self.known.add(self.lake, &key, inputs) {
-            tracing::warn!(
-                "session {}: the index of joined sessions is not kept: {error}",
-                key.session
-            );
-        }
         Ok((session, key))
     }
 

@@ -344,13 +344,6 @@ fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
     Some(texts)
 }
 
-/// Texts that the state of a session follows from, its files as they are now; `None` where a file has no state, as it changed in the last
-/// moments, or there are none.
-pub(super) fn session_state(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
-    let are_settled = files_of(session).all(|path| is_settled(tree, path));
-    are_settled.then(|| of_session(tree, session))?
-}
-
 /// The files that a session's state follows from.
 fn files_of(session: &SessionFiles) -> impl Iterator<Item = &PathBuf> {
     let recorded = match &session.recorded {

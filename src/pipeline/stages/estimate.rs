@@ -4,11 +4,8 @@
 //! judge come behind it, so another of them trains nothing: [`Estimate::stored`] is what the lake keeps of it.
 
 use super::cameras;
-use super::carried::{Learning, Learnt};
 use super::flanges::Flanges;
-use super::judged::{
-    self, Judged, judged_by_earlier, judges_earlier, leaves_sessions_out, sessions_left_out,
-};
+use super::judged::{self, Judged, leaves_sessions_out, sessions_left_out};
 use super::observed::Observed;
 use super::{
     StageError, StageSettings, copies, lengths, mountings, repairs, slips, stated_sizes,
@@ -47,8 +44,6 @@ pub struct Estimate {
     pub(super) sources: Vec<Source>,
     /// Their lengths by each model.
     pub(super) length_residuals: Vec<LengthResidual>,
-    /// The sums that the next session is trained on top of; `None` unless the pool grows, and where the models were read back.
-    pub(super) learnt: Option<Learnt>,
 }
 
 /// Models, and residuals of models that nothing else asks for.
@@ -66,33 +61,24 @@ pub(super) struct Trained {
 pub fn estimate(
     arm: &Arm,
     (mut training, mut test): (Vec<JoinedSession>, Vec<JoinedSession>),
-    (stored, learning): (Option<StoredTrainings>, Option<&Learning>),
+    stored: Option<StoredTrainings>,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
     copies::check(&training, &test)?;
     let Prepared { settings, camera_size, stated_sizes } =
         &prepared(arm, (&mut training, &mut test), settings)?;
-    let folds = stored.as_ref().and_then(StoredTrainings::folds_of_stations);
-    let mut observed = match folds {
-        Some(folds) => Observed::with_folds(arm, &training, settings, &folds)?,
-        None => Observed::new(arm, &training, settings, learning),
-    };
+    let mut observed = Observed::new(arm, &training, settings);
     let sessions = training.len();
     let Known { models, folds, sessions_left_out: left_out, residuals: known } =
         if let Some(stored) = stored {
             restored(arm, stored, &observed, settings)?
         } else {
-            let check = |models: &Models| match learning {
-                Some(own) if own.sessions() == 0 => Ok(()),
-                _ => check_pool(arm, &observed, models, &training, settings),
-            };
-            let train = (&training_settings(settings), learning);
+            let check = |models: &Models| check_pool(arm, &observed, models, &training, settings);
+            let train = &training_settings(settings);
             let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
             Known { models, folds, sessions_left_out: None, residuals: None }
         };
-    let seen = observed.seen.clone();
-    let learnt = seen.and_then(|seen| Learnt::of(&models, &folds, seen));
     let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
     let length_residuals =
         lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
@@ -104,14 +90,7 @@ pub fn estimate(
             let (train, sessions) = (training_settings(&settings), &flanges.training);
             sessions_left_out(arm, (&observed, sessions), (&train, settings.locate), progress)?
         }
-        None => match learning.filter(|_| judges_earlier(&models, &settings)) {
-            Some(learning) => {
-                let (train, sessions) = (training_settings(&settings), &flanges.training);
-                let own = (&observed, &sessions[..]);
-                judged_by_earlier(arm, own, learning, &train, settings.locate)?
-            }
-            None => Vec::new(),
-        },
+        None => Vec::new(),
     };
     let trained = Trained { models, folds, sessions_left_out };
     let found = known.unwrap_or_else(|| residuals(&observed, &trained, &flanges.training));
@@ -125,7 +104,6 @@ pub fn estimate(
         stated_sizes: stated_sizes.clone(),
         sources,
         length_residuals,
-        learnt,
     })
 }
 
@@ -160,11 +138,6 @@ impl Estimate {
         self.observed.all.len()
     }
 
-    /// The sums that the next session is trained on top of ([`Learning`]); `None` unless the pool grows, and where the models were read back.
-    pub const fn learnt(&self) -> Option<&Learnt> {
-        self.learnt.as_ref()
-    }
-
     /// Root mean square of measured minus predicted position by the identified geometry, per axis, mm.
     pub const fn misfit_mm(&self) -> f64 {
         self.trained.models.geometric.misfit_mm
@@ -178,10 +151,7 @@ impl Estimate {
     /// What was trained, for a later run to start from.
     pub fn stored(&self) -> StoredTrainings {
         let trained = &self.trained;
-        let of_fold = |models: &Option<Models>| {
-            let stored = models.as_ref().map(StoredModels::of);
-            stored.map(StoredModels::for_predictions)
-        };
+        let of_fold = |models: &Option<Models>| models.as_ref().map(StoredModels::of);
         StoredTrainings {
             models: StoredModels::of(&trained.models),
             folds: trained.folds.iter().map(of_fold).collect(),
@@ -269,7 +239,6 @@ pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSetti
         fit: &settings.fit,
         full: &settings.full,
         up: settings.up,
-        carrying: None,
         purpose: Purpose::Published,
     }
 }

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::carried::Learning;
 use super::estimate::training_settings;
 use super::observed::Observed;
 use super::turns::commanded_turns;
@@ -65,24 +64,21 @@ pub(super) fn train(
     arm: &Arm,
     observed: &Observed,
     sessions: usize,
-    (settings, learning): (&TrainingSettings<'_>, Option<&Learning>),
+    settings: &TrainingSettings<'_>,
     check: impl Fn(&Models) -> Result<(), NotOneArm> + Sync,
     progress: &dyn Progress,
 ) -> Result<(Models, Vec<Option<Models>>), StageError> {
     progress.begin("folds", holdout::FOLDS as u64);
     let whole = || {
-        let own = learning.map_or(*settings, |own| own.whole(*settings));
-        let models = fit::models::train(arm, &observed.all, sessions, &own)?;
+        let models = fit::models::train(arm, &observed.all, sessions, settings)?;
         check(&models)?;
         Ok(models)
     };
     let judges = TrainingSettings { purpose: Purpose::Judges, ..*settings };
     let of_fold = |fold: usize| {
-        // What a fold carries over is that of all sessions, of this one too where it holds none of its stations out.
-        let is_needed = learning.is_some() || observed.folds.contains(&fold);
-        let own = learning.map_or(judges, |own| own.fold(fold, judges));
-        let models =
-            is_needed.then(|| fit::models::train(arm, &observed.without(fold), sessions, &own));
+        let is_needed = observed.folds.contains(&fold);
+        let train = || fit::models::train(arm, &observed.without(fold), sessions, &judges);
+        let models = is_needed.then(train);
         progress.advance(1);
         Ok(models.transpose()?)
     };
@@ -102,13 +98,9 @@ pub(super) fn train(
 /// Whether each session of a pool is judged by a training on the others. A session left out has a mounting of its own, of which one target
 /// alone can be found.
 pub(super) fn leaves_sessions_out(models: &Models, settings: &StageSettings) -> bool {
-    models.base_target.frames.len() > 1 && judges_earlier(models, settings)
-}
-
-/// Whether a session that is learnt on top of others first judges what these said, likewise.
-pub(super) fn judges_earlier(models: &Models, settings: &StageSettings) -> bool {
-    let mut frames = models.base_target.frames.iter();
-    settings.leave_sessions_out && !frames.any(Frames::has_several_targets)
+    let frames = &models.base_target.frames;
+    let has_several_targets = frames.iter().any(Frames::has_several_targets);
+    frames.len() > 1 && settings.leave_sessions_out && !has_several_targets
 }
 
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
@@ -136,23 +128,6 @@ pub(super) fn sessions_left_out(
     let judged: Result<Vec<_>, FitError> = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
     Ok(judged?.into_iter().flatten().collect())
-}
-
-/// A session judged by the models of those that it is learnt on top of, base and target refitted; nothing of the first, and after a repair.
-pub(super) fn judged_by_earlier(
-    arm: &Arm,
-    (observed, training): (&Observed, &[JoinedSession]),
-    learning: &Learning,
-    settings: &TrainingSettings<'_>,
-    locate: Locate,
-) -> Result<Vec<ResidualSet>, StageError> {
-    let own = observed.own(0);
-    let day = own.first().and_then(|observation| observation.day);
-    let Some(models) = learning.models_before(arm, day, settings) else {
-        return Ok(Vec::new());
-    };
-    let judged = judged_apart(arm, &models?, (&training[0], &own), settings, locate);
-    Ok(judged.map_err(FitError::from)?)
 }
 
 /// A session judged by models that never saw it, with a mounting of its own: base and target are found from some of its stations.

@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use nalgebra::Point3;
 
 use super::StageSettings;
-use super::carried::{Learning, Seen};
-use crate::fit::saved::SavedError;
 use crate::fit::visits::{self, Dwell};
 use crate::fit::{self, Observation, commanded};
 use crate::io::tables::outcome::JoinedSession;
@@ -18,42 +16,17 @@ use crate::units::WallTime;
 pub(super) struct Observed {
     pub(super) all: Vec<Observation>,
     pub(super) folds: Vec<usize>,
-    /// Blocks and poses with those of sessions before, where sessions are learnt one on top of the other.
-    pub(super) seen: Option<Seen>,
 }
 
 impl Observed {
-    pub(super) fn new(
-        arm: &Arm,
-        training: &[JoinedSession],
-        settings: &StageSettings,
-        learning: Option<&Learning>,
-    ) -> Self {
+    pub(super) fn new(arm: &Arm, training: &[JoinedSession], settings: &StageSettings) -> Self {
         let all = observations_of(arm, training, settings);
         let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
-        if let Some(learning) = learning {
-            let (before, blocks) = (learning.before.as_ref(), &settings.fit.blocks);
-            let (folds, seen) = Seen::folds(before, &dwells(training), &positions, blocks);
-            let seen = Some(seen);
-            return Self { all, folds, seen };
-        }
         // A pose is at the place of its first visit, in whichever session, so that no block separates its visits.
         let places = visits::poses(&dwells(training));
         let positions: Vec<Point3<f64>> = places.iter().map(|&first| positions[first]).collect();
         let folds = settings.fit.blocks.folds(&positions);
-        Self { all, folds, seen: None }
-    }
-
-    /// [`Self::new`] of one session, with the fold of each station by its number; an error where a station has none.
-    pub(super) fn with_folds(
-        arm: &Arm,
-        training: &[JoinedSession],
-        settings: &StageSettings,
-        folds: &BTreeMap<usize, usize>,
-    ) -> Result<Self, SavedError> {
-        let all = observations_of(arm, training, settings);
-        let folds = all.iter().map(|own| folds.get(&own.station).copied());
-        Ok(Self { folds: folds.collect::<Option<_>>().ok_or(SavedError::NoFold)?, all, seen: None })
+        Self { all, folds }
     }
 
     pub(super) fn of_session(&self, session: usize) -> impl Iterator<Item = (&Observation, usize)> {

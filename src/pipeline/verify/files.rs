@@ -143,7 +143,7 @@ fn topmost(key: &str) -> String {
     let is_own = |folder: &str| Lake::folders().any(|own| own == folder);
     let parts = match parts[..] {
         [".index", "alone" | "joined" | "refused", _, ..] => &parts[..3],
-        [".history" | ".index" | ".learnt", _, ..] => &parts[..2],
+        [".history" | ".index", _, ..] => &parts[..2],
         [first, _, ..] if !is_own(first) => &parts[..1],
         [_, _, _, _, _, ..] => &parts[..4],
         _ => &parts[..],

@@ -3,9 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
-
-use crate::io::lake::Lake;
 use crate::pipeline::configuration::{
     Configuration, ConfigurationError, FoundSessions, Overrides, Session, Tree, files, look,
 };
@@ -16,29 +13,12 @@ pub struct Sought {
     pipelines: Vec<PathBuf>,
     /// By the path of the file, and the robot.
     found: BTreeMap<(PathBuf, Option<String>), (Tree, FoundSessions)>,
-    /// The lake in which the last run was recomputed, with its robot: what sessions of a growing pool said to the next is in it.
-    before: Option<(String, TempDir)>,
 }
 
 impl Sought {
     /// The pipeline files at these paths.
     pub fn new(pipelines: &[PathBuf]) -> Self {
-        Self { pipelines: pipelines.to_vec(), found: BTreeMap::new(), before: None }
-    }
-
-    /// Gives a temporary lake what sessions of the robot said when the run before was recomputed, so that a growing pool is learnt once.
-    pub(super) fn hand_over(&mut self, robot: &str, to: &Path) {
-        let before = self.before.take().filter(|(own, _)| own == robot);
-        if let Some((_, before)) = before
-            && let Err(error) = Lake::move_learnt(before.path(), to)
-        {
-            tracing::debug!("what sessions said is found again: {error}");
-        }
-    }
-
-    /// Keeps a temporary lake for the next run.
-    pub(super) fn keep(&mut self, robot: String, lake: TempDir) {
-        self.before = Some((robot, lake));
+        Self { pipelines: pipelines.to_vec(), found: BTreeMap::new() }
     }
 
     /// The first configuration, with the sessions that its file finds, that has what is `wanted`.

@@ -102,7 +102,6 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
         fit: &FitSettings::default(),
         full,
         up: Some(Vector3::z_axis()),
-        carrying: None,
         purpose: Purpose::Published,
     };
     train(&own.arm, &observations, 1, &settings).expect("a fit")

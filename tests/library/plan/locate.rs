@@ -69,7 +69,6 @@ impl<'a> Remounted<'a> {
             fit: &settings.fit,
             full: &settings.full,
             up: settings.up,
-            carrying: None,
             purpose: Purpose::Published,
         };
         let locate = Locate { by, stations: Some(12), target: LocateTarget::Own };

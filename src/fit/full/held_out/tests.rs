@@ -131,7 +131,7 @@ fn with_settled(harmonics: usize, check: impl Fn(&Problem<'_>, &Settled)) {
     let mut start = DVector::zeros(problem.unknowns().len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
     let settings = FullSettings { harmonics, ..settings() };
-    let settled = train(&problem, start, (&settings, None), None).expect("a model");
+    let settled = train(&problem, start, &settings, None).expect("a model");
     check(&problem, &settled);
 }
 
@@ -220,7 +220,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
     let mut start = DVector::zeros(problem.unknowns().len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
     let settings = FullSettings { harmonics: 2, gear_lines: true, drift: true, ..settings() };
-    let settled = train(&problem, start, (&settings, None), None).expect("a model");
+    let settled = train(&problem, start, &settings, None).expect("a model");
     check(&problem, &settled);
 }
 

@@ -308,7 +308,6 @@ pub(super) fn trained() -> (Models, Vec<Observation>) {
         fit: &FIT,
         full: &FULL,
         up: Some(Vector3::z_axis()),
-        carrying: None,
         purpose: Purpose::Published,
     };
     let models = fit::models::train(&ARM, &observations, 1, &settings);
