@@ -74,11 +74,17 @@ Exit codes: 0 done and within tolerance; 1 some session has no result, or
 Example:
   posegrid run pipelines/quickstart.toml";
 
-/// Commands that were retired, with what to do instead.
-const RETIRED: [(&str, &str); 1] = [(
-    "benchmark",
-    "it was retired: python pipelines/benchmarks/benchmark.py SUITE runs and judges posegrid and other programs on open data",
-)];
+/// Commands, flags and values of flags that were retired, with what to do instead.
+const RETIRED: &[(&str, &str)] = &[
+    (
+        "benchmark",
+        "it was retired: python pipelines/benchmarks/benchmark.py SUITE runs and judges posegrid and other programs on open data",
+    ),
+    ("--list", LISTS),
+    ("--expect", LISTS),
+];
+/// Lists of rows.
+const LISTS: &str = "lists of verify were retired: keep the result of `SELECT run, row_digest, robot, session FROM runs` elsewhere, and compare";
 
 #[derive(Debug, Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "one value per process")]
@@ -144,10 +150,12 @@ fn answered(answer: &clap::Error) -> u8 {
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
-/// The answer to a command that was retired says what to do instead.
+/// The answer to what was retired says what to do instead.
 fn with_remedy(mut answer: clap::Error) -> clap::Error {
-    let command = answer.get(ContextKind::InvalidSubcommand).map(ToString::to_string);
-    let retired = RETIRED.iter().find(|(own, _)| command.as_deref() == Some(*own));
+    let kinds =
+        [ContextKind::InvalidSubcommand, ContextKind::InvalidArg, ContextKind::InvalidValue];
+    let words = kinds.map(|kind| answer.get(kind).map(ToString::to_string));
+    let retired = RETIRED.iter().find(|(own, _)| words.iter().flatten().any(|word| word == own));
     if let Some((_, instead)) = retired {
         let tip = ContextValue::StyledStrs(vec![(*instead).into()]);
         answer.insert(ContextKind::Suggested, tip);
@@ -176,10 +184,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_retired_command_is_answered_with_what_to_do_instead() {
-        let answer = Arguments::try_parse_from(["posegrid", "benchmark", "suite.toml"]);
-        let answer = with_remedy(answer.expect_err("retired")).to_string();
-        assert!(answer.contains("pipelines/benchmarks/benchmark.py"), "{answer}");
+    fn what_was_retired_is_answered_with_what_to_do_instead() {
+        for (arguments, instead) in [
+            (vec!["benchmark", "suite.toml"], "pipelines/benchmarks/benchmark.py"),
+            (vec!["verify", "lake", "--list"], "SELECT run, row_digest, robot, session FROM runs"),
+            (vec!["verify", "lake", "--expect", "rows.txt"], "SELECT run, row_digest"),
+        ] {
+            let answer = Arguments::try_parse_from(["posegrid"].iter().chain(&arguments));
+            let answer = with_remedy(answer.expect_err("retired")).to_string();
+            assert!(answer.contains(instead), "{answer}");
+        }
     }
 
     #[test]

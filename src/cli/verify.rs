@@ -21,8 +21,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Register, RowList, Selected, Selection, Sought, StageVerified, Verdict, Verified,
-    VerifyError, account, clean, estimates, grids, joined, row_contradictions, select, verify,
+    PastRun, Register, Selected, Selection, Sought, StageVerified, Verdict, Verified, VerifyError,
+    account, clean, estimates, grids, joined, select, verify,
 };
 use crate::progress::Progress;
 
@@ -33,8 +33,6 @@ Examples:
   posegrid verify lake --pipeline pipelines/quickstart.toml
   posegrid verify lake --pipeline cell3.toml --pipeline cell4.toml --sample 10 --seed 2026
   posegrid verify lake --pipeline cell3.toml 2026-11-09
-  posegrid verify lake --list >rows.txt        # keep it elsewhere, signed as you like
-  posegrid verify lake --pipeline cell3.toml --expect rows.txt
 
 For each run: its row in runs against its own digest, its file and the rows that replaced it; the digest of every file it
 wrote; the sessions as joined and the estimate that it started from, and the runs that it depends on, such as the one whose
@@ -46,8 +44,7 @@ lake is only read. A run that another replaced, and of which only its row in `ru
 Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history, .index, compact), temporary, of a run
 without a row, or foreign. With RUN or SESSION, those in the folders of these sessions.
 
---list prints a line for each run, in the order of their names: RUN ROW_DIGEST ROBOT/SESSION, the last two as the lake's
-folders are named. With --expect, such a list shows that a row was changed or removed, even where no later row does.
+A change of the newest rows, which no later row has the digest of, shows against row_digest of table runs, kept elsewhere.
 
 A sample is the N runs whose BLAKE3 of SEED/RUN comes first. There is no choice by date: a run carries none, as the same
 work gives the same bytes on any day; name the sessions of a month instead.
@@ -69,12 +66,6 @@ pub struct VerifyArgs {
     /// Seed of the sample
     #[arg(long, value_name = "SEED", default_value = "0", requires = "sample")]
     pub seed: u64,
-    /// Print the digest of each row of runs, and check nothing else
-    #[arg(long, conflicts_with_all = ["pipeline", "sample", "expect"])]
-    pub list: bool,
-    /// A list that --list printed: each of its rows has to be there unchanged
-    #[arg(long, value_name = "FILE")]
-    pub expect: Option<PathBuf>,
 }
 
 /// Verifies runs; gives the exit code.
@@ -93,7 +84,7 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
 
 /// The reason why a verification ended early; no run is recomputed whose verdict could not be printed.
 enum Ended {
-    /// The lake, a list or a pipeline file cannot be used.
+    /// The lake or a pipeline file cannot be used.
     Unusable(VerifyError),
     /// stdout took no more.
     Undelivered(Undelivered),
@@ -112,32 +103,21 @@ impl From<Undelivered> for Ended {
 }
 
 fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
-    let expected =
-        args.expect.as_deref().map(RowList::read).transpose().map_err(VerifyError::from)?;
     let selection = Selection {
         pipelines: args.pipeline.clone(),
         names: args.names.clone(),
         sample: args.sample.map(NonZeroUsize::get),
         seed: args.seed,
-        expects_rows: expected.as_ref().is_some_and(|list| !list.is_empty()),
     };
     let lake = Lake::at(&Place::of(&args.lake)).map_err(VerifyError::from)?;
     let selected = select(&lake, &selection)?;
-    if args.list {
-        return list(&selected, &lake, &args.names, bars);
-    }
     clean();
     let mut sought = Sought::new(&args.pipeline);
     let (verdicts, shown) = all(&selected, &mut sought, &lake, bars)?;
     let stages = all_stages(&lake, &mut sought, &shown, args, bars)?;
     let account = account(&lake, &selected, &args.names)?;
-    let mut lines = files::lines(&account, args.names.is_empty());
-    let mut belongs = !account.is_mismatch() && !stages.iter().any(StageVerified::is_mismatch);
-    if let Some(expected) = expected {
-        let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
-        lines.extend(files::against_list(&unexpected, newer));
-        belongs = belongs && unexpected.is_empty();
-    }
+    let lines = files::lines(&account, args.names.is_empty());
+    let belongs = !account.is_mismatch() && !stages.iter().any(StageVerified::is_mismatch);
     messages::result(format!("\n{}", lines.join("\n")), bars)?;
     messages::result(words::summary(&verdicts, &selected), bars)?;
     Ok(exit_code(&verdicts, belongs))
@@ -169,25 +149,6 @@ fn all_stages(
         messages::result(text, bars)?;
     }
     Ok([joined, estimates, grids].concat())
-}
-
-/// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.
-fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Result<u8, Ended> {
-    let rows = selected.rows(lake, names)?;
-    let problems = |run: &PastRun| match &run.claim {
-        Ok(claim) => row_contradictions(run, claim, &selected.register, lake),
-        Err(wrong) => vec![wrong.reason.clone()],
-    };
-    let mut code = DONE;
-    for run in &selected.runs {
-        for problem in problems(run) {
-            let place = run.place.display();
-            tracing::error!("{}", Printable(&format!("{place}: {problem}")));
-            code = NOT_MET;
-        }
-    }
-    messages::result(rows, bars)?;
-    Ok(code)
 }
 
 /// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates and
@@ -254,8 +215,7 @@ fn paragraph(verified: &Verified, verdict: &Verdict) -> String {
     text
 }
 
-/// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there and nothing expected is
-/// missing.
+/// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there.
 fn exit_code(verdicts: &[Verdict], belongs: bool) -> u8 {
     if verdicts.iter().any(Verdict::is_open) {
         NO_RESULT

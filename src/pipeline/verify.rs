@@ -14,8 +14,8 @@
 //! grids ([`grids()`]). The row of a run is held against those that it names: the chain of stages (`chain`).
 //!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
-//! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only from a
-//! list kept elsewhere ([`RowList`]). Every file under the lake is also counted ([`FilesOfLake`]).
+//! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only to who kept it
+//! elsewhere. Every file under the lake is also counted ([`FilesOfLake`]).
 
 mod altered;
 mod asked;
@@ -26,7 +26,6 @@ mod estimated;
 mod files;
 mod gridded;
 mod joined;
-mod list;
 mod recompute;
 mod register;
 mod row;
@@ -53,9 +52,9 @@ pub use estimated::estimates;
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
 pub use gridded::grids;
 pub use joined::joined;
-pub use list::{ListError, ListedRow, RowList, Unexpected};
 pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
+pub use row::contradictions as row_contradictions;
 pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
 pub(super) use settings::changed as changed_settings;
@@ -109,9 +108,6 @@ pub enum VerifyError {
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// The list of expected rows cannot be used.
-    #[error(transparent)]
-    List(#[from] ListError),
 }
 
 /// The findings about a run.
@@ -164,16 +160,6 @@ impl Verified {
     }
 }
 
-/// Contradictions of a row of `runs` with itself, its place, its file or a later row, as text.
-pub fn row_contradictions(
-    run: &PastRun,
-    claim: &Claim,
-    register: &Register,
-    lake: &Lake,
-) -> Vec<String> {
-    row::contradictions(run, claim, register, lake)
-}
-
 /// Verifies one run, whose row is `claim`; `register` has every run of the lake, and `sought` the sessions that pipeline files find.
 pub fn verify(
     run: &PastRun,
@@ -184,7 +170,7 @@ pub fn verify(
 ) -> Verified {
     let mut verified = Verified {
         claim: claim.clone(),
-        contradictions: row::contradictions(run, claim, register, lake),
+        contradictions: row_contradictions(run, claim, register, lake),
         outputs: altered::outputs(claim, lake),
         superseded_by: match lake.current(&claim.key) {
             Ok(Some(current)) => Some(current.run).filter(|run| *run != claim.key.run),

@@ -8,9 +8,10 @@ use std::sync::Arc;
 use arrow::array::{ArrayRef, AsArray, Float64Array};
 use arrow::datatypes::Float64Type;
 use posegrid::io::lake::Lake;
+use posegrid::io::tables::runs::row_digest;
 use posegrid::pipeline::verify::{Selection, row_contradictions, select};
 
-use super::cell::{Cell, Ended, ended, posegrid};
+use super::cell::{Cell, ended, posegrid};
 use super::forged::{
     claim_digest, digest_of, of_first_version, rewrite, same_text, seal, seal_row, texts, unsealed,
 };
@@ -28,21 +29,6 @@ fn plant(cell: &Cell, from: &Path, to: &str) -> PathBuf {
     fs::create_dir_all(path.parent().expect("in a lake")).expect("writable");
     fs::copy(from, &path).expect("copied");
     path
-}
-
-fn list(cell: &Cell, names: &[&str]) -> Ended {
-    let mut command = posegrid();
-    command.arg("verify").arg(cell.path("lake")).arg("--list");
-    ended(command.args(names))
-}
-
-/// The list of the cell's rows as they are now, kept outside its lake.
-fn kept_list(cell: &Cell) -> String {
-    let listed = list(cell, &[]);
-    listed.expect(0, &[]);
-    let path = cell.path("rows.txt");
-    fs::write(&path, listed.results).expect("writable");
-    path.to_str().expect("UTF-8").to_owned()
 }
 
 #[test]
@@ -142,7 +128,6 @@ fn every_column_of_a_row_is_sealed() {
     }
     rewrite(&row, |own, array| (own == "cpu_features").then(|| texts(array, str::to_uppercase)));
     verify(&cell, &["mon"]).expect(3, &told);
-    list(&cell, &[]).expect(3, &["its content has the digest "]);
     // The same content, written anew by another program.
     fs::write(&row, &sound).expect("writable");
     rewrite(&row, |_, _| None);
@@ -208,55 +193,12 @@ fn a_row_that_was_replaced_is_reported_when_it_is_changed_with_all_its_digests()
 }
 
 #[test]
-fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
-    let cell = copied();
-    let kept = kept_list(&cell);
-    let text = fs::read_to_string(&kept).expect("there");
-    let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines.len(), 2);
-    assert!(lines.is_sorted(), "{text}");
-    for session in ["mon", "tue"] {
-        let row = cell.table("runs", session);
-        let [run, digest] = ["run", "row_digest"].map(|column| row.text(column).value(0));
-        assert!(lines.contains(&&*format!("{run} {digest} {ROBOT}/{session}")), "{text}");
-    }
-    assert_eq!(list(&cell, &["mon"]).results.lines().count(), 1);
-    let expect = |names: &[&str]| verify(&cell, &[&["--expect", &kept], names].concat());
-    expect(&[]).expect(0, &["every row of the list is there unchanged"]);
-    // A row that the list does not have yet is new.
-    let shorter = cell.path("shorter.txt");
-    fs::write(&shorter, format!("# of monday\n{}\n", lines[0])).expect("writable");
-    let shorter = shorter.to_str().expect("UTF-8");
-    verify(&cell, &["--expect", shorter]).expect(0, &["1 row is not in the list"]);
-    // Changed with every digest that it has.
-    let row = cell.table_file("runs", "tue");
-    let run = run_of(&cell, "tue");
-    let sound = fs::read(&row).expect("there");
-    rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
-    seal_row(&row);
-    verify(&cell, &["tue"]).expect(0, &["computed on aarch64-linux"]);
-    let changed = format!("expected: the row of run {run} of {ROBOT}/tue has the digest ");
-    expect(&[]).expect(3, &[&changed]);
-    expect(&["mon"]).expect(0, &[]);
-    // Removed with every file of it.
-    fs::write(&row, sound).expect("writable");
-    let own = cell.lake().into_keys().filter(|file| file.contains(&run));
-    own.for_each(|file| fs::remove_file(cell.path("lake").join(file)).expect("there"));
-    let removed = format!("expected: the row of run {run} of {ROBOT}/tue is not there");
-    verify(&cell, &[]).expect(0, &["1 run: 1 the same"]);
-    expect(&[]).expect(3, &[&removed]);
-    // What is no list is told by line.
-    fs::write(&kept, "run digest\n").expect("writable");
-    expect(&[]).expect(2, &["rows.txt, line 1", "RUN ROW_DIGEST ROBOT/SESSION"]);
-}
-
-#[test]
 fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     let cell = copied();
     for session in ["mon", "tue"] {
         of_first_version(&cell.table_file("runs", session));
     }
-    let digest = list(&cell, &["mon"]).results;
+    let digest = row_digest(&cell.table("runs", "mon"));
     verify(&cell, &[]).expect(
         0,
         &["written before rows carried a digest (version 1 of the table)", "2 runs: 2 the same"],
@@ -274,7 +216,7 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
         digest.map(str::to_owned)
     });
     let found = digests.next().expect("of the later one");
-    assert!(digest.contains(&found), "{digest} has {found}");
+    assert_eq!(found, digest);
     rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
     let lake = cell.path("lake");
     ended(posegrid().arg("verify").arg(&lake).arg("mon"))

@@ -1,9 +1,9 @@
-//! The files under a lake, and the rows that differ from a list, as lines of text.
+//! The files under a lake as lines of text.
 
 use std::collections::BTreeMap;
 
 use crate::cli::messages::Printable;
-use crate::pipeline::verify::{FilesOfLake, Unexpected, WithoutRow};
+use crate::pipeline::verify::{FilesOfLake, WithoutRow};
 
 /// A line for each file that does not belong or is left over, and for each request that is missing or contradicts others; then the number of files of each owner.
 pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
@@ -71,27 +71,4 @@ fn counts(account: &FilesOfLake, is_whole: bool) -> String {
         "in the folders of these sessions, others not looked at"
     };
     format!("{} files {place}: {}", account.files(), counted.join(", "))
-}
-
-/// The rows that differ from the list, and the number of rows that the list lacks.
-pub(super) fn against_list(unexpected: &[Unexpected], newer: usize) -> Vec<String> {
-    let line = |own: &Unexpected| match own {
-        Unexpected::Removed(row) => format!(
-            "expected: the row of run {} of {} is not there: it was removed",
-            row.run, row.session
-        ),
-        Unexpected::Changed { expected, found } => format!(
-            "expected: the row of run {} of {} has the digest {found}, and the list states {}: it was changed",
-            expected.run, expected.session, expected.digest
-        ),
-    };
-    let mut lines: Vec<String> = unexpected.iter().map(line).collect();
-    if unexpected.is_empty() {
-        lines.push("expected: every row of the list is there unchanged".to_owned());
-    }
-    if newer > 0 {
-        let rows = if newer == 1 { "row is" } else { "rows are" };
-        lines.push(format!("{newer} {rows} not in the list: written since, or never listed"));
-    }
-    lines.iter().map(|line| Printable(line).to_string()).collect()
 }

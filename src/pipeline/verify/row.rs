@@ -13,7 +13,7 @@ use crate::io::table::{self, Seal};
 use crate::manifest::{RunKey, VERSION, Work};
 
 /// Contradictions of a row with itself, its place, its file or a later row, as text.
-pub(super) fn contradictions(
+pub fn contradictions(
     run: &PastRun,
     claim: &Claim,
     register: &Register,

@@ -22,8 +22,6 @@ pub struct Selection {
     pub sample: Option<usize>,
     /// Seed of the sample.
     pub seed: u64,
-    /// Whether rows are expected: then a lake without any has lost its rows.
-    pub expects_rows: bool,
 }
 
 /// A run of the lake.
@@ -66,7 +64,7 @@ pub struct Selected {
 /// Selects runs of a lake.
 pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyError> {
     let pipelines = pipelines(&selection.pipelines)?;
-    let past = past(lake, &pipelines, selection.expects_rows)?;
+    let past = past(lake, &pipelines)?;
     known(lake, &past, &selection.names)?;
     let mut selected = Selected {
         runs: Vec::new(),
@@ -140,17 +138,13 @@ fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError
     Ok(named)
 }
 
-fn past(
-    lake: &Lake,
-    pipelines: &BTreeMap<String, PathBuf>,
-    expects_rows: bool,
-) -> Result<Vec<PastRun>, VerifyError> {
+fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRun>, VerifyError> {
     let no_lake = |reason| VerifyError::NoLake { lake: lake.root(), reason };
     if lake.folder().is_some_and(|folder| !folder.is_dir()) {
         return Err(no_lake("there is no such folder"));
     }
     let rows = lake.runs()?;
-    if rows.is_empty() && !expects_rows && !has_files(lake)? {
+    if rows.is_empty() && !has_files(lake)? {
         return Err(no_lake("it has no row in runs, so no run"));
     }
     let run = |(place, row): RunRow| {
