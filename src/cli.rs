@@ -82,6 +82,15 @@ const RETIRED: &[(&str, &str)] = &[
     ),
     ("--list", LISTS),
     ("--expect", LISTS),
+    (
+        "json",
+        "export --format json was retired: table joint_errors has the error curve of each joint, and any reader of Parquet reads it",
+    ),
+    (
+        "xacro",
+        "export --format xacro was retired: write your URDF by xacro's own program (xacro my.urdf.xacro > my.urdf), and give it by \
+         --format urdf --urdf my.urdf",
+    ),
 ];
 /// Lists of rows.
 const LISTS: &str = "lists of verify were retired: keep the result of `SELECT run, row_digest, robot, session FROM runs` elsewhere, and compare";
@@ -189,6 +198,8 @@ mod tests {
             (vec!["benchmark", "suite.toml"], "pipelines/benchmarks/benchmark.py"),
             (vec!["verify", "lake", "--list"], "SELECT run, row_digest, robot, session FROM runs"),
             (vec!["verify", "lake", "--expect", "rows.txt"], "SELECT run, row_digest"),
+            (vec!["export", "a.parquet", "--format", "json"], "table joint_errors"),
+            (vec!["export", "a.parquet", "--format", "xacro"], "xacro my.urdf.xacro > my.urdf"),
         ] {
             let answer = Arguments::try_parse_from(["posegrid"].iter().chain(&arguments));
             let answer = with_remedy(answer.expect_err("retired")).to_string();

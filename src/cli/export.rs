@@ -15,8 +15,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
-    ExportError, ExportErrorKind, corrected_urdf, curves_json, nodes_csv, parameters_csv,
-    residuals_mcap, ur_calibration, urdf, xacro,
+    ExportError, ExportErrorKind, corrected_urdf, nodes_csv, parameters_csv, residuals_mcap,
+    ur_calibration, urdf,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
@@ -28,12 +28,9 @@ use crate::kinematics::Convention;
 Each format is made from a table of a run:
   csv   from compensation: one row per node, joint angles in degrees; values of the whole table come before them
         in lines that begin with #
-  json  from calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
   urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool; or, with --urdf,
         --base and --tip, your own URDF with other origins of the arm's joints and nothing else changed: joint offsets
         are in the origins
-  xacro from calibrations: joint origins as xacro properties NAME_xyz and NAME_rpy, for the joints of --urdf or those of
-        --format urdf; a description includes the file and has <origin xyz=\"${NAME_xyz}\" rpy=\"${NAME_rpy}\"/>
   mcap  from residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
         for Foxglove; at the times that table stations of the same run has
   parameters
@@ -66,8 +63,8 @@ pub struct ExportArgs {
     /// For parameters: convention to state them in; that of the robot file without it.
     #[arg(long, value_name = "WORD", value_parser = convention)]
     pub convention: Option<Convention>,
-    /// For urdf and xacro: a URDF of the nominal arm. With urdf it comes out again with other origins of the arm's joints,
-    /// joint offsets included, and nothing else changed; with xacro its joints name the properties.
+    /// For urdf: a URDF of the nominal arm. It comes out again with other origins of the arm's joints, joint offsets
+    /// included, and nothing else changed.
     #[arg(long, value_name = "FILE", requires_all = ["base", "tip"])]
     pub urdf: Option<PathBuf>,
     /// The link of --urdf that is the controller's base.
@@ -86,8 +83,6 @@ pub struct ExportArgs {
 pub enum ExportFormat {
     /// The nodes of a compensation table
     Csv,
-    /// The error curve of each joint
-    Json,
     /// The identified geometry
     Urdf,
     /// Error vectors for Foxglove
@@ -96,8 +91,6 @@ pub enum ExportFormat {
     Parameters,
     /// The calibration file of a UR's ROS description
     UrCalibration,
-    /// Origins of joints as xacro properties
-    Xacro,
 }
 
 /// The convention of that word.
@@ -168,21 +161,16 @@ impl ExportArgs {
         if self.convention.is_some() && self.format != ExportFormat::Parameters {
             return Err(ExportError::NoUseForConvention(self.format.name()));
         }
-        if self.urdf.is_some() && !matches!(self.format, ExportFormat::Urdf | ExportFormat::Xacro) {
+        if self.urdf.is_some() && self.format != ExportFormat::Urdf {
             return Err(ExportError::NoUseForUrdf(self.format.name()));
         }
         let held = table::head(path)?.table;
         match (self.format, held.as_deref()) {
             (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
-            (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
-            (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
             (ExportFormat::Urdf, Some("calibrations")) => match self.given_urdf() {
                 None => urdf::write(path, sink).map(told),
                 Some(given) => corrected_urdf::write(path, &given, sink).map(told),
             },
-            (ExportFormat::Xacro, Some("calibrations")) => {
-                xacro::write(path, self.given_urdf().as_ref(), sink).map(told)
-            }
             (ExportFormat::Parameters, Some("calibrations")) => {
                 parameters_csv::write(path, self.convention, sink).map(told)
             }
@@ -216,20 +204,17 @@ impl ExportFormat {
     const fn name(self) -> &'static str {
         match self {
             Self::Csv => "csv",
-            Self::Json => "json",
             Self::Urdf => "urdf",
             Self::Mcap => "mcap",
             Self::Parameters => "parameters",
             Self::UrCalibration => "ur-calibration",
-            Self::Xacro => "xacro",
         }
     }
 
     const fn tables(self) -> &'static str {
         match self {
             Self::Csv => "\"compensation\"",
-            Self::Json => "\"calibrations\" or \"joint_errors\"",
-            Self::Urdf | Self::Parameters | Self::UrCalibration | Self::Xacro => "\"calibrations\"",
+            Self::Urdf | Self::Parameters | Self::UrCalibration => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
         }
     }

@@ -1,11 +1,9 @@
 //! Tables of a run → files for controllers and off-line programming.
 //!
 //! - [`nodes_csv`]: a compensation table as CSV, one row per node, after `#` lines with the values of the whole table;
-//! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
 //! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
 //! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
 //! - [`corrected_urdf`]: a URDF with the identified geometry in the origins of its joints, from `calibrations`;
-//! - [`xacro`]: origins of joints as xacro properties, from `calibrations`;
 //! - [`ur_calibration`]: the identified geometry as the calibration file of a UR's ROS description, from `calibrations`;
 //! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
@@ -13,7 +11,6 @@
 
 pub mod controller_base;
 pub mod corrected_urdf;
-pub mod curves_json;
 mod held_out;
 mod limits;
 pub mod nodes_csv;
@@ -23,7 +20,6 @@ pub mod residuals_mcap;
 pub mod ur_calibration;
 pub mod urdf;
 pub mod urdf_chain;
-pub mod xacro;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -110,7 +106,7 @@ pub enum ExportError {
     NoUseForConvention(&'static str),
     /// A URDF is given for a format that does not use it.
     #[error(
-        "--urdf, --base and --tip are for --format urdf and xacro; {0} has no use for them: leave them out"
+        "--urdf, --base and --tip are for --format urdf; {0} has no use for them: leave them out"
     )]
     NoUseForUrdf(&'static str),
     /// The MCAP writer failed.
@@ -148,8 +144,6 @@ pub enum ExportErrorKind {
         /// Number of the row that differs.
         row: usize,
     },
-    /// The arm has no joint curves.
-    NoCurves,
     /// An arm that URDF cannot say: what it has.
     NoUrdf(&'static str),
     /// An arm that the wanted convention cannot state.
@@ -195,11 +189,8 @@ impl ExportErrorKind {
                 "{path}, column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a \
                  single run"
             ),
-            Self::NoCurves => format!(
-                "{path} has no row of model \"full\", and joint curves are part of it; switch the full error model on in [fit.full]"
-            ),
             Self::NoUrdf(problem) => format!(
-                "{path}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`"
+                "{path}: the arm {problem}, which a URDF cannot say; use tables `calibrations` and `joint_errors`"
             ),
             Self::Convention(source) => format!("{path}: {source}"),
             Self::NoUr(source) => format!("{path}: {}", ur_calibration::no_ur(source.as_ref())),

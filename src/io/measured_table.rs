@@ -15,7 +15,6 @@ mod fill;
 mod head;
 mod json;
 mod number;
-mod ods;
 mod parquet;
 mod separator;
 mod sheet;
@@ -220,8 +219,7 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
             FileKind::Yaml => yaml::read(&bytes, form),
             FileKind::Parquet => parquet::read(bytes, form, bound),
             FileKind::Xlsx => xlsx::read(&bytes, form, bound),
-            FileKind::Ods => ods::read(&bytes, form, bound),
-            FileKind::Xls => Err(MeasuredTableErrorKind::OldSpreadsheet),
+            FileKind::OtherBook(which) => Err(MeasuredTableErrorKind::OtherBook(which)),
         }
     };
     read().map_err(|kind| kind.at(path))
@@ -236,18 +234,25 @@ enum FileKind {
     Yaml,
     Parquet,
     Xlsx,
-    Ods,
-    /// Workbooks of Excel up to 2003.
-    Xls,
+    /// A workbook that is not read: which kind.
+    OtherBook(&'static str),
 }
 
+/// What a document of ODF states in its first entry, which is not packed.
+const ODF: &[u8] = b"application/vnd.oasis.opendocument.spreadsheet";
+
 impl FileKind {
+    /// Spreadsheets of ODF.
+    const ODS: Self = Self::OtherBook("a spreadsheet of ODF (.ods)");
+    /// Workbooks of Excel up to 2003.
+    const XLS: Self = Self::OtherBook("a workbook of Excel up to 2003 (.xls)");
+
     /// The form that the first bytes of a file show; of a text that its name says, where lines of cells may begin so.
     fn of(path: &Path, bytes: &[u8]) -> Self {
         let extension = path.extension().unwrap_or_default();
         let extension = extension.to_string_lossy().to_lowercase();
         match extension.as_str() {
-            "ods" if bytes.starts_with(b"PK") => Self::Ods,
+            "ods" if bytes.starts_with(b"PK") => Self::ODS,
             _ => Self::of_start(bytes).unwrap_or_else(|| Self::of_text(bytes, &extension)),
         }
     }
@@ -268,16 +273,18 @@ impl FileKind {
     fn of_start(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [b'P', b'A', b'R', b'1', ..] => Some(Self::Parquet),
-            [0xd0, 0xcf, 0x11, 0xe0, ..] => Some(Self::Xls),
-            // A document of ODF begins with an entry that states so, and is not packed.
-            [b'P', b'K', 3, 4, ..] if ods::is(bytes) => Some(Self::Ods),
-            [b'P', b'K', 3, 4, ..] => Some(Self::Xlsx),
+            [0xd0, 0xcf, 0x11, 0xe0, ..] => Some(Self::XLS),
+            [b'P', b'K', 3, 4, ..] => {
+                let start = &bytes[..bytes.len().min(256)];
+                let is_odf = start.windows(ODF.len()).any(|part| part == ODF);
+                Some(if is_odf { Self::ODS } else { Self::Xlsx })
+            }
             _ => None,
         }
     }
 
     const fn is_sheet(self) -> bool {
-        matches!(self, Self::Xlsx | Self::Ods | Self::Xls)
+        matches!(self, Self::Xlsx | Self::OtherBook(_))
     }
 
     const fn name(self) -> &'static str {
@@ -286,7 +293,7 @@ impl FileKind {
             Self::Json => "JSON",
             Self::Yaml => "YAML",
             Self::Parquet => "Parquet",
-            Self::Xlsx | Self::Xls | Self::Ods => "a spreadsheet",
+            Self::Xlsx | Self::OtherBook(_) => "a spreadsheet",
         }
     }
 }

@@ -96,8 +96,8 @@ fn files_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
 }
 
 /// Extensions of tables, which determine how they are read.
-const TABLES: [&str; 11] =
-    ["csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx", "ods"];
+const TABLES: [&str; 10] =
+    ["csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx"];
 
 /// The extension of a copy.
 fn ending(path: &Path) -> &'static str {

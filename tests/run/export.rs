@@ -58,43 +58,6 @@ fn nodes_as_csv_are_the_table_to_the_nanometre() {
     }
 }
 
-/// The numbers of an array.
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
-}
-
-#[test]
-fn joint_curves_of_either_table_are_the_published_ones() {
-    let table = undisturbed().table("joint_errors", "mon");
-    // What is written is exact; this reader of JSON rounds the last digit.
-    for (from, within) in [("joint_errors", 1e-15), ("calibrations", 1e-11)] {
-        let exported = export(from, "json");
-        exported.expect(0, &[]);
-        let curves: Value = serde_json::from_str(&exported.results).unwrap();
-        assert_eq!(curves["robot"], "kr210-demo");
-        assert_eq!(curves["valid_for"].is_null(), from == "joint_errors");
-        let mut row = 0;
-        for joint in curves["joints"].as_array().unwrap() {
-            for (key, column) in
-                [("angle_rad", "angle_rad"), ("error_rad", "error_rad"), ("sd_rad", "sd_rad")]
-            {
-                for (place, is) in numbers(&joint[key]).into_iter().enumerate() {
-                    let was = table.f64(column).value(row + place);
-                    assert!((was - is).abs() <= within, "{from} {key} {row} {place}: {was} {is}");
-                    let measured = joint["measured"][place].as_bool().unwrap();
-                    assert_eq!(measured, table.bool("measured").value(row + place));
-                    assert_eq!(joint["name"], table.text("joint_name").value(row + place));
-                }
-            }
-            row += joint["angle_rad"].as_array().unwrap().len();
-        }
-        assert_eq!(row, table.rows());
-    }
-    let exported = export("calibrations", "json");
-    let curves: Value = serde_json::from_str(&exported.results).unwrap();
-    assert_eq!(curves["valid_for"]["tool"], "reflector holder");
-}
-
 /// One joint of a URDF, as its specification has it: the child stands at the origin, turned about the axis.
 struct UrdfJoint {
     name: String,
@@ -602,7 +565,7 @@ fn what_an_export_drops_is_named_with_its_cost_on_held_out_stations() {
         figure("geometric", "reported"),
         figure("full", "weighted")
     );
-    for format in ["urdf", "parameters", "xacro"] {
+    for format in ["urdf", "parameters"] {
         let exported = export("calibrations", format);
         exported.expect(0, &[]);
         assert!(exported.results.contains(&cost), "{format}: {cost}\n{}", exported.results);
@@ -635,7 +598,7 @@ fn what_is_not_identified_is_named_in_the_file_and_on_standard_error() {
             assert!(named.contains(part), "{format}: {part} in {named}");
         }
     };
-    for format in ["urdf", "parameters", "xacro"] {
+    for format in ["urdf", "parameters"] {
         let exported = export("calibrations", format);
         exported.expect(0, &[]);
         told(&exported.results, format);
@@ -800,47 +763,7 @@ fn a_urdf_that_is_not_the_nominal_arm_is_refused_with_the_reason() {
     corrected_file(&path, "base", "tool0", "urdf").expect(2, &["is not the nominal arm"]);
     let missing = undisturbed().path("missing.urdf");
     corrected_file(&missing, "base", "tool0", "urdf").expect(2, &["missing.urdf"]);
-    corrected_file(OWN_URDF.as_ref(), "base", "tool0", "json").expect(2, &["leave them out"]);
-}
-
-#[test]
-fn xacro_properties_are_the_origins_of_the_corrected_urdf() {
-    let properties = |text: &str| -> BTreeMap<String, String> {
-        let document = roxmltree::Document::parse(text).unwrap();
-        let all = document.root_element().children().filter(roxmltree::Node::is_element);
-        let property = |node: roxmltree::Node<'_, '_>| {
-            assert_eq!(node.tag_name().namespace(), Some("http://www.ros.org/wiki/xacro"));
-            let of = |name: &str| node.attribute(name).unwrap().to_owned();
-            (of("name"), of("value"))
-        };
-        all.map(property).collect()
-    };
-    let origins = |urdf: &str, name: &str| -> [String; 2] {
-        let document = roxmltree::Document::parse(urdf).unwrap();
-        let joint =
-            document.descendants().find(|node| node.attribute("name") == Some(name)).unwrap();
-        let origin = joint.children().find(|child| child.has_tag_name("origin")).unwrap();
-        ["xyz", "rpy"].map(|part| origin.attribute(part).unwrap().to_owned())
-    };
-    let own = export("calibrations", "xacro");
-    own.expect(0, &[]);
-    let urdf = export("calibrations", "urdf").results;
-    let given = corrected_file(OWN_URDF.as_ref(), "base", "tool0", "xacro");
-    given.expect(0, &[]);
-    let theirs = corrected("base", "tool0").results;
-    for (text, urdf, names, last) in [
-        (&own.results, &urdf, "joint_a", ["flange_joint", "tool_joint"]),
-        (&given.results, &theirs, "joint_", ["joint_6", "joint_6-flange"]),
-    ] {
-        let properties = properties(text);
-        let numbered = (1..=6).map(|n| format!("{names}{n}"));
-        for joint in numbered.chain(last.map(str::to_owned)) {
-            let [xyz, rpy] = origins(urdf, &joint);
-            let name = joint.replace('-', "_");
-            assert_eq!(properties[&format!("{name}_xyz")], xyz, "{joint}");
-            assert_eq!(properties[&format!("{name}_rpy")], rpy, "{joint}");
-        }
-    }
+    corrected_file(OWN_URDF.as_ref(), "base", "tool0", "parameters").expect(2, &["leave them out"]);
 }
 
 /// A cell with one session of an arm of Universal Robots.

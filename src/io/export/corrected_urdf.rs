@@ -54,12 +54,12 @@ pub fn write(
 }
 
 /// The text of a URDF.
-pub(super) fn read(path: &Path) -> Result<String, ExportError> {
+fn read(path: &Path) -> Result<String, ExportError> {
     robot::text(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))
 }
 
 /// The origins with which the URDF at `path` is the identified geometry.
-pub(super) fn origins(
+fn origins(
     own: &InControllerBase,
     steps: &[Step<'_, '_>],
     path: &Path,

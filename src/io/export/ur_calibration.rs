@@ -126,7 +126,7 @@ fn left(rest: &Isometry3<f64>) -> String {
 pub(super) fn no_ur(source: Option<&OriginsError>) -> String {
     let why = source.map_or_else(|| "it has not six axes".to_owned(), ToString::to_string);
     format!(
-        "the arm is not one of Universal Robots, as ur_description has them ({why}); use --format urdf or --format xacro"
+        "the arm is not one of Universal Robots, as ur_description has them ({why}); use --format urdf"
     )
 }
 

@@ -36,16 +36,6 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
     Ok(vec![limits.not_identified])
 }
 
-/// Names and origins of the joints of the URDF, mm, or why there is none.
-pub(super) fn placed(arm: &IdentifiedArm) -> Result<Vec<(String, Isometry3<f64>)>, &'static str> {
-    let pieces = Pieces::of(arm)?;
-    let joints = arm.arm.joints();
-    let own = joints.iter().zip(&pieces.joints);
-    let own = own.map(|(joint, (origin, _))| (joint.name.clone(), *origin));
-    let ends = pieces.ends(arm).map(|(child, origin)| (fixed_name(child, joints), origin));
-    Ok(own.chain(ends).collect())
-}
-
 /// The chain between its joint variables.
 struct Pieces {
     /// Origin and axis of each joint.
@@ -201,7 +191,7 @@ const fn is_no_character(letter: char) -> bool {
 }
 
 /// A text inside a comment, which two hyphens would end.
-pub(super) fn in_comment(text: &str) -> String {
+fn in_comment(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         if letter == '-' && out.ends_with('-') {

@@ -44,7 +44,7 @@ pub enum UrdfChainError {
     },
     /// Properties and macros.
     #[error(
-        "has in line {line} {found:?}, which is xacro; expand it first: xacro my.urdf.xacro > my.urdf (or give xacro the result of --format xacro)"
+        "has in line {line} {found:?}, which is xacro; expand it first: xacro my.urdf.xacro > my.urdf"
     )]
     Xacro {
         /// Counted from 1.

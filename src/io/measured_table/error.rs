@@ -33,7 +33,7 @@ pub enum MeasuredTableErrorKind {
     NoRows,
     /// Neither text nor one of the other forms.
     #[error(
-        "byte {at} belongs to no text; a table is CSV, TSV, JSON or YAML in UTF-8, UTF-16 or Latin-1, Parquet, XLSX or ODS"
+        "byte {at} belongs to no text; a table is CSV, TSV, JSON or YAML in UTF-8, UTF-16 or Latin-1, Parquet or XLSX"
     )]
     NoText {
         /// The place of the byte.
@@ -193,9 +193,9 @@ pub enum MeasuredTableErrorKind {
     /// A spreadsheet that cannot be read.
     #[error("it cannot be read as a spreadsheet: {0}")]
     Spreadsheet(String),
-    /// A workbook of Excel up to 2003.
-    #[error("it is a workbook of Excel up to 2003 (.xls); save it as .xlsx or .csv")]
-    OldSpreadsheet,
+    /// A workbook that is not read: which kind.
+    #[error("it is {0}, which is not read; save it as .xlsx or .csv")]
+    OtherBook(&'static str),
     /// A file that is packed and becomes too large.
     #[error("unpacked it has more than {limit} bytes, the limit; {advice}")]
     Unpacked {

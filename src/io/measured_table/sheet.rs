@@ -209,7 +209,7 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
     Ok(())
 }
 
-pub(super) fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {
+fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Spreadsheet(error.to_string())
 }
 

@@ -79,7 +79,7 @@ fn of_model(
 }
 
 /// Where the curve of a joint is given, from `low` to `high` and beyond, rad or mm; none where nothing was measured.
-pub fn points(slides: bool, low: f64, high: f64) -> Vec<f64> {
+fn points(slides: bool, low: f64, high: f64) -> Vec<f64> {
     if slides { positions(low, high) } else { degrees(low, high) }
 }
 

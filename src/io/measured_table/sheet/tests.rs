@@ -2,10 +2,10 @@
 
 use std::io::Write as _;
 
+use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
 
-use super::super::{Cell, MeasuredTable, ods, xlsx};
+use super::super::{Cell, MeasuredTable, xlsx};
 use super::*;
 use Cell::{Blank, Number, Text};
 
@@ -14,11 +14,7 @@ const BOUND: Bound = Bound { bytes: 1 << 22, advice: "split it" };
 fn packed(parts: &[(&str, String)]) -> Vec<u8> {
     let mut writer = ZipWriter::new(io::Cursor::new(Vec::new()));
     for (name, content) in parts {
-        // What a file of ODF is stands in its first entry, as it is.
-        let is_packed = *name != "mimetype";
-        let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        let options = if is_packed { SimpleFileOptions::default() } else { stored };
-        writer.start_file(*name, options).unwrap();
+        writer.start_file(*name, SimpleFileOptions::default()).unwrap();
         writer.write_all(content.as_bytes()).unwrap();
     }
     writer.finish().unwrap().into_inner()
@@ -169,63 +165,4 @@ fn cells_far_away_and_packed_bombs_take_no_memory() {
     );
     let told = read(b"PK\x03\x04 and so on", &Form::default()).unwrap_err();
     assert!(told.contains("it cannot be read as a spreadsheet"), "{told}");
-}
-
-/// A spreadsheet of ODF with these rows.
-fn ods_of(rows: &str) -> Vec<u8> {
-    const NAMES: &str = "urn:oasis:names:tc:opendocument:xmlns";
-    let content = format!(
-        "<office:document-content xmlns:office=\"{NAMES}:office:1.0\" xmlns:table=\"{NAMES}:table:1.0\" xmlns:text=\"{NAMES}:text:1.0\">\
-         <office:body><office:spreadsheet><table:table table:name=\"S\">{rows}</table:table></office:spreadsheet></office:body>\
-         </office:document-content>"
-    );
-    let kind = "application/vnd.oasis.opendocument.spreadsheet".to_owned();
-    packed(&[("mimetype", kind), ("content.xml", content)])
-}
-
-fn ods_text(text: &str) -> String {
-    format!(
-        "<table:table-cell office:value-type=\"string\"><text:p>{text}</text:p></table:table-cell>"
-    )
-}
-
-fn ods_number(number: &str, times: u64) -> String {
-    format!(
-        "<table:table-cell office:value-type=\"float\" office:value=\"{number}\" table:number-columns-repeated=\"{times}\"/>"
-    )
-}
-
-#[test]
-fn ods_repeats_cells_and_rows() {
-    let head = format!(
-        "<table:table-row>{}{}{}</table:table-row>",
-        ods_text("a"),
-        ods_text("b"),
-        ods_text("c")
-    );
-    let empty =
-        "<table:table-row table:number-rows-repeated=\"3\"><table:table-cell/></table:table-row>";
-    let twice = format!(
-        "<table:table-row table:number-rows-repeated=\"2\">{}</table:table-row>",
-        ods_number("1.5", 3)
-    );
-    let one = format!(
-        "<table:table-row><table:table-cell/>{}<table:table-cell table:number-columns-repeated=\"9999999999\"/></table:table-row>",
-        ods_number("2", 2)
-    );
-    let end = "<table:table-row table:number-rows-repeated=\"1048000\"><table:table-cell/></table:table-row>";
-    let bytes = ods_of(&[&head, empty, &twice, &one, end].concat());
-    assert!(ods::is(&bytes));
-    let table = ods::read(&bytes, &Form::default(), BOUND).unwrap();
-    assert_eq!(table.columns(), ["a", "b", "c"]);
-    assert_eq!(table.row_count(), 3);
-    assert_eq!(row(&table, 1), [Number(1.5), Number(1.5), Number(1.5)]);
-    assert_eq!(row(&table, 2), [Blank, Number(2.0), Number(2.0)]);
-    assert_eq!((table.line(0), table.line(2), table.records().blank), (5, 7, 3));
-    let bomb = format!(
-        "<table:table-row table:number-rows-repeated=\"1000000\">{}</table:table-row>",
-        ods_number("1", 16_384)
-    );
-    let told = ods::read(&ods_of(&bomb.repeat(100)), &Form::default(), BOUND).unwrap_err();
-    assert!(told.to_string().contains("more memory than a table may"), "{told}");
 }
