@@ -34,6 +34,14 @@ fn every_robot_file_makes_an_arm() {
 }
 
 #[test]
+fn every_pipeline_file_of_a_benchmark_is_read() {
+    for path in files("pipelines/benchmarks/arms") {
+        let text = fs::read_to_string(&path).expect("readable");
+        toml::from_str::<PipelineFile>(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    }
+}
+
+#[test]
 fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
     let recordings = common::recording("README.md").is_some();
     for path in files("pipelines") {

@@ -1,24 +1,28 @@
-"""What programs that enter a benchmark share: the files of `posegrid benchmark SUITE --export DIR`, and the answers to them."""
+"""What programs that enter a benchmark share: the files that `benchmark.py` writes for them, and the answers to them."""
 
 import csv
 import math
-import pathlib
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 
 
 def arms(given):
-    """The folders of arms that were exported, with the rows of their standard DH table: a (mm), alpha, d (mm), offset, sign."""
-    for folder in sorted(path for path in pathlib.Path(given).iterdir() if path.is_dir()):
-        robot = tomllib.loads((folder / "robot.toml").read_text())
-        if robot["convention"] != "standard-dh" or any(key in robot for key in ("joint_map", "coupling")):
-            raise SystemExit(f"{folder.name}: the script reads standard DH without coupled joints")
-        rows = [
-            (j["a_mm"], math.radians(j["alpha_deg"]), j["d_mm"], math.radians(j["offset_deg"]), j["sign"])
-            for j in robot["joint"]
-        ]
-        yield folder, np.array(rows, dtype=float)
+    """The folders of arms that were exported."""
+    return sorted(path for path in given.iterdir() if path.is_dir())
+
+
+def links(folder):
+    """The rows of an arm's standard DH table: a (mm), alpha, d (mm), offset, sign."""
+    robot = tomllib.loads((folder / "robot.toml").read_text())
+    if robot["convention"] != "standard-dh" or any(key in robot for key in ("joint_map", "coupling")):
+        raise SystemExit(f"{folder.name}: the script reads standard DH without coupled joints")
+    rows = [
+        (j["a_mm"], math.radians(j["alpha_deg"]), j["d_mm"], math.radians(j["offset_deg"]), j["sign"])
+        for j in robot["joint"]
+    ]
+    return np.array(rows, dtype=float)
 
 
 def splits(folder):
@@ -26,24 +30,27 @@ def splits(folder):
 
 
 def stations(path):
-    """Session and station of each row, its joints (rad), and its measured position (mm), NaN where none is given."""
+    """The stations of a file: number, joints (rad), measured position (mm, NaN where none is given), place by posegrid's identified geometry, and
+    the error that it leaves (mm)."""
     with open(path, newline="") as file:
         rows = list(csv.DictReader(file))
-    names = [(row["session"], int(row["station"])) for row in rows]
     columns = [name for name in rows[0] if name.startswith("q")]
-    joints = np.array([[float(row[name]) for name in columns] for row in rows])
-    measured = np.array([[float(row[axis] or "nan") for axis in "xyz"] for row in rows])
-    return names, joints, measured
+    numbers = lambda names: np.array([[float(row[name] or "nan") for name in names] for row in rows])
+    measured, geometry = numbers("xyz"), numbers(["gx", "gy", "gz"])
+    names = [int(row["station"]) for row in rows]
+    return SimpleNamespace(names=names, joints=numbers(columns), measured=measured, geometry=geometry, error=measured - geometry)
 
 
-def answer(path, names, positions):
-    """Writes predicted positions, mm in the frame of the training."""
+def answer(path, names, positions, variances=None):
+    """Writes predicted positions, mm in the frame of the training, with the variances of measured minus predicted along its axes, mm²."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path, "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["session", "station", "x", "y", "z"])
-        for (session, station), position in zip(names, positions):
-            writer.writerow([session, station, *(repr(float(value)) for value in position)])
+        writer.writerow(["station", *"xyz", *([] if variances is None else ["cxx", "cxy", "cxz", "cyy", "cyz", "czz"])])
+        for place, (station, position) in enumerate(zip(names, positions)):
+            x, y, z = (0, 0, 0) if variances is None else map(float, variances[place])
+            stated = [] if variances is None else [x, 0.0, 0.0, y, 0.0, z]
+            writer.writerow([station, *map(float, position), *stated])
 
 
 def flange(dh, joints):

@@ -1,8 +1,8 @@
 """FIGAROH enters a benchmark: its calibration of all geometric parameters, base and target, on exported splits.
 
-    posegrid benchmark SUITE --export given
-    python pipelines/benchmarks/programs/figaroh_entry.py given answers
-    posegrid benchmark SUITE --predictions figaroh=answers
+    python pipelines/benchmarks/benchmark.py SUITE                             # writes benchmark/given
+    python pipelines/benchmarks/programs/figaroh_entry.py benchmark/given answers
+    python pipelines/benchmarks/benchmark.py SUITE --program figaroh=answers
 
 Needs figaroh (which brings Pinocchio) and PyYAML. The nominal arm is written as a URDF, in m. Prints the seconds of each calibration.
 """
@@ -106,18 +106,19 @@ def main():
     arguments.add_argument("given", type=Path)
     arguments.add_argument("answers", type=Path)
     given = arguments.parse_args()
-    for folder, dh in common.arms(given.given):
+    for folder in common.arms(given.given):
+        dh = common.links(folder)
         for split in common.splits(folder):
-            _, joints, measured = common.stations(split / "train.csv")
+            train = common.stations(split / "train.csv")
             began = time.process_time()
             with tempfile.TemporaryDirectory() as work, contextlib.redirect_stdout(io.StringIO()):
-                own = calibrated(Path(work), dh, joints, measured)
+                own = calibrated(Path(work), dh, train.joints, train.measured)
             seconds = time.process_time() - began
-            names, joints, _ = common.stations(split / "test.csv")
-            config = dict(own.calib_config, NbSample=len(joints))
-            positions = calc_updated_fkm(own.model, own.data, own.LM_result.x, joints, config)
+            test = common.stations(split / "test.csv")
+            config = dict(own.calib_config, NbSample=len(test.joints))
+            positions = calc_updated_fkm(own.model, own.data, own.LM_result.x, test.joints, config)
             positions = positions.reshape(3, -1).T * 1000
-            common.answer(given.answers / folder.name / f"{split.name}.csv", names, positions)
+            common.answer(given.answers / folder.name / f"{split.name}.csv", test.names, positions)
             print(f"{folder.name}, {split.name}: {seconds:.1f} s of a core", flush=True)
 
 

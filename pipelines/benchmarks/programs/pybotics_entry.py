@@ -1,8 +1,8 @@
 """pybotics enters a benchmark: its calibration of all links, tool and world by its own fitness function, on exported splits.
 
-    posegrid benchmark SUITE --export given
-    python pipelines/benchmarks/programs/pybotics_entry.py given answers
-    posegrid benchmark SUITE --predictions pybotics=answers
+    python pipelines/benchmarks/benchmark.py SUITE                             # writes benchmark/given
+    python pipelines/benchmarks/programs/pybotics_entry.py benchmark/given answers
+    python pipelines/benchmarks/benchmark.py SUITE --program pybotics=answers
 
 Needs pybotics and scipy. pybotics takes modified DH: link i has the a and alpha of the standard link before it, and what follows the last
 joint belongs to the tool. Prints the seconds of each calibration.
@@ -86,15 +86,16 @@ def main():
     arguments.add_argument("given", type=Path)
     arguments.add_argument("answers", type=Path)
     own = arguments.parse_args()
-    for folder, dh in common.arms(own.given):
+    for folder in common.arms(own.given):
+        dh = common.links(folder)
         for split in common.splits(folder):
-            _, joints, measured = common.stations(split / "train.csv")
+            train = common.stations(split / "train.csv")
             began = time.process_time()
-            robot = calibrated(dh, joints * dh[:, 4], measured)
+            robot = calibrated(dh, train.joints * dh[:, 4], train.measured)
             seconds = time.process_time() - began
-            names, joints, _ = common.stations(split / "test.csv")
-            positions = [robot.fk(q)[:3, 3] for q in joints * dh[:, 4]]
-            common.answer(own.answers / folder.name / f"{split.name}.csv", names, positions)
+            test = common.stations(split / "test.csv")
+            positions = [robot.fk(q)[:3, 3] for q in test.joints * dh[:, 4]]
+            common.answer(own.answers / folder.name / f"{split.name}.csv", test.names, positions)
             print(f"{folder.name}, {split.name}: {seconds:.1f} s of a core", flush=True)
 
 
