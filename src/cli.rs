@@ -80,6 +80,8 @@ const RETIRED: &[(&str, &str)] = &[
         "benchmark",
         "it was retired: python pipelines/benchmarks/benchmark.py SUITE runs and judges posegrid and other programs on open data",
     ),
+    ("--unnamed", "it was retired, as readings name their reflector: leave it out"),
+    ("--at-once", "it was retired: without --in-turn all reflectors are measured at once"),
     ("--list", LISTS),
     ("--expect", LISTS),
     (
@@ -196,6 +198,7 @@ mod tests {
     fn what_was_retired_is_answered_with_what_to_do_instead() {
         for (arguments, instead) in [
             (vec!["benchmark", "suite.toml"], "pipelines/benchmarks/benchmark.py"),
+            (vec!["simulate", "a.toml", "--unnamed"], "readings name their reflector"),
             (vec!["verify", "lake", "--list"], "SELECT run, row_digest, robot, session FROM runs"),
             (vec!["verify", "lake", "--expect", "rows.txt"], "SELECT run, row_digest"),
             (vec!["export", "a.parquet", "--format", "json"], "table joint_errors"),

@@ -18,7 +18,6 @@
 //!
 //! A table of stations needs none of this but the geometry: [`tabled`] makes its rows stations.
 
-pub mod assigned;
 pub mod average;
 pub mod began;
 #[cfg(test)]
@@ -49,9 +48,7 @@ pub mod settle;
 pub mod stationary;
 pub mod supposed;
 pub mod tabled;
-mod unnamed;
 
-use std::collections::BTreeMap;
 use std::ops::AddAssign;
 
 use nalgebra::{Point3, UnitQuaternion};
@@ -75,12 +72,11 @@ pub use began::{Began, began};
 pub use error::JoinError;
 pub use logged_lengths::LengthReadings;
 pub use reading::{
-    Assigned, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources,
-    SourceId, TargetId, Value, one_source,
+    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
+    TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
 pub use tabled::{RowItem, RowReject};
-pub use unnamed::join_unnamed;
 
 /// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
@@ -93,8 +89,6 @@ pub struct Joined {
     pub rejects: Vec<JoinReject>,
     /// Rows and readings of a table of stations left out, with reasons; empty where logs were joined.
     pub row_rejects: Vec<RowReject>,
-    /// By station's number the distances by which its readings were assigned to targets; empty where readings name their targets.
-    pub assigned: BTreeMap<usize, Assigned>,
     /// The courses of references that were followed; empty where there were none.
     pub references: Vec<tabled::ReferenceCourse>,
     /// How often each stated reference was read; empty where none is stated.
@@ -375,7 +369,6 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         clock,
         rejects,
         row_rejects: Vec::new(),
-        assigned: BTreeMap::new(),
         references: Vec::new(),
         read_references: Vec::new(),
         elsewhere: elsewhere.found,
@@ -386,16 +379,8 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
             settle_s: evidence.settle_s,
         },
     };
-    with_references_and_lengths(targets.restored(joined), input, settings)
-}
-
-/// The session with its references followed, and with the lengths at its stations.
-fn with_references_and_lengths(
-    joined: Joined,
-    input: &JoinInput,
-    settings: &JoinSettings,
-) -> Result<Joined, JoinError> {
-    let followed = logged_references::followed(joined, &input.references, settings)?;
+    let followed =
+        logged_references::followed(targets.restored(joined), &input.references, settings)?;
     logged_lengths::added(followed, input, settings)
 }
 
@@ -426,26 +411,6 @@ impl Moves {
 
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
-
-/// Stations without readings yet.
-fn unmeasured(
-    commands: &dyn Poses<Controller>,
-    dwells: &[ArmDwell],
-) -> Result<Vec<Station>, JoinError> {
-    let commands = in_force(commands, dwells)?;
-    let stations = dwells.iter().zip(commands).enumerate();
-    let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| Station {
-        number,
-        start: dwell.start,
-        end: dwell.end,
-        joints: dwell.joints.clone(),
-        joint_samples: dwell.samples,
-        command,
-        readings: Vec::new(),
-        pairing: Pairing::Unmeasured(Unmeasured::NoReadings),
-    };
-    Ok(stations.map(station).collect())
-}
 
 /// Refines the clock on the supporting pairs: the published estimate, the relation in seconds since the first stamps, and whether it is
 /// by the edges of dwells.
@@ -485,10 +450,7 @@ fn method(decision: &Decision, by_edges: bool) -> String {
 }
 
 /// The dispositions before pairing: moving, or stationary without a station.
-fn first_dispositions<'d>(
-    readings: &Readings<'_>,
-    dwells: impl IntoIterator<Item = &'d TargetDwell>,
-) -> Dispositions {
+fn first_dispositions(readings: &Readings<'_>, dwells: &[TargetDwell]) -> Dispositions {
     let mut dispositions = Dispositions::new(readings.count());
     for dwell in dwells {
         let rows = dwell.stretch.first..dwell.stretch.last + 1;
@@ -497,31 +459,31 @@ fn first_dispositions<'d>(
     dispositions
 }
 
-/// The command in force during each dwell.
-fn in_force(
-    commands: &dyn Poses<Controller>,
-    dwells: &[ArmDwell],
-) -> Result<Vec<Option<Command>>, JoinError> {
-    let occasion = |dwell: &ArmDwell| command::Occasion {
-        start: dwell.start,
-        end: dwell.end,
-        flange: dwell.flange,
-    };
-    let occasions: Vec<_> = dwells.iter().map(occasion).collect();
-    Ok(command::in_force(commands, &occasions)?)
-}
-
 fn stations(
     commands: &dyn Poses<Controller>,
     dwells: &[ArmDwell],
     evidence: &pair::Evidence,
     dispositions: &mut Dispositions,
 ) -> Result<Vec<Station>, JoinError> {
-    let mut stations = unmeasured(commands, dwells)?;
-    for (station, dwell) in stations.iter_mut().zip(dwells) {
+    let occasion = |dwell: &ArmDwell| command::Occasion {
+        start: dwell.start,
+        end: dwell.end,
+        flange: dwell.flange,
+    };
+    let occasions: Vec<_> = dwells.iter().map(occasion).collect();
+    let commands = command::in_force(commands, &occasions)?;
+    let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
         let (pairing, reading) = evidence.verdict(dwell, dispositions)?;
-        station.pairing = pairing;
-        station.readings = reading.into_iter().collect();
-    }
-    Ok(stations)
+        Ok(Station {
+            number,
+            start: dwell.start,
+            end: dwell.end,
+            joints: dwell.joints.clone(),
+            joint_samples: dwell.samples,
+            command,
+            readings: reading.into_iter().collect(),
+            pairing,
+        })
+    };
+    dwells.iter().zip(commands).enumerate().map(station).collect()
 }

@@ -36,7 +36,6 @@ pub use lengths::{LengthInstrument, LengthTruth};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
 pub use settings::{Poses, SimulateSettings};
-pub use stations::without_names;
 pub use true_arm::ArmErrors;
 pub use truth::{TrueStation, Truth};
 pub use visits::{Visit, visits};

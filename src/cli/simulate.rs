@@ -24,7 +24,6 @@ use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 use crate::simulate::{
     LengthInstrument, LengthTruth, SimulateError, SimulateSettings, Simulated, simulate,
-    without_names,
 };
 
 mod flags;
@@ -108,12 +107,6 @@ struct ReflectorFlags {
     /// Measure the reflectors one after another in each dwell, in an order that changes from dwell to dwell, instead of all at once
     #[arg(long, requires = "beside")]
     in_turn: bool,
-    /// As --in-turn, with readings that do not name their reflector: one topic of points, and a row for each reading in the table
-    #[arg(long, requires = "beside", conflicts_with_all = ["distance_from", "height_above", "reference", "floor_reference"])]
-    unnamed: bool,
-    /// With --unnamed: all reflectors at once, as motion capture logs its markers, instead of one after another
-    #[arg(long, requires = "unnamed", conflicts_with = "in_turn")]
-    at_once: bool,
 }
 
 /// The reason why no session was made.
@@ -277,12 +270,10 @@ impl SimulateArgs {
             let logged = logged(arm, recording);
             Ok(write_controller_log(sink, &logged, &names, &session)?)
         })?;
-        let readings =
+        let targets =
             if self.reflectors.beside.is_empty() { Vec::new() } else { self.readings(simulated) };
-        let unnamed = self.reflectors.unnamed.then(|| without_names(&readings));
-        let targets = if self.reflectors.unnamed { Vec::new() } else { readings };
         let log = TrackerLog {
-            readings: unnamed.as_ref().unwrap_or(&recording.readings),
+            readings: &recording.readings,
             targets: &named("T", targets),
             references: &self.named_references(simulated),
             temperatures: &recording.temperatures,
@@ -301,7 +292,7 @@ impl SimulateArgs {
     /// Readings of the reflectors: all at once, or one after another.
     fn readings(&self, simulated: &Simulated) -> Vec<TargetReadings> {
         let beside = self.places_beside();
-        if self.reflectors.in_turn || (self.reflectors.unnamed && !self.reflectors.at_once) {
+        if self.reflectors.in_turn {
             simulated.readings_in_turn(&beside)
         } else {
             simulated.readings_with(&beside)
@@ -321,17 +312,11 @@ impl SimulateArgs {
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
-        let turns = if self.reflectors.unnamed {
-            simulated.turns(self.reflectors.beside.len() + 1)
-        } else {
-            Vec::new()
-        };
         let read = station_table::Read {
             targets: &self.target_names(),
             lengths: &lengths,
             references: &self.reference_names(),
             looks: &simulated.references(&self.reference_places()),
-            turns: &turns,
         };
         station_table::csv(&stations, arm, read)
     }

@@ -88,10 +88,6 @@ pub struct TrackerSettings {
     /// one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<LoggedTarget>,
-    /// Names of the targets whose readings share the topic and do not name them, the main one first: they are found by geometry. Empty
-    /// where readings name their targets.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub targets_by_geometry: Vec<String>,
     /// Reference reflectors on floor or base, which should not move.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<LoggedReference>,
@@ -232,8 +228,6 @@ pub(crate) struct TrackerFile {
     #[serde(default)]
     pub(crate) targets: Vec<LoggedTarget>,
     #[serde(default)]
-    pub(crate) targets_by_geometry: Vec<String>,
-    #[serde(default)]
     pub(crate) references: Vec<LoggedReference>,
     #[serde(default)]
     pub(crate) lengths: Vec<LoggedLength>,
@@ -305,7 +299,6 @@ impl TryFrom<TrackerFile> for TrackerSettings {
             fields: file.fields,
             frame: file.frame,
             targets: file.targets,
-            targets_by_geometry: file.targets_by_geometry,
             references: file.references,
             lengths: file.lengths,
             eye_in_hand: false,

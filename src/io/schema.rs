@@ -23,8 +23,8 @@ pub struct TableSchema {
     pub table: String,
     /// Raised by one with every change.
     pub version: u32,
-    /// The oldest version whose files are read as this version; absent where there is none. Later versions may only have
-    /// added columns, each of which states the version that added it and is null in older files.
+    /// The oldest version whose files are read as this version; absent where there is none. Later versions may have
+    /// added columns, each of which states the version that added it and is null in older files, and removed those in `removed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reads_from: Option<u32>,
     /// Whether posegrid writes or only reads it.
@@ -37,6 +37,9 @@ pub struct TableSchema {
     pub order: Vec<String>,
     /// The change of each version, first version first.
     pub changes: Vec<String>,
+    /// Columns of versions since `reads_from` that this version no longer has: in older files they are passed over.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub removed: Vec<String>,
     /// The columns in order.
     #[serde(rename = "column")]
     pub columns: Vec<ColumnSchema>,

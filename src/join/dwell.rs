@@ -95,21 +95,6 @@ pub struct TargetDwell {
     pub scatter_mm: [f64; 3],
 }
 
-impl TargetDwell {
-    /// The dwell with its span from a first stamp that is earlier by this.
-    #[must_use]
-    pub(super) fn later_by(mut self, seconds: f64) -> Self {
-        let later = |edge_s: Option<f64>| edge_s.map(|edge_s| edge_s + seconds);
-        self.span = Span {
-            start_s: self.span.start_s + seconds,
-            end_s: self.span.end_s + seconds,
-            arrived_s: later(self.span.arrived_s),
-            left_s: later(self.span.left_s),
-        };
-        self
-    }
-}
-
 /// The arm's dwells from the stationary stretches of its joint angles.
 pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
     let dwell = |stretch: &StationaryStretch| ArmDwell {

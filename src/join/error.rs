@@ -2,7 +2,6 @@
 
 use thiserror::Error;
 
-use super::assigned::AssignError;
 use crate::ingest::PosesError;
 
 /// The reason why two logs cannot be joined.
@@ -30,9 +29,6 @@ pub enum JoinError {
         /// Number of the arm's joints.
         expected: usize,
     },
-    /// Readings that do not name their targets cannot be assigned to them.
-    #[error("which reading is of which target cannot be found by geometry: {0}")]
-    Assign(#[from] AssignError),
     /// Samples that are not in order of time.
     #[error("{samples}: the stamps decrease at row {row}; they have to be in order of time")]
     OutOfOrder {

@@ -33,45 +33,18 @@ pub(super) fn observe(
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    let (seen, _) = observe_lanes(std::slice::from_ref(readings), arm_stationary, arm, settings)?;
-    Ok(seen)
-}
-
-/// The dwells of both logs, from the joints' stationary stretches and readings in several lanes: those of the target in order of time,
-/// and the lane of each.
-pub(super) fn observe_lanes(
-    lanes: &[Readings<'_>],
-    arm_stationary: &Stationary,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<(Observation, Vec<usize>), JoinError> {
     enough("controller", arm_stationary, ("rad", "stationary_rad"), settings)?;
     let arm_dwells = arm_dwells(arm_stationary, arm);
-    let most = lanes.iter().map(Readings::stationary).max_by_key(|own| own.stretches.len());
-    let none = Stationary::default();
-    let most = most.unwrap_or(&none);
-    enough("tracker", most, ("mm", "stationary_mm"), settings)?;
-    let read = lanes.iter().map(Readings::stationary);
-    let starts = read.filter(|own| own.samples > 0).map(|own| own.span_ns.0);
-    let first_ns = starts.min().unwrap_or(most.span_ns.0);
-    let mut dwells: Vec<(TargetDwell, usize)> = Vec::new();
-    for (lane, readings) in lanes.iter().enumerate() {
-        let behind_ns = readings.stationary().span_ns.0.saturating_sub(first_ns);
-        let own = target_dwells(readings)?.into_iter();
-        dwells.extend(own.map(|own| (own.later_by(behind_ns as f64 / NS_PER_S), lane)));
-    }
-    dwells.sort_by_key(|(own, lane)| (own.start, *lane));
-    let (target, lane_of) = dwells.into_iter().unzip();
-    let seen = Observation {
-        first_measured: Stamp::from_ns(first_ns),
-        sampling_s: [arm_stationary, most]
-            .map(|stationary| stationary.interval_ns as f64 / NS_PER_S),
+    let stationary = readings.stationary();
+    enough("tracker", stationary, ("mm", "stationary_mm"), settings)?;
+    Ok(Observation {
+        first_measured: Stamp::from_ns(stationary.span_ns.0),
+        sampling_s: [arm_stationary, stationary].map(|own| own.interval_ns as f64 / NS_PER_S),
         stationary_rad: arm_stationary.threshold,
-        stationary_mm: most.threshold,
+        stationary_mm: stationary.threshold,
         arm: arm_dwells,
-        target,
-    };
-    Ok((seen, lane_of))
+        target: target_dwells(readings)?,
+    })
 }
 
 impl Observation {

@@ -46,17 +46,11 @@ impl<'a> Other<'a> {
         settings: &JoinSettings,
     ) -> Result<Vec<Self>, JoinError> {
         let read = others.iter().enumerate().filter(|(_, own)| own.count() > 0);
-        read.map(|(place, own)| Self::of(TargetId(place + 1), &**own, settings)).collect()
-    }
-
-    /// A target and its readings.
-    pub(super) fn of(
-        target: TargetId,
-        own: &'a dyn Poses<Tracker>,
-        settings: &JoinSettings,
-    ) -> Result<Self, JoinError> {
-        let readings = Readings::find(own, settings)?;
-        Ok(Self { target, dwells: target_dwells(&readings)?, readings })
+        read.map(|(place, own)| {
+            let readings = Readings::find(&**own, settings)?;
+            Ok(Self { target: TargetId(place + 1), dwells: target_dwells(&readings)?, readings })
+        })
+        .collect()
     }
 
     /// Adds this target's readings to the stations; returns how many of them are what, and those left out.
@@ -99,7 +93,7 @@ impl<'a> Other<'a> {
     fn evidence<'e>(&'e self, found: &'e Found<'e>) -> Option<Evidence<'e>> {
         let pairs = self.dwells.iter().filter_map(|own| {
             let arm = nearest(found.arm, &found.clock, own)?;
-            Some(ReadingAtFlange { flange: found.arm[arm].flange, attained: own.position })
+            Some(ReadingAtFlange { flange: arm.flange, attained: own.position })
         });
         let pairs: Vec<ReadingAtFlange> = pairs.collect();
         let (placement, gate_mm) = placed(&pairs, found.settings)?;
@@ -119,12 +113,16 @@ impl<'a> Other<'a> {
     }
 }
 
-/// Index of the arm's dwell in which the middle of a target's dwell lies; `None` where the arm moved.
-pub(super) fn nearest(arm: &[ArmDwell], clock: &ClockModel, target: &TargetDwell) -> Option<usize> {
+/// The arm's dwell in which the middle of a target's dwell lies; `None` where the arm moved.
+fn nearest<'a>(
+    arm: &'a [ArmDwell],
+    clock: &ClockModel,
+    target: &TargetDwell,
+) -> Option<&'a ArmDwell> {
     let middle = target.start.plus_ns(target.end.since_ns(target.start) / 2);
     let after = arm.partition_point(|dwell| clock.to_tracker(dwell.end) < middle);
     let dwell = arm.get(after)?;
-    (clock.to_tracker(dwell.start) <= middle).then_some(after)
+    (clock.to_tracker(dwell.start) <= middle).then_some(dwell)
 }
 
 /// The clock under which the readings of all targets lie in the middle of the arm's dwells, from one under which `main`'s do. Each

@@ -112,15 +112,6 @@ pub struct MeanOrientation {
     pub stated_covariance: Option<TurnCovariance>,
 }
 
-/// Distances by which the readings of a station were assigned to targets by geometry.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Assigned {
-    /// Root mean square distance of the readings from their targets at the nominal flange, mm.
-    pub misfit_mm: f64,
-    /// That of the best other assignment of the same readings, mm.
-    pub runner_up_mm: f64,
-}
-
 impl MeanPoint {
     /// The covariance that the instrument states of the pose with this position and that orientation.
     pub const fn stated_with(&self, turn: &MeanOrientation) -> PoseCovariance {

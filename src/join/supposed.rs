@@ -2,14 +2,12 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::assigned::Stated;
-use super::assigned::stream::visits;
 use super::decide::decide;
 use super::dwell::{ArmDwell, TargetDwell, median};
 use super::observe::{self, Observation};
 use super::pattern::Dwells;
 use super::readings::Readings;
-use super::{JoinError, JoinInput, JoinSettings, SAME_REACH};
+use super::{JoinError, JoinInput, JoinSettings};
 use crate::kinematics::Arm;
 
 /// The most dwells of the arm that are matched, from the middle of its log: enough for a pattern, few enough to try many arms.
@@ -41,19 +39,10 @@ pub struct Matched {
 }
 
 impl Supposed {
-    /// The dwells of `input`; an error where the logs have too few. Where readings do not name their targets, of which this is `stated`,
-    /// the target's dwells are visits of the arm, each at the middle of what was read.
-    pub fn of(
-        input: &JoinInput,
-        arm: &Arm,
-        settings: &JoinSettings,
-        stated: Option<&Stated>,
-    ) -> Result<Self, JoinError> {
+    /// The dwells of `input`; an error where the logs have too few.
+    pub fn of(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Self, JoinError> {
         let readings = Readings::find(&*input.readings, settings)?;
         let mut seen = observe::observe(&readings, &input.joints, arm, settings)?;
-        if let Some(stated) = stated {
-            seen.target = visits(&seen.target, stated, SAME_REACH * seen.stationary_mm);
-        }
         let beyond = seen.arm.len().saturating_sub(MOST);
         seen.arm.drain(..beyond / 2);
         seen.arm.truncate(MOST);

@@ -19,8 +19,8 @@ use super::moved::{Elsewhere, stretches};
 use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
 use super::{
-    Assigned, ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts,
-    SourceId, Station, TargetId, Unmeasured, Value,
+    ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts, SourceId,
+    Station, TargetId, Unmeasured, Value,
 };
 use crate::ingest::StandsOn;
 use crate::join::references::ReferenceId;
@@ -46,8 +46,6 @@ pub struct Row {
     pub readings: Vec<RowReading>,
     /// The references that were read at the station.
     pub references: Vec<RowReference>,
-    /// Distances by which the readings were assigned to targets; `None` where they name them.
-    pub assigned: Option<Assigned>,
 }
 
 /// A row with readings of references alone, between stations.
@@ -192,11 +190,6 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         stations,
         rejects: Vec::new(),
         row_rejects: rejects,
-        assigned: rows
-            .iter()
-            .enumerate()
-            .filter_map(|(number, row)| Some((number, row.assigned?)))
-            .collect(),
         references: carried.courses,
         read_references: carried.read,
         elsewhere: gates.elsewhere,

@@ -7,7 +7,6 @@
 //! 4. placements and directions become transforms;
 //! 5. sessions are looked for and become pieces of work (`sessions`).
 
-mod by_geometry;
 pub(super) mod checks;
 mod error;
 pub mod files;
@@ -37,7 +36,6 @@ use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
 use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
-use crate::join::assigned::Stated;
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError};
 use crate::similarity::SimilaritySettings;
@@ -81,8 +79,6 @@ pub struct Configuration {
     pub command_frames: Option<CommandFrames>,
     /// The set-up as stated, to be held against the logs.
     pub set_up: StatedSetUp,
-    /// Stated places and distances of targets whose readings do not name them; `None` where readings name their targets.
-    pub unnamed_targets: Option<Stated>,
     /// The stages after the join.
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
@@ -212,7 +208,6 @@ impl Configuration {
             from_grids: overrides.from_grids,
             remarks: remarks(&file),
             command_frames: placed.command_frames,
-            unnamed_targets: by_geometry::unnamed(&file),
             stages: stages(&file, &placed, &arm),
             set_up: StatedSetUp::new(&file, &placed, &arm),
             arm,

@@ -437,8 +437,6 @@ struct TrackerKeys {
     #[serde(default)]
     targets: Vec<LoggedTarget>,
     #[serde(default)]
-    targets_by_geometry: Vec<String>,
-    #[serde(default)]
     references: Vec<LoggedReference>,
     #[serde(default)]
     lengths: Vec<LoggedLength>,
@@ -651,7 +649,6 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
             targets: keys.targets,
-            targets_by_geometry: keys.targets_by_geometry,
             references: keys.references,
             lengths: keys.lengths,
         };

@@ -3,13 +3,13 @@
 pub(super) mod references;
 
 use super::stages::scales;
-use crate::figures::{expanded, median};
+use crate::figures::expanded;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::stated_size::FoundSize;
 use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::io::tables::residuals::target_name;
-use crate::join::{Assigned, Pairing, Station, TargetId};
+use crate::join::{Pairing, Station, TargetId};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
@@ -18,11 +18,8 @@ use crate::units::NS_PER_S;
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let named = scales::named(&outcome.scales).into_iter();
     let named = several_sources(outcome).chain(named);
-    let named = references::followed(outcome)
-        .into_iter()
-        .chain(several_targets(outcome))
-        .chain(sessions_of(outcome).filter_map(assigned_words))
-        .chain(named);
+    let named =
+        references::followed(outcome).into_iter().chain(several_targets(outcome)).chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
     let stated = stated_words(outcome).collect::<Vec<String>>();
     named.chain(stated).chain(more).collect()
@@ -36,7 +33,6 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     let mut words: Vec<String> = sessions.map(session_words).collect();
     words.extend(references::followed(outcome));
     words.extend(several_targets(outcome));
-    words.extend(sessions_of(outcome).filter_map(assigned_words));
     words.extend(several_sources(outcome));
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
@@ -48,27 +44,6 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(judged_by(outcome));
     words.push(format!("beside it: {}", outcome.verdict.other_statement()));
     words
-}
-
-/// All sessions of an outcome.
-fn sessions_of<'o>(outcome: &'o Outcome<'_>) -> impl Iterator<Item = &'o JoinedSession> {
-    outcome.training.iter().chain(&outcome.test)
-}
-
-/// How clearly the readings of a session were assigned to targets by geometry; `None` where they name their targets.
-fn assigned_words(session: &JoinedSession) -> Option<String> {
-    let assigned = &session.joined.assigned;
-    let of = |own: fn(&Assigned) -> f64| median(&assigned.values().map(own).collect::<Vec<f64>>());
-    let ratios = assigned.values().map(|own| own.runner_up_mm / own.misfit_mm);
-    Some(format!(
-        "{}: targets found by geometry at {} stations: readings are {:.2} mm from them at the nominal flange, {:.1} mm under the next best \
-         assignment (medians), which is {:.1} times as far where it is nearest",
-        session.name,
-        assigned.len(),
-        of(|own| own.misfit_mm)?,
-        of(|own| own.runner_up_mm)?,
-        ratios.fold(f64::INFINITY, f64::min),
-    ))
 }
 
 /// The size of a camera's noise.

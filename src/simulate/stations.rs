@@ -20,15 +20,6 @@ const SETTLING_NS: i64 = 100_000_000;
 /// Share of a reflector's part of a dwell that passes at its beginning and end while the beam is on its way.
 const CHANGES: f64 = 0.1;
 
-/// Readings of several reflectors as one stream in order of time, which does not name them.
-pub fn without_names(targets: &[TargetReadings]) -> TargetReadings {
-    let rows = targets.iter().flat_map(|own| own.stamps.iter().zip(&own.positions));
-    let mut rows: Vec<_> = rows.map(|(stamp, position)| (*stamp, *position)).collect();
-    rows.sort_by_key(|(stamp, _)| *stamp);
-    let (stamps, positions) = rows.into_iter().unzip();
-    TargetReadings { stamps, positions, ..TargetReadings::default() }
-}
-
 impl Simulated {
     /// The stations that a perfect join would find: every dwell with the mean of its readings, none of them rejected but
     /// those of the first tenth of a second and outliers more than 1 mm from the truth.
@@ -101,7 +92,7 @@ impl Simulated {
     }
 
     /// The order in which `targets` reflectors are measured one after another at each station, drawn anew for each.
-    pub fn turns(&self, targets: usize) -> Vec<Vec<usize>> {
+    fn turns(&self, targets: usize) -> Vec<Vec<usize>> {
         let mut drawn = Stream::new(self.truth.settings.seed, Ingredient::Turns);
         let order = |_: &TrueStation| {
             let mut keyed: Vec<(u64, usize)> =

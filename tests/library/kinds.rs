@@ -165,7 +165,6 @@ impl Session {
             temperature_c: None,
             readings,
             references: self.references(&tracker, station),
-            assigned: None,
         }
     }
 

@@ -16,15 +16,14 @@ use posegrid::fit::{
 };
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::Tolerance;
-use posegrid::ingest::{LoggedTarget, Recording, TargetName, TargetReadings};
+use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
-use posegrid::io::log_writer::{TrackerLog, write_controller_log, write_tracker_log};
+use posegrid::io::log_writer::{TrackerLog, write_controller_log};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::residuals;
-use posegrid::join::assigned::Stated;
 use posegrid::join::{
-    Assigned, JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind,
-    SourceId, Station, TargetId, Unmeasured, Value, join, join_unnamed,
+    JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
+    Station, TargetId, Unmeasured, Value, join,
 };
 use posegrid::kinematics::{Arm, Parameter};
 use posegrid::pipeline::stages::{self, StageSettings};
@@ -34,7 +33,7 @@ use posegrid::report::{Accuracy, Angles, Model, Point, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
-    ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits, without_names,
+    ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits,
 };
 use posegrid::units::{ClockModel, Stamp, Tracker};
 use rand::{RngExt, SeedableRng};
@@ -719,113 +718,4 @@ fn three_reflectors_from_a_log_are_those_of_the_table_of_the_same_session() {
         joined.clock.method
     );
     assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
-}
-
-/// The same readings as one topic of points that do not name their reflector; joined by geometry, with places stated to half a
-/// millimetre.
-fn from_unnamed_log(
-    arm: &Arm,
-    simulated: &Simulated,
-    readings: &[TargetReadings],
-) -> (Joined, u64) {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let [controller, tracker] =
-        ["controller.mcap", "tracker.mcap"].map(|log| folder.path().join(log));
-    let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
-    let joints: Vec<&str> = arm.joints().iter().map(|own| own.name.as_str()).collect();
-    let nothing = BTreeMap::new();
-    let recording = Recording { readings: without_names(readings), ..simulated.recording.clone() };
-    write_controller_log(create(&controller), &recording, &joints, &nothing).expect("room");
-    write_tracker_log(create(&tracker), &recording, &nothing).expect("room");
-    let mut mapping = common::mapping(arm);
-    "/tracker/point".clone_into(&mut mapping.tracker.topic);
-    let read = common::read(&SessionLogs::of_two(&controller, &tracker), &mapping);
-    let kept = read.counts["readings.kept"];
-    let place = |at: &[f64; 3]| Some((Vector3::from(TOOL_MM) + Vector3::from(*at), 0.5));
-    let stated = Stated {
-        names: ["A", "B", "C"].map(str::to_owned).to_vec(),
-        places: PLACES.iter().map(place).collect(),
-        distances: Vec::new(),
-    };
-    let settings = JoinSettings::default();
-    let joined = join_unnamed(&read.input, arm, &settings, &stated).expect("a sound recording");
-    (joined, kept)
-}
-
-#[test]
-fn reflectors_that_a_log_does_not_name_are_those_of_the_table_of_the_same_session() {
-    let arm = common::arm("kr210-r2700-extra");
-    for seed in [7, 8, 9] {
-        let mut settings = day(seed, 60, true);
-        settings.cell.six_dof = false;
-        settings.tracker = TrackerErrors::adm();
-        settings.tracker.lost_share = 0.1;
-        settings.motion.dwell_s = 3.0;
-        let simulated = simulate(&arm, &settings).expect("in reach");
-        let beside = [PLACES[1], PLACES[2]].map(Vector3::from);
-        let in_turn = simulated.readings_in_turn(&beside);
-        let table = simulated.stations_with(&beside);
-        let (joined, kept) = from_unnamed_log(&arm, &simulated, &in_turn);
-        assert_balanced(&joined, kept);
-        let (largest, counts) = beside_table(&joined, &table);
-        println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
-        // A reading under another name would be more than 100 mm off.
-        assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
-        let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
-        assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
-    }
-}
-
-/// Readings of reflectors as one stream that has all of them at each moment in an order of its own: one in twelve is not seen, one in
-/// thirty is of something else, at places that stay or do not, and one in fifty is zeros.
-fn disordered(readings: &[TargetReadings], seed: u64) -> TargetReadings {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let named = without_names(readings);
-    let mut stream = TargetReadings::default();
-    let mut rows: Vec<usize> = (0..named.stamps.len()).collect();
-    for moment in rows.chunk_by_mut(|a, b| named.stamps[*a] == named.stamps[*b]) {
-        for last in (1..moment.len()).rev() {
-            moment.swap(last, rng.random_range(0..=last));
-        }
-        for row in moment {
-            let mut add = |position: [f64; 3]| {
-                stream.stamps.push(named.stamps[*row]);
-                stream.positions.push(position);
-            };
-            match rng.random_range(0..300) {
-                0..25 => {}
-                25..31 => add([0.0; 3]),
-                31..36 => add([1200.0, -800.0, 350.0]),
-                36..41 => {
-                    let off = [0; 3].map(|_: i32| rng.random_range(-3000.0..3000.0));
-                    add(off);
-                }
-                _ => add(named.positions[*row]),
-            }
-        }
-    }
-    stream
-}
-
-#[test]
-fn reflectors_that_a_log_shows_at_once_are_those_of_the_table_of_the_same_session() {
-    let arm = common::arm("kr210-r2700-extra");
-    for seed in [7, 8, 9] {
-        let mut settings = day(seed, 60, true);
-        settings.cell.six_dof = false;
-        settings.tracker = TrackerErrors::adm();
-        settings.tracker.lost_share = 0.1;
-        let simulated = simulate(&arm, &settings).expect("in reach");
-        let beside = [PLACES[1], PLACES[2]].map(Vector3::from);
-        let stream = disordered(&simulated.readings_with(&beside), seed);
-        let table = simulated.stations_with(&beside);
-        let (joined, kept) = from_unnamed_log(&arm, &simulated, &[stream]);
-        assert_balanced(&joined, kept);
-        let (largest, counts) = beside_table(&joined, &table);
-        println!("seed {seed}: {largest:.4} mm from the table, {counts:?} readings");
-        // A reading under another name would be more than 100 mm off.
-        assert!(largest < 0.1 && 10 * counts[0] >= 9 * counts[1], "{largest} {counts:?}");
-        let clear = |own: &Assigned| own.runner_up_mm > 5.0 * own.misfit_mm;
-        assert!(joined.assigned.len() > 50 && joined.assigned.values().all(clear));
-    }
 }

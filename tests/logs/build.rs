@@ -216,7 +216,6 @@ pub fn mapping() -> Mapping {
             temperature: None,
             ignore_orientation: false,
             targets: Vec::new(),
-            targets_by_geometry: Vec::new(),
             references: Vec::new(),
             lengths: Vec::new(),
             eye_in_hand: false,

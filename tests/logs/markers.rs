@@ -119,7 +119,7 @@ fn markers_are_told_by_number_and_what_is_not_seen_is_missing() {
 
 #[test]
 fn each_marker_has_its_own_covariance() {
-    by_path(true).check(false).expect("sound paths");
+    by_path(true).check().expect("sound paths");
     let log = marker_log(&SEEN);
     for fields in [PoseFields::default(), by_path(true)] {
         let found = read_as(&log, &of_markers(fields)).expect("sound");
@@ -272,44 +272,17 @@ fn damaged_arrays_of_markers_are_counted_and_never_trusted() {
     assert!(read > 20, "{read}");
 }
 
-/// A log of arrays of positions without names, each message with these x, m.
-fn array_log(messages: &[&[f64]]) -> Vec<u8> {
+#[test]
+fn arrays_without_names_are_refused_with_how_to_name_their_elements() {
     let mut log = Log::new(None);
     session(&mut log, 100);
     let text = format!("std_msgs/Header header\nPose[] poses\n{HEADER}{POSE}");
-    let channel = log.channel_of(
-        "/markers",
-        "geometry_msgs/msg/PoseArray",
-        "ros2msg",
-        text.as_bytes(),
-        "cdr",
-    );
-    for (i, markers) in (0..).zip(messages) {
-        let ns = stamp(i);
-        let cdr = Cdr::stamped(ns).word(u32::try_from(markers.len()).expect("few"));
-        let cdr =
-            markers.iter().fold(cdr, |cdr, x| cdr.numbers(&[*x, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0]));
-        log.write(channel, u64::try_from(ns).expect("positive"), &cdr.done());
-    }
-    log.done()
-}
-
-#[test]
-fn arrays_without_names_are_a_reading_for_each_element_where_geometry_tells_them() {
-    let log = array_log(&[&[1.0, 2.0, 3.0], &[], &[4.0], &[f64::NAN, 5.0]]);
+    let (array, definition) = ("geometry_msgs/msg/PoseArray", text.as_bytes());
+    log.channel_of("/markers", array, "ros2msg", definition, "cdr");
     let mut mapping = of_markers(PoseFields::default());
     mapping.tracker.targets.clear();
-    mapping.tracker.targets_by_geometry = vec!["a".to_owned(), "b".to_owned()];
-    let found = read_as(&log, &mapping).expect("sound");
-    assert_eq!(x(&found.readings), [1000.0, 2000.0, 3000.0, 4000.0, 5000.0]);
-    let stamps: Vec<i64> = found.readings.stamps.iter().map(|own| own.ns()).collect();
-    assert_eq!(stamps[..3], [stamp(0); 3]);
-    assert_eq!(found.readings.orientations, None);
-    assert_eq!(found.counts["readings.messages"], 6);
-    assert_eq!(found.counts["readings.rejected"], 1);
-    check_counts(&found);
-    // Where geometry is not asked, nothing tells which is which.
-    mapping.tracker.targets_by_geometry.clear();
-    let error = read_as(&log, &mapping).expect_err("which one?").to_string();
-    assert!(error.contains("of targets_by_geometry"), "{error}");
+    let error = read_as(&log.done(), &mapping).expect_err("which one?").to_string();
+    for part in ["PoseArray of motion capture", "topic of its own", "[[tracker.targets]]"] {
+        assert!(error.contains(part), "{error}");
+    }
 }

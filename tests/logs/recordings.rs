@@ -46,7 +46,6 @@ pub fn mapping(time: TimeSource) -> Mapping {
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
             targets: Vec::new(),
-            targets_by_geometry: Vec::new(),
             references: Vec::new(),
             lengths: Vec::new(),
             eye_in_hand: false,

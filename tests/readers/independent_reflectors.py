@@ -10,8 +10,6 @@ For each seed the arm goes to a grid of stations. A table has, for each, the com
 goes there, and what it attains is held against what was wanted, in position (base surveyed) and in orientation. A turn that all targets
 have in common is left out of the orientation, before and after: the reflectors' places are stated to 0.2 mm, which leaves it open by a
 milliradian in a session with one orientation. With `--blind` the pipeline file leaves the references out, which shows what they are for.
-With `--unnamed` the three readings of a station stand in an order of their own, and `targets_by_geometry` takes the place of their names:
-the run has to give the results of the session with names, to a micrometre and a microradian.
 
 The exit code is 1 where the mean error after is above `--mean`, or where orientations are left worse than `--turned` times uncorrected.
 """
@@ -43,7 +41,7 @@ def rigid(shift, turned):
     return lambda points: points @ own.T + shift
 
 
-def record(arm, generator, folder, pitch, unnamed):
+def record(arm, generator, folder, pitch):
     """The table of a session."""
     commands = grid(pitch)
     angles = joints_for(commands)
@@ -66,37 +64,31 @@ def record(arm, generator, folder, pitch, unnamed):
             read = [[f"{value:.6f}" for value in point] for point in as_read(generator, knock(drift(points)))]
             for missing in np.flatnonzero(generator.uniform(0, 1, 3) < 0.05):
                 read[missing] = ["0", "0", "0"]
-            if unnamed:
-                # Its own generator: the session is that of the names, in another order.
-                order = np.random.default_rng([977, number]).permutation(3)
-                read[:3] = [read[place] for place in order]
             row = [*np.degrees(rests[number]), *commands[number], *ORIENTATION]
             writer.writerow([number, *(f"{value:.9f}" for value in row), *(value for point in read for value in point)])
     return len(commands)
 
 
-def section(blind, unnamed):
+def section(blind):
     """The section that reads the table, and the places of the reflectors as somebody drew them."""
     lines = ["[stations]", 'joints = ["a1", "a2", "a3", "a4", "a5", "a6"]', 'joint_unit = "deg"', 'station = "pose"']
     lines += ['commanded = { position = ["cx", "cy", "cz"], unit = "mm", orientation = { quaternion_xyzw = ["qx", "qy", "qz", "qw"] } }']
-    if unnamed:
-        lines += [f"targets_by_geometry = {NAMES}"]
     for name in NAMES:
-        lines += ["", "[[stations.measured]]", *([] if unnamed else [f'name = "{name}"']), f'position = ["{name}_x", "{name}_y", "{name}_z"]', 'unit = "mm"']
+        lines += ["", "[[stations.measured]]", f'name = "{name}"', f'position = ["{name}_x", "{name}_y", "{name}_z"]', 'unit = "mm"']
     for name in [] if blind else ["B1", "B2", "B3"]:
         lines += ["", "[[stations.references]]", f'name = "{name}"', 'on = "base"', f'position = ["{name}_x", "{name}_y", "{name}_z"]']
         lines += ['unit = "mm"']
     return "\n".join(lines)
 
 
-def pipeline(folder, session, blind, unnamed):
+def pipeline(folder, session, blind):
     """The quickstart's pipeline file for the table."""
     text = (ROOT / "pipelines/quickstart.toml").read_text()
     text = re.sub(r'"robots/', f'"{ROOT}/pipelines/robots/', text)
     text = re.sub(r'"\.\./tests/recordings"', f'"{folder}/recordings"', text)
     text = re.sub(r'"\.\./lake"', f'"{folder}/lake"', text)
     text = re.sub(r"^sessions = .*$", f'sessions = ["{session}"]\nstations = "measured.csv"', text, flags=re.M)
-    text = re.sub(r"^\[controller\]\n(?:.+\n)+", section(blind, unnamed) + "\n", text, flags=re.M)
+    text = re.sub(r"^\[controller\]\n(?:.+\n)+", section(blind) + "\n", text, flags=re.M)
     for key in ("topic", "time", "unit", "temperature"):
         text = re.sub(rf'^(?<!\[){key} = "(?:/|header|m")[^\n]*\n', "", text, flags=re.M)
     places = stated_places(TOOL)
@@ -125,25 +117,11 @@ def left(arm, generator, wanted, positions, turns):
 
 
 def loop(binary, folder, seed, options):
-    """What is wrong with the session of this seed, and without names with what differs from it."""
-    wrong, named = session_of(binary, folder, seed, options, unnamed=False)
-    if options.unnamed:
-        more, unnamed = session_of(binary, folder / "unnamed", seed, options, unnamed=True)
-        wrong += [f"unnamed: {problem}" for problem in more]
-        apart = np.abs(named[0] - unnamed[0]).max(), np.abs(named[1] - unnamed[1]).max()
-        print(f"unnamed: corrections are {1e3 * apart[0]:.3f} um and {1e6 * apart[1]:.3f} urad from those with names", flush=True)
-        if not (apart[0] < 1e-3 and apart[1] < 1e-6):
-            wrong.append(f"seed {seed}: corrections without names differ by {apart[0]} mm and {apart[1]} rad")
-    return wrong
-
-
-def session_of(binary, folder, seed, options, unnamed):
-    """What is wrong with a session, and its corrections: positions and rotation matrices."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """What is wrong with the session of this seed."""
     generator = np.random.default_rng(seed)
     arm, session = Arm(generator), f"arm-{seed}"
-    stations = record(arm, generator, folder / "recordings" / session, options.pitch, unnamed)
-    said = command([binary, "run", "--verbose", pipeline(folder, session, options.blind, unnamed)], {0, 3})
+    stations = record(arm, generator, folder / "recordings" / session, options.pitch)
+    said = command([binary, "run", "--verbose", pipeline(folder, session, options.blind)], {0, 3})
     if options.verbose:
         print(said)
     wanted = LOW + SIZE * generator.uniform(0, 1, (options.targets, 3))
@@ -174,7 +152,7 @@ def session_of(binary, folder, seed, options, unnamed):
         wrong.append(f"{after[1]:.3f} of {before[1]:.3f} mrad are left")
     if "was bumped between" not in said and not options.blind:
         wrong.append("the bump is not named")
-    return [f"seed {seed}: {problem}" for problem in wrong], (places, turns)
+    return [f"seed {seed}: {problem}" for problem in wrong]
 
 
 def main():
@@ -187,7 +165,6 @@ def main():
     parser.add_argument("--mean", type=float, default=0.06, help="largest mean error after, in the surveyed base, mm")
     parser.add_argument("--turned", type=float, default=0.5, help="largest share of the orientation error that may be left")
     parser.add_argument("--blind", action="store_true", help="leave the references out of the pipeline file")
-    parser.add_argument("--unnamed", action="store_true", help="measure each session again without the names of its reflectors")
     parser.add_argument("--verbose", action="store_true", help="print what each run says")
     options = parser.parse_args()
     folder = options.folder.resolve()

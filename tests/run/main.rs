@@ -48,7 +48,6 @@ mod tabled;
 mod targets;
 mod tasks;
 mod unattended;
-mod unnamed;
 mod unwritable;
 mod verify;
 mod written;

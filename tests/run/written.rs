@@ -189,9 +189,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("sampling_plan.joint_units", ALL_TURN),
     ("logs.stated_", NO_COVARIANCE),
     ("stations.stated_", NO_COVARIANCE),
-    ("stations.assigned_", NAMED),
 ];
-const NAMED: &str = "tests/run/unnamed.rs: the readings of these cells are of one target";
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
 const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
 const NO_LENGTHS: &str = "tests/run/lengths.rs: these cells have a tracker alone, and these are of instruments of one length";

@@ -234,8 +234,8 @@ impl PoseFields {
         self.pose_paths().into_iter().chain(stamp).chain(temperature).collect()
     }
 
-    /// Checks that the paths fit together; `without_names` says whether elements of an array need no name.
-    pub fn check(&self, without_names: bool) -> Result<(), WrongFields> {
+    /// Checks that the paths fit together.
+    pub fn check(&self) -> Result<(), WrongFields> {
         let given =
             |fields: &[&Option<String>]| fields.iter().filter(|field| field.is_some()).count();
         let position = given(&[&self.x, &self.y, &self.z]);
@@ -255,7 +255,7 @@ impl PoseFields {
                 "all of qx, qy, qz and qw, or none where there is no orientation",
             );
         }
-        if self.is_of_each() && self.target.is_none() && !without_names {
+        if self.is_of_each() && self.target.is_none() {
             return wrong(
                 "paths through an array of poses".to_owned(),
                 "target, the path of the name or number by which [tracker] targets tells its elements",

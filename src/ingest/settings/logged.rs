@@ -81,9 +81,7 @@ impl TrackerSettings {
 
     /// The targets' names, the main one's first; empty where a single one has none.
     pub fn target_names(&self) -> Vec<String> {
-        let named = self.targets.iter().map(|own| own.name.clone());
-        let unnamed = self.targets_by_geometry.iter().cloned();
-        named.chain(unnamed).collect()
+        self.targets.iter().map(|own| own.name.clone()).collect()
     }
 
     /// Places of the instruments of one length whose readings are on a topic.
@@ -143,14 +141,6 @@ impl TrackerSettings {
         let wrong = |found: String, wanted: &str| {
             Err(WrongFields { key: "targets", found, wanted: wanted.to_owned() })
         };
-        if !self.targets_by_geometry.is_empty()
-            && (!self.targets.is_empty() || self.fields.target.is_some())
-        {
-            return wrong(
-                "beside targets_by_geometry".to_owned(),
-                "left out, as fields.target: readings of one topic that do not name their targets, or that do",
-            );
-        }
         let seen = self.seen();
         for (place, own) in seen.iter().enumerate() {
             let before = &seen[..place];

@@ -52,10 +52,6 @@ pub struct StationsSettings {
     /// Names of the targets in the column `target`, the main one first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<String>,
-    /// Names of the targets whose readings do not name them, the main one first: they are found by geometry. The rows of a `station` are
-    /// a reading each, or `measured` lists the columns of several readings. Empty where readings name their targets.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub targets_by_geometry: Vec<String>,
     /// When a station was measured. Absent: stations are in the order of the rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<TimeColumn>,
@@ -348,9 +344,6 @@ impl From<OrientationColumns> for OrientationKeys {
 impl StationsSettings {
     /// Names of the targets, the main one first; a single one that has no name is `target`.
     pub fn target_names(&self) -> Vec<String> {
-        if !self.targets_by_geometry.is_empty() {
-            return self.targets_by_geometry.clone();
-        }
         if self.target.is_some() && !(self.targets.is_empty() && self.measured.is_empty()) {
             return self.targets.clone();
         }
@@ -371,11 +364,6 @@ impl StationsSettings {
             }
         }
         names
-    }
-
-    /// Whether each row is one reading of a station, and does not name its target.
-    pub fn is_long_unnamed(&self) -> bool {
-        !self.targets_by_geometry.is_empty() && self.measured.len() == 1
     }
 
     /// Place among the targets of the one that an instrument of one length reads; `None` where there is no such target.

@@ -60,7 +60,6 @@ impl Sizes {
             Layout::Pose | Layout::Point | Layout::PoseWithCovariance => "m",
             Layout::Markers
             | Layout::MarkersWithCovariance
-            | Layout::Points
             | Layout::Temperature
             | Layout::Length => return None,
         };

@@ -258,15 +258,11 @@ impl Visitor for Streams<'_, '_> {
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
         let Some(reader) = decoder else { return };
         // A message with an array of poses counts once for each target, as its rows do.
-        let rows = match reader.read(message, &self.mapping.joints, part) {
-            Ok(rows) => rows,
-            Err(fault) => {
-                let rows = reader.rows();
-                let tally = part.faults.entry((reader.wanted, fault)).or_default();
-                (0..rows).for_each(|_| tally.add(message.log_time));
-                rows
-            }
-        };
+        let rows = reader.rows();
+        if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
+            let tally = part.faults.entry((reader.wanted, fault)).or_default();
+            (0..rows).for_each(|_| tally.add(message.log_time));
+        }
         part.messages[reader.stream as usize] += rows as u64;
     }
 

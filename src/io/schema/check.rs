@@ -17,6 +17,9 @@ impl TableSchema {
         if self.reads_from.is_some_and(|oldest| oldest == 0 || oldest >= self.version) {
             return broken("reads_from", "it is an older version than this one");
         }
+        if let Some(name) = self.removed.iter().find(|name| self.column(name).is_some()) {
+            return broken(name, "a removed column is none of the table's");
+        }
         let is_key = |(column, key): (&ColumnSchema, &str)| column.name == key && !column.nullable;
         let keys = self.columns.iter().zip(KEY_COLUMNS).filter(|&pair| is_key(pair));
         if self.role == Role::Published && keys.count() != KEY_COLUMNS.len() {

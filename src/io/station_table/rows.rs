@@ -79,7 +79,6 @@ pub(super) fn rows(
         reader.reject(RowItem::Row, *line, Fault::of(reason.clone()));
     }
     let rows = match columns.target {
-        None if settings.is_long_unnamed() => reader.long_unnamed(own),
         None => reader.wide(own),
         Some(target) => reader.long(own, target),
     };
@@ -187,25 +186,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Rows that are a reading each and name no target; those with one name are a station. The readings of a station are numbered in
-    /// their order.
-    fn long_unnamed(&mut self, own: &[usize]) -> Vec<Row> {
-        let mut long = Long::default();
-        let columns = self.columns;
-        for &row in own {
-            match self.station_of(row, &mut long) {
-                Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
-                Ok(place) => {
-                    let target = TargetId(long.rows[place].readings.len());
-                    if let [measured, ..] = &columns.measured[..] {
-                        self.add_reading(&mut long.rows[place], row, target, 0, measured);
-                    }
-                }
-            }
-        }
-        long.rows
-    }
-
     /// The station and the target of a row of a long table; a station that no earlier row names is new.
     fn placed(
         &self,
@@ -295,7 +275,6 @@ impl Reader<'_> {
             temperature_c: temperature.and_then(Result::ok),
             readings: Vec::new(),
             references: Vec::new(),
-            assigned: None,
         })
     }
 

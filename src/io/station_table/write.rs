@@ -30,9 +30,6 @@ pub struct Read<'a> {
     pub targets: &'a [String],
     /// Instruments of one length, in the order of sources behind the first.
     pub lengths: &'a [LengthColumn],
-    /// The order in which targets are measured at each station, of a table with a row for each reading that does not name its target;
-    /// empty of one with a row for each station.
-    pub turns: &'a [Vec<usize>],
     /// Names of the references, and what each stands on.
     pub references: &'a [(String, StandsOn)],
     /// Positions of the references at each station, mm; empty without references.
@@ -42,10 +39,7 @@ pub struct Read<'a> {
 /// The table of these stations with what is read at them. Angles are in degrees, positions in mm; readings that are missing are blank.
 /// Comments above the header say how a pipeline file reads it.
 pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
-    let Read { targets, lengths, references, looks, turns } = read;
-    if !turns.is_empty() {
-        return unnamed(stations, arm, &read);
-    }
+    let Read { targets, lengths, references, looks } = read;
     let parts = parts(stations, targets.len());
     let mut text = section(arm, &read, &parts);
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
@@ -76,37 +70,6 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     }
     text
 }
-
-/// The table with a row for each reading, in the order of measurement, without the name of its target.
-fn unnamed(stations: &[Station], arm: &Arm, read: &Read<'_>) -> String {
-    let mut text = section(arm, read, &[]);
-    let joints = arm.joints().iter().map(|joint| joint.name.clone());
-    let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
-    let header: Vec<String> = ["station".to_owned()]
-        .into_iter()
-        .chain(joints)
-        .chain(["temperature".to_owned()])
-        .chain(commands)
-        .chain(of_target(UNNAMED))
-        .map(|name| quoted(&name))
-        .collect();
-    writeln!(text, "{}", header.join(",")).expect("a string");
-    for (station, order) in stations.iter().zip(read.turns) {
-        let readings = order.iter().filter_map(|&target| {
-            let mut own = station.measured().iter();
-            own.find(|reading| reading.target == TargetId(target))
-        });
-        for reading in readings {
-            let mut cells = row(station, arm, &[], 0);
-            cells.extend(measured(reading));
-            writeln!(text, "{}", cells.join(",")).expect("a string");
-        }
-    }
-    text
-}
-
-/// What the columns of readings are named after that do not name their target.
-const UNNAMED: &str = "read";
 
 /// Columns of a target's reading: position, standard deviation of a sample, number of samples.
 fn of_target(target: &str) -> [String; 7] {
@@ -196,13 +159,6 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
          [\"command_qx\", \"command_qy\", \"command_qz\", \"command_qw\"] } }"
             .to_owned(),
     );
-    let of_any = [UNNAMED.to_owned()];
-    let is_unnamed = !read.turns.is_empty();
-    if is_unnamed {
-        lines.push("station = \"station\"".to_owned());
-        lines.push(format!("targets_by_geometry = {}", list(targets)));
-    }
-    let targets = if is_unnamed { &of_any[..] } else { targets };
     for (place, target) in targets.iter().enumerate() {
         let columns = of_target(target);
         let several = targets.len() > 1;

@@ -310,7 +310,7 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
     Ok(())
 }
 
-/// The columns of `schema` from a file's, by name; those added after its `version` are null.
+/// The columns of `schema` from a file's, by name; those added after its `version` are null, those removed since are passed over.
 fn columns(
     batch: &RecordBatch,
     schema: &TableSchema,
@@ -321,7 +321,8 @@ fn columns(
     names_are_clear(fields.fields().iter().map(|field| field.name().as_str()), schema)?;
     let extra = fields.fields().iter().find(|field| {
         let known = schema.column(field.name());
-        known.is_none_or(|(_, column)| !column.is_in(version))
+        let is_removed = version < schema.version && schema.removed.contains(field.name());
+        known.is_none_or(|(_, column)| !column.is_in(version)) && !is_removed
     });
     if let Some(field) = extra.filter(|_| !accepted) {
         return Err(TableError::UnknownColumn {

@@ -14,7 +14,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row, Rows, Table, row};
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
-use crate::join::{Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
+use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::units::WallTime;
 
@@ -65,7 +65,6 @@ pub struct AsJoined {
     clock: ClockEstimate,
     rejects: Vec<JoinReject>,
     row_rejects: Vec<RowReject>,
-    assigned: BTreeMap<usize, Assigned>,
     references: Vec<ReferenceCourse>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     read_references: Vec<ReadReference>,
@@ -176,7 +175,6 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
             clock: own.clock,
             rejects: own.rejects,
             row_rejects: own.row_rejects,
-            assigned: own.assigned,
             references: own.references,
             read_references: own.read_references,
             elsewhere: own.elsewhere,
@@ -214,7 +212,6 @@ impl AsJoined {
             clock: joined.clock.clone(),
             rejects: joined.rejects.clone(),
             row_rejects: joined.row_rejects.clone(),
-            assigned: joined.assigned.clone(),
             references: joined.references.clone(),
             read_references: joined.read_references.clone(),
             elsewhere: joined.elsewhere.clone(),

@@ -73,10 +73,6 @@ row! {
             motion_cov_yz_mm2,
             motion_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Root mean square distance of the readings from the targets that they were assigned to by geometry, at the nominal flange, mm.
-        assigned_mm: Option<f64>,
-        /// That of the best other assignment, mm.
-        assigned_runner_up_mm: Option<f64>,
         /// Number of readings of the dwell.
         readings: Option<usize>,
         /// Number of them in the mean position.
@@ -155,7 +151,6 @@ pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
     stations
         .map(|(place, (station, commanded_joints_rad))| {
             let command = station.command.as_ref();
-            let assigned = session.joined.assigned.get(&station.number);
             let by = session.driven_by.as_ref();
             let target = by.and_then(|by| {
                 let place = by.matched.of_command[place]?;
@@ -169,8 +164,6 @@ pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
                 target: target.map(|target| target.name.clone()),
                 target_at: target.map(|target| target.target.coords.into()),
                 table_id: run.clone().filter(|_| target.is_some()),
-                assigned_mm: assigned.map(|own| own.misfit_mm),
-                assigned_runner_up_mm: assigned.map(|own| own.runner_up_mm),
                 ..measured(station)
             }
         })
@@ -206,8 +199,6 @@ fn measured(station: &Station) -> StationRow {
         stated_orientation_cov_rad2: stated.map(orientation_rows),
         stated_position_orientation_cov_mm_rad: stated.map(|own| own.with_position.to_vec()),
         motion_cov_mm2: point.and_then(|point| point.motion_covariance),
-        assigned_mm: None,
-        assigned_runner_up_mm: None,
         readings: reading.map(|reading| reading.taken),
         readings_kept: reading.map(|reading| reading.kept),
         first_reading_ns: reading.map(|reading| reading.first.ns()),

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ApartRow, Row, RowItem, RowReject, Rows, is_timed};
+use super::{ApartRow, Row, RowItem, RowReject};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::join::Value;
@@ -145,20 +145,6 @@ pub(super) fn carry(
         }
     }
     Carried { courses, read, rejects, left_out }
-}
-
-/// The motion at each row where it is known, by the row's place.
-pub(in crate::join) fn motions(rows: &Rows) -> BTreeMap<usize, Motion> {
-    if rows.references.is_empty() {
-        return BTreeMap::new();
-    }
-    let timed = is_timed(&rows.rows);
-    let stops = stops(&rows.rows, &rows.apart, timed);
-    let origin = Origin { file: &rows.file, is_timed: timed, is_logged: false };
-    let (mut courses, _) = courses(&stops, &rows.references, &origin);
-    let measured = |place: usize| !rows.rows[place].readings.is_empty();
-    let motions = taken_out(&mut courses, measured).into_iter();
-    motions.filter_map(|(place, motion)| Some((place, motion.ok()?))).collect()
 }
 
 /// How often and where each of `references` was read at `stops`, which are in order of time.

@@ -27,7 +27,6 @@ fn rows(arm: &Arm) -> Vec<Row> {
             temperature_c: Some(20.0),
             readings: vec![reading(place, k + 2)],
             references: Vec::new(),
-            assigned: None,
         }
     };
     (0..40).map(row).collect()

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{ConfigurationError, ConfigurationErrorKind, by_geometry, lengths};
+use super::{ConfigurationError, ConfigurationErrorKind, lengths};
 use crate::fit::full::FullSettings;
 use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
@@ -182,7 +182,6 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
             wanted: fields.wanted,
         }
     };
-    by_geometry::targets(file)?;
     if let Some(stations) = &file.stations {
         return columns(stations, joints);
     }
@@ -192,8 +191,7 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
     }
     if let Some(tracker) = &file.tracker.mapping {
         let fields = &tracker.fields;
-        let without_names = !tracker.targets_by_geometry.is_empty();
-        fields.check(without_names).map_err(of_section("tracker"))?;
+        fields.check().map_err(of_section("tracker"))?;
         paths("[tracker] fields", &fields.paths())?;
         tracker.check_targets().map_err(of_section("tracker"))?;
         wrong_unless(
@@ -209,7 +207,7 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         return Ok(());
     };
     let commanded = &commanded.fields;
-    commanded.check(false).map_err(of_section("commanded"))?;
+    commanded.check().map_err(of_section("commanded"))?;
     wrong_unless(
         commanded.temperature.is_none(),
         "[commanded] fields.temperature",
@@ -233,7 +231,6 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         format!("{} columns", stations.joints.len()),
         format!("{joints}, one for each reported joint of the robot file, from base to flange"),
     )?;
-    by_geometry::columns(stations)?;
     let names = stations.target_names();
     let is_long = stations.target.is_some();
     wrong_unless(

@@ -120,11 +120,7 @@ mod tests {
                 "session": null,
             },
             "join": {"min_readings": 3},
-            "fit": {
-                "loss": {"kind": "squares"},
-                "targets": {"A": {"sd_mm": 0.5}},
-                "target_distances": [{"between": ["A", "B"], "mm": 1}],
-            },
+            "fit": {"loss": {"kind": "squares"}},
             "tolerance": {"mm": 0.5},
             "output": {"logs": false},
         });
@@ -140,11 +136,6 @@ mod tests {
             },
             "stations": {"lengths": [{"name": "bar", "column": "L"}], "session": null},
             "join": {"min_readings": 3},
-            // By which readings that do not name their targets are assigned.
-            "fit": {
-                "targets": {"A": {"sd_mm": 0.5}},
-                "target_distances": [{"between": ["A", "B"], "mm": 1}],
-            },
         });
         assert_eq!(join_settings(&all), expected);
         assert_eq!(join_settings(&json!({"tolerance": {"mm": 1}})), json!({}));

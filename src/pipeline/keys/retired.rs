@@ -24,6 +24,18 @@ const RETIRED: &[Retired] = &[
         value: Some("growing"),
         instead: "write pool = \"until\", and pool_latest = 12 so that a night costs the same in every year",
     },
+    Retired {
+        key: "tracker.targets_by_geometry",
+        value: None,
+        instead: "log each reflector on a topic of its own, or with its name in each message (of motion capture its labelled markers, as \
+                  tf2_msgs/TFMessage has them), and list them in [[tracker.targets]]",
+    },
+    Retired {
+        key: "stations.targets_by_geometry",
+        value: None,
+        instead: "name the reflector of each reading: by a column, which `target` names, beside `targets`, or by the `name` of each \
+                  [[stations.measured]]",
+    },
 ];
 /// Kriging, inverse distances and the neural network as error models.
 const RIVALS: &str =

@@ -16,15 +16,13 @@ use crate::io::station_table;
 use crate::io::tables::joined_sessions::Restored;
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::outcome::{DrivenBy, JoinedSession};
-use crate::join::assigned::rows::middles;
-use crate::join::assigned::{Stated, assigned_rows};
 use crate::join::supposed::Supposed;
-use crate::join::tabled::{Rows, tabled};
-use crate::join::{JoinError, JoinInput, Joined, RowItem, SourceId, join, join_unnamed};
+use crate::join::tabled::tabled;
+use crate::join::{JoinError, JoinInput, Joined, RowItem, SourceId, join};
 use crate::pipeline::configuration::{Configuration, Reads, Recorded, SessionFiles, SessionTable};
 use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
-use crate::setup::{self, Evidence, Finding, SetUp};
+use crate::setup::{self, Evidence, Finding};
 
 /// Reads and joins a session. Decoded samples of its logs are written to `run`, where there is one and the pipeline file publishes
 /// them.
@@ -117,10 +115,7 @@ impl OwnLogs<'_> {
     fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
         let (configuration, files) = (self.configuration, self.files);
         let (arm, settings) = (&configuration.arm, &configuration.join);
-        let joined = match &configuration.unnamed_targets {
-            None => join(&read.input, arm, settings),
-            Some(stated) => join_unnamed(&read.input, arm, settings, stated),
-        };
+        let joined = join(&read.input, arm, settings);
         let joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
         let set_up =
@@ -198,34 +193,12 @@ fn of_table(
         Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
         Some(Mounted::Fixed) | None => read.rows,
     };
-    let rows = match &configuration.unnamed_targets {
-        None => rows,
-        Some(stated) => with_targets(configuration, files, rows, stated)?,
-    };
     let joined = tabled(rows, &configuration.arm, &configuration.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
     Ok(JoinedSession {
         counts: row_counts((read.read, read.covariances), &joined),
         set_up,
         ..with_commands(configuration, files, joined)?
-    })
-}
-
-/// Rows with the target of each reading found by geometry. Where it cannot be found, the middles of the stations' readings show
-/// whether the set-up is at fault.
-fn with_targets(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    rows: Rows,
-    stated: &Stated,
-) -> Result<Rows, RunError> {
-    let (arm, settings) = (&configuration.arm, &configuration.join);
-    let middles = middles(&rows);
-    assigned_rows(rows, arm, settings, stated).or_else(|source| {
-        let (middles, stated) =
-            (tabled(middles, arm, settings), of_middle(&configuration.set_up.set_up));
-        set_up_of(&stated, configuration, files, &middles, || None)?;
-        Err(RunError::Join { session: files.name.clone(), source: Box::new(source.into()) })
     })
 }
 
@@ -298,22 +271,10 @@ fn set_up(
     joined: &Joined,
     anew: impl FnOnce() -> Option<Finding>,
 ) -> Result<Option<Finding>, RunError> {
-    let stated = &configuration.set_up.set_up;
-    set_up_of(stated, configuration, files, joined, anew)
-}
-
-/// The disagreement of a joined session with `stated`, as [`set_up`] has it for the whole set-up.
-fn set_up_of(
-    stated: &SetUp,
-    configuration: &Configuration,
-    files: &SessionFiles,
-    joined: &Joined,
-    anew: impl FnOnce() -> Option<Finding>,
-) -> Result<Option<Finding>, RunError> {
-    let alternatives = &configuration.set_up.alternatives;
+    let stated = &configuration.set_up;
     let gate_mm = configuration.join.geometry_gate_mm;
     let evidence = Evidence::of_stations(&joined.stations);
-    let found = setup::check(stated, &evidence, alternatives, gate_mm);
+    let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
     match found {
         Some(finding) if finding.is_grave => {
             let anew = if finding.explains_all { None } else { anew() };
@@ -324,11 +285,6 @@ fn set_up_of(
         }
         found => Ok(found),
     }
-}
-
-/// The set-up for the middle of several targets, whose place is not that of any of them.
-fn of_middle(stated: &SetUp) -> SetUp {
-    SetUp { target: None, target_is_tool: false, ..stated.clone() }
 }
 
 /// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
@@ -353,17 +309,7 @@ fn unjoined(
 
 /// The mistake under whose correction the logs can be joined; `None` where there is none.
 fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
-    let supposed = Supposed::of(
-        &read.input,
-        &configuration.arm,
-        &configuration.join,
-        configuration.unnamed_targets.as_ref(),
-    );
-    let supposed = supposed.ok()?;
-    let stated = &configuration.set_up;
-    let set_up = match configuration.unnamed_targets {
-        None => stated.set_up.clone(),
-        Some(_) => of_middle(&stated.set_up),
-    };
-    setup::explain(&set_up, &supposed, &stated.alternatives, configuration.join.geometry_gate_mm)
+    let (stated, settings) = (&configuration.set_up, &configuration.join);
+    let supposed = Supposed::of(&read.input, &configuration.arm, settings).ok()?;
+    setup::explain(&stated.set_up, &supposed, &stated.alternatives, settings.geometry_gate_mm)
 }

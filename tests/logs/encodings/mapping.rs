@@ -198,7 +198,7 @@ fn conventions_of_fields_are_checked_as_they_are_read() {
         ("covariance = \"c\"", "x, y and z where"),
         ("x = \"a\", y = \"a\", z = \"c\"", "a field of its own"),
     ] {
-        let wrong = tracker(fields).fields.check(false).expect_err("refused");
+        let wrong = tracker(fields).fields.check().expect_err("refused");
         assert!(wrong.wanted.contains(wanted), "{wrong:?}");
     }
     let controller = |fields: &str| -> ControllerSettings {

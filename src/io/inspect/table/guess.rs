@@ -309,7 +309,6 @@ impl<'t> Work<'t> {
                 station: long.as_ref().map(|own| self.names[own.station].clone()),
                 target: long.as_ref().map(|own| self.names[own.target].clone()),
                 targets: long.map(|own| own.targets).unwrap_or_default(),
-                targets_by_geometry: Vec::new(),
                 time,
                 temperature: temperature.map(|column| self.names[column].clone()),
                 missing: MISSING.into(),

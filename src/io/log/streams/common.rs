@@ -19,8 +19,6 @@ pub enum Layout {
     Markers,
     /// Such an array with covariances.
     MarkersWithCovariance,
-    /// An array of positions without names: `geometry_msgs/PoseArray` and its like.
-    Points,
     /// `sensor_msgs/Temperature`.
     Temperature,
     /// One length: `sensor_msgs/Range`, or a number alone.
@@ -36,7 +34,7 @@ pub(super) struct Common {
 }
 
 /// The common types, each by its ROS 2 name and its protobuf or JSON name.
-const COMMON: [Common; 15] = [
+const COMMON: [Common; 13] = [
     Common {
         names: &["sensor_msgs/JointState"],
         layout: Layout::Joints,
@@ -171,18 +169,6 @@ const COMMON: [Common; 15] = [
             "poses[].orientation.w",
         ],
     },
-    Common {
-        names: &["geometry_msgs/PoseArray"],
-        layout: Layout::Points,
-        stamp: "header.stamp",
-        fields: &["poses[].position.x", "poses[].position.y", "poses[].position.z"],
-    },
-    Common {
-        names: &["sensor_msgs/PointCloud"],
-        layout: Layout::Points,
-        stamp: "header.stamp",
-        fields: &["points[].x", "points[].y", "points[].z"],
-    },
 ];
 
 const POSE: [&str; 7] = [
@@ -228,11 +214,7 @@ impl Layout {
     pub const fn suits(self, stream: Stream) -> bool {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
-            Stream::Readings
-                if matches!(self, Self::Markers | Self::MarkersWithCovariance | Self::Points) =>
-            {
-                true
-            }
+            Stream::Readings if matches!(self, Self::Markers | Self::MarkersWithCovariance) => true,
             Stream::Commands | Stream::Readings => {
                 matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
             }
@@ -250,7 +232,6 @@ impl Layout {
                 orientation: true,
                 covariance: matches!(self, Self::MarkersWithCovariance),
             },
-            Self::Points => Meaning::Poses { orientation: false, covariance: false },
             Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
                 orientation: !matches!(self, Self::Point),
                 covariance: matches!(self, Self::PoseWithCovariance),
@@ -288,8 +269,9 @@ pub(super) const fn suitable_types(stream: Stream) -> &'static str {
             "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
              foxglove.PoseInFrame and Point3InFrame; of markers, with [[tracker.targets]], tf2_msgs/msg/TFMessage, \
              aruco_msgs/msg/MarkerArray, ros2_aruco_interfaces/msg/ArucoMarkers and \
-             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray; of targets_by_geometry, geometry_msgs/msg/PoseArray and \
-             sensor_msgs/msg/PointCloud too"
+             isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray. Arrays without names, such as geometry_msgs/msg/PoseArray of \
+             motion capture, do not say which element is which reflector: log each on a topic of its own or with its name, and list \
+             them in [[tracker.targets]]"
         }
         Stream::Temperatures => "sensor_msgs/msg/Temperature",
         Stream::Lengths => "sensor_msgs/msg/Range, std_msgs/msg/Float64 and Float32",

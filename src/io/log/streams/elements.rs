@@ -19,11 +19,6 @@ pub(super) struct ElementColumns<'m> {
 }
 
 impl ElementColumns<'_> {
-    /// Number of poses.
-    pub(super) fn count(&self) -> Result<usize, RowFault> {
-        Ok(self.list(self.first)?.len())
-    }
-
     /// Checks that there are as many poses as names.
     pub(super) fn check_length(&self, names: usize) -> Result<(), RowFault> {
         let list = self.list(self.first)?;

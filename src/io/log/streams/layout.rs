@@ -108,7 +108,6 @@ impl Glance {
                 }
                 Layout::Markers
                 | Layout::MarkersWithCovariance
-                | Layout::Points
                 | Layout::Temperature
                 | Layout::Length => {
                     return None;
@@ -245,13 +244,10 @@ impl<'m> Statements<'m> {
             (None, None) => return None,
         };
         let is_array = matches!(meaning, Meaning::Poses { .. });
-        let by_geometry = is_array && !mapping.tracker.targets_by_geometry.is_empty();
-        let target = target.filter(|_| !by_geometry);
-        if is_array && !by_geometry && (!is_named || target.is_none()) {
+        if is_array && (!is_named || target.is_none()) {
             return None;
         }
-        let positions_alone = self.ignore_orientation || by_geometry;
-        let (meaning, mut fields) = without_orientation(meaning, fields, positions_alone);
+        let (meaning, mut fields) = without_orientation(meaning, fields, self.ignore_orientation);
         let entries = match meaning {
             Meaning::Poses { covariance: true, .. } => fields.pop(),
             _ => None,

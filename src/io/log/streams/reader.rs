@@ -140,13 +140,13 @@ impl Part {
 }
 
 impl Reader {
-    /// Adds the message's rows to the part, and returns how many they are; on a fault it adds nothing.
+    /// Adds the message's rows to the part; on a fault it adds nothing.
     pub(super) fn read(
         &self,
         message: &MessageRecord<'_>,
         joint_names: &[String],
         part: &mut Part,
-    ) -> Result<usize, RowFault> {
+    ) -> Result<(), RowFault> {
         let recipe = &self.recipe;
         let row = &mut part.rows[self.stream as usize];
         recipe.reader.read(message.payload, row)?;
@@ -185,18 +185,13 @@ impl Reader {
             }
             (Meaning::Poses { orientation, covariance }, _) => {
                 let columns = ElementColumns { values, first, orientation, covariance };
-                if !recipe.has_target {
-                    let place = self.target(values, target)?;
-                    let poses = part.readings.get_mut(place);
-                    return push_all(&columns, stamp, poses.ok_or(RowFault::OtherTarget)?);
-                }
                 self.push_elements(&columns, target, stamp, &mut part.readings)?;
             }
         }
-        Ok(self.rows())
+        Ok(())
     }
 
-    /// Number of rows that a message gives; of an array whose elements have no names one counts for all that it would have.
+    /// Number of rows that a message gives.
     pub(super) const fn rows(&self) -> usize {
         match self.recipe.meaning {
             Meaning::Poses { .. } => self.targets.len(),
@@ -288,21 +283,6 @@ impl Reader {
             StampValues::Record => (stamp_of(message.log_time)?, 0),
         })
     }
-}
-
-/// Adds every pose of an array, and returns how many they are. On a fault it adds nothing.
-fn push_all(
-    columns: &ElementColumns<'_>,
-    stamp: i64,
-    poses: &mut DecodedPoses,
-) -> Result<usize, RowFault> {
-    let count = columns.count()?;
-    let rows = (0..count).map(|index| columns.element(index));
-    let rows = rows.collect::<Result<Vec<_>, RowFault>>()?;
-    for row in rows {
-        push_element(poses, stamp, row);
-    }
-    Ok(count)
 }
 
 fn push_element(

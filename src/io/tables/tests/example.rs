@@ -26,8 +26,8 @@ use crate::io::tables::outcome::{
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
-    Assigned, ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem,
-    RowReject, Station,
+    ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
+    Station,
 };
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest::RunKey;
@@ -149,7 +149,6 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 station: Some(2),
                 reason: "missing: the cell is blank".to_owned(),
             }],
-            assigned: [(0, Assigned { misfit_mm: 0.8, runner_up_mm: 61.0 })].into(),
             references: vec![references()],
             read_references: vec![ReadReference {
                 name: "F1".to_owned(),
