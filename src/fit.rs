@@ -45,7 +45,6 @@ pub mod saved;
 pub mod scale;
 #[cfg(test)]
 mod several;
-pub mod slips;
 pub mod solve;
 pub mod sources;
 pub mod start;

@@ -8,11 +8,10 @@ use std::collections::BTreeMap;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::frames::Frames;
-use super::gauge::{Gauge, Sees};
+use super::gauge::Sees;
 use super::observation::Observation;
-use super::problem::{Freedom, KnownGauge, KnownTarget, Problem};
+use super::problem::{Freedom, Problem};
 use super::{FitError, FitSettings, solve};
-use crate::figures::median;
 use crate::geometry::{Base, Tracker, Transform, align};
 use crate::join::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
 use crate::join::{ReadingKind, SourceId, TargetId};
@@ -222,30 +221,6 @@ fn length(
         base: Transform::identity(),
         target: Some((target, place)),
     })
-}
-
-/// The instrument of one length whose readings at nominal flanges (mm, base frame) are these (mm), and the median distance of the
-/// readings from it, mm. `target_mm` is the target's place on the flange with its standard uncertainty per axis, where it is known; `None`
-/// where the readings are too few or show no anchor or plane.
-pub fn gauge_alone(
-    readings: &[(Isometry3<f64>, f64)],
-    kind: ReadingKind,
-    target: Option<KnownTarget>,
-) -> Option<(Gauge, f64)> {
-    let seen = readings.iter();
-    let seen: Vec<SeenAt> = seen.map(|&(flange, mm)| SeenAt { flange, mm }).collect();
-    let known = Known { gauge: KnownGauge::default(), target };
-    let found = match kind {
-        _ if seen.len() < LEAST_LENGTHS => None,
-        ReadingKind::Height => gauges::height(&seen, &known),
-        _ => gauges::distance(&seen, &known),
-    };
-    let (gauge, place) = found?;
-    let left = seen.iter().map(|own| {
-        let target = own.flange * Point3::from(place);
-        (own.mm - gauge.reading_mm(&target)).abs()
-    });
-    Some((gauge, median(&left.collect::<Vec<f64>>())?))
 }
 
 /// The mean turn of a target at the flange; none where no orientation was measured.

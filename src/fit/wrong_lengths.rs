@@ -122,7 +122,7 @@ fn chance(t: f64) -> f64 {
 }
 
 /// Root of the share of an instrument's rows that the unknowns did not take; `None` where too few are left to judge by.
-pub(super) fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
+fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
     let mut sizes = fitted.sources.iter();
     let own = sizes.find(|own| own.source == source)?;
     let is_judged = own.redundancy >= LEAST_REDUNDANCY;
@@ -130,7 +130,7 @@ pub(super) fn shrunk(fitted: &Calibration, source: SourceId) -> Option<f64> {
 }
 
 /// Measured minus fitted length, mm; `None` of another reading.
-pub(super) fn left_mm(own: &Observation, fitted: &Calibration) -> Option<f64> {
+fn left_mm(own: &Observation, fitted: &Calibration) -> Option<f64> {
     let length = own.measured.length()?;
     let frames = fitted.frames.get(own.session)?;
     let gauge = frames.gauge(own.source)?;

@@ -17,7 +17,6 @@ mod mountings;
 mod observed;
 mod repairs;
 pub(super) mod scales;
-mod slips;
 mod stated;
 mod stated_sizes;
 mod turns;

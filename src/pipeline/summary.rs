@@ -70,16 +70,8 @@ pub(super) fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<Stri
         Some(format!("{}: check the set-up: {finding}", session.name))
     });
     let lost = sessions().flat_map(|session| damage::words(&session.name, &session.counts));
-    let slips = sessions().flat_map(|session| {
-        let slips = session.slips.iter();
-        slips.map(|words| format!("{}: {words}", session.name))
-    });
     let open = outcome.frame.open_words().into_iter();
-    open.chain(set_up)
-        .chain(lost)
-        .chain(slips)
-        .chain(references::warned(outcome, least_mm))
-        .collect()
+    open.chain(set_up).chain(lost).chain(references::warned(outcome, least_mm)).collect()
 }
 
 /// The sessions, when they were measured, and their stations.

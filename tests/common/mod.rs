@@ -114,7 +114,6 @@ pub fn joined(
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
         set_up: None,
-        slips: Vec::new(),
         stated_sizes: Vec::new(),
         driven_by: None,
         joined,

@@ -31,7 +31,6 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     Some(JoinedSession {
         sampling_plan: None,
         set_up: None,
-        slips: Vec::new(),
         stated_sizes: Vec::new(),
         driven_by: None,
         name: name.to_owned(),

@@ -117,41 +117,6 @@ fn anchors(cell: &Cell) -> Vec<[f64; 4]> {
     own.map(|row| names.map(|name| table.f64(name).value(row))).collect()
 }
 
-/// The rows of a table with `by_mm` added to a column from a row on.
-fn slipped(table: &str, column: &str, from: usize, by_mm: f64) -> String {
-    let whole = blanked(table, |_| false);
-    let place = whole.lines().next().and_then(|head| head.split(',').position(|own| own == column));
-    let place = place.expect("a column of the table");
-    let line = |(row, line): (usize, &str)| {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        if row > from {
-            let mm: f64 = cells[place].parse().expect("a length");
-            cells[place] = format!("{:.4}", mm + by_mm);
-        }
-        cells.join(",") + "\n"
-    };
-    whole.lines().enumerate().map(line).collect()
-}
-
-#[test]
-fn behind_a_slip_an_instrument_counts_as_another() {
-    let cell = Cell::new();
-    let table = simulated(&cell, "3");
-    let cell = tabled::cell_with(cell, &section(&table));
-    fs::create_dir_all(cell.session("mon")).expect("writable");
-    let slipped = slipped(&table, "L1", 70, 6.0);
-    fs::write(cell.session("mon").join("measured.csv"), slipped).expect("writable");
-    let said = "they count as another instrument, \"L1, from station 70\"";
-    cell.run(&[]).expect(0, &["L1 slipped between stations 69 and 70", "off by +", said]);
-    // Both sides have the anchor, and offsets that are 6 mm apart.
-    let found = anchors(&cell);
-    let [before, _, behind] = &found[..] else {
-        panic!("{found:?}");
-    };
-    let away = (0..3).map(|axis| (before[axis] - behind[axis]).powi(2)).sum::<f64>().sqrt();
-    assert!(away < 5.0 && (behind[3] - before[3] - 6.0).abs() < 5.0, "{found:?}");
-}
-
 /// Every reading of one length has a row in training and one held out for each model, and those held out have the size that `sources`
 /// states; by the full error model they are as large as it states itself.
 fn assert_left_row_by_row(cell: &Cell, sources: &[Row]) {

@@ -102,7 +102,7 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
     for section in missing {
         text += &of_missing(section, found);
     }
-    Some(text + &lengths(found))
+    Some(text)
 }
 
 /// The channel with the most messages among those that suit, of a log with joint states or without.
@@ -149,22 +149,6 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
             .expect("writing to a string");
     }
     text + section.to_fill_in() + "\n"
-}
-
-/// The sections of instruments of one length, to fill in: only people know what a number is the length of.
-fn lengths(found: &[Inspection]) -> String {
-    let channels = found.iter().flat_map(|log| &log.channels);
-    let own = channels
-        .filter(|channel| channel.traffic.messages > 0 && layout(channel) == Some(Layout::Length));
-    let section = |(number, channel): (usize, &ChannelSummary)| {
-        format!(
-            "# [[tracker.lengths]]  # where it is a draw wire, a laser distance or a height above a plane\n\
-             # name = \"L{number}\"\n# reads = \"distance\"  # or height\n# topic = {}\n\
-             # unit = \"m\"  # m or mm: guessed by ROS convention\n# sd_mm = 0.1  # of a reading, from its data sheet\n\n",
-            toml_text(&channel.topic)
-        )
-    };
-    (1..).zip(own).map(section).collect()
 }
 
 /// Which files belong to which side, in the order of the times in them.

@@ -15,7 +15,6 @@ mod columns;
 mod commands;
 mod groups;
 mod guess;
-mod lengths;
 mod long;
 mod names;
 mod roles;

@@ -42,8 +42,6 @@ pub struct JoinedSession {
     pub sampling_plan: Option<String>,
     /// A small disagreement of its logs with the stated set-up; `None` where they agree.
     pub set_up: Option<Finding>,
-    /// Slips of its instruments of one length, and what follows, as lines for a person; empty before the estimate.
-    pub slips: Vec<String>,
     /// The size of the covariances that its readings state, by source, as [`Noise::stated`](crate::fit::Noise); empty before it is
     /// estimated.
     pub stated_sizes: Vec<StatedSize>,

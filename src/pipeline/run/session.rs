@@ -258,7 +258,6 @@ fn commanded_in(
         commanded: commanded(&joined.stations, &configuration.arm, &frames),
         joined,
         set_up: None,
-        slips: Vec::new(),
         stated_sizes: Vec::new(),
     }
 }

@@ -8,8 +8,7 @@ use super::flanges::Flanges;
 use super::judged::{self, Judged, leaves_sessions_out, sessions_left_out};
 use super::observed::Observed;
 use super::{
-    StageError, StageSettings, copies, lengths, mountings, repairs, slips, stated_sizes,
-    wrong_targets,
+    StageError, StageSettings, copies, lengths, mountings, repairs, stated_sizes, wrong_targets,
 };
 use crate::fit::camera_size::CameraSize;
 use crate::fit::same_arm::{self, NotOneArm};
@@ -125,7 +124,6 @@ fn prepared(
     test.iter().try_for_each(lengths::check_judge)?;
     wrong_targets::leave_out(arm, training, test, settings)?;
     cameras::leave_out_flips(arm, training, test, settings);
-    let settings = &slips::taken_apart(arm, training, settings);
     lengths::leave_out_wrong(arm, training, settings);
     let (settings, camera_size) = cameras::sized(arm, training, settings)?;
     let stated_sizes = stated_sizes::sized(arm, training, test, &settings)?;

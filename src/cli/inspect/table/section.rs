@@ -7,8 +7,8 @@ use nalgebra::Isometry3;
 use crate::cli::inspect::{escaped, toml_text};
 use crate::geometry::rpy;
 use crate::ingest::{
-    LengthColumns, OrientationColumns, OrientationForm, PoseColumns, ReadingColumns,
-    ReferenceColumns, StationsSettings, TableTime,
+    OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
+    StationsSettings, TableTime,
 };
 use crate::io::inspect::table::{Commands, Guess, Key};
 use crate::io::robot::Selection;
@@ -155,9 +155,6 @@ impl Lines<'_> {
         for own in &settings.references {
             self.reference(own);
         }
-        for (place, own) in settings.lengths.iter().enumerate() {
-            self.length(place, own);
-        }
     }
 
     fn pose(&mut self, commanded: &PoseColumns) {
@@ -199,22 +196,6 @@ impl Lines<'_> {
         if let (Some(position), Some(unit)) = (&own.position, own.unit) {
             self.key("position", &list(position), None);
             self.key("unit", &format!("\"{}\"", length(unit)), None);
-        }
-    }
-
-    fn length(&mut self, place: usize, own: &LengthColumns) {
-        self.head("[stations.lengths]");
-        self.key("name", &toml_text(&own.name), None);
-        let reads = format!("\"{}\"", own.reads.word());
-        self.key("reads", &reads, Some(Key::Length(place)));
-        self.key("column", &toml_text(&own.column), None);
-        self.key("unit", &format!("\"{}\"", length(own.unit)), None);
-        self.key("sd_mm", &own.sd_mm.to_string(), None);
-        if let Some(sd) = &own.sd {
-            self.key("sd", &toml_text(sd), None);
-        }
-        if let Some(on) = own.on {
-            self.key("on", &format!("\"{}\"", on.word()), None);
         }
     }
 

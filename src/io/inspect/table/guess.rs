@@ -3,22 +3,19 @@
 mod doubts;
 mod orientation;
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DVector, Isometry3, Vector3};
 
 use super::by_arm::{self, Arms, Verdict, joints_from_columns};
 use super::choices::{self, Choice, Part, Target};
 use super::columns::{ColumnSummary, number};
 use super::commands::{Commands, commands};
-use super::lengths;
 use super::long::{self, Long};
 use super::roles::{Placed, Roles, Whose};
 use super::sum::position;
 use super::uses::{self, Time};
 use crate::ingest::{
-    AngleUnit, LengthColumns, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns,
-    StandsOn, StationsSettings,
+    AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
+    StationsSettings,
 };
 use crate::io::measured_table::MeasuredTable;
 use crate::join::placement::{Placement, ReadingAtFlange};
@@ -57,8 +54,6 @@ pub enum Key {
     Orientation,
     /// `[stations.references] on`.
     Reference,
-    /// `[[stations.lengths]]`, by its place.
-    Length(usize),
 }
 
 /// Why a key is unsure, and the alternative.
@@ -130,10 +125,10 @@ pub(super) fn guess(
         choice.targets.sort_by_key(|target| missing(table, target));
     }
     if choices.is_empty() {
-        return Err(lacking(&roles, columns));
+        return Err(lacking(&roles));
     }
     if let (Some(long), Some(target)) = (&mut long, choices[0].targets.first()) {
-        long.take_lengths(table, |row| position(&target.position, table, row).is_some());
+        long.keep_placed(table, |row| position(&target.position, table, row).is_some());
     }
     let session = uses::session(table, columns, &roles.used());
     let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
@@ -155,20 +150,11 @@ fn missing(table: &MeasuredTable, target: &Target) -> usize {
 }
 
 /// What neither names nor values tell.
-fn lacking(roles: &Roles, columns: &[ColumnSummary]) -> String {
+fn lacking(roles: &Roles) -> String {
     let joints = "no columns that are named like joints (joint_1, J1[deg], A1, q1, shoulder_pan_joint) or stand side by side as angles";
     let position = "no columns of a measured position: three numbers that differ, named like x y z";
-    let mut lengths =
-        columns.iter().filter(|own| own.is_numeric() && lengths::is_length(&own.named.words));
-    let lengths = lengths.next().map(|own| {
-        format!(
-            "; {:?} is named like an instrument of one length: a table of lengths alone is read with [[stations.lengths]] (name, reads, column, \
-             unit, sd_mm) in the place of [stations.measured]",
-            own.name
-        )
-    });
     match (roles.joints.is_empty(), roles.positions.is_empty()) {
-        (false, _) => format!("{position}{}", lengths.unwrap_or_default()),
+        (false, _) => position.to_owned(),
         (true, false) => joints.to_owned(),
         (true, true) => format!("{joints}; {position}"),
     }
@@ -223,11 +209,6 @@ impl<'t> Work<'t> {
 
     /// Nominal flanges at rows, evenly spread; none where no arm agrees.
     fn flanges(&self, arms: &Arms, rows: &[usize]) -> Vec<(usize, Isometry3<f64>)> {
-        self.flanges_at(arms, rows, MOST_STATIONS)
-    }
-
-    /// Nominal flanges at so many of the rows.
-    fn flanges_at(&self, arms: &Arms, rows: &[usize], most: usize) -> Vec<(usize, Isometry3<f64>)> {
         let Some(verdict) = self.verdict.as_ref().filter(|own| own.agrees()) else {
             return Vec::new();
         };
@@ -239,7 +220,7 @@ impl<'t> Work<'t> {
             let joints = &map * DVector::from_vec(joints.collect::<Option<Vec<f64>>>()?);
             Some((row, *arm.flange(joints.as_slice()).isometry()))
         };
-        let stride = rows.len().div_ceil(most).max(1);
+        let stride = rows.len().div_ceil(MOST_STATIONS).max(1);
         rows.iter().step_by(stride).filter_map(flange).collect()
     }
 
@@ -288,15 +269,13 @@ impl<'t> Work<'t> {
             (uses::time(self.table, self.columns, &used), uses::temperature(self.columns, &used));
         let references = self.references(roles, &mut doubts);
         let mut notes = self.notes(roles, commands.is_some());
-        let of_lengths = (&used[..], long.as_ref(), !references.is_empty());
-        let lengths = self.lengths(of_lengths, arms, &mut doubts, &mut notes);
         let time = time.and_then(|time| usable(time, &mut doubts, &mut notes));
         let (angle, slide, _) = self.units;
         let slides =
             self.verdict.as_ref().is_some_and(|own| arms.known[own.best.arm].arm.has_slides());
         Guess {
             settings: StationsSettings {
-                lengths,
+                lengths: Vec::new(),
                 separator: None,
                 decimal: None,
                 sheet: None,
@@ -326,35 +305,6 @@ impl<'t> Work<'t> {
             sessions: session.map(|(_, names)| names).unwrap_or_default(),
             verdict: self.verdict,
         }
-    }
-
-    /// Instruments of one length.
-    fn lengths(
-        &self,
-        (used, long, references): (&[usize], Option<&Long>, bool),
-        arms: &Arms,
-        doubts: &mut Vec<Doubt>,
-        notes: &mut Vec<String>,
-    ) -> Vec<LengthColumns> {
-        // Rows of a long table are single readings: those of one instrument are as many as stations.
-        let rows: Vec<usize> = (0..self.table.row_count()).collect();
-        let several = long.map_or(1, |own| own.targets.len() + own.lengths.len());
-        let flanges: BTreeMap<usize, Isometry3<f64>> =
-            self.flanges_at(arms, &rows, several * MOST_STATIONS).into_iter().collect();
-        let (found, more) = lengths::lengths(
-            self.table,
-            self.columns,
-            (used, long),
-            |row| flanges.get(&row).copied(),
-            self.placement.as_ref(),
-            references,
-        );
-        notes.extend(more);
-        for (place, own) in found.iter().enumerate() {
-            let words = own.doubts.iter().cloned();
-            doubts.extend(words.map(|words| Doubt { key: Key::Length(place), words }));
-        }
-        found.into_iter().map(|own| own.own).collect()
     }
 
     /// Columns with a role in what was chosen.

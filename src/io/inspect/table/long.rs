@@ -22,23 +22,16 @@ pub struct Long {
     pub station: usize,
     /// Names in the column of targets, the one with most rows first.
     pub targets: Vec<String>,
-    /// Names in that column whose rows have no position: instruments of one length.
-    pub lengths: Vec<String>,
 }
 
 impl Long {
-    /// Takes the names whose rows have no position from the targets; `has_position` says whether a row has one. All stay targets where none
-    /// has.
-    pub fn take_lengths(&mut self, table: &MeasuredTable, has_position: impl Fn(usize) -> bool) {
+    /// Keeps the targets that a row has a position of; `has_position` says whether a row has one. All stay where none has.
+    pub fn keep_placed(&mut self, table: &MeasuredTable, has_position: impl Fn(usize) -> bool) {
         let placed: BTreeSet<String> = (0..table.row_count())
             .filter(|row| has_position(*row))
             .filter_map(|row| name(table.cell(row, self.target)))
             .collect();
-        if placed.is_empty() {
-            return;
-        }
-        let targets = std::mem::take(&mut self.targets).into_iter();
-        (self.targets, self.lengths) = targets.partition(|own| placed.contains(own));
+        self.targets.retain(|own| placed.is_empty() || placed.contains(own));
     }
 }
 
@@ -69,7 +62,7 @@ pub fn long(table: &MeasuredTable, columns: &[ColumnSummary], joints: &[usize]) 
     let stations: Vec<usize> = (0..columns.len()).filter(is_station).collect();
     let named = stations.iter().find(|&&column| columns[column].named.has(Sense::Station));
     let station = *named.or(stations.first())?;
-    Some(Long { target, station, targets, lengths: Vec::new() })
+    Some(Long { target, station, targets })
 }
 
 fn pose(table: &MeasuredTable, joints: &[usize], row: usize) -> Vec<u64> {

@@ -49,10 +49,6 @@ pub enum Sense {
     Station,
     /// The name of a target.
     Target,
-    /// One length: a distance from an anchor or a height above a plane.
-    Length,
-    /// A height above a plane.
-    Height,
 }
 
 /// Words by their sense, English and German.
@@ -99,15 +95,6 @@ const SENSES: &[(Sense, &str)] = &[
         "station pose index idx no nr id step order config configuration punkt position nummer key",
     ),
     (Sense::Target, "target reflector reflektor smr ziel zielmarke marker prism point name tgt"),
-    (
-        Sense::Length,
-        "distance dist length len range laenge länge abstand distanz wire rope cable seil draht drahtseil seilzug bar ballbar dbb rod stab \
-         ldm gauge gage potentiometer poti lvdt extensometer drawwire",
-    ),
-    (
-        Sense::Height,
-        "height elevation hoehe höhe face plane wall wand floor boden dial uhr messuhr",
-    ),
 ];
 
 /// Whether a word has a sense.

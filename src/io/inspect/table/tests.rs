@@ -6,9 +6,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::*;
 use crate::geometry::{isometry_from_rpy, rpy};
-use crate::ingest::{
-    AngleUnit, LengthRead, LengthUnit, OrientationForm, StationsSettings, TableTime,
-};
+use crate::ingest::{AngleUnit, LengthUnit, OrientationForm, StationsSettings, TableTime};
 use crate::kinematics::{Arm, RobotFile};
 
 /// One station: joints in rad, flange in the base frame (mm), the point of a target in the tracker's frame (mm).
@@ -179,81 +177,6 @@ fn the_long_form_has_columns_of_stations_and_targets() {
     assert_eq!(settings.targets, ["mitte", "links", "rechts"]);
     assert_eq!(settings.measured.len(), 1);
     assert!(median_mm(&guess) < 1.0, "{}", median_mm(&guess));
-}
-
-/// The anchor of a wire in the base's frame, mm, and its reading at no distance, mm.
-const ANCHOR_MM: ([f64; 3], f64) = ([1400.0, 300.0, -200.0], 35.0);
-
-/// What a wire reads of the first target, and the target's height above the floor, mm.
-fn lengths(station: &Station) -> [f64; 2] {
-    let at = tracker_from_base().inverse() * Point3::from(station.measured(0));
-    let (anchor, offset_mm) = ANCHOR_MM;
-    [(at - Point3::from(anchor)).norm() + offset_mm, at.z + 650.0]
-}
-
-#[test]
-fn lengths_are_guessed_by_name_and_held_against_the_arm() {
-    let mut text = "q1,q2,q3,q4,q5,q6,x,y,z,Seil [mm],wire std,height,laser_distance\n".to_owned();
-    for (number, station) in stations(60).iter().enumerate() {
-        let [wire, height] = lengths(station);
-        let at = station.measured(0);
-        // The last column is named like a length and has nothing to do with the arm.
-        let noise = 800.0 + 500.0 * (7.3 * number as f64).sin();
-        let more = [wire, 0.02, height / 1000.0, noise];
-        text += &row(&[&station.joints[..], at.as_slice(), &more].concat());
-    }
-    let guess = guess_of(&text);
-    let [wire, height] = &guess.settings.lengths[..] else {
-        panic!("{:?}", guess.settings.lengths);
-    };
-    assert_eq!(
-        (wire.column.as_str(), wire.reads, wire.unit),
-        ("Seil [mm]", LengthRead::Distance, LengthUnit::Mm)
-    );
-    assert_eq!(
-        (height.column.as_str(), height.reads, height.unit),
-        ("height", LengthRead::Height, LengthUnit::M)
-    );
-    let words = |place: usize| {
-        let doubts = guess.doubts.iter();
-        let own = doubts.filter(|own| own.key == Key::Length(place));
-        own.map(|own| own.words.clone()).collect::<Vec<_>>().join("; ")
-    };
-    // The arm is off by half a millimetre; the anchor is found to some millimetres.
-    let said = words(0);
-    assert!(said.starts_with("a distance in mm leaves 0."), "{said}");
-    assert!(
-        said.contains("anchor at about [1") && said.contains("sd_mm = 0.1 is no guess"),
-        "{said}"
-    );
-    assert!(words(1).starts_with("a height in m leaves 0."), "{}", words(1));
-    let is_told = |own: &&String| own.contains("\"laser_distance\"") && own.contains("not used");
-    assert_eq!(guess.notes.iter().filter(is_told).count(), 1, "{:?}", guess.notes);
-}
-
-#[test]
-fn lengths_of_the_long_form_are_names_beside_targets() {
-    let mut text = "station,instrument,q1,q2,q3,q4,q5,q6,x,y,z,length [mm]\n".to_owned();
-    for (number, station) in stations(40).iter().enumerate() {
-        let at = station.measured(0);
-        let joints: Vec<String> = station.joints.iter().map(|own| format!("{own:.6}")).collect();
-        let joints = joints.join(",");
-        let [x, y, z] = at.into();
-        writeln!(text, "{number},smr,{joints},{x:.4},{y:.4},{z:.4},").expect("a string");
-        let [wire, _] = lengths(station);
-        writeln!(text, "{number},wire 1,{joints},,,,{wire:.4}").expect("a string");
-    }
-    let guess = guess_of(&text);
-    let settings = &guess.settings;
-    assert_eq!(settings.target.as_deref(), Some("instrument"));
-    assert_eq!(settings.targets, ["smr"]);
-    let [wire] = &settings.lengths[..] else {
-        panic!("{:?}", settings.lengths);
-    };
-    assert_eq!(
-        (wire.name.as_str(), wire.column.as_str(), wire.reads),
-        ("wire 1", "length [mm]", LengthRead::Distance)
-    );
 }
 
 #[test]

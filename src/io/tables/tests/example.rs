@@ -123,7 +123,6 @@ fn session(stations: Vec<Station>) -> JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
         set_up: None,
-        slips: Vec::new(),
         stated_sizes: Vec::new(),
         driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
