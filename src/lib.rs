@@ -67,8 +67,8 @@
 //!   source on one target ([`join::SourceId::ONLY`]). What comes after the fit is for one source of places
 //!   ([`join::SeveralSources`]), and sources of one length train beside it; of several targets it takes the one
 //!   reading of each station that [`fit::flange`] derives. [`history`] compares the arm, the base in the frame of the first source of places and
-//!   the main target, and integrates out every other source and target; a plan is of one tracker and the main target, may start from a
-//!   session of several ([`fit::full::next::Mounting`]), and shows what further reflectors and instruments would buy ([`plan::instruments`]).
+//!   the main target, and integrates out every other source and target; a plan is of one tracker and the main target, and may start from a
+//!   session of several ([`fit::full::next::Mounting`]).
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the

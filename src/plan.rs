@@ -5,8 +5,7 @@
 //! the code of a real run.
 //!
 //! 1. Poses of the region are placed ([`place`]) and checked against the limits of the cell ([`line_of_sight`]).
-//! 2. The uniform grid: accuracy over robots for each step ([`steps`]), and the influences other than the step
-//!    ([`influence`]).
+//! 2. The uniform grid: accuracy over robots for each step ([`steps`]).
 //! 3. Designs by number of poses, with the full error model ([`design`], [`compare`]).
 //! 4. The smallest design that meets the tolerance becomes a session: identify, verify, visit again for drift, in an order
 //!    of short travel ([`order`], [`session`]).
@@ -16,8 +15,6 @@ pub mod compare;
 pub mod design;
 pub mod enough;
 mod error;
-pub mod influence;
-pub mod instruments;
 pub mod known;
 pub mod line_of_sight;
 pub mod locate;
@@ -42,8 +39,6 @@ use robots::Robot;
 
 pub use compare::{DesignRow, Designs, Kind};
 pub use error::PlanError;
-pub use influence::InfluenceRow;
-pub use instruments::{InstrumentRow, InstrumentSection};
 pub use known::KnownArm;
 pub use outcomes::Outcomes;
 pub use place::{Drawn, Placer};
@@ -51,8 +46,6 @@ pub use session::{PlannedVisit, Purpose, Session};
 pub use settings::{PlanSettings, Region};
 pub use steps::StepRow;
 
-/// Number of robots for the study of influences: they show a shape, no verdict follows.
-const INFLUENCE_ROBOTS: usize = 40;
 /// Number of fresh poses from which each robot takes its own.
 const POOL: usize = 2000;
 /// Number of sizes tried between the largest design that does not hold and the smallest that does.
@@ -65,8 +58,6 @@ pub struct SamplingPlan {
     pub steps: Vec<StepRow>,
     /// Index in `steps` of the largest step that holds; `None` where none does.
     pub step: Option<usize>,
-    /// Influences on the grid other than the step, at that step, or at the smallest.
-    pub influences: Vec<InfluenceRow>,
     /// Designs by number of poses.
     pub designs: Vec<DesignRow>,
     /// Number of random poses that were drawn, and the reasons why some were not taken.
@@ -129,9 +120,6 @@ pub fn plan(
     let pool = fresh_poses(&placer, &at_table, settings)?;
     let steps = steps::judge(&trial, &pool)?;
     let step = steps::largest_that_holds(&steps);
-    let least = settings.grid.steps_mm.iter().copied().fold(f64::INFINITY, f64::min);
-    let step_mm = step.map_or(least, |row| steps[row].step_mm);
-    let influences = influence::study(&trial, &pool, step_mm, INFLUENCE_ROBOTS)?;
     let pool = fresh_poses(&placer, &settings.region, settings)?;
     let designs = Designs::new(&trial)?;
     let mut rows = compare::judge(&trial, &designs, &pool);
@@ -141,7 +129,6 @@ pub fn plan(
     Ok(SamplingPlan {
         steps,
         step,
-        influences,
         designs: rows,
         candidates: designs.candidates.1,
         session,

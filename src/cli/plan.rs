@@ -24,7 +24,7 @@ use crate::io::table::Word as _;
 use crate::io::targets::{JointUnits, write_csv};
 use crate::io::whole_file::{self, write_whole};
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
-use crate::plan::{self, Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
+use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 
 /// Plan a session before measuring: which step, which poses, in which order, and what accuracy to expect.
 #[derive(Debug, Clone, Args)]
@@ -228,7 +228,6 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
             steps(&mut text, plan, settings);
             designs(&mut text, plan);
             session(&mut text, plan, settings);
-            instruments(&mut text, plan, planning);
         }
         None => {
             text += "the lake has this plan already: same file, same robot, same version; nothing was done\n";
@@ -306,44 +305,6 @@ fn designs(text: &mut String, plan: &SamplingPlan) {
         *text += &line(&name, row.poses, &row.outcomes);
     }
     text.push('\n');
-}
-
-/// How much accuracy further reflectors and each instrument of one length would buy at the poses of the session; nothing where none
-/// is stated.
-fn instruments(text: &mut String, plan: &SamplingPlan, planning: &Planning) {
-    let joints = |purpose: Purpose| {
-        let visits = plan.session.visits.iter();
-        let own = visits.filter(|visit| visit.purpose == purpose);
-        let joints = own.map(|visit| visit.command.joints.clone());
-        joints.collect::<Vec<Vec<f64>>>()
-    };
-    let (poses, test) = (joints(Purpose::Identify), joints(Purpose::Verify));
-    let rows = plan::instruments::rows(&planning.arm, &poses, &test, &planning.settings);
-    let Some(first) = rows.first() else { return };
-    let width = rows.iter().map(|row| row.instruments.len()).max();
-    let width = width.unwrap_or(0).max(11);
-    writeln!(text, "{:<width$}  numbers  rank  open mm  beside the tracker", "instruments")
-        .expect("a string");
-    let told = |value: Option<f64>, digits: usize| {
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
-    };
-    for row in &rows {
-        let share = row.open_mm.zip(first.open_mm).map(|(own, of)| own / of);
-        writeln!(
-            text,
-            "{:<width$}  {:>7}  {:>4}  {:>7}  {:>8}",
-            row.instruments,
-            row.numbers,
-            row.rank,
-            told(row.open_mm, 4),
-            told(share, 2)
-        )
-        .expect("a string");
-    }
-    *text += "open: what their noise leaves open of the geometry, root mean square of positions at the poses that verify\n";
-    if first.open_mm.is_none() {
-        *text += "-: not known; a base found anew takes out the errors of fewer than three poses: raise [plan] verify_poses\n";
-    }
 }
 
 fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {

@@ -4,12 +4,11 @@
 //! pure function: the same rows give the same bytes. Sections, the verdict first:
 //!
 //! 1. the promise in words, and what has to be measured for it; 2. the uniform grid, accuracy against step; 3. designs,
-//!    accuracy against the number of poses; 4. what else a grid depends on; 5. the session, pose by pose; 6. provenance.
+//!    accuracy against the number of poses; 4. the session, pose by pose; 5. provenance.
 
 mod cells;
 pub mod content;
 mod designs;
-mod influences;
 mod promise;
 mod provenance;
 mod session;
@@ -23,10 +22,9 @@ pub use content::{About, Content};
 
 use super::shell::{self, Maker, Shell, table};
 
-const SECTIONS: [Maker<Content>; 6] = [
+const SECTIONS: [Maker<Content>; 5] = [
     ("grid", "Uniform grid", steps::section),
     ("designs", "Better designs", designs::section),
-    ("influences", "Other influences on the grid", influences::section),
     ("session", "The session", session::section),
     ("provenance", "Provenance", |c| Some(provenance::section(c))),
     ("reading", "How to read the tables", |c| Some(provenance::reading_section(c))),

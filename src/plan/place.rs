@@ -1,7 +1,6 @@
 //! Poses of a region: the joint angles of the nominal arm for each, in the arm configuration of the plan.
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -124,22 +123,6 @@ impl<'a> Placer<'a> {
         let own = self.free.iter().map(|&joint| &self.arm.joints()[joint]);
         let slides = own.map(|joint| stream.between(joint.lower, joint.upper));
         Drawing { pose, slides: slides.collect() }
-    }
-
-    /// Joint angles of the same pose with the wrist flipped; `None` where a joint limit prevents it.
-    pub fn flipped(&self, command: &Commanded) -> Option<Vec<f64>> {
-        let own = self.reach.configuration(&command.joints)?;
-        let turns = [(PI, PI), (-PI, PI), (PI, -PI), (-PI, -PI)];
-        turns.into_iter().find_map(|(fourth, sixth)| {
-            let mut seed = command.joints.clone();
-            let wrist = seed.len().checked_sub(3)?;
-            seed[wrist] += fourth;
-            seed[wrist + 1] = -seed[wrist + 1];
-            seed[wrist + 2] += sixth;
-            let joints = self.reach.solve(&command.base_from_target, &seed).ok()?;
-            let other = self.reach.configuration(&joints)?;
-            (other != own).then_some(joints)
-        })
     }
 
     /// A lattice with every node placed at the table's orientation.

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::instruments::InstrumentSection;
 use crate::figures::Coverage;
 use crate::geometry::Placement;
 use crate::simulate::Poses;
@@ -55,12 +54,6 @@ pub struct PlanSection {
     /// more information. Never less than `cone_deg`.
     #[serde(default = "candidate_cone_deg")]
     pub candidate_cone_deg: f64,
-    /// `[[plan.instruments]]`: instruments of one length that the session could have beside the tracker.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub instruments: Vec<InstrumentSection>,
-    /// Places of further reflectors that the session could have beside the target, along the target's axes, mm.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub reflectors_mm: Vec<[f64; 3]>,
     /// `[plan.constraints]`: the constraints on measured poses.
     #[serde(default)]
     pub constraints: ConstraintsSection,

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
 
-use super::instruments::InstrumentSection;
 use super::known::KnownArm;
 use super::line_of_sight::Constraints;
 use crate::figures::Coverage;
@@ -60,10 +59,6 @@ pub struct PlanSettings {
     pub drift_check_every: usize,
     /// Number of fresh poses that the session measures to verify the promise.
     pub verify_poses: usize,
-    /// Instruments of one length that the session could have beside the tracker.
-    pub instruments: Vec<InstrumentSection>,
-    /// Places of further reflectors that the session could have beside the target, along the target's axes, mm.
-    pub reflectors_mm: Vec<[f64; 3]>,
 }
 
 /// The region in which a plan has to hold, in the base frame.

@@ -190,7 +190,7 @@ impl<'a> Measured<'a> {
 }
 
 /// One robot measured on one grid: the errors that each source and interpolation leaves on fresh poses.
-pub(super) fn on_robot(
+fn on_robot(
     robot: &mut Robot<'_>,
     grid: &Grid,
     tests: &[Visit],
@@ -223,7 +223,7 @@ fn rows(
 }
 
 /// The outcomes of each source and interpolation on the robots, `place` being the index of each robot's grid.
-pub(super) fn by_family(
+fn by_family(
     robots: &[Vec<Vec<RobotOutcome>>],
     place: usize,
     settings: &PlanSettings,

@@ -26,10 +26,9 @@ use posegrid::kinematics::Arm;
 use posegrid::pipeline::planning::Planning;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::plan::design::{Candidate, Design};
-use posegrid::plan::influence::Study;
 use posegrid::plan::outcomes::RobotOutcome;
 use posegrid::plan::{
-    InfluenceRow, Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
+    Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
 };
 use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
@@ -147,14 +146,6 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
     assert!(largest.clone().all(|row| row.outcomes.mean.is_none() && !row.outcomes.holds()));
     let refused: usize = largest.map(|row| row.outcomes.refused.values().sum::<usize>()).sum();
     assert_eq!(refused, 4 * 8 * 80);
-    // Moved grids are judged where all of them are: every fresh pose lies inside.
-    let shifts: Vec<&InfluenceRow> =
-        plan.influences.iter().filter(|row| matches!(row.study, Study::Shift(_))).collect();
-    assert_eq!(shifts.len(), 4 * 4);
-    for row in shifts {
-        let all = &row.outcomes;
-        assert!(all.outside == 0 && all.judged == all.robots, "{row:?}");
-    }
     let kinds: Vec<Kind> = plan.designs.iter().map(|row| row.kind).collect();
     assert!(Kind::ALL.iter().all(|kind| kinds.contains(kind)), "{kinds:?}");
     let count = |purpose| plan.session.count(|own| own == purpose);
@@ -256,7 +247,7 @@ fn proof(path: &str) {
         let mut planning =
             Planning::load(path, None, Some(lake.path())).expect("a good pipeline file");
         planning.settings.tolerance.mm = tolerance_mm;
-        // Steps and their influences are not what is promised.
+        // Steps are not what is promised.
         planning.settings.robots = 1;
         check(&planning, 200);
     }

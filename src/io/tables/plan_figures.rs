@@ -3,7 +3,6 @@
 use crate::grid::{Interpolation, Source};
 use crate::io::table::{row, words};
 use crate::plan::compare::Expected;
-use crate::plan::influence::Study;
 use crate::plan::outcomes::RobotFigures;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, Outcomes, PlanSettings, Purpose, SamplingPlan};
@@ -13,8 +12,6 @@ row! {
     pub struct FigureRow of "plan_figures" {
         /// The study.
         study: FigureStudy,
-        /// Value of the study's variable, in the study's unit; `None` where the step or the design is varied.
-        value: Option<f64>,
         /// Choice of the measured poses.
         design: Kind,
         /// The correction that is subtracted from commands.
@@ -63,7 +60,7 @@ row! {
         confidence: f64,
         /// The tolerance, mm.
         tolerance_mm: f64,
-        /// Whether this is the plan's row, or the row of the step at which influences were studied.
+        /// Whether this is the plan's row, or the row of the largest step that holds.
         chosen: bool,
     }
 }
@@ -73,14 +70,6 @@ row! {
 pub enum FigureStudy {
     /// The step of a uniform grid.
     Step,
-    /// The place of the grid, as a share of its step.
-    GridShift,
-    /// The turn of the tool away from the table's orientation, degrees.
-    OrientationMismatch,
-    /// The share of nodes measured with the wrist flipped.
-    MixedConfiguration,
-    /// The least singularity factor of fresh poses, lower edge.
-    SingularityDistance,
     /// The design and its number of poses.
     Design,
     /// The plan itself, on robots that took no part in choosing it.
@@ -101,25 +90,10 @@ pub enum CorrectedBy {
 words! {
     FigureStudy {
         Step: "step",
-        GridShift: "grid_shift",
-        OrientationMismatch: "orientation_mismatch",
-        MixedConfiguration: "mixed_configuration",
-        SingularityDistance: "singularity_distance",
         Design: "design",
         Promise: "promise",
     }
     CorrectedBy { Measured: "measured", Model: "model", IdentifiedArm: "identified_arm" }
-}
-
-impl From<Study> for FigureStudy {
-    fn from(study: Study) -> Self {
-        match study {
-            Study::Shift(_) => Self::GridShift,
-            Study::Turn(_) => Self::OrientationMismatch,
-            Study::Flipped(_) => Self::MixedConfiguration,
-            Study::Singularity(..) => Self::SingularityDistance,
-        }
-    }
 }
 
 impl From<Source> for CorrectedBy {
@@ -138,7 +112,7 @@ impl FigureRow {
     }
 }
 
-/// The figures of every step, influence and design, and of the plan itself.
+/// The figures of every step and design, and of the plan itself.
 pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
     let steps = plan.steps.iter().enumerate().map(|(place, row)| FigureRow {
         source: row.source.into(),
@@ -147,14 +121,6 @@ pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
         not_reached: row.refused_nodes.values().sum(),
         chosen: plan.step == Some(place),
         ..figures(FigureStudy::Step, Kind::UniformGrid, row.poses, &row.outcomes, settings)
-    });
-    let influences = plan.influences.iter().map(|row| FigureRow {
-        value: Some(row.study.value()),
-        source: row.source.into(),
-        interpolation: Some(row.interpolation),
-        step_mm: Some(row.step_mm),
-        not_reached: row.not_reached,
-        ..figures(row.study.into(), Kind::UniformGrid, row.poses, &row.outcomes, settings)
     });
     let chosen = plan.session.count(|purpose| purpose == Purpose::Identify);
     let designs = plan.designs.iter().map(|row| FigureRow {
@@ -168,7 +134,7 @@ pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
         chosen: true,
         ..figures(FigureStudy::Promise, KIND, measured, &plan.promise, settings)
     };
-    steps.chain(influences).chain(designs).chain([promise]).collect()
+    steps.chain(designs).chain([promise]).collect()
 }
 
 /// Figures over robots that were corrected by the identified arm, without a grid.
@@ -182,7 +148,6 @@ fn figures(
     let mean = |of: fn(&RobotFigures) -> f64| outcomes.mean.as_ref().map(of);
     FigureRow {
         study,
-        value: None,
         design,
         source: CorrectedBy::IdentifiedArm,
         interpolation: None,

@@ -36,7 +36,12 @@ const RETIRED: &[Retired] = &[
         instead: "name the reflector of each reading: by a column, which `target` names, beside `targets`, or by the `name` of each \
                   [[stations.measured]]",
     },
+    Retired { key: "plan.instruments", value: None, instead: PLANNED },
+    Retired { key: "plan.reflectors_mm", value: None, instead: PLANNED },
 ];
+/// Instruments and reflectors beside those of a plan.
+const PLANNED: &str =
+    "leave it out: a plan is of one tracker and the main reflector, and the session may have more";
 /// Kriging, inverse distances and the neural network as error models.
 const RIVALS: &str =
     "leave it out, and judge other error models with pipelines/benchmarks/benchmark.py";

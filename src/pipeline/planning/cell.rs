@@ -116,8 +116,6 @@ impl<'p> Placed<'p> {
             poses: section.poses.clone(),
             drift_check_every: section.drift_check_every,
             verify_poses: section.verify_poses,
-            instruments: section.instruments.clone(),
-            reflectors_mm: section.reflectors_mm.clone(),
             home,
         })
     }

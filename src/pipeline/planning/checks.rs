@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::pipeline::configuration::ConfigurationError;
 use crate::pipeline::configuration::checks::{Check, each, not_negative, told, wrong_unless};
-use crate::plan::InstrumentSection;
 use crate::plan::section::{Expect, PlanSection};
 use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 
@@ -24,7 +23,6 @@ pub(super) fn check(
         .and_then(|()| poses(section))
         .and_then(|()| angles(section))
         .and_then(|()| sizes(&section.expect))
-        .and_then(|()| instruments(&section.instruments))
         .and_then(|()| shares(section))
         .map_err(|wrong| told(path, wrong))
 }
@@ -96,17 +94,6 @@ fn sizes(expect: &Expect) -> Check {
         ("base_drift_mm", expect.base_drift_mm),
     ];
     each(sizes, |(key, size)| not_negative(format!("[plan] expect.{key}"), size))
-}
-
-fn instruments(instruments: &[InstrumentSection]) -> Check {
-    each(instruments.iter().enumerate(), |(place, own)| {
-        let key = |name: &str| format!("[[plan.instruments]] {} {name}", place + 1);
-        wrong_unless(own.sd_mm > 0.0, key("sd_mm"), own.sd_mm, "above 0")?;
-        let is_direction = own.normal.iter().any(|side| *side != 0.0);
-        let found = format!("{:?}", own.normal);
-        let wanted = "a direction, for example [0, 0, 1]";
-        wrong_unless(is_direction, key("normal"), found, wanted)
-    })
 }
 
 fn shares(section: &PlanSection) -> Check {
