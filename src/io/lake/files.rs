@@ -178,8 +178,6 @@ mod tests {
             (".index/more.jsonl", Stands::Foreign),
             (".index/alone/5e.json", Stands::Own),
             (".index/alone/5e.txt", Stands::Foreign),
-            (".index/joined/r%20x.jsonl", Stands::Own),
-            (".index/joined/r%20x.json", Stands::Foreign),
             ("compact/states/00000001.jsonl", Stands::Own),
             ("compact/runs/2026-11/0a.parquet", Stands::Own),
             ("compact/keys/undated/0a.txt.zst", Stands::Own),
