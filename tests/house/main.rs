@@ -26,7 +26,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join kinematics units"),
     ("simulate", "geometry ingest join kinematics units"),
-    ("plan", "figures fit geometry grid ingest join kinematics linalg progress report simulate"),
+    ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),
     // What reads and writes.
     ("manifest", ""),
