@@ -5,7 +5,7 @@ use nalgebra::UnitVector3;
 use super::full::{FullModel, FullSettings, Purpose};
 use super::model::PoseModel;
 use super::observation::Observation;
-use super::registry::{Made, Model};
+use super::registry::Model;
 use super::{Calibration, FitError, FitSettings, Freedom, Prior, identify_from, start};
 use crate::kinematics::Arm;
 
@@ -63,10 +63,7 @@ pub(super) fn full_prior(geometric: &Calibration, settings: &TrainingSettings<'_
 impl Models {
     /// The model of a registry entry; `None` where this training does not have it.
     pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
-        match model.about().made {
-            Made::Elsewhere => None,
-            Made::Always(of) => of(self),
-        }
+        (model.about().of_training?)(self)
     }
 
     /// The latest session that trained, of which another session has what is not found of its own: its base, and its targets where they

@@ -69,8 +69,8 @@ pub struct About {
     pub angles: &'static [Angles],
     /// Whether grids, `compensate` and verdicts use it when no later model of the registry is available.
     pub serves: bool,
-    /// The way it is made from stations.
-    pub made: Made,
+    /// The model of a training; `None` for one that is not made from stations: the log has it, or the grid stage chooses it.
+    pub of_training: Option<OfTraining>,
     /// Reads the text of [`PoseModel::saved`]; `None` for a model that is not saved as text.
     pub load: Option<Load>,
 }
@@ -88,14 +88,8 @@ pub enum Corrects {
     Commands,
 }
 
-/// The way a model is made from stations.
-#[derive(Debug, Clone, Copy)]
-pub enum Made {
-    /// Not from stations: the log has it, or the grid stage chooses it.
-    Elsewhere,
-    /// In every training.
-    Always(fn(&Models) -> Option<&dyn PoseModel>),
-}
+/// A model among those of a training.
+pub type OfTraining = fn(&Models) -> Option<&dyn PoseModel>;
 
 /// Reads a saved model from its text and its misfit per axis (mm), which is stored separately where it has one.
 pub type Load = fn(&str, Option<f64>) -> Result<Loaded, SavedError>;

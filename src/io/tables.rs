@@ -59,7 +59,6 @@ use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::report::compared::{Compared, Pairs};
-use crate::report::{Angles, Model, Split};
 use accuracy::AccuracyRow;
 use calibrations::CalibrationRow;
 use clocks::ClockRow;
@@ -90,8 +89,6 @@ pub struct PublishContext<'a> {
     pub full: &'a FullSettings,
     /// `[tolerance]`.
     pub tolerance: Tolerance,
-    /// The source of the grids' node values, and their judgement.
-    pub grid: GridBasis,
     /// Variance per axis of measurement and repeatability, to compare a nugget with, mm²; `None` where it is not known.
     pub noise_mm2: Option<f64>,
     /// The conditions that the results are valid for, as the pipeline file states them.
@@ -106,19 +103,6 @@ pub struct PublishContext<'a> {
     pub replaces: Option<Replaced>,
     /// Errors before and after.
     pub pairs: Pairs,
-}
-
-/// The source of the grids' node values, and their judgement.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GridBasis {
-    /// The model of source `model`.
-    pub model: Model,
-    /// The joint angles that it was given at the nodes.
-    pub angles: Angles,
-    /// The way in which the stations that judge were kept from training.
-    pub split: Split,
-    /// Expanded uncertainty (k = 2) that guards verdicts, mm.
-    pub guard_mm: f64,
 }
 
 /// The reason why tables cannot be made or published.

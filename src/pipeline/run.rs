@@ -33,13 +33,12 @@ use crate::io::table::Row as _;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError, RunRows};
+use crate::io::tables::{self, PublishContext, PublishError, RunRows};
 use crate::join::{SourceId, Station};
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
 use crate::report::compared::Pairs;
-use crate::report::{Angles, Split};
 
 pub use error::RunError;
 use gridded::Gridder;
@@ -404,12 +403,6 @@ fn context<'a>(
         fit: &configuration.stages.fit,
         full: &configuration.stages.full,
         tolerance: configuration.stages.tolerance,
-        grid: GridBasis {
-            model: outcome.best,
-            angles: Angles::Commanded,
-            split: Split::Blocks,
-            guard_mm: outcome.grids.guard_mm,
-        },
         noise_mm2: noise_mm2(configuration, outcome),
         valid_for: configuration.valid_for.clone(),
         made_of: Vec::new(),

@@ -12,14 +12,13 @@ use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
-use posegrid::io::tables::{GridBasis, PublishContext, RunRows};
+use posegrid::io::tables::{PublishContext, RunRows};
 use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::compared::Pairs;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
-use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 use rayon::prelude::*;
@@ -83,12 +82,6 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
         fit: &settings.fit,
         full: &settings.full,
         tolerance: settings.tolerance,
-        grid: GridBasis {
-            model: Model::Full,
-            angles: Angles::Commanded,
-            split: Split::Blocks,
-            guard_mm: outcome.grids.guard_mm,
-        },
         noise_mm2: Some(1e-3),
         valid_for: posegrid::compensation::Conditions::default(),
         made_of: Vec::new(),

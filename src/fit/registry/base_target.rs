@@ -1,6 +1,6 @@
 //! Base + target: the nominal arm with the best fitting frames.
 
-use super::{About, Corrects, Made, geometric};
+use super::{About, Corrects, geometric};
 use crate::fit::model::Angles;
 
 pub(super) const ABOUT: About = About {
@@ -10,6 +10,6 @@ pub(super) const ABOUT: About = About {
     corrects: Corrects::Frames,
     angles: &[Angles::Reported],
     serves: false,
-    made: Made::Always(|models| Some(&models.base_target)),
+    of_training: Some(|models| Some(&models.base_target)),
     load: Some(geometric::load),
 };

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
 
-use super::{About, Corrects, Loaded, Made};
+use super::{About, Corrects, Loaded};
 use crate::fit::Frames;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, PartEvidence};
@@ -20,7 +20,7 @@ pub(super) const ABOUT: About = About {
     corrects: Corrects::Predicted,
     angles: &[Angles::Weighted, Angles::Commanded],
     serves: true,
-    made: Made::Always(|models| models.full.as_ref().map(|full| full as &dyn PoseModel)),
+    of_training: Some(|models| models.full.as_ref().map(|full| full as &dyn PoseModel)),
     load: Some(load),
 };
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 
-use super::{About, Corrects, Loaded, Made};
+use super::{About, Corrects, Loaded};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
 use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
@@ -17,7 +17,7 @@ pub(super) const ABOUT: About = About {
     corrects: Corrects::Predicted,
     angles: &[Angles::Reported],
     serves: true,
-    made: Made::Always(|models| Some(&models.geometric)),
+    of_training: Some(|models| Some(&models.geometric)),
     load: Some(load),
 };
 

@@ -1,6 +1,6 @@
 //! The raw command, without any correction.
 
-use super::{About, Corrects, Made};
+use super::{About, Corrects};
 
 pub(super) const ABOUT: About = About {
     word: "raw_command",
@@ -9,6 +9,6 @@ pub(super) const ABOUT: About = About {
     corrects: Corrects::Nothing,
     angles: &[],
     serves: false,
-    made: Made::Elsewhere,
+    of_training: None,
     load: None,
 };

@@ -1,6 +1,6 @@
 //! The compensation table: only its names are here; its predictions are in [`crate::compensation::table`].
 
-use super::{About, Corrects, Made};
+use super::{About, Corrects};
 
 pub(super) const ABOUT: About = About {
     word: "table",
@@ -9,6 +9,6 @@ pub(super) const ABOUT: About = About {
     corrects: Corrects::Commands,
     angles: &[],
     serves: false,
-    made: Made::Elsewhere,
+    of_training: None,
     load: None,
 };

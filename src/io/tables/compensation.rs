@@ -235,7 +235,7 @@ fn shared(
         angles: match chosen.source {
             // A measured node is a station, and stations are at the angles that the controller reported.
             Source::Measured => Angles::Reported,
-            Source::Model => context.grid.angles,
+            Source::Model => Angles::Commanded,
         },
         orientation_tolerance_deg: chosen.orientation_tolerance_rad.to_degrees(),
         verdict: (&outcome.verdict.table().verdict()).into(),

@@ -431,7 +431,7 @@ fn steps_account_for_every_station_that_judges() {
         let parts = ["held_out", "held_out_refused", "held_out_outside", "held_out_unlike"];
         let sum: i64 = parts.iter().map(|part| table.i64(part).value(row)).sum();
         assert_eq!(sum, i64::try_from(paired).unwrap(), "row {row}");
-        assert_eq!(table.text("model").value(row), "geometric");
+        assert_eq!(table.text("model").value(row), "full");
     }
     // 59 errors are needed for 95 % with 95 % confidence.
     assert_eq!(table.i64("held_out_needed").value(0), 59);

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::super::{GridBasis, PublishContext};
+use super::super::PublishContext;
 use crate::compensation::Conditions;
 use crate::figures::{Counted, Figures};
 use crate::fit::commanded::{CommandFrames, commanded};
@@ -75,12 +75,6 @@ pub(super) fn context() -> PublishContext<'static> {
         fit: &FIT,
         full: &FULL,
         tolerance: TOLERANCE,
-        grid: GridBasis {
-            model: Model::Geometric,
-            angles: Angles::Commanded,
-            split: Split::Blocks,
-            guard_mm: 0.05,
-        },
         noise_mm2: Some(1e-3),
         valid_for: Conditions {
             tool: Some("drill".to_owned()),

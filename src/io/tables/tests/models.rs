@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use super::example::{ARM, SESSION, trained};
 use crate::fit::model::{At, Query};
-use crate::fit::registry::Made;
 use crate::fit::{Model, PoseModel, SourceId};
 use crate::io::schema;
 
@@ -22,7 +21,7 @@ fn words(is: impl Fn(Model) -> bool) -> BTreeSet<&'static str> {
 }
 
 fn is_trained(model: Model) -> bool {
-    !matches!(model.about().made, Made::Elsewhere)
+    model.about().of_training.is_some()
 }
 
 #[test]
