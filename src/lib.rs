@@ -83,50 +83,12 @@
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a
 //!   test holds against the schema.
 
-// `println!` and `eprintln!` end the thread where stdout or stderr refuses: `cli::streams` has what does not.
-#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+pub use posegrid_app::{cli, page, pipeline};
+pub use posegrid_arm::{geometry, kinematics};
+pub use posegrid_base::{figures, linalg, manifest, progress, units};
+pub use posegrid_io as io;
+pub use posegrid_numerics::{
+    compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity, simulate,
+};
 
-// Core: knows no stage.
-pub mod figures;
-pub mod geometry;
-pub mod kinematics;
-pub mod linalg;
-pub mod progress;
-pub mod units;
-
-// The guide and the method: text only.
 pub mod guide;
-pub mod method;
-
-// The stages, in data order.
-pub mod ingest;
-
-pub mod join;
-
-pub mod setup;
-
-pub mod fit;
-
-pub mod similarity;
-
-pub mod grid;
-
-pub mod compensation;
-
-pub mod report;
-
-// Before measuring.
-pub mod plan;
-pub mod simulate;
-
-// Across sessions.
-pub mod history;
-
-// Pages for people, from the rows of the tables.
-pub mod page;
-
-// Everything that reads and writes.
-pub mod cli;
-pub mod io;
-pub mod manifest;
-pub mod pipeline;

@@ -103,9 +103,9 @@ pub trait Corrects {
 /// Implements [`Corrects`] for rows with the columns of that name.
 macro_rules! corrects {
     ($row:ty) => {
-        impl $crate::io::common::Corrects for $row {
-            fn stated(&self) -> $crate::io::common::Stated<'_> {
-                $crate::io::common::Stated {
+        impl $crate::common::Corrects for $row {
+            fn stated(&self) -> $crate::common::Stated<'_> {
+                $crate::common::Stated {
                     tool: self.tool.as_deref(),
                     payload_kg: self.payload_kg,
                     mounting: self.mounting.as_deref(),
@@ -122,7 +122,7 @@ macro_rules! corrects {
             }
 
             fn stated_frame(&self) -> $crate::report::frame::StatedFrame {
-                $crate::io::tables::error_frame::stated(
+                $crate::tables::error_frame::stated(
                     self.error_frame,
                     (self.error_frame_base, self.error_frame_base_turn),
                     [self.error_frame_sd_mm, self.error_frame_sd_deg, self.error_frame_lever_sd_mm],
@@ -135,7 +135,7 @@ macro_rules! corrects {
         }
     };
 }
-pub(in crate::io) use corrects;
+pub(crate) use corrects;
 
 impl<R: Corrects> Common<'_, R> {
     /// What the table is valid for.

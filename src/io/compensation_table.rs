@@ -22,7 +22,7 @@ pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::ingest::AngleUnit;
-use crate::io::targets::JointUnits;
+use crate::targets::JointUnits;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 

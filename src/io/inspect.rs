@@ -13,11 +13,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::ingest::{LogReject, TimeSource};
-use crate::io::log::{
+use crate::log::{
     Channel, Extent, FileError, Glance, Limits, MessageRecord, ReadSummary, Schema, Suggestible,
     Suggestion, Visitor, json_fields, ns, scan,
 };
-use crate::io::message::{FieldReader, Row, Value};
+use crate::message::{FieldReader, Row, Value};
 use crate::progress::Progress;
 
 pub use clock::{ClockSummary, Differences};

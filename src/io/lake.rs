@@ -1,5 +1,5 @@
 //! The lake: published tables, `TABLE/ROBOT/SESSION/RUN.parquet`, and the page of each run,
-//! `report/ROBOT/SESSION/RUN.html`, in a folder or on object storage ([`crate::io::store`]).
+//! `report/ROBOT/SESSION/RUN.html`, in a folder or on object storage ([`crate::store`]).
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
 //! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
@@ -52,7 +52,7 @@ use temporary::Temporary;
 pub use asked::{ASKED, Asked, AskedRow, request_key, request_of};
 pub use compact::{COMPACT, CompactFile, CompactState, KEYS, runs_among};
 #[cfg(test)]
-pub(in crate::io) use corrections::CorrectionRow;
+pub(crate) use corrections::CorrectionRow;
 pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};
 pub use error::LakeError;
 pub use files::{LakeFile, Stands};

@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::ingest::{IngestError, Mapping};
-use crate::io::message::SchemaError;
+use crate::message::SchemaError;
 
 pub use block::Extent;
 pub use packed::{Packed, PackedFault};

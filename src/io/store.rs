@@ -1,7 +1,7 @@
 //! A store of whole files under keys: a folder, or a bucket of S3-compatible storage.
 //!
 //! A key is a path within the store, with `/` between its parts: `runs/ROBOT/SESSION/RUN.parquet`. A store does not know
-//! the meaning of its files; the lake ([`crate::io::lake`]) and the reading of logs use these few operations. Only
+//! the meaning of its files; the lake ([`crate::lake`]) and the reading of logs use these few operations. Only
 //! [`Store::create`] has to distinguish processes: of several that create one key exactly one succeeds.
 //!
 //! Buckets need the feature `s3`; their asynchronous code stays inside `bucket`.

@@ -55,7 +55,7 @@ use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
 use crate::grid::{Covered, Tolerance};
 use crate::ingest::PosesError;
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::report::compared::{Compared, Pairs};

@@ -29,7 +29,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 pub use angles::JointUnits;
 pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
@@ -37,7 +37,7 @@ pub use error::{RowProblem, TargetsError, TargetsErrorKind};
 pub use krl::DataList;
 pub use names::NamesProblem;
 #[cfg(test)]
-pub(in crate::io) use parquet::TargetRow;
+pub(crate) use parquet::TargetRow;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 

@@ -6,7 +6,7 @@ use super::{CompensationTableError, TableFile};
 use crate::compensation::Known;
 use crate::geometry::{Base, Command, Position, Transform, symmetric};
 use crate::grid::{Lattice, Refusal};
-use crate::io::tables::compensation::NodeRow;
+use crate::tables::compensation::NodeRow;
 
 /// A node further than this from its place in the lattice is not on it, mm.
 const ON_LATTICE_MM: f64 = 1e-6;

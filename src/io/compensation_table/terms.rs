@@ -6,8 +6,8 @@ use super::{CommonError, TableFile, TableVerdict};
 use crate::compensation::Terms;
 use crate::geometry::symmetric;
 use crate::grid::Interpolation;
-use crate::io::common::Corrects as _;
-use crate::io::tables::words::counted;
+use crate::common::Corrects as _;
+use crate::tables::words::counted;
 
 impl TableFile<'_> {
     pub(super) fn terms(&self) -> Result<Terms, CommonError> {

@@ -12,7 +12,7 @@ use super::{ExportError, ExportErrorKind};
 use crate::compensation::IdentifiedArm;
 use crate::fit::IdentifiedGeometry;
 use crate::fit::conversion::Errors;
-use crate::io::calibrations_table::{self, PublishedArm};
+use crate::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Axis, Chain, Element, Motion, Parameter};
 
 /// An identified geometry in the error reference frame.

@@ -20,8 +20,8 @@ use super::urdf::three;
 use super::urdf_chain::{self, Ends, Step};
 use super::{ExportError, ExportErrorKind};
 use crate::geometry::rpy;
-use crate::io::robot;
-use crate::io::robot::urdf::child;
+use crate::robot;
+use crate::robot::urdf::child;
 use crate::units::MM_PER_M;
 
 /// A URDF, and its links that are the controller's base and flange.

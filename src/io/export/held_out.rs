@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::io::lake::read_given;
-use crate::io::schema;
-use crate::io::table::Row as _;
-use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
-use crate::io::tables::words::Role;
+use crate::lake::read_given;
+use crate::schema;
+use crate::table::Row as _;
+use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
+use crate::tables::words::Role;
 use crate::report::{Angles, Model, Split};
 
 /// Mean errors on held-out blocks, mm.

@@ -8,11 +8,11 @@ use std::path::Path;
 use super::held_out::{self, beside};
 use crate::figures::expanded;
 use crate::fit::Identifiability;
-use crate::io::lake::read_given;
-use crate::io::schema;
-use crate::io::table::Row as _;
-use crate::io::tables::parameters::{BelongsTo, ParameterRow};
-use crate::io::tables::words::Unit;
+use crate::lake::read_given;
+use crate::schema;
+use crate::table::Row as _;
+use crate::tables::parameters::{BelongsTo, ParameterRow};
+use crate::tables::words::Unit;
 use crate::report::Model;
 
 /// Sentences on the limits of an exported geometry.
@@ -98,7 +98,7 @@ fn value(row: &ParameterRow) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::tables::parameters::ParameterQuantity;
+    use crate::tables::parameters::ParameterQuantity;
 
     fn row(parameter: &str, belongs_to: BelongsTo, unit: Unit, is_found: bool) -> ParameterRow {
         ParameterRow {

@@ -9,12 +9,12 @@ use std::path::Path;
 
 use super::{ExportError, ExportErrorKind};
 use crate::ingest::AngleUnit;
-use crate::io::compensation_table;
-use crate::io::schema;
-use crate::io::table::{self, Table};
-use crate::io::targets::spread::Spread;
-use crate::io::targets::write_csv::write_columns;
-use crate::io::targets::write_json::value;
+use crate::compensation_table;
+use crate::schema;
+use crate::table::{self, Table};
+use crate::targets::spread::Spread;
+use crate::targets::write_csv::write_columns;
+use crate::targets::write_json::value;
 
 /// Columns that differ from node to node. All others have one value in the whole table.
 const OF_NODES: [&str; 24] = [

@@ -25,10 +25,10 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
 use super::{ExportError, ExportErrorKind};
-use crate::io::common;
-use crate::io::lake::read_given;
-use crate::io::schema;
-use crate::io::tables::residuals::ResidualRow;
+use crate::common;
+use crate::lake::read_given;
+use crate::schema;
+use crate::tables::residuals::ResidualRow;
 use crate::manifest::RunKey;
 use crate::report::{BaseRefit, Split};
 use rows::{Numbers, Of, rows};
@@ -187,7 +187,7 @@ fn topic(of: &Of) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::tables::words::Role;
+    use crate::tables::words::Role;
     use crate::report::{Angles, Model, Subject};
 
     #[test]

@@ -20,7 +20,7 @@ use super::{ExportError, ExportErrorKind, controller_base};
 use crate::compensation::IdentifiedArm;
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::rpy;
-use crate::io::calibrations_table::{self, PublishedArm};
+use crate::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;

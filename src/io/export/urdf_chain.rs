@@ -1,6 +1,6 @@
 //! The chain of a URDF between two links, with the places of its origins in the text.
 //!
-//! The tree and the numbers are read as for a robot file ([`crate::io::robot::urdf`]). Here every origin of the way has to be that of
+//! The tree and the numbers are read as for a robot file ([`crate::robot::urdf`]). Here every origin of the way has to be that of
 //! a joint which can be given another one: joints on the way up are fixed, no joint follows another, and rotations are roll, pitch
 //! and yaw. Joints beside the way are not read.
 
@@ -9,8 +9,8 @@ use roxmltree::{Document, Node};
 use thiserror::Error;
 
 use super::origins::{ChainJoint, Moves};
-use crate::io::robot::Selection;
-use crate::io::robot::urdf::{self, Joint, Tree, UrdfError, child};
+use crate::robot::Selection;
+use crate::robot::urdf::{self, Joint, Tree, UrdfError, child};
 use crate::kinematics::JointKind;
 
 /// The two ends of a chain.

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use crate::io::log::Layout;
-use crate::io::message::{FieldReader, Row};
+use crate::log::Layout;
+use crate::message::{FieldReader, Row};
 
 /// One message in this many is looked at, and the first one of each block.
 const EVERY: u64 = 64;

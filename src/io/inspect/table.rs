@@ -27,8 +27,8 @@ mod uses;
 
 use std::path::Path;
 
-use crate::io::input::Bound;
-use crate::io::measured_table::{self, Form, MeasuredTable, MeasuredTableError};
+use crate::input::Bound;
+use crate::measured_table::{self, Form, MeasuredTable, MeasuredTableError};
 
 pub use by_arm::{Arms, Differs, Tried, Verdict};
 pub use choices::{Choice, Part};

@@ -9,9 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{Lake, LakeError, RUNS, session_key};
-use crate::io::store::Listed;
-use crate::io::table::{self, Row as _, row};
-use crate::io::tables::runs::row_digest;
+use crate::store::Listed;
+use crate::table::{self, Row as _, row};
+use crate::tables::runs::row_digest;
 use crate::manifest::{Replaced, RunKey};
 use crate::units::WallTime;
 

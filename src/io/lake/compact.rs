@@ -24,9 +24,9 @@ use serde::{Deserialize, Serialize};
 use super::error::folder_error;
 use super::temporary::{Owner, Temporary};
 use super::{Lake, LakeError, request_of};
-use crate::io::schema;
-use crate::io::store::Listed;
-use crate::io::table::{self, Table};
+use crate::schema;
+use crate::store::Listed;
+use crate::table::{self, Table};
 
 /// The folder of the compact form.
 pub const COMPACT: &str = "compact";

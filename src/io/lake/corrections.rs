@@ -10,10 +10,10 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use super::{Lake, LakeError, encoded, file_key};
-use crate::io::schema::{self, KEY_COLUMNS};
-use crate::io::store::Place;
-use crate::io::table::{self, Row as _, Table, TableError, Word as _, row};
-use crate::io::tables::words::{CorrectingTable, Form};
+use crate::schema::{self, KEY_COLUMNS};
+use crate::store::Place;
+use crate::table::{self, Row as _, Table, TableError, Word as _, row};
+use crate::tables::words::{CorrectingTable, Form};
 use crate::manifest::RunKey;
 
 /// The table, and its folder.
@@ -251,7 +251,7 @@ impl Lake {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::table::Columns;
+    use crate::table::Columns;
 
     fn sample() -> Correction {
         Correction {

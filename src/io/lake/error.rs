@@ -6,9 +6,9 @@ use std::path::Path;
 use thiserror::Error;
 
 use super::name;
-use crate::io::schema::SchemaError;
-use crate::io::store::{Place, StoreError};
-use crate::io::table::{FileError, TableError};
+use crate::schema::SchemaError;
+use crate::store::{Place, StoreError};
+use crate::table::{FileError, TableError};
 
 /// The reason why a lake cannot be used.
 #[derive(Debug, Error)]

@@ -9,8 +9,8 @@ use std::fs::File;
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
 use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name, request_of};
-use crate::io::schema::{self, Role};
-use crate::io::store::Place;
+use crate::schema::{self, Role};
+use crate::store::Place;
 use crate::manifest::RunKey;
 
 /// A file under a lake.

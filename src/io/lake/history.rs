@@ -7,7 +7,7 @@ use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
 use super::{Lake, LakeError, session_key};
-use crate::io::input::Bound;
+use crate::input::Bound;
 use crate::manifest::RunKey;
 
 /// The folder of it.

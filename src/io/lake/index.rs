@@ -9,7 +9,7 @@ use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
 use super::{ASKED, Lake, LakeError, RUNS};
-use crate::io::store::{Listed, StoreError};
+use crate::store::{Listed, StoreError};
 
 /// The folder of the index, and its file.
 pub(super) const FOLDER: &str = ".index";

@@ -10,7 +10,7 @@ use super::LakeError;
 use super::error::folder_error;
 use super::run::{OpenRun, into_io};
 use super::temporary::Temporary;
-use crate::io::table::{Encoder, PartsFile, RowGroups, Table};
+use crate::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::manifest::Written;
 
 /// Most parts of a table that are in memory at the same time: each takes some 20 MB.

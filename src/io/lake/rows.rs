@@ -5,9 +5,9 @@ use std::fs::File;
 use rayon::ThreadPoolBuilder;
 
 use super::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RUNS};
-use crate::io::schema;
-use crate::io::store::{Listed, Place};
-use crate::io::table::{self, Opened};
+use crate::schema;
+use crate::store::{Listed, Place};
+use crate::table::{self, Opened};
 
 /// Number of row files that are read at a time.
 const AT_ONCE: usize = 64;

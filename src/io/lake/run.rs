@@ -8,8 +8,8 @@ use super::error::folder_error;
 use super::parts::WholeTable;
 use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES, file_key};
-use crate::io::store::Tag;
-use crate::io::table::Table;
+use crate::store::Tag;
+use crate::table::Table;
 use crate::manifest::{RunKey, Written, digest};
 
 /// A run, or the result of a stage, whose tables are being written.

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 
-use crate::io::system;
+use crate::system;
 
 static NEXT: AtomicU64 = AtomicU64::new(0);
 

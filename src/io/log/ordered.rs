@@ -17,7 +17,7 @@ use crate::ingest::{
     Buffer, InOrder, JointBuffer, Mapping, PoseBuffer, StreamSummary, TemperatureBuffer,
     TemperatureSamples,
 };
-use crate::io::table::ROW_GROUP_ROWS;
+use crate::table::ROW_GROUP_ROWS;
 use crate::units::{Controller, Stamp, Tracker};
 
 /// Number of joint samples that are emitted together: those of a row group, so that a table needs no copy of its own.

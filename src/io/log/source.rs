@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::packed::{self, Packed};
 use super::{FileError, Limits};
-use crate::io::system;
+use crate::system;
 use crate::progress::Progress;
 
 /// Bytes read at once where records are small.

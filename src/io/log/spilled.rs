@@ -12,7 +12,7 @@ use std::ops::Range;
 use super::LogError;
 use crate::geometry::{PoseCovariance, TurnCovariance};
 use crate::ingest::{PoseSamples, Poses, PosesError};
-use crate::io::system;
+use crate::system;
 use crate::units::Stamp;
 
 /// Bytes that are kept in memory before they are written.

@@ -19,7 +19,7 @@ use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{LogReject, LossKind, Mapping, SpanClock, TimeSource};
-use crate::io::message::{FieldPath, MessageSchema};
+use crate::message::{FieldPath, MessageSchema};
 
 pub use common::Layout;
 use common::suitable_types;

@@ -18,7 +18,7 @@ use super::sheet::SheetCell;
 use super::{
     Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
 };
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 /// Reads the bytes of a Parquet file.
 pub(super) fn read(

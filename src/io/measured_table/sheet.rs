@@ -11,7 +11,7 @@ use super::head::{self, Head, Piece, PieceKind, SampleRow};
 use super::number::Numbers;
 use super::separator::{EitherMark, SAMPLE};
 use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind};
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 /// Most letters of a cell by which the header is found.
 const LETTERS: usize = 256;

@@ -11,7 +11,7 @@ use calamine::{DataRef, ExcelDateTime, Reader as _, Xlsx, XlsxError};
 use super::sheet::{self, Sheet, SheetCell};
 use super::tree::MOST_NODES;
 use super::{Form, MeasuredTable, MeasuredTableErrorKind};
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 /// Reads the bytes of a workbook.
 pub(super) fn read(

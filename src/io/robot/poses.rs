@@ -97,7 +97,7 @@ fn push(out: &mut String, arm: &Arm, reported: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::robot::ready::ReadyRobot;
+    use crate::robot::ready::ReadyRobot;
     use crate::kinematics::RobotFile;
 
     fn arm() -> Arm {

@@ -22,7 +22,7 @@ use super::Selection;
 use crate::kinematics::RobotFile;
 
 pub use error::UrdfError;
-pub(in crate::io) use tree::{Joint, Tree};
+pub(crate) use tree::{Joint, Tree};
 
 /// The most XML nodes of a file; a humanoid has ten thousand.
 const MOST_NODES: u32 = 2_000_000;
@@ -65,7 +65,7 @@ pub fn read(
 }
 
 /// The XML of a URDF: foreign text, so without entities and of a bounded size.
-pub(in crate::io) fn document(text: &str) -> Result<Document<'_>, UrdfError> {
+pub(crate) fn document(text: &str) -> Result<Document<'_>, UrdfError> {
     let options =
         ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))
@@ -95,7 +95,7 @@ fn unread(document: &Document<'_>) -> Vec<(&'static str, usize)> {
 }
 
 /// The first child with that name, of the same XML namespace.
-pub(in crate::io) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+pub(crate) fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     children(node, name).next()
 }
 

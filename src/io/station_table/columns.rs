@@ -5,7 +5,7 @@ use crate::ingest::{
     CovarianceColumns, LengthColumns, OrientationColumns, OrientationForm, PoseColumns,
     ReadingColumns, StationsSettings,
 };
-use crate::io::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::{Cell, MeasuredTable};
 
 /// A sum and difference of columns and numbers.
 #[derive(Debug, Clone, PartialEq)]

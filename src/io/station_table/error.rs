@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::io::measured_table::{ColumnError, MeasuredTableError};
+use crate::measured_table::{ColumnError, MeasuredTableError};
 use crate::join::RowReject;
 
 /// Why a table gives no stations.

@@ -14,7 +14,7 @@ use crate::ingest::{
     AngleUnit, LengthColumns, LengthRead, LengthUnit, LoggedCovariance, OrientationColumns,
     OrientationForm, ReadingColumns, StationsSettings, TableTime,
 };
-use crate::io::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
+use crate::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
 use crate::units::round_ns;

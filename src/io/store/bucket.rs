@@ -33,7 +33,7 @@ use tempfile::TempDir;
 use tokio::runtime::{Builder, Runtime};
 
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
-use crate::io::lake::temporary::{self, Temporary};
+use crate::lake::temporary::{self, Temporary};
 use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
 

@@ -10,7 +10,7 @@ use arrow::array::{
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field, FieldRef};
 
-use crate::io::schema::ColumnType;
+use crate::schema::ColumnType;
 use crate::units::WallTime;
 
 /// A value or an absent one: `f64`, `Option<f64>`, `&str`, `Option<Vec<f64>>` and the like.

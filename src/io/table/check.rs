@@ -10,7 +10,7 @@ use arrow::error::ArrowError;
 use arrow::row::{RowConverter, SortField};
 
 use super::{Table, TableError, same};
-use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
+use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use crate::manifest::RunKey;
 
 /// The table of the columns, if they keep its contract, and for each row its place in the order given (`None` where the

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
-use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
+use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
 
 /// Collects the columns of a table; [`Self::finish`] reports the first error.
@@ -211,7 +211,7 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::schema;
+    use crate::schema;
 
     /// Two parameters, without the columns that a test gives itself.
     fn parameters() -> Columns {

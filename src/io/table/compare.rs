@@ -176,8 +176,8 @@ impl ColumnDifference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::schema;
-    use crate::io::table::Columns;
+    use crate::schema;
+    use crate::table::Columns;
     use crate::manifest::RunKey;
 
     /// Joint errors at these angles, with these curve values.

@@ -28,7 +28,7 @@ use blake3::Hasher;
 use rayon::prelude::*;
 
 use super::Table;
-use crate::io::schema::TableSchema;
+use crate::schema::TableSchema;
 use column::ColumnDigest;
 
 /// Key of the metadata entry with the digest.

@@ -205,7 +205,7 @@ fn plain_values(error: &ArrowError) -> String {
 
 impl FileErrorKind {
     /// This problem of the file at `path`.
-    pub(in crate::io) fn at(self, path: &Path) -> FileError {
+    pub(crate) fn at(self, path: &Path) -> FileError {
         FileError { path: path.to_owned(), kind: self }
     }
 

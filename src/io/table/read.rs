@@ -18,8 +18,8 @@ use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderB
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::{FileError, FileErrorKind, Table, TableError, check, digest};
-use crate::io::input::{self, Bound};
-use crate::io::schema::{ColumnSchema, Role, TableSchema};
+use crate::input::{self, Bound};
+use crate::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
 
 /// The key-value metadata of a file, in its order.
@@ -389,8 +389,8 @@ mod tests {
     use std::os::unix::fs::FileExt as _;
 
     use super::*;
-    use crate::io::schema;
-    use crate::io::table::{Columns, write};
+    use crate::schema;
+    use crate::table::{Columns, write};
 
     fn curve(order: [f64; 3]) -> Table {
         Columns::new(schema::find("joint_errors").unwrap(), 3)

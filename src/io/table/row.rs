@@ -1,11 +1,11 @@
 //! Rows of a table: one struct of typed fields ↔ whole columns.
 //!
-//! [`row!`](crate::io::table::row) declares the struct of a table. A field is the column of its name; a field that is a
+//! [`row!`](crate::table::row) declares the struct of a table. A field is the column of its name; a field that is a
 //! point, a quaternion or a covariance names its columns. Robot, session and run are outside the rows where all have the
 //! same. The struct writes ([`Row::table`], which sorts the rows in the table's order) and reads ([`Row::read`]); a test
 //! compares it with its schema.
 //!
-//! An enumeration is a word only in the file: [`words!`](crate::io::table::words) pairs its values with their words once.
+//! An enumeration is a word only in the file: [`words!`](crate::table::words) pairs its values with their words once.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use arrow::array::{Array, AsArray};
 use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
 use super::{Columns, Table, TableError, Value};
-use crate::io::schema::{self, ColumnType, TableSchema};
+use crate::schema::{self, ColumnType, TableSchema};
 use crate::manifest::RunKey;
 use crate::units::WallTime;
 
@@ -315,7 +315,7 @@ impl<W: Word> Stored for W {
 /// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`.
 macro_rules! words {
     ($($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? })+) => {$(
-        impl $crate::io::table::Word for $enumeration {
+        impl $crate::table::Word for $enumeration {
             fn word(self) -> &'static str {
                 match self {
                     $(Self::$value $(($of))? => $word,)+
@@ -348,22 +348,22 @@ macro_rules! row {
             $($(#[$doc])* pub $field: $kind,)+
         }
 
-        impl $crate::io::table::Row for $row {
+        impl $crate::table::Row for $row {
             const TABLE: &'static str = $table;
 
-            fn put(rows: &[Self], columns: $crate::io::table::Columns) -> $crate::io::table::Columns {
-                $(let columns = <$kind as $crate::io::table::Field>::put(
+            fn put(rows: &[Self], columns: $crate::table::Columns) -> $crate::table::Columns {
+                $(let columns = <$kind as $crate::table::Field>::put(
                     columns,
-                    $crate::io::table::names!($field $(, $($column)+)?),
+                    $crate::table::names!($field $(, $($column)+)?),
                     rows.iter().map(|row| &row.$field),
                 );)+
                 columns
             }
 
-            fn read(table: &$crate::io::table::Table) -> Vec<Self> {
-                $(let mut $field = <$kind as $crate::io::table::Field>::all(
+            fn read(table: &$crate::table::Table) -> Vec<Self> {
+                $(let mut $field = <$kind as $crate::table::Field>::all(
                     table,
-                    $crate::io::table::names!($field $(, $($column)+)?),
+                    $crate::table::names!($field $(, $($column)+)?),
                 );)+
                 let every = "every column has a value for each row, as a table is checked";
                 (0..table.rows())
@@ -372,14 +372,14 @@ macro_rules! row {
             }
 
             #[cfg(test)]
-            fn columns() -> Vec<$crate::io::table::FieldColumn> {
+            fn columns() -> Vec<$crate::table::FieldColumn> {
                 let mut columns = Vec::new();
-                $(for &name in $crate::io::table::names!($field $(, $($column)+)?) {
-                    columns.push($crate::io::table::FieldColumn {
+                $(for &name in $crate::table::names!($field $(, $($column)+)?) {
+                    columns.push($crate::table::FieldColumn {
                         name,
-                        kind: <$kind as $crate::io::table::Field>::KIND,
-                        nullable: <$kind as $crate::io::table::Field>::NULLABLE,
-                        knows: <$kind as $crate::io::table::Field>::knows,
+                        kind: <$kind as $crate::table::Field>::KIND,
+                        nullable: <$kind as $crate::table::Field>::NULLABLE,
+                        knows: <$kind as $crate::table::Field>::knows,
                     });
                 })+
                 columns

@@ -6,7 +6,7 @@ use arrow::array::BooleanArray;
 use arrow::compute::{concat_batches, filter_record_batch};
 
 use super::{Table, TableError, check};
-use crate::io::schema::{KEY_COLUMNS, TableSchema};
+use crate::schema::{KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
 
 /// The rows of tables of one schema as one table, in the order of robot, session and run, and within a run in its own.
@@ -44,8 +44,8 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::schema;
-    use crate::io::table::{Columns, open, write};
+    use crate::schema;
+    use crate::table::{Columns, open, write};
 
     /// A joint's curve of two angles.
     fn curve(robot: &str, run: &str) -> Table {

@@ -102,8 +102,8 @@ mod tests {
     use parquet::file::reader::{FileReader as _, SerializedFileReader};
 
     use super::*;
-    use crate::io::schema;
-    use crate::io::table::{Columns, read};
+    use crate::schema;
+    use crate::table::{Columns, read};
     use crate::manifest::RunKey;
 
     const TURN_COVARIANCES: [&str; 2] =

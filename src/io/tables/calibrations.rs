@@ -11,9 +11,9 @@ use crate::fit::saved::VERSION;
 use crate::fit::{
     Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
-use crate::io::common::corrects;
-use crate::io::table::{row, words};
-use crate::io::tables::outcome::Outcome;
+use crate::common::corrects;
+use crate::table::{row, words};
+use crate::tables::outcome::Outcome;
 use crate::join::{Reading, ReadingKind, Station};
 use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};

@@ -1,6 +1,6 @@
 //! `clocks`: the relation of the two clocks of a session.
 
-use crate::io::table::row;
+use crate::table::row;
 use crate::join::ClockEstimate;
 
 const PPM: f64 = 1e6;

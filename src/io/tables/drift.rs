@@ -4,7 +4,7 @@ use super::past::PastSession;
 use super::words::Unit;
 use crate::history::compare::Shift;
 use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 
 row! {
     /// The result of a session for one hypothesis: a test, or the shift of a component.

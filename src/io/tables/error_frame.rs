@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use crate::io::table::words;
+use crate::table::words;
 use crate::report::frame::StatedFrame;
 
 /// The base in which errors are stated.
@@ -26,7 +26,7 @@ impl From<&StatedFrame> for ErrorFrameName {
 
 /// The frame that the columns of a row state: the base's name, its origin in the tracker's frame (mm) and orientation (x y z w), and
 /// the standard deviations of both (mm, degrees) and of the lever to the tool (mm).
-pub(in crate::io) fn stated(
+pub(crate) fn stated(
     name: ErrorFrameName,
     (origin, [x, y, z, w]): ([f64; 3], [f64; 4]),
     [sd_mm, sd_deg, lever_sd_mm]: [Option<f64>; 3],

@@ -7,8 +7,8 @@ use super::PublishError;
 use super::residuals::{self, EstimateResidualRow};
 use super::runs::row_digest;
 use crate::fit::stored::StoredModels;
-use crate::io::lake::{Lake, LakeError};
-use crate::io::table::{Row as _, Table, row};
+use crate::lake::{Lake, LakeError};
+use crate::table::{Row as _, Table, row};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::report::ResidualSet;
 

@@ -10,8 +10,8 @@ use super::PublishError;
 use super::runs::row_digest;
 use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
-use crate::io::lake::{Lake, LakeError};
-use crate::io::table::{Row as _, Table, row};
+use crate::lake::{Lake, LakeError};
+use crate::table::{Row as _, Table, row};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 
 /// The name of the estimate among the inputs of grids.

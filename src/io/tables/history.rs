@@ -4,7 +4,7 @@
 
 use super::past::{Figure, Kind, PastSession};
 use super::words::Unit;
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 
 row! {
     /// A figure of a session.

@@ -4,7 +4,7 @@ use super::outcome::LengthResidual;
 use super::residuals::target_name;
 use super::sources::SourceReads;
 use super::words::Role;
-use crate::io::table::row;
+use crate::table::row;
 use crate::report::Model;
 
 row! {

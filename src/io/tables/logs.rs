@@ -10,10 +10,10 @@
 use super::PublishError;
 use super::words::orientation_rows;
 use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
-use crate::io::lake::{OpenRun, OpenTable, WholeTable};
-use crate::io::log::JointSink;
-use crate::io::schema;
-use crate::io::table::{Columns, ROW_GROUP_ROWS, Table, Word as _, words};
+use crate::lake::{OpenRun, OpenTable, WholeTable};
+use crate::log::JointSink;
+use crate::schema;
+use crate::table::{Columns, ROW_GROUP_ROWS, Table, Word as _, words};
 use crate::join::JoinInput;
 use crate::manifest::RunKey;
 use crate::units::Stamp;
@@ -268,7 +268,7 @@ fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4
 pub(super) mod tests {
     use super::*;
     use crate::geometry::{PoseCovariance, TurnCovariance};
-    use crate::io::table::{Row as _, row};
+    use crate::table::{Row as _, row};
     use crate::units::{Controller, Tracker};
 
     row! {

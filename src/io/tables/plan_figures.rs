@@ -1,7 +1,7 @@
 //! `plan_figures`: accuracy over simulated robots, from which a plan follows.
 
 use crate::grid::{Interpolation, Source};
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 use crate::plan::compare::Expected;
 use crate::plan::outcomes::RobotFigures;
 use crate::plan::session::KIND;

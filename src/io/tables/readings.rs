@@ -7,7 +7,7 @@ use super::sources::SourceReads;
 use super::stations::Unpaired;
 use super::words::{orientation_rows, xyzw};
 use crate::geometry::TurnCovariance;
-use crate::io::table::row;
+use crate::table::row;
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
     Value,

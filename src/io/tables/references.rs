@@ -4,8 +4,8 @@
 use nalgebra::Point3;
 
 use crate::ingest::StandsOn;
-use crate::io::table::{row, words};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::table::{row, words};
+use crate::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SourceId;
 use crate::join::references::{Event, Motion, Place};
 use crate::join::tabled::ReferenceCourse;

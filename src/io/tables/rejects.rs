@@ -2,8 +2,8 @@
 
 use super::stations::Unpaired;
 use crate::ingest::{LogReject, SpanClock};
-use crate::io::table::{Word, row, words};
-use crate::io::tables::outcome::JoinedSession;
+use crate::table::{Word, row, words};
+use crate::tables::outcome::JoinedSession;
 use crate::join::{JoinReject, RowItem, RowReject, Station};
 
 row! {

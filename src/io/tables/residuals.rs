@@ -8,8 +8,8 @@ use nalgebra::Point3;
 use super::words::Role;
 use crate::geometry::{symmetric, upper};
 #[cfg(test)]
-use crate::io::table::FieldColumn;
-use crate::io::table::{Columns, Row, Table, row};
+use crate::table::FieldColumn;
+use crate::table::{Columns, Row, Table, row};
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 

@@ -3,7 +3,7 @@
 use super::PublishError;
 use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
-use crate::io::table::{Row as _, Table, row};
+use crate::table::{Row as _, Table, row};
 use crate::manifest::{
     Replaced, RunKey, StageCount, VERSION, Work, Written, cpu_features, platform,
 };

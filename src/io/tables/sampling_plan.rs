@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 
 use super::words::{counted, joint_units, xyzw};
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
 use crate::plan::session::KIND;

@@ -1,7 +1,7 @@
 //! `semivariograms`: bins of the empirical semivariograms, and the models fitted to them.
 
 use super::words::Unit;
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 use crate::report::Model;
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 

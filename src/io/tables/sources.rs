@@ -3,7 +3,7 @@
 use super::outcome::Source;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::{Gauge, sources};
-use crate::io::table::{row, words};
+use crate::table::{row, words};
 use crate::join::{ReadingKind, SourceId};
 use crate::report::Model;
 

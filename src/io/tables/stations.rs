@@ -7,8 +7,8 @@ use nalgebra::DVector;
 use super::words::{orientation_rows, xyzw};
 use crate::fit::commanded::SettlingError;
 use crate::fit::saved::axes_from_joints;
-use crate::io::table::{row, words};
-use crate::io::tables::outcome::JoinedSession;
+use crate::table::{row, words};
+use crate::tables::outcome::JoinedSession;
 use crate::join::{Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
 

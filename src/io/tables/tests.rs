@@ -15,11 +15,11 @@ use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{SourceId, TargetId, ToolErrors};
-use crate::io::lake::Commit;
-use crate::io::lake::{AskedRow, CorrectionRow, Lake};
-use crate::io::schema;
-use crate::io::table::Word as _;
-use crate::io::targets::{CorrectedRow, TargetRow};
+use crate::lake::Commit;
+use crate::lake::{AskedRow, CorrectionRow, Lake};
+use crate::schema;
+use crate::table::Word as _;
+use crate::targets::{CorrectedRow, TargetRow};
 use crate::manifest::{Work, canonical};
 use crate::page::Statements;
 use crate::pipeline::run::publish::publish;
@@ -187,9 +187,9 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
 fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let published = table(calibrations::rows(&OUTCOME, &context()).unwrap());
     let file = tempfile::NamedTempFile::new().unwrap();
-    let bytes = crate::io::table::write(&published, Vec::new()).unwrap();
+    let bytes = crate::table::write(&published, Vec::new()).unwrap();
     std::fs::write(file.path(), bytes).unwrap();
-    let back = crate::io::calibrations_table::read(file.path()).unwrap();
+    let back = crate::calibrations_table::read(file.path()).unwrap();
     assert_eq!(back.key, key());
     assert_eq!(back.arm.validity.conditions.tool.as_deref(), Some("drill"));
     let command_from_base = back.arm.command_from_base.isometry().to_homogeneous();
@@ -213,7 +213,7 @@ fn the_same_outcome_gives_the_same_bytes() {
         let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
         let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
         let all = session.tables().chain(run.tables());
-        all.map(|table| crate::io::table::write(table, Vec::new()).unwrap()).collect()
+        all.map(|table| crate::table::write(table, Vec::new()).unwrap()).collect()
     };
     assert_eq!(bytes(), bytes());
 }

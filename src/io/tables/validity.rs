@@ -8,7 +8,7 @@ use crate::figures::extremes;
 use crate::fit::WEIGHTED_DOWN;
 use crate::fit::commanded::CommandedPose;
 use crate::grid::Reach;
-use crate::io::tables::outcome::Outcome;
+use crate::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::report::{ResidualSet, Split};

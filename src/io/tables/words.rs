@@ -9,7 +9,7 @@ use crate::fit::scale::ScaleVerdict;
 use crate::geometry::TurnCovariance;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
-use crate::io::table::{Word, words};
+use crate::table::{Word, words};
 use crate::kinematics::Joint;
 use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
@@ -203,7 +203,7 @@ pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
 }
 
 /// The unit of each joint's variable; `None` where all turn.
-pub(in crate::io) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
+pub(crate) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
     let unit = |joint: &Joint| if joint.slides { Unit::Mm } else { Unit::Rad };
     let slides = joints.iter().any(|joint| joint.slides);
     let units = joints.iter().map(|joint| unit(joint).word().to_owned());
@@ -211,7 +211,7 @@ pub(in crate::io) fn joint_units(joints: &[Joint]) -> Option<Arc<[String]>> {
 }
 
 /// Radians that one unit of each joint's variable counts as, from the units of [`joint_units`]; empty without them.
-pub(in crate::io) fn counted(units: Option<&[String]>) -> Vec<f64> {
+pub(crate) fn counted(units: Option<&[String]>) -> Vec<f64> {
     let of_unit = |unit: &String| {
         if unit == Unit::Mm.word() { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 }
     };
@@ -219,7 +219,7 @@ pub(in crate::io) fn counted(units: Option<&[String]>) -> Vec<f64> {
 }
 
 /// The quaternion x y z w.
-pub(in crate::io) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+pub(crate) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     rotation.coords.into()
 }
 

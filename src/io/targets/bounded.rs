@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{TargetsError, TargetsErrorKind};
-use crate::io::input::{self, Bound};
+use crate::input::{self, Bound};
 
 /// The bytes of a file that is not too large.
 pub(super) fn read(path: &Path, bound: Bound) -> Result<Vec<u8>, TargetsError> {

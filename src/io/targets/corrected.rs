@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::compensation::{Corrected, Exception, JointCommand, Reason, Refused, Target, Term};
 use crate::fit::Gap;
 use crate::geometry::upper;
-use crate::io::table::{Row as _, Table, TableError, Word as _, row, words};
-use crate::io::tables::words::{CorrectingTable, xyzw};
+use crate::table::{Row as _, Table, TableError, Word as _, row, words};
+use crate::tables::words::{CorrectingTable, xyzw};
 use crate::kinematics::InverseError;
 use crate::manifest::RunKey;
 

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];

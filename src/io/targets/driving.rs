@@ -10,10 +10,10 @@ use nalgebra::Point3;
 use serde::Deserialize;
 
 use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
-use crate::io::input::Bound;
-use crate::io::schema::{self, KEY_COLUMNS};
-use crate::io::table::{self, Row as _, Word as _};
-pub use crate::io::tables::outcome::DrivingFile;
+use crate::input::Bound;
+use crate::schema::{self, KEY_COLUMNS};
+use crate::table::{self, Row as _, Word as _};
+pub use crate::tables::outcome::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
 
@@ -175,7 +175,7 @@ impl DrivingRow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::tables::words::CorrectingTable;
+    use crate::tables::words::CorrectingTable;
     use std::fs;
 
     use nalgebra::Matrix3;
@@ -287,7 +287,7 @@ mod tests {
             let path = folder.path().join(name);
             let sparse = fs::File::create(&path).expect("writable");
             sparse.set_len(6 << 30).expect("no room is taken");
-            let limits = crate::io::log::Limits::default();
+            let limits = crate::log::Limits::default();
             let told = read(&path, Bound::of(limits)).unwrap_err().to_string();
             for part in [name, "6442450944 bytes", "limit of 67108864", "file_bytes in [limits]"] {
                 assert!(told.contains(part), "{told}");

@@ -9,8 +9,8 @@ use thiserror::Error;
 use super::Place;
 use super::krl::KrlProblem;
 use super::names::NamesProblem;
-use crate::io::schema::SchemaError;
-use crate::io::table::FileError;
+use crate::schema::SchemaError;
+use crate::table::FileError;
 
 /// The reason why a file of targets cannot be read.
 #[derive(Debug, Error)]

@@ -14,7 +14,7 @@ use super::angles::{AngleColumns, JointUnits};
 use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
-use crate::io::input::Bound;
+use crate::input::Bound;
 use visit::{Cell, Document, Object};
 
 /// Reads the rows.

@@ -35,7 +35,7 @@ use self::lines::Line;
 use self::statement::{Declaration, Statement};
 use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
 use crate::ingest::AngleUnit;
-use crate::io::input::Bound;
+use crate::input::Bound;
 
 /// A data list, with the places of its targets.
 #[derive(Debug, Clone, PartialEq)]

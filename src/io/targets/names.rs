@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
-use crate::io::schema;
+use crate::schema;
 
 /// Columns that have a value in corrected targets only.
 pub(super) const MARKS: [&str; 2] = ["table_id", "corrected_by"];

@@ -7,9 +7,9 @@ use arrow::array::Array as _;
 use super::{Place, Row, RowProblem, Rows, TargetsError};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
-use crate::io::input::Bound;
-use crate::io::schema;
-use crate::io::table::{self, Row as _, Table, row};
+use crate::input::Bound;
+use crate::schema;
+use crate::table::{self, Row as _, Table, row};
 
 row! {
     /// A target as stated in another program's file; missing parts of a position or a quaternion are reported later.

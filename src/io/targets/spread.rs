@@ -4,8 +4,8 @@ use arrow::array::{Array as _, ArrayRef, AsArray as _};
 use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
 use super::angles::JointUnits;
-use crate::io::schema::{ColumnSchema, ColumnType};
-use crate::io::table::Table;
+use crate::schema::{ColumnSchema, ColumnType};
+use crate::table::Table;
 use crate::units::WallTime;
 
 /// A list of joint angles has a name with this ending.

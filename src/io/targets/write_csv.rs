@@ -5,7 +5,7 @@ use std::io::Write;
 use super::angles::JointUnits;
 use super::formula;
 use super::spread::{Cell, Spread};
-use crate::io::table::Table;
+use crate::table::Table;
 
 /// Writes a table as CSV: lengths to the nanometre, joint angles in `units`, other numbers exactly, an empty cell where a
 /// value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::angles::JointUnits;
 use super::spread::{Cell, Spread};
-use crate::io::table::Table;
+use crate::table::Table;
 
 /// Writes a table as JSON: lengths to the nanometre, joint angles in `units`, other numbers exactly, null where a value is
 /// absent.

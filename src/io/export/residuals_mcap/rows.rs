@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::scene::Time;
-use crate::io::table::{Row as _, Table, Word as _};
-use crate::io::tables::residuals::ResidualRow;
-use crate::io::tables::words::Role;
+use crate::table::{Row as _, Table, Word as _};
+use crate::tables::residuals::ResidualRow;
+use crate::tables::words::Role;
 use crate::report::{Model, Subject};
 
 /// The subject of residuals, and the part of the stations in the fit.

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::ARROW_SCALE;
 use super::rows::{Of, Xyz, predicted_mm};
-use crate::io::tables::residuals::ResidualRow;
+use crate::tables::residuals::ResidualRow;
 use crate::units::MM_PER_M;
 
 /// The part of the schema that these messages use.

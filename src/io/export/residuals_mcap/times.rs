@@ -4,11 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::{ExportError, ExportErrorKind};
-use crate::io::common;
-use crate::io::lake::{Lake, read_given};
-use crate::io::schema;
-use crate::io::table::{Row as _, Table};
-use crate::io::tables::stations::StationRow;
+use crate::common;
+use crate::lake::{Lake, read_given};
+use crate::schema;
+use crate::table::{Row as _, Table};
+use crate::tables::stations::StationRow;
 use crate::manifest::RunKey;
 
 /// The first stationary moment of each station, ns, by session and number.

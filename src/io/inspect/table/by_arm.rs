@@ -15,8 +15,8 @@ use super::roles::Whose;
 use super::spread::spread;
 use super::sum::position;
 use crate::ingest::{AngleUnit, LengthUnit};
-use crate::io::measured_table::MeasuredTable;
-use crate::io::robot::ready;
+use crate::measured_table::MeasuredTable;
+use crate::robot::ready;
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;
 use crate::setup::{

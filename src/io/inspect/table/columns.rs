@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::names::Named;
 use crate::ingest::MISSING;
-use crate::io::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::{Cell, MeasuredTable};
 
 /// The most different texts of a column that are kept.
 const MOST_TEXTS: usize = 12;

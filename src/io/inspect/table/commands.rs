@@ -12,7 +12,7 @@ use super::sum::position;
 use super::turns::{Turned, turned};
 use crate::figures::median;
 use crate::ingest::LengthUnit;
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 use crate::join::JoinSettings;
 use crate::join::placement::{Placement, ReadingAtFlange};
 

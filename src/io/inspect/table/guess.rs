@@ -17,7 +17,7 @@ use crate::ingest::{
     AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
     StationsSettings,
 };
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 use crate::join::placement::{Placement, ReadingAtFlange};
 
 /// The most stations at which orientations and commands are held against the arm.

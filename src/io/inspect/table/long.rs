@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{ColumnSummary, number};
 use super::names::Sense;
-use crate::io::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::{Cell, MeasuredTable};
 
 /// The most targets of a long table.
 const MOST_TARGETS: usize = 12;

@@ -5,7 +5,7 @@ use super::groups::{self, AxisGroup, NumberedGroup};
 use super::names::{Sense, any_has, has_sense};
 use super::spread::spread;
 use super::sum::{self, Position};
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 
 /// Angles and lengths beyond this are no angles in degrees: a turn, with some room.
 const LARGEST_DEG: f64 = 400.0;

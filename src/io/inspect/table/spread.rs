@@ -2,7 +2,7 @@
 
 use super::sum::{Position, position};
 use crate::figures::median;
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 
 /// Median distance from the median position, in the unit of the columns; 0 of nothing. Missing readings are left out.
 pub fn spread(table: &MeasuredTable, sums: &Position) -> f64 {

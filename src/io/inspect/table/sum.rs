@@ -1,7 +1,7 @@
 //! A value of `[stations]`: a column, or a sum and difference of columns.
 
 use super::columns::number;
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 
 /// Columns, each with its sign.
 #[derive(Debug, Clone, PartialEq)]

@@ -22,7 +22,7 @@ fn tracker_from_base() -> Isometry3<f64> {
 }
 
 fn ur10() -> Arm {
-    let ready = crate::io::robot::ready::ReadyRobot::find("ur10").expect("ready");
+    let ready = crate::robot::ready::ReadyRobot::find("ur10").expect("ready");
     toml::from_str::<RobotFile>(ready.text).expect("a robot file").arm().expect("an arm")
 }
 

@@ -7,7 +7,7 @@ use super::roles::TurnColumns;
 use crate::figures::median;
 use crate::geometry::RotationOrder;
 use crate::ingest::AngleUnit;
-use crate::io::measured_table::MeasuredTable;
+use crate::measured_table::MeasuredTable;
 
 /// Largest angle in radians that is tried as such.
 const LARGEST_RAD: f64 = 2.2 * std::f64::consts::PI;

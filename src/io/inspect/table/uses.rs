@@ -6,7 +6,7 @@ use super::columns::{ColumnSummary, number};
 use super::long;
 use super::names::Sense;
 use crate::ingest::{TableTime, TimeColumn};
-use crate::io::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::{Cell, MeasuredTable};
 
 /// Most sessions of one table.
 const MOST_SESSIONS: usize = 100;

@@ -5,7 +5,7 @@ use std::io;
 use super::behind::begins_log;
 use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece};
-use crate::io::log::record::{ChunkRecord, FRAME_HEADER, op};
+use crate::log::record::{ChunkRecord, FRAME_HEADER, op};
 
 /// Number of sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;

@@ -11,8 +11,8 @@ use mcap::MAGIC;
 use super::again::Among;
 use super::judge::{Judged, belongs_to_summary, is_private};
 use super::{Frames, Loss, Lost, Piece, lost};
-use crate::io::log::record::{FRAME_HEADER, op};
-use crate::io::log::summary::{self, Ending};
+use crate::log::record::{FRAME_HEADER, op};
+use crate::log::summary::{self, Ending};
 
 /// Number of magic bytes.
 const MARK: u64 = MAGIC.len() as u64;

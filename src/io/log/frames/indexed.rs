@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use crate::io::log::record::{FRAME_HEADER, indexed_messages, op};
-use crate::io::log::source::Source;
+use crate::log::record::{FRAME_HEADER, indexed_messages, op};
+use crate::log::source::Source;
 
 /// The number of messages of each channel in the message indexes from byte `at` on, for a chunk that cannot be read; `None`
 /// where there are no indexes.

@@ -3,7 +3,7 @@
 use std::io;
 
 use super::{Frames, Loss};
-use crate::io::log::record::{
+use crate::log::record::{
     ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op,
 };
 

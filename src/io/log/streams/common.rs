@@ -2,7 +2,7 @@
 
 use super::Stream;
 use super::layout::Meaning;
-use crate::io::message::ros2msg;
+use crate::message::ros2msg;
 
 /// The values that a type of message is decoded into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

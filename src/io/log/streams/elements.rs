@@ -1,11 +1,11 @@
 //! Messages with an array of poses: which element is of which target, and the pose of an element.
 //!
 //! Cameras state all markers that they see in one message: names or numbers and poses, as arrays of structures or side by side. The
-//! reader has gathered each value of the elements into a list ([`crate::io::message`]), whose length the message bounds.
+//! reader has gathered each value of the elements into a list ([`crate::message`]), whose length the message bounds.
 
 use super::reader::{RowFault, Values};
 use crate::ingest::{LoggedCovariance, TargetName};
-use crate::io::message::{Numbers, Text, Value};
+use crate::message::{Numbers, Text, Value};
 
 /// Position, quaternion and covariance of an element, as logged.
 pub(super) type Element = ([f64; 3], Option<[f64; 4]>, Option<LoggedCovariance>);

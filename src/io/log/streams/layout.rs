@@ -7,7 +7,7 @@ use crate::ingest::{
     AngleFields, JointFields, LoggedLength, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
     TrackerSettings,
 };
-use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError};
+use crate::message::{FieldPath, FieldReader, MessageSchema, SchemaError};
 
 /// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];

@@ -12,9 +12,9 @@ use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LoggedCovariance, TargetName, TimeSource,
     TimeUnit,
 };
-use crate::io::log::block::Tally;
-use crate::io::log::record::MessageRecord;
-use crate::io::message::{MessageFault, Row, Texts, Value};
+use crate::log::block::Tally;
+use crate::log::record::MessageRecord;
+use crate::message::{MessageFault, Row, Texts, Value};
 
 /// The reason why one message of a wanted topic is left out. Numbers are places: of a joint in the arm, or of a wanted
 /// path.

@@ -4,7 +4,7 @@
 //! position, with w a quaternion; an array of names belongs to one of positions or angles.
 
 use super::common::Layout;
-use crate::io::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
+use crate::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
 
 /// A suggestion of how to read a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The records of one length, among which the header and the first row are.
 
 use super::{Piece, PieceKind, SampleRow, names};
-use crate::io::measured_table::MeasuredTableErrorKind;
+use crate::measured_table::MeasuredTableErrorKind;
 
 /// The records of the sample, and the columns that hold numbers in most rows.
 pub(super) struct Block<'s> {

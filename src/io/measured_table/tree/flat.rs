@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use super::{Node, Record};
-use crate::io::measured_table::fill::{Filling, Written};
-use crate::io::measured_table::head::Head;
-use crate::io::measured_table::number::Numbers;
-use crate::io::measured_table::{
+use crate::measured_table::fill::{Filling, Written};
+use crate::measured_table::head::Head;
+use crate::measured_table::number::Numbers;
+use crate::measured_table::{
     Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
 };
 

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 
 use super::{Map, Node};
-use crate::io::measured_table::MeasuredTableErrorKind;
+use crate::measured_table::MeasuredTableErrorKind;
 
 /// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other value.
 pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKind> {

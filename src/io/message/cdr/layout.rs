@@ -9,8 +9,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::HEADER;
-use crate::io::message::Primitive;
-use crate::io::message::cell::Cell;
+use crate::message::Primitive;
+use crate::message::cell::Cell;
 
 /// More stretches or numbers than this are not worth comparing.
 const MOST: usize = 32;

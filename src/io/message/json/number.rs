@@ -1,8 +1,8 @@
 //! Numbers: the end of one, and its value.
 
 use super::bytes;
-use crate::io::message::MessageFault;
-use crate::io::message::cell::Cell;
+use crate::message::MessageFault;
+use crate::message::cell::Cell;
 
 /// Puts the double nearest to the number written at `start` into a cell and returns the number's end; a whole number that
 /// fits becomes an integer.

@@ -2,8 +2,8 @@
 
 use super::scan::{MOST_LEVELS, Scan};
 use super::{JsonReader, Node, number, unescaped};
-use crate::io::message::cell::{Cell, Span};
-use crate::io::message::{MessageFault, Row, template};
+use crate::message::cell::{Cell, Span};
+use crate::message::{MessageFault, Row, template};
 
 /// Some writers put this byte order mark before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
@@ -149,7 +149,7 @@ const fn depends_on_more_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) 
 
 /// A part that differs between messages with the same template.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io::message) enum NumberSlot {
+pub(in crate::message) enum NumberSlot {
     /// A wanted number.
     Number,
     /// Any value that is not wanted, with objects and arrays nested up to this many levels.
@@ -159,7 +159,7 @@ pub(in crate::io::message) enum NumberSlot {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    pub(in crate::io::message) fn take(
+    pub(in crate::message) fn take(
         self,
         bytes: &[u8],
         at: usize,

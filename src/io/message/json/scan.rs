@@ -1,8 +1,8 @@
 //! JSON's characters, strings and numbers, and the skipping of values.
 
 use super::{bytes, number};
-use crate::io::message::MessageFault;
-use crate::io::message::cell::{Cell, Span};
+use crate::message::MessageFault;
+use crate::message::cell::{Cell, Span};
 
 /// Most levels of nested objects and arrays.
 pub(super) const MOST_LEVELS: usize = 64;

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::io::message::FieldPath;
+use crate::message::FieldPath;
 
 /// The fields in a schema; messages may have others.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

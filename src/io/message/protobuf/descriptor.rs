@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::wire::{Wire, wire_type};
-use crate::io::message::cell::{Cell, Span};
-use crate::io::message::{MessageFault, SchemaError};
+use crate::message::cell::{Cell, Span};
+use crate::message::{MessageFault, SchemaError};
 
 /// Most levels of message types defined inside one another.
 const MOST_LEVELS: usize = 64;

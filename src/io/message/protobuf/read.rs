@@ -3,8 +3,8 @@
 use super::descriptor::Kind;
 use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
 use super::wire::{Wire, wire_type};
-use crate::io::message::cell::{Cell, Span};
-use crate::io::message::{MessageFault, Row, template};
+use crate::message::cell::{Cell, Span};
+use crate::message::{MessageFault, Row, template};
 
 impl ProtobufReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
@@ -153,7 +153,7 @@ fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
 /// A part that differs between messages with the same template. Its size is fixed: the lengths of the messages around it
 /// include it.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io::message) struct NumberSlot {
+pub(in crate::message) struct NumberSlot {
     stored: Stored,
     size: usize,
 }
@@ -169,7 +169,7 @@ enum Stored {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    pub(in crate::io::message) fn take(
+    pub(in crate::message) fn take(
         self,
         message: &[u8],
         at: usize,

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::descriptor::{Descriptors, Field, Kind, Type};
-use crate::io::message::cell::Cell;
-use crate::io::message::path::{Segment, Want, by_element};
-use crate::io::message::{FieldPath, SchemaError};
+use crate::message::cell::Cell;
+use crate::message::path::{Segment, Want, by_element};
+use crate::message::{FieldPath, SchemaError};
 
 /// The actions that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq)]

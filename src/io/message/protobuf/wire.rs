@@ -1,6 +1,6 @@
 //! Protobuf's wire format: varints, tags, lengths, and the skipping of values.
 
-use crate::io::message::MessageFault;
+use crate::message::MessageFault;
 
 /// Most levels of nested groups that are skipped.
 const MOST_LEVELS: usize = 64;

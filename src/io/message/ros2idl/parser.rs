@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::tokens::{Token, tokens};
-use crate::io::message::{Extensibility, FieldType, Primitive, SchemaError, Shape};
+use crate::message::{Extensibility, FieldType, Primitive, SchemaError, Shape};
 
 /// Most levels of nested modules, and of nested angle brackets.
 const MOST_LEVELS: usize = 32;

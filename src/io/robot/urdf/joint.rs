@@ -19,7 +19,7 @@ const WITH_QUATERNIONS: (u32, u32) = (1, 1);
 
 /// The joint's frame in its parent link's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::io) struct Origin {
+pub(crate) struct Origin {
     xyz_m: [f64; 3],
     turn: Turn,
 }
@@ -34,14 +34,14 @@ enum Turn {
 
 /// A joint that follows another: `multiplier · other + offset`, in m and rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::io) struct Following<'a> {
-    pub(in crate::io) joint: &'a str,
-    pub(in crate::io) multiplier: f64,
-    pub(in crate::io) offset: f64,
+pub(crate) struct Following<'a> {
+    pub(crate) joint: &'a str,
+    pub(crate) multiplier: f64,
+    pub(crate) offset: f64,
 }
 
 /// A length in m, mm: the decimal point of its shortest text moved by three, so that no digit is made up.
-pub(in crate::io) fn mm(metres: f64) -> f64 {
+pub(crate) fn mm(metres: f64) -> f64 {
     let text = format!("{metres:e}");
     let moved = text.split_once('e').and_then(|(digits, power)| {
         let power: i32 = power.parse().ok()?;
@@ -54,7 +54,7 @@ impl Origin {
     const NOWHERE: Self = Self { xyz_m: [0.0; 3], turn: Turn::Rpy([0.0; 3]) };
 
     /// The placement, mm and degrees.
-    pub(in crate::io) fn placement(&self) -> Placement {
+    pub(crate) fn placement(&self) -> Placement {
         let mut placement = Placement {
             xyz_mm: self.xyz_m.map(mm),
             quaternion_xyzw: None,
@@ -72,7 +72,7 @@ impl Origin {
     }
 
     /// The placement as an isometry, mm.
-    pub(in crate::io) fn isometry(&self) -> Isometry3<f64> {
+    pub(crate) fn isometry(&self) -> Isometry3<f64> {
         let turn = match self.turn {
             Turn::Rpy([roll, pitch, yaw]) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
             Turn::Quaternion(turn) => turn,
@@ -83,7 +83,7 @@ impl Origin {
 
 impl<'a> Joint<'a, '_> {
     /// Its kind; an error where an arm has none such.
-    pub(in crate::io) fn kind(&self) -> Result<JointKind, UrdfError> {
+    pub(crate) fn kind(&self) -> Result<JointKind, UrdfError> {
         let found = attribute(self.node, "type").unwrap_or_default();
         match expanded(self.node, found)? {
             "revolute" => Ok(JointKind::Revolute),
@@ -99,7 +99,7 @@ impl<'a> Joint<'a, '_> {
     }
 
     /// Its origin; that of its parent link where it states none.
-    pub(in crate::io) fn origin(&self) -> Result<Origin, UrdfError> {
+    pub(crate) fn origin(&self) -> Result<Origin, UrdfError> {
         let Some(origin) = child(self.node, "origin") else {
             return Ok(Origin::NOWHERE);
         };
@@ -154,7 +154,7 @@ impl<'a> Joint<'a, '_> {
     }
 
     /// Direction of its axis in its own frame; x where it states none.
-    pub(in crate::io) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
+    pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
         let stated = child(self.node, "axis");
         let Some(axis) = stated else {
             return Ok(Vector3::x());
@@ -171,7 +171,7 @@ impl<'a> Joint<'a, '_> {
     }
 
     /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
-    pub(in crate::io) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
+    pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
         let Some(limit) = child(self.node, "limit") else {
             return Ok(None);
         };
@@ -193,7 +193,7 @@ impl<'a> Joint<'a, '_> {
     }
 
     /// The joint that it follows; `None` for one that is driven.
-    pub(in crate::io) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
+    pub(crate) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
         let Some(mimic) = child(self.node, "mimic") else {
             return Ok(None);
         };

@@ -10,20 +10,20 @@ use super::{attribute, child, children, line};
 
 /// A joint with its two links; its numbers stay unread.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io) struct Joint<'a, 'i> {
-    pub(in crate::io) node: Node<'a, 'i>,
-    pub(in crate::io) name: &'a str,
-    pub(in crate::io) parent: &'a str,
-    pub(in crate::io) child: &'a str,
+pub(crate) struct Joint<'a, 'i> {
+    pub(crate) node: Node<'a, 'i>,
+    pub(crate) name: &'a str,
+    pub(crate) parent: &'a str,
+    pub(crate) child: &'a str,
 }
 
 /// The tree of links.
 #[derive(Debug)]
-pub(in crate::io) struct Tree<'a, 'i> {
+pub(crate) struct Tree<'a, 'i> {
     /// The robot's name.
-    pub(in crate::io) robot: &'a str,
+    pub(crate) robot: &'a str,
     /// The joints in the file's order.
-    pub(in crate::io) joints: Vec<Joint<'a, 'i>>,
+    pub(crate) joints: Vec<Joint<'a, 'i>>,
     /// Each link with the joint that carries it; `None` for the root.
     carried: BTreeMap<&'a str, Option<usize>>,
     /// The links in the file's order.
@@ -33,29 +33,29 @@ pub(in crate::io) struct Tree<'a, 'i> {
 
 /// The chosen ends of a chain.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io) struct Ends<'a> {
-    pub(in crate::io) base: &'a str,
-    pub(in crate::io) tip: &'a str,
+pub(crate) struct Ends<'a> {
+    pub(crate) base: &'a str,
+    pub(crate) tip: &'a str,
 }
 
 /// A joint on the way.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io) struct Step<'t, 'a, 'i> {
-    pub(in crate::io) joint: &'t Joint<'a, 'i>,
+pub(crate) struct Step<'t, 'a, 'i> {
+    pub(crate) joint: &'t Joint<'a, 'i>,
     /// Whether the way goes from the joint's child to its parent.
-    pub(in crate::io) is_up: bool,
+    pub(crate) is_up: bool,
 }
 
 impl Joint<'_, '_> {
     /// Its line, from 1.
-    pub(in crate::io) fn line(&self) -> u32 {
+    pub(crate) fn line(&self) -> u32 {
         line(self.node)
     }
 }
 
 impl<'a, 'i> Tree<'a, 'i> {
     /// The tree of a document; an error where it is none.
-    pub(in crate::io) fn of(document: &'a Document<'i>) -> Result<Self, UrdfError> {
+    pub(crate) fn of(document: &'a Document<'i>) -> Result<Self, UrdfError> {
         let root = document.root_element();
         refuse_xacro(document)?;
         if root.tag_name().name() != "robot" {
@@ -168,7 +168,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     /// The ends of the chosen chain.
-    pub(in crate::io) fn ends(&self, selection: &Selection) -> Result<Ends<'a>, UrdfError> {
+    pub(crate) fn ends(&self, selection: &Selection) -> Result<Ends<'a>, UrdfError> {
         let base = self.end("base", selection.base.as_deref())?;
         let base = base.unwrap_or(self.root);
         let tip = match self.end("tip", selection.tip.as_deref())? {
@@ -212,7 +212,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     /// The joints from base to tip: up to the link that both stand on, and down.
-    pub(in crate::io) fn steps(&self, ends: &Ends<'_>) -> Vec<Step<'_, 'a, 'i>> {
+    pub(crate) fn steps(&self, ends: &Ends<'_>) -> Vec<Step<'_, 'a, 'i>> {
         let mut up = self.to_root(ends.base);
         let mut down = self.to_root(ends.tip);
         let is_shared = |up: &[&Joint<'_, '_>], down: &[&Joint<'_, '_>]| match (up, down) {
@@ -251,7 +251,7 @@ fn refuse_xacro(document: &Document<'_>) -> Result<(), UrdfError> {
 }
 
 /// A text of the file; an error where it is still to be expanded.
-pub(in crate::io) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str, UrdfError> {
+pub(crate) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str, UrdfError> {
     if text.contains("${") || text.contains("$(") {
         return Err(UrdfError::Xacro { line: line(node), found: text.to_owned() });
     }

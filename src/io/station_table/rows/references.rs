@@ -7,7 +7,7 @@ use super::super::columns::Sum;
 use super::super::name;
 use super::{Fault, Long, Reader};
 use crate::ingest::LengthUnit;
-use crate::io::measured_table::Cell;
+use crate::measured_table::Cell;
 use crate::join::references::ReferenceId;
 use crate::join::tabled::{ApartRow, RowItem, RowReference};
 

@@ -8,7 +8,7 @@ use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::client::{HttpError, HttpErrorKind};
 
 use super::{Place, StoreError};
-use crate::io::store::BucketTrouble;
+use crate::store::BucketTrouble;
 
 /// Reason for an object that is no longer the one listed.
 const CHANGED: &str = "it changed meanwhile";

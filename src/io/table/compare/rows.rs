@@ -10,7 +10,7 @@ use arrow::array::{Array, AsArray};
 use arrow::datatypes::{DataType, Float64Type};
 
 use super::{CLOSE, cells};
-use crate::io::table::Table;
+use crate::table::Table;
 
 /// Paired rows, and those without a partner.
 #[derive(Debug, Clone, PartialEq, Eq)]

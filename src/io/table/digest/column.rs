@@ -10,7 +10,7 @@ use blake3::Hasher;
 
 use super::super::same;
 use super::{number, text};
-use crate::io::schema::{ColumnSchema, ColumnType};
+use crate::schema::{ColumnSchema, ColumnType};
 
 /// The digest of one column.
 pub(super) struct ColumnDigest {

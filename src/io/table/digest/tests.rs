@@ -2,8 +2,8 @@
 
 use super::column::Runs;
 use super::*;
-use crate::io::schema;
-use crate::io::table::Columns;
+use crate::schema;
+use crate::table::Columns;
 use crate::manifest::RunKey;
 
 /// Rows with nulls, texts that repeat, truth values, and lists that are absent, empty and of several lengths.

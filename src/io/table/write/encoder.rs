@@ -13,9 +13,9 @@ use parquet::schema::types::{SchemaDescriptor, TypePtr};
 use super::ROW_GROUP_ROWS;
 use super::column::{EncodedColumn, encode};
 use super::properties::properties;
-use crate::io::schema::TableSchema;
-use crate::io::table::digest::ContentDigest;
-use crate::io::table::{Table, same};
+use crate::schema::TableSchema;
+use crate::table::digest::ContentDigest;
+use crate::table::{Table, same};
 
 /// Encodes a table and its further parts.
 pub struct Encoder {

@@ -7,8 +7,8 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesBuilder};
 use parquet::schema::types::ColumnPath;
 
-use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
-use crate::io::table::Table;
+use crate::schema::{ColumnSchema, ColumnType, TableSchema};
+use crate::table::Table;
 
 /// Bytes of a dictionary of numbers: 4096 of them. Where more differ in a row group nearly all do, and a dictionary costs
 /// time and space: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each

@@ -20,7 +20,7 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
-use crate::io::tables::outcome::{
+use crate::tables::outcome::{
     JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
 };
 use crate::join::references::{Look, ReferenceId, follow};

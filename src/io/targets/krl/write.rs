@@ -7,7 +7,7 @@ use super::super::spread::length;
 use super::lines::{CORRECTED, REFUSED};
 use super::{DataList, MARK, Point};
 use crate::compensation::{Corrected, Refused};
-use crate::io::table::Word as _;
+use crate::table::Word as _;
 
 impl DataList {
     /// The list with the command of each target, and a comment in place of each that has none.

@@ -2,9 +2,9 @@
 
 use super::{Doubt, Key, Work};
 use crate::ingest::{AngleUnit, LengthUnit};
-use crate::io::inspect::table::by_arm::{Arms, BETTER, Differs, LEAST_STATIONS, Tried, Verdict};
-use crate::io::inspect::table::choices::{Choice, Part};
-use crate::io::inspect::table::names::StatedUnit;
+use crate::inspect::table::by_arm::{Arms, BETTER, Differs, LEAST_STATIONS, Tried, Verdict};
+use crate::inspect::table::choices::{Choice, Part};
+use crate::inspect::table::names::StatedUnit;
 
 impl Work<'_> {
     /// Doubts about joints, units, arm and position.

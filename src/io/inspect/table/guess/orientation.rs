@@ -5,8 +5,8 @@ use nalgebra::UnitQuaternion;
 use super::{Doubt, Key, Work};
 use crate::geometry::RotationOrder;
 use crate::ingest::{AngleUnit, OrientationColumns, OrientationForm};
-use crate::io::inspect::table::choices::Target;
-use crate::io::inspect::table::turns::{Form, turned};
+use crate::inspect::table::choices::Target;
+use crate::inspect::table::turns::{Form, turned};
 
 /// The most forms that a doubt names.
 const MOST_NAMED: usize = 4;

@@ -1,0 +1,401 @@
+//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and on its branch, or from the
+//! pose alone.
+//!
+//! Inputs: an arm with parameter offsets, the pose of the end, the end's pose on the flange, a seed. Output: reported
+//! joint angles (lengths of linear joints, mm), or why there are none.
+//!
+//! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a lever),
+//!    with the analytic Jacobian. Damping proportional to the squared residual keeps the convergence quadratic
+//!    (Yamashita and Fukushima 2001); a step that does not lower the residual is damped ten times more.
+//! 2. Where that fails or ends in another configuration, the pose is approached from the seed's in small steps.
+//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity. An arm without
+//!    configurations keeps the sign of its determinant, and its joints go no further than the way in small steps shows.
+//! 4. An arm with more than six joints takes, of all joint angles that reach the pose, those closest to the seed; one with
+//!    fewer takes the orientation that is nearest to the pose's, where the settings allow it to differ.
+//! 5. Without a seed ([`Anywhere`]): the search from joint angles spread over the limits, the nearest to the pose first.
+
+use nalgebra::Isometry3;
+use thiserror::Error;
+
+use super::arm::{Arm, Joint};
+use super::configuration::Configuration;
+
+mod anywhere;
+mod few;
+mod redundancy;
+mod search;
+mod variables;
+
+pub use anywhere::Anywhere;
+use search::Search;
+pub use variables::{JointVariable, spread};
+
+/// Settings of the search: when it stops and which solutions it refuses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InverseSettings {
+    /// The position is reached when its error is below this, mm.
+    pub position_tolerance_mm: f64,
+    /// The orientation is reached when its error is below this, rad.
+    pub orientation_tolerance_rad: f64,
+    /// Length that makes a turn of the end comparable with its position, mm. It changes the path of the search, not its result.
+    pub lever_mm: f64,
+    /// Newton steps per pose before giving up.
+    pub iterations: usize,
+    /// Refuse solutions with a [`smallest`](super::configuration::SingularityFactors::smallest) below this; 0 refuses none. For
+    /// an arm without such factors: the smallest singular value of its Jacobian over the lever.
+    pub least_singularity_factor: f64,
+    /// By how much the orientation may differ from the pose's where an arm with fewer than six joints has the position but
+    /// not the orientation, rad; 0 refuses such poses.
+    pub orientation_slack_rad: f64,
+}
+
+impl Default for InverseSettings {
+    fn default() -> Self {
+        Self {
+            position_tolerance_mm: 1e-9,
+            orientation_tolerance_rad: 1e-12,
+            lever_mm: 500.0,
+            iterations: 30,
+            least_singularity_factor: 0.0,
+            orientation_slack_rad: 0.0,
+        }
+    }
+}
+
+/// The reason why there are no joint angles for a pose.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum InverseError {
+    /// The search ended away from the pose.
+    #[error(
+        "the pose is not reachable from the seed: the nearest found is off by {position_mm:.3} mm and {orientation_rad:.6} rad; \
+         use a seed nearer to the pose, or check that the pose lies in the working space"
+    )]
+    NotReachable {
+        /// Remaining position error, mm.
+        position_mm: f64,
+        /// Remaining orientation error, rad.
+        orientation_rad: f64,
+    },
+    /// The arm has too few joints for the orientation.
+    #[error(
+        "an arm with {joints} joints reaches the position with another orientation only, {off_deg:.3}° off at the least; an \
+         orientation cannot be chosen freely with fewer than six joints: give joint angles, or a pose that the arm has"
+    )]
+    Orientation {
+        /// The number of joints.
+        joints: usize,
+        /// The smallest angle between an orientation that the arm has there and the one asked for, degrees.
+        off_deg: f64,
+    },
+    /// The pose needs an angle or a length beyond a joint limit.
+    #[error(
+        "joint {joint:?} would have to {} {value:.3}{unit}, its limits are {lower}{unit} and {upper}{unit}; \
+         move the pose, or correct the joint's limits in the robot file",
+        if *unit == "°" { "turn to" } else { "move to" }
+    )]
+    LimitReached {
+        /// The joint's name.
+        joint: String,
+        /// The angle or length that the pose needs, degrees or mm.
+        value: f64,
+        /// The lower limit, degrees or mm.
+        lower: f64,
+        /// The upper limit, degrees or mm.
+        upper: f64,
+        /// The unit of the three, as it follows a number.
+        unit: &'static str,
+    },
+    /// The search reached the pose only across a singularity, in another arm configuration.
+    #[error(
+        "the pose was reached only in arm configuration {found}, but the seed has {seed}; \
+         use a seed in the wanted arm configuration"
+    )]
+    ConfigurationChanged {
+        /// Configuration of the seed.
+        seed: Configuration,
+        /// Configuration of the solution found.
+        found: Configuration,
+    },
+    /// The search reached the pose only on another branch of an arm that has no configurations.
+    #[error(
+        "the pose was reached only across a singularity or far from the seed, on another branch; use a seed nearer to it"
+    )]
+    BranchChanged,
+    /// The solution lies too near a singularity.
+    #[error(
+        "the pose is {factor:.4} from a singularity{}, refused below {least:.4}; \
+         turn or move the pose away from it",
+        configuration.map_or_else(String::new, |own| format!(" ({own})"))
+    )]
+    NearSingularity {
+        /// The smallest singularity factor of the solution, or the conditioning of an arm that has none.
+        factor: f64,
+        /// The least factor that the settings accept.
+        least: f64,
+        /// The arm configuration of the solution; `None` for an arm that has none.
+        configuration: Option<Configuration>,
+    },
+}
+
+impl InverseError {
+    /// A joint's value (rad or mm) beyond its limits.
+    pub fn beyond(joint: &Joint, value: f64) -> Self {
+        Self::LimitReached {
+            joint: joint.name.clone(),
+            value: joint.shown(value),
+            lower: joint.shown(joint.lower),
+            upper: joint.shown(joint.upper),
+            unit: joint.sign_of_unit(),
+        }
+    }
+}
+
+/// Numbers of steps from the seed's pose to the target pose, tried in turn until the search succeeds.
+const APPROACHES: [u32; 3] = [1, 8, SMALLEST];
+/// The steps of the approach that stays on its branch, being the smallest.
+const SMALLEST: u32 = 64;
+
+/// Reported joint angles (rad) at which `arm(q) · flange_from_end` is `base_from_end`: the solution that the search reaches
+/// from `seed`, in the arm configuration of `seed`.
+///
+/// `offsets` are those of the arm's free parameters, in [`super::Chain::parameters`]' order; zeros for the nominal arm.
+/// Angles of coupled axes are the reported ones, as everywhere.
+///
+/// ```
+/// use nalgebra::Isometry3;
+/// use posegrid::kinematics::{InverseSettings, RobotFile, inverse};
+///
+/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("pipelines/robots/ur10.toml")?)?;
+/// let arm = file.arm()?;
+/// let joints = [0.3, -1.2, 1.5, -1.8, -1.5, 0.4];
+/// let base_from_flange = *arm.flange(&joints).isometry();
+/// let near = joints.map(|angle| angle + 0.1);
+/// let nominal = vec![0.0; arm.chain().parameters().len()];
+/// let (at_flange, settings) = (Isometry3::identity(), InverseSettings::default());
+/// let found = inverse(&arm, &nominal, &base_from_flange, &at_flange, &near, &settings)?;
+/// assert!(found.iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Panics
+/// When the length of `seed` or `offsets` does not fit the arm.
+pub fn inverse(
+    arm: &Arm,
+    offsets: &[f64],
+    base_from_end: &Isometry3<f64>,
+    flange_from_end: &Isometry3<f64>,
+    seed: &[f64],
+    settings: &InverseSettings,
+) -> Result<Vec<f64>, InverseError> {
+    let search = Search::new(arm, offsets, flange_from_end, settings);
+    let held = search.with_lengths_held();
+    let held = held.and_then(|held| by_approaches(&held, base_from_end, seed).ok());
+    match held.map_or_else(|| by_approaches(&search, base_from_end, seed), Ok) {
+        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => search
+            .nearest_orientation(base_from_end, seed)
+            .and_then(|joints| search.checked(seed, joints, false)),
+        outcome => outcome,
+    }
+}
+
+fn by_approaches(
+    search: &Search<'_>,
+    base_from_end: &Isometry3<f64>,
+    seed: &[f64],
+) -> Result<Vec<f64>, InverseError> {
+    let mut outcome = Err(search.not_reachable(base_from_end, seed));
+    for steps in APPROACHES {
+        outcome = search
+            .approach(base_from_end, seed, steps)
+            .map(|joints| search.closest(base_from_end, seed, joints))
+            .map(|joints| search.within_limits(base_from_end, joints))
+            .and_then(|joints| search.checked(seed, joints, steps == SMALLEST));
+        if outcome.is_ok() {
+            break;
+        }
+    }
+    outcome
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::isometry_from_rpy;
+    use crate::kinematics::RobotFile;
+
+    fn arm(file: &str) -> Arm {
+        let file: RobotFile = toml::from_str(file).expect("a robot file of this repository");
+        file.arm().expect("a valid arm")
+    }
+
+    fn kr210() -> Arm {
+        arm(include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"))
+    }
+
+    fn nominal_offsets(arm: &Arm) -> Vec<f64> {
+        vec![0.0; arm.chain().parameters().len()]
+    }
+
+    fn radians(degrees: [f64; 6]) -> Vec<f64> {
+        degrees.map(f64::to_radians).to_vec()
+    }
+
+    const HOME: [f64; 6] = [0.0, -90.0, 90.0, 0.0, 45.0, 0.0];
+
+    #[test]
+    fn converges_quadratically() {
+        // Each Newton step squares the residual: from 1e-2 to rounding takes three at most.
+        let arm = kr210();
+        let offsets = nominal_offsets(&arm);
+        let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
+        let settings = InverseSettings::default();
+        let search = Search::new(&arm, &offsets, &tool, &settings);
+        let truth = radians([33.0, -72.0, 101.0, -58.0, 44.0, 127.0]);
+        let target = search.end(&truth);
+        let mut joints: Vec<f64> = truth.iter().map(|q| q + 0.02).collect();
+        let mut norms = vec![search.residual(&target, &search.end(&joints)).norm()];
+        for _ in 0..4 {
+            let residual = search.residual(&target, &search.end(&joints));
+            let step = search.step(&joints, &residual, 1e-3);
+            for (q, d) in joints.iter_mut().zip(step.iter()) {
+                *q += d;
+            }
+            norms.push(search.residual(&target, &search.end(&joints)).norm());
+        }
+        // r ← c r² with c of order 1 / (arm's length in mm): 0.01 bounds it here.
+        for pair in norms.windows(2) {
+            assert!(pair[1] <= 0.01 * pair[0].powi(2) + 1e-9, "{norms:?}");
+        }
+    }
+
+    #[test]
+    fn an_identified_arm_is_inverted_with_its_offsets() {
+        let arm = kr210();
+        let offsets: Vec<f64> = arm
+            .chain()
+            .parameters()
+            .iter()
+            .map(|parameter| if parameter.is_angle() { 3e-4 } else { 0.4 })
+            .collect();
+        let tool = isometry_from_rpy([10.0, 5.0, 200.0], [0.0, 0.0, 0.5]);
+        let target = isometry_from_rpy([1700.0, 300.0, 1200.0], [0.2, 2.4, -0.1]);
+        let settings = InverseSettings::default();
+        let joints = inverse(&arm, &offsets, &target, &tool, &radians(HOME), &settings)
+            .expect("in the middle of the working space");
+        let reached = arm.chain().forward(&joints, &offsets) * tool;
+        assert!((reached.translation.vector - target.translation.vector).norm() < 1e-9);
+        assert!(reached.rotation.angle_to(&target.rotation) < 1e-7);
+        // The offsets matter: the nominal arm at the same angles is a millimetre or more away.
+        let nominal = arm.chain().nominal(&joints) * tool;
+        assert!((nominal.translation.vector - target.translation.vector).norm() > 0.5);
+    }
+
+    #[test]
+    fn coupled_axes_get_reported_angles() {
+        let mut file: RobotFile =
+            toml::from_str(include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"))
+                .expect("a robot file");
+        // Axis 3 turns by what joints 2 and 3 report together.
+        let mut map: Vec<Vec<f64>> = (0..6)
+            .map(|row| (0..6).map(|column| f64::from(u8::from(row == column))).collect())
+            .collect();
+        map[2][1] = 1.0;
+        file.joint_map = Some(map);
+        let arm = file.arm().expect("a valid arm");
+        let truth = radians([10.0, -80.0, 150.0, 20.0, 50.0, 5.0]);
+        let target = *arm.flange(&truth).isometry();
+        let seed: Vec<f64> = truth.iter().map(|q| q + 0.05).collect();
+        let found = inverse(
+            &arm,
+            &nominal_offsets(&arm),
+            &target,
+            &Isometry3::identity(),
+            &seed,
+            &InverseSettings::default(),
+        )
+        .expect("near the seed");
+        for (found, truth) in found.iter().zip(&truth) {
+            assert!((found - truth).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn out_of_reach_states_the_remaining_error() {
+        let arm = kr210();
+        // The stretched arm reaches 350 + 1150 + 1200.7 + 215 mm from axis 1: 2916 mm. 3500 mm is beyond.
+        let target =
+            isometry_from_rpy([3500.0, 0.0, 675.0], [0.0, std::f64::consts::FRAC_PI_2, 0.0]);
+        let refused = inverse(
+            &arm,
+            &nominal_offsets(&arm),
+            &target,
+            &Isometry3::identity(),
+            &radians(HOME),
+            &InverseSettings::default(),
+        );
+        match refused {
+            Err(InverseError::NotReachable { position_mm, .. }) => assert!(position_mm > 100.0),
+            other => panic!("expected NotReachable, got {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_limit_is_named() {
+        let arm = kr210();
+        // Joint 5 goes to ±125°: ask for 130°.
+        let beyond = radians([0.0, -90.0, 90.0, 0.0, 130.0, 0.0]);
+        let refused = inverse(
+            &arm,
+            &nominal_offsets(&arm),
+            arm.flange(&beyond).isometry(),
+            &Isometry3::identity(),
+            &radians([0.0, -90.0, 90.0, 0.0, 120.0, 0.0]),
+            &InverseSettings::default(),
+        );
+        let message = refused.expect_err("beyond a limit").to_string();
+        assert!(message.contains("joint_a5") && message.contains("130.000°"), "{message}");
+    }
+
+    #[test]
+    fn another_configuration_is_refused() {
+        let arm = kr210();
+        let seed = radians([0.0, -90.0, 90.0, 0.0, 1.0, 0.0]);
+        // Across the wrist singularity: the solution reached from a seed with q5 > 0 has q5 < 0.
+        let target = *arm.flange(&radians([0.0, -90.0, 90.0, 0.0, -1.0, 0.0])).isometry();
+        let refused = inverse(
+            &arm,
+            &nominal_offsets(&arm),
+            &target,
+            &Isometry3::identity(),
+            &seed,
+            &InverseSettings::default(),
+        );
+        assert!(matches!(refused, Err(InverseError::ConfigurationChanged { .. })), "{refused:?}");
+    }
+
+    #[test]
+    fn a_singular_target_is_refused_where_asked() {
+        let arm = kr210();
+        let target = *arm.flange(&radians([0.0, -90.0, 90.0, 0.0, 2.0, 0.0])).isometry();
+        let settings = InverseSettings {
+            // sin 2° = 0.035 is below sin 5° = 0.087.
+            least_singularity_factor: 0.087,
+            ..InverseSettings::default()
+        };
+        let seed = radians([0.0, -90.0, 90.0, 0.0, 20.0, 0.0]);
+        let refused = inverse(
+            &arm,
+            &nominal_offsets(&arm),
+            &target,
+            &Isometry3::identity(),
+            &seed,
+            &settings,
+        );
+        match refused {
+            Err(InverseError::NearSingularity { factor, .. }) => {
+                assert!((factor - 2.0_f64.to_radians().sin()).abs() < 1e-6);
+            }
+            other => panic!("expected NearSingularity, got {other:?}"),
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! Geometry and kinematics of any arm: frames, chains, forward and inverse kinematics, their derivatives.
+
+pub mod geometry;
+pub mod kinematics;
+
+// Names of the crates below, as if they were modules here.
+use posegrid_base::{units};

@@ -1,0 +1,650 @@
+//! Saved models: an identified arm as JSON, and back, so that a later program predicts with the same covariance.
+//!
+//! Numbers are written so that reading them gives them back to the last digit or the one before. A text may come
+//! from anywhere: every length is compared with the others before it is used.
+
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3,
+};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::conversion::Errors;
+use super::{Anchor, Calibration, Frames, Gauge, Owner, Plane, Sees, Unknown};
+use crate::geometry::Transform;
+use crate::join::SeveralSources;
+use crate::kinematics::{
+    Arm, ArmError, Chain, Convention, Element, GaugePart, Joint, LinkQuantity, Motion, Parameter,
+};
+
+/// Version of the JSON texts; raised by every change that an older reader would not understand.
+pub const VERSION: u32 = 3;
+
+/// A saved model that cannot be used.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SavedError {
+    /// Not JSON of the expected shape.
+    #[error("the saved model cannot be read: {0}; was it written by another program?")]
+    Json(String),
+    /// Written by a later program.
+    #[error(
+        "the saved model has version {found}, this program reads {VERSION}: use a matching version of posegrid"
+    )]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// Two parts that do not fit each other.
+    #[error("the saved model is damaged: {found} {what}, but the rest of it needs {expected}")]
+    Length {
+        /// The kind of entry whose number is wrong.
+        what: &'static str,
+        /// The number that the other parts need.
+        expected: usize,
+        /// The number found.
+        found: usize,
+    },
+    /// A quaternion that is not a rotation.
+    #[error(
+        "the saved model is damaged: {what} has a quaternion of norm {norm}; a rotation has norm 1"
+    )]
+    NotARotation {
+        /// The name of the placement.
+        what: &'static str,
+        /// The quaternion's norm.
+        norm: f64,
+    },
+    /// A name that this program does not know.
+    #[error(
+        "the saved model names {what} {name:?}, which this program does not know: use a matching version of posegrid"
+    )]
+    Unknown {
+        /// The kind of thing named.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A matrix that is no factor of a covariance.
+    #[error("the saved model is damaged: the factor of its covariance {problem}")]
+    Factor {
+        /// The factor's fault.
+        problem: &'static str,
+    },
+    /// A geometry without a covariance and without a misfit.
+    #[error(
+        "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"
+    )]
+    NoMisfit,
+    /// Several sources where a step is for one.
+    #[error("the saved model has {0}")]
+    SeveralSources(#[from] SeveralSources),
+    /// Joints that make no arm.
+    #[error("the saved model is damaged: {0}")]
+    Arm(#[from] ArmError),
+}
+
+/// A nominal arm: everything its kinematics need.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedArm {
+    /// The robot model's name for display.
+    pub model: String,
+    /// The convention of its links, as robot files name it; standard DH where it is not named.
+    #[serde(default = "standard_dh", skip_serializing_if = "is_standard_dh")]
+    pub convention: Convention,
+    /// The joints from base to flange.
+    pub joints: Vec<SavedJoint>,
+    /// Row i gives axis variable i as a linear combination of the reported joint angles.
+    pub axes_from_joints: Vec<Vec<f64>>,
+    /// The chain from base to flange, on axis variables.
+    pub elements: Vec<SavedElement>,
+}
+
+/// The first fields of every saved model: its arm and sessions.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct SavedHead {
+    /// The nominal arm.
+    pub arm: SavedArm,
+    /// The frames of each session.
+    pub sessions: Vec<SavedSession>,
+}
+
+impl SavedHead {
+    /// Reads arm and sessions from the JSON text of any model.
+    pub fn read(text: &str) -> Result<Self, SavedError> {
+        read(text)
+    }
+}
+
+/// One joint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedJoint {
+    /// The name under which the controller reports it.
+    pub name: String,
+    /// Lower limit of the reported angle, rad; mm for a joint that slides.
+    pub lower_rad: f64,
+    /// Upper limit of the reported angle, rad; mm for a joint that slides.
+    pub upper_rad: f64,
+    /// Whether it slides along its axis instead of turning about it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub slides: bool,
+}
+
+const fn standard_dh() -> Convention {
+    Convention::StandardDh
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_standard_dh(convention: &Convention) -> bool {
+    *convention == Convention::StandardDh
+}
+
+/// One elementary transform; a motion is `x`, `y`, `z` (mm) or `rx`, `ry`, `rz` (rad).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum SavedElement {
+    /// A constant.
+    Fixed(SavedPlacement),
+    /// A joint variable: the motion by `sign · q[joint]`, joints from 0.
+    Joint {
+        /// The motion's name.
+        motion: String,
+        /// Index of the axis variable, from 0.
+        joint: usize,
+        /// Its motion per unit of the variable: +1 or −1, or any factor for a joint that follows another.
+        sign: f64,
+    },
+    /// A constant with a free parameter: the motion by `nominal + offset`.
+    Free {
+        /// The motion's name.
+        motion: String,
+        /// The nominal value, mm or rad.
+        nominal: f64,
+        /// The parameter's name.
+        parameter: String,
+    },
+}
+
+/// A placement of one frame in another.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedPlacement {
+    /// Origin of the placed frame, mm.
+    pub xyz_mm: [f64; 3],
+    /// Its rotation as a unit quaternion.
+    pub quaternion_xyzw: [f64; 4],
+}
+
+/// The frames of one session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedSession {
+    /// The session's name.
+    pub session: String,
+    /// Pose of the base in the frame of each source.
+    pub tracker_from_base: SavedPlacements,
+    /// Pose of each target on the flange.
+    pub flange_from_target: SavedPlacements,
+    /// What each source reads; absent where each reads places.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sees: Vec<SavedSees>,
+}
+
+/// What a source reads.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum SavedSees {
+    /// Positions or poses in its frame.
+    Places,
+    /// Nothing in this session.
+    Nothing,
+    /// Distances from an anchor.
+    Distance {
+        /// The anchor's place in the base's frame, mm.
+        xyz_mm: [f64; 3],
+        /// The reading at no distance, mm.
+        offset_mm: f64,
+    },
+    /// Heights above a plane.
+    Height {
+        /// The plane's normal in the base's frame, of length 1.
+        normal: [f64; 3],
+        /// Its distance from the base's origin along the normal, mm.
+        height_mm: f64,
+    },
+}
+
+impl SavedSees {
+    /// The saved form of what sources read; empty where each reads places.
+    fn all(sees: &[Sees]) -> Vec<Self> {
+        if sees.iter().all(|own| *own == Sees::Places) {
+            return Vec::new();
+        }
+        sees.iter().map(Self::of).collect()
+    }
+
+    fn of(sees: &Sees) -> Self {
+        match sees {
+            Sees::Places => Self::Places,
+            Sees::Nothing => Self::Nothing,
+            Sees::Length(Gauge::Distance(anchor)) => {
+                Self::Distance { xyz_mm: anchor.place.coords.into(), offset_mm: anchor.offset_mm }
+            }
+            Sees::Length(Gauge::Height(plane)) => Self::Height {
+                normal: plane.normal.into_inner().into(),
+                height_mm: plane.height_mm,
+            },
+        }
+    }
+
+    fn sees(&self) -> Sees {
+        match *self {
+            Self::Places => Sees::Places,
+            Self::Nothing => Sees::Nothing,
+            Self::Distance { xyz_mm, offset_mm } => {
+                Sees::Length(Gauge::Distance(Anchor { place: xyz_mm.into(), offset_mm }))
+            }
+            Self::Height { normal, height_mm } => {
+                let normal = Unit::new_normalize(Vector3::from(normal));
+                Sees::Length(Gauge::Height(Plane::new(normal, height_mm)))
+            }
+        }
+    }
+}
+
+/// One placement, or several in a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SavedPlacements {
+    /// The placement of a session with one source, or one target.
+    One(SavedPlacement),
+    /// The placements of each source or target, in their order.
+    Several(Vec<SavedPlacement>),
+}
+
+/// One unknown.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedUnknown {
+    /// Index of its session among the saved ones; `None` for the arm's geometry.
+    pub session: Option<usize>,
+    /// Place of the source or target that it is of among those of its session; the first where it is absent.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub of: usize,
+    /// The parameter's name.
+    pub parameter: String,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+const fn is_first(place: &usize) -> bool {
+    *place == 0
+}
+
+/// A base + target or a geometric calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedCalibration {
+    /// Version of the JSON format.
+    pub version: u32,
+    /// The nominal arm.
+    pub arm: SavedArm,
+    /// Offsets of the arm's free parameters, in its order; zeros where geometry was fixed.
+    pub geometry: Vec<f64>,
+    /// The frames of each session, with the offsets applied.
+    pub sessions: Vec<SavedSession>,
+    /// The unknowns, in the order of the covariance.
+    pub unknowns: Vec<SavedUnknown>,
+    /// Prior standard deviation of each unknown, where it has one.
+    pub prior_sd: Vec<Option<f64>>,
+    /// Covariance of the unknowns' offsets: row i has its first i + 1 columns.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+impl SavedArm {
+    /// The saved form of a nominal arm.
+    pub fn of(arm: &Arm) -> Self {
+        let joint = |joint: &Joint| SavedJoint {
+            name: joint.name.clone(),
+            lower_rad: joint.lower,
+            upper_rad: joint.upper,
+            slides: joint.slides,
+        };
+        let map = axes_from_joints(arm);
+        Self {
+            model: arm.model().to_owned(),
+            convention: arm.convention(),
+            joints: arm.joints().iter().map(joint).collect(),
+            axes_from_joints: map.row_iter().map(|row| row.iter().copied().collect()).collect(),
+            elements: arm.chain().elements().iter().map(SavedElement::of).collect(),
+        }
+    }
+
+    /// The chain from base to flange.
+    pub fn chain(&self) -> Result<Chain, SavedError> {
+        let joints = self.joints.len();
+        let elements = self.elements.iter().map(|element| element.element(joints));
+        let chain = Chain::new(elements.collect::<Result<_, _>>()?);
+        same_length("joint variables", joints, chain.joint_count())?;
+        Ok(chain)
+    }
+
+    /// The nominal arm.
+    pub fn arm(&self) -> Result<Arm, SavedError> {
+        let joint = |joint: &SavedJoint| Joint {
+            name: joint.name.clone(),
+            lower: joint.lower_rad,
+            upper: joint.upper_rad,
+            slides: joint.slides,
+        };
+        let joints = self.joints.iter().map(joint).collect();
+        Ok(Arm::new(
+            self.model.clone(),
+            self.convention,
+            joints,
+            &self.axes_from_joints,
+            self.chain()?,
+        )?)
+    }
+}
+
+/// The matrix from reported joint angles to axis variables: the joint map, or the identity.
+pub fn axes_from_joints(arm: &Arm) -> DMatrix<f64> {
+    let joints = arm.joints().len();
+    let mut map = DMatrix::zeros(joints, joints);
+    for joint in 0..joints {
+        let mut unit = vec![0.0; joints];
+        unit[joint] = 1.0;
+        map.set_column(joint, &nalgebra::DVector::from_vec(arm.axes(&unit)));
+    }
+    map
+}
+
+impl SavedElement {
+    fn of(element: &Element) -> Self {
+        match element {
+            Element::Fixed(placement) => Self::Fixed(SavedPlacement::of(placement)),
+            Element::Joint { motion, joint, sign } => {
+                Self::Joint { motion: motion.name().to_owned(), joint: *joint, sign: *sign }
+            }
+            Element::Free { motion, nominal, parameter } => Self::Free {
+                motion: motion.name().to_owned(),
+                nominal: *nominal,
+                parameter: parameter.to_string(),
+            },
+        }
+    }
+
+    fn element(&self, joints: usize) -> Result<Element, SavedError> {
+        Ok(match self {
+            Self::Fixed(placement) => Element::Fixed(placement.isometry("a constant transform")?),
+            Self::Joint { motion, joint, sign } if *joint < joints => {
+                Element::Joint { motion: motion_of(motion)?, joint: *joint, sign: *sign }
+            }
+            Self::Joint { joint, .. } => {
+                return Err(SavedError::Length {
+                    what: "joints at least",
+                    expected: joints,
+                    found: joint.saturating_add(1),
+                });
+            }
+            Self::Free { motion, nominal, parameter } => Element::Free {
+                motion: motion_of(motion)?,
+                nominal: *nominal,
+                parameter: parameter_of(parameter)?,
+            },
+        })
+    }
+}
+
+impl SavedPlacement {
+    /// The saved form of an isometry in mm.
+    pub fn of(placement: &Isometry3<f64>) -> Self {
+        Self {
+            xyz_mm: placement.translation.vector.into(),
+            quaternion_xyzw: placement.rotation.coords.into(),
+        }
+    }
+
+    /// The isometry, mm; `what` names the placement in errors.
+    pub fn isometry(&self, what: &'static str) -> Result<Isometry3<f64>, SavedError> {
+        let [x, y, z, w] = self.quaternion_xyzw;
+        let quaternion = Quaternion::new(w, x, y, z);
+        let norm = quaternion.norm();
+        if (norm - 1.0).abs() > 1e-9 {
+            return Err(SavedError::NotARotation { what, norm });
+        }
+        Ok(Isometry3::from_parts(
+            Translation3::from(self.xyz_mm),
+            UnitQuaternion::from_quaternion(quaternion),
+        ))
+    }
+}
+
+impl SavedSession {
+    /// The frames of the sessions, by name.
+    pub fn all(names: &[&str], frames: &[Frames]) -> Vec<Self> {
+        let session = |(name, frames): (&&str, &Frames)| Self {
+            session: (*name).to_owned(),
+            tracker_from_base: SavedPlacements::of(frames.sources()),
+            flange_from_target: SavedPlacements::of(frames.targets()),
+            sees: SavedSees::all(frames.sees()),
+        };
+        names.iter().zip(frames).map(session).collect()
+    }
+
+    /// The frames.
+    pub fn frames(&self) -> Result<Frames, SavedError> {
+        let sources = self.tracker_from_base.frames("tracker_from_base")?;
+        let targets = self.flange_from_target.frames("flange_from_target")?;
+        let (counts, frames) =
+            ((sources.len().min(targets.len()), sources.len()), Frames::new(sources, targets));
+        if !self.sees.is_empty() {
+            same_length("sources and what they read", counts.1, self.sees.len())?;
+        }
+        let sees: Vec<Sees> = self.sees.iter().map(SavedSees::sees).collect();
+        let frames = frames.map(|frames| frames.seeing(&sees));
+        frames.ok_or(SavedError::Length {
+            what: "frames of sources or targets in a session",
+            expected: 1,
+            found: counts.0,
+        })
+    }
+}
+
+impl SavedPlacements {
+    fn of<A, B>(frames: &[Transform<A, B>]) -> Self {
+        let saved = |frame: &Transform<A, B>| SavedPlacement::of(frame.isometry());
+        match frames {
+            [one] => Self::One(saved(one)),
+            several => Self::Several(several.iter().map(saved).collect()),
+        }
+    }
+
+    /// The frames; `what` is placed.
+    fn frames<A, B>(&self, what: &'static str) -> Result<Vec<Transform<A, B>>, SavedError> {
+        let all = match self {
+            Self::One(one) => std::slice::from_ref(one),
+            Self::Several(several) => several,
+        };
+        let frame = |saved: &SavedPlacement| Ok(Transform::claim(saved.isometry(what)?));
+        all.iter().map(frame).collect()
+    }
+}
+
+impl SavedUnknown {
+    /// The saved form of one unknown.
+    pub fn of(unknown: &Unknown) -> Self {
+        Self {
+            session: unknown.session(),
+            of: match unknown.owner {
+                Owner::Arm => 0,
+                Owner::Source { source, .. } => source.0,
+                Owner::Target { target, .. } => target.0,
+            },
+            parameter: unknown.parameter.to_string(),
+        }
+    }
+}
+
+impl SavedCalibration {
+    /// The saved form of a calibration of `arm` on the sessions `names`.
+    pub fn of(calibration: &Calibration, arm: &Arm, names: &[&str]) -> Self {
+        let covariance = &calibration.covariance;
+        let row = |i: usize| (0..=i).map(|j| covariance[(i, j)]).collect();
+        Self {
+            version: VERSION,
+            arm: SavedArm::of(arm),
+            geometry: calibration.geometry.clone(),
+            sessions: SavedSession::all(names, &calibration.frames),
+            unknowns: calibration.unknowns.iter().map(SavedUnknown::of).collect(),
+            prior_sd: calibration.prior_sd.clone(),
+            covariance: (0..covariance.nrows()).map(row).collect(),
+        }
+    }
+
+    /// Reads the JSON text.
+    pub fn read(text: &str) -> Result<Self, SavedError> {
+        let saved: Self = read(text)?;
+        same_length("prior deviations", saved.unknowns.len(), saved.prior_sd.len())?;
+        same_length("rows of the covariance", saved.unknowns.len(), saved.covariance.len())?;
+        for (row, columns) in saved.covariance.iter().enumerate() {
+            same_length("columns in a row of the covariance", row + 1, columns.len())?;
+        }
+        Ok(saved)
+    }
+
+    /// The offsets of the arm's parameters and their covariance, with those of the first source and target of the last session, which
+    /// are zero: its frames have them applied.
+    pub fn errors(&self) -> Result<Errors, SavedError> {
+        let last = self.sessions.len().checked_sub(1);
+        let is_of_arm = |own: &SavedUnknown| own.session.is_none();
+        let kept = self.unknowns.iter().enumerate();
+        let kept = kept.filter(|(_, own)| is_of_arm(own) || (own.session == last && own.of == 0));
+        let kept: Vec<usize> = kept.map(|(place, _)| place).collect();
+        let parameters = kept.iter().map(|&place| parameter_of(&self.unknowns[place].parameter));
+        let parameters: Vec<Parameter> = parameters.collect::<Result<_, _>>()?;
+        let own = self.arm.chain()?.parameters();
+        same_length("geometry offsets", own.len(), self.geometry.len())?;
+        let offset = |parameter: &Parameter| {
+            let place = own.iter().position(|of_arm| of_arm == parameter);
+            place.map_or(0.0, |place| self.geometry[place])
+        };
+        let entry = |row: usize, column: usize| {
+            let (row, column) = (kept[row], kept[column]);
+            self.covariance[row.max(column)][row.min(column)]
+        };
+        Ok(Errors {
+            offsets: DVector::from_iterator(kept.len(), parameters.iter().map(offset)),
+            covariance: DMatrix::from_fn(kept.len(), kept.len(), entry),
+            parameters,
+        })
+    }
+
+    /// The identified chain from base to flange.
+    pub fn chain(&self) -> Result<Chain, SavedError> {
+        let chain = self.arm.chain()?;
+        same_length("geometry offsets", chain.parameters().len(), self.geometry.len())?;
+        Ok(chain.with_offsets(&self.geometry))
+    }
+}
+
+/// Reads a saved model of the version that this program writes.
+pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedError> {
+    /// The version alone: another version's text has another shape.
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: u32,
+    }
+    let json = |error: serde_json::Error| SavedError::Json(error.to_string());
+    let found = serde_json::from_str::<Versioned>(text).map_err(json)?.version;
+    if found != VERSION {
+        return Err(SavedError::Version { found });
+    }
+    serde_json::from_str(text).map_err(json)
+}
+
+/// Compares a length with the one that the other parts need.
+pub(super) const fn same_length(
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), SavedError> {
+    if expected == found { Ok(()) } else { Err(SavedError::Length { what, expected, found }) }
+}
+
+fn motion_of(name: &str) -> Result<Motion, SavedError> {
+    Motion::of_name(name)
+        .ok_or_else(|| SavedError::Unknown { what: "a motion", name: name.to_owned() })
+}
+
+/// The parameter with this name, as its `Display` writes it.
+fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
+    const MOST_JOINTS: usize = 16;
+    let frames = Motion::ALL
+        .into_iter()
+        .flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
+    let links = (1..=MOST_JOINTS)
+        .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Parameter::Link { joint, quantity }));
+    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
+    let found = frames
+        .chain(links)
+        .chain(gauges.map(Parameter::Gauge))
+        .find(|parameter| parameter.to_string() == name);
+    found.ok_or_else(|| SavedError::Unknown { what: "a parameter", name: name.to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::RobotFile;
+
+    fn ur10() -> Arm {
+        let file: RobotFile =
+            toml::from_str(include_str!("../../../pipelines/robots/ur10.toml")).expect("a robot file");
+        // A saved arm predicts; where its home is matters to who sets up the cell.
+        let file = RobotFile { home_deg: None, ..file };
+        file.arm().expect("a valid arm")
+    }
+
+    #[test]
+    fn an_arm_read_back_equals_the_arm_saved() {
+        let arm = ur10();
+        let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
+        let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");
+        let joints = [0.3, -1.2, 1.5, -0.4, 0.9, 2.0];
+        let (there, back) =
+            (arm.chain().nominal(&joints), saved.chain().expect("whole").nominal(&joints));
+        assert!((there.to_homogeneous() - back.to_homogeneous()).abs().max() < 1e-12);
+        assert_eq!(saved.arm().expect("whole"), arm);
+    }
+
+    #[test]
+    fn a_damaged_arm_is_refused() {
+        let sound = SavedArm::of(&ur10());
+        let error = |change: fn(&mut SavedArm)| {
+            let mut arm = sound.clone();
+            change(&mut arm);
+            arm.chain().expect_err("damaged").to_string()
+        };
+        // The first two elements of a standard DH link are its free joint offset and its joint variable.
+        let beyond = error(|arm| {
+            if let SavedElement::Joint { joint, .. } = &mut arm.elements[1] {
+                *joint = usize::MAX;
+            }
+        });
+        assert!(beyond.contains("needs 6"), "{beyond}");
+        let unknown = error(|arm| {
+            if let SavedElement::Free { parameter, .. } = &mut arm.elements[0] {
+                "theta_99".clone_into(parameter);
+            }
+        });
+        assert!(unknown.contains("theta_99"), "{unknown}");
+        let turned = SavedPlacement { xyz_mm: [0.0; 3], quaternion_xyzw: [0.0; 4] };
+        assert!(turned.isometry("base").expect_err("no rotation").to_string().contains("norm 0"));
+        let found = VERSION + 1;
+        let text = format!(r#"{{"version": {found}}}"#);
+        let later = read::<SavedCalibration>(&text).expect_err("later");
+        assert_eq!(later, SavedError::Version { found });
+    }
+}
