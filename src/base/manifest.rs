@@ -156,10 +156,10 @@ impl Work {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
 
-    pub(crate) fn work() -> Work {
+    fn work() -> Work {
         Work {
             robot: "ur10".to_owned(),
             session: "grid".to_owned(),

@@ -22,9 +22,9 @@ pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::ingest::AngleUnit;
-use crate::targets::JointUnits;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
+use crate::targets::JointUnits;
 
 /// A compensation table as a run published it.
 #[derive(Debug, Clone, PartialEq)]

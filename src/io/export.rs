@@ -173,7 +173,7 @@ pub enum ExportErrorKind {
 
 impl ExportErrorKind {
     /// This problem of the file at `path`.
-    pub(crate) fn at(self, path: &Path) -> ExportError {
+    pub fn at(self, path: &Path) -> ExportError {
         ExportError::At { path: path.to_owned(), kind: self }
     }
 

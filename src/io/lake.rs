@@ -33,7 +33,7 @@ mod name;
 mod parts;
 mod rows;
 mod run;
-pub(crate) mod temporary;
+pub mod temporary;
 mod vouch;
 
 use std::fs::{self, File};

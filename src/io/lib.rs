@@ -25,4 +25,4 @@ pub mod whole_file;
 // Names of the crates below, as if they were modules here.
 use posegrid_base::{figures, manifest, progress, units};
 use posegrid_arm::{geometry, kinematics};
-use posegrid_numerics::{compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity, simulate};
+use posegrid_numerics::{compensation, fit, grid, history, ingest, join, plan, report, setup, similarity,};

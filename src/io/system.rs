@@ -54,7 +54,7 @@ pub(crate) fn special(kind: FileType) -> &'static str {
 }
 
 /// Writes bytes to stdout, none of them kept in a buffer.
-pub(crate) fn write_stdout(bytes: &[u8]) -> io::Result<()> {
+pub fn write_stdout(bytes: &[u8]) -> io::Result<()> {
     use std::io::Write as _;
     // The standard library treats a stream that is not open for writing as one that takes everything, and buffers what it
     // could not write; a file of our own does neither.

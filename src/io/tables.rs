@@ -39,9 +39,7 @@ pub mod scales;
 pub mod semivariograms;
 pub mod sources;
 pub mod stations;
-#[cfg(test)]
-mod tests;
-mod validity;
+pub mod validity;
 pub mod words;
 
 use thiserror::Error;
@@ -55,10 +53,10 @@ use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
 use crate::grid::{Covered, Tolerance};
 use crate::ingest::PosesError;
-use crate::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::report::compared::{Compared, Pairs};
+use crate::tables::outcome::{JoinedSession, Outcome};
 use accuracy::AccuracyRow;
 use calibrations::CalibrationRow;
 use clocks::ClockRow;
@@ -282,3 +280,6 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         replaces: context.replaces.clone(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -33,7 +33,7 @@ pub use settings::{
     StandsOn, StationsSettings, TableTime, TargetName, TimeColumn, TimeSource, TimeUnit,
     TrackerSettings, WrongFields, is_length,
 };
-pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
+pub use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};
 
 use serde::{Deserialize, Serialize};
@@ -163,5 +163,14 @@ impl LogReject {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
             (one, another) => one.or(another),
         };
+    }
+
+    /// Merges a reject of another kind into this one: bytes that are no loss are not counted as lost because of it.
+    pub fn absorb(&mut self, other: Self) {
+        match (self.is_damage(), other.is_damage()) {
+            (true, false) => self.messages = None,
+            (false, true) => *self = other,
+            _ => self.join(&other),
+        }
     }
 }

@@ -15,5 +15,5 @@ pub mod similarity;
 pub mod simulate;
 
 // Names of the crates below, as if they were modules here.
-use posegrid_base::{figures, linalg, progress, units};
 use posegrid_arm::{geometry, kinematics};
+use posegrid_base::{figures, linalg, progress, units};

@@ -20,7 +20,7 @@ use posegrid::io::tables::estimates::EstimateRow;
 use posegrid::io::tables::grids;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
-use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::runs::{self, Ending};
 use posegrid::io::tables::words::{CorrectingTable, TableVerdict, VerdictOf};
 use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
@@ -208,7 +208,7 @@ fn write_sample_lake(root: &Path) -> Lake {
     for schema in published() {
         run.publish(&sample(schema, &key)).unwrap();
     }
-    let runs = hostile_work().runs_table(&[], run.written(), &outcome()).unwrap();
+    let runs = runs::table(&hostile_work(), &[], run.written(), &outcome()).unwrap();
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
     assert_eq!(lake.ask(&key).unwrap().number, 1);
     assert!(lake.record(&correction()).unwrap());
@@ -323,7 +323,7 @@ fn of_many_that_commit_the_same_run_one_wins() {
     let commit = || {
         let mut run = lake.start(&key).unwrap().expect("nobody has committed yet");
         run.publish(&sample(schema::find("clocks").unwrap(), &key)).unwrap();
-        let runs = hostile_work().runs_table(&[], run.written(), &outcome()).unwrap();
+        let runs = runs::table(&hostile_work(), &[], run.written(), &outcome()).unwrap();
         together.wait();
         run.commit(&runs).unwrap()
     };
@@ -342,7 +342,7 @@ fn committed(lake: &Lake, setting: u32) -> RunKey {
     let key = work.key();
     let run = lake.start(&key).unwrap().expect("a new setting");
     let ending = Ending { replaces: lake.current(&key).unwrap(), ..outcome() };
-    let row = work.runs_table(&[], run.written(), &ending).unwrap();
+    let row = runs::table(&work, &[], run.written(), &ending).unwrap();
     assert_eq!(run.commit(&row).unwrap(), Commit::Done);
     key
 }
@@ -421,7 +421,7 @@ fn what_never_committed_is_no_run_and_is_written_anew() {
     assert_eq!(lake.read("clocks", &key).unwrap(), clocks);
     // A table that changes between writing and committing keeps the run from existing.
     fs::write(&path, "torn").unwrap();
-    let runs = hostile_work().runs_table(&[], again.written(), &outcome()).unwrap();
+    let runs = runs::table(&hostile_work(), &[], again.written(), &outcome()).unwrap();
     let error = again.commit(&runs).unwrap_err().to_string();
     assert!(error.contains("changed while its run was being written"), "{error}");
     assert!(!lake.exists(&key).unwrap());
@@ -447,7 +447,7 @@ fn nothing_published_is_rewritten() {
     let foreign = RunKey::new(&key.robot, &key.session, "00ff");
     let error = slower.publish(&sample(schema, &foreign)).unwrap_err().to_string();
     assert!(error.contains("its rows belong to 00ff"), "{error}");
-    let runs = hostile_work().runs_table(&[], slower.written(), &outcome()).unwrap();
+    let runs = runs::table(&hostile_work(), &[], slower.written(), &outcome()).unwrap();
     assert_eq!(slower.commit(&runs).unwrap(), Commit::AlreadyThere);
     assert!(before == contents(folder.path()));
 }

@@ -74,7 +74,7 @@ pub struct CompensateArgs {
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Correct what would be refused for this reason; may be given several times. The result says which each target needed.
-    #[arg(long, value_enum, value_name = "REASON")]
+    #[arg(long, value_parser = used_with::exception(), value_name = "REASON")]
     pub allow: Vec<Exception>,
     /// The lake in which TABLE is the name of a robot.
     #[arg(long, value_name = "DIR")]
@@ -83,7 +83,7 @@ pub struct CompensateArgs {
     #[arg(long, value_name = "NAME", requires = "lake")]
     pub session: Option<String>,
     /// With --lake: which table of the run; without it, calibrations where every target states what that needs.
-    #[arg(long, value_enum, value_name = "TABLE", requires = "lake")]
+    #[arg(long, value_parser = used_with::correcting_table(), value_name = "TABLE", requires = "lake")]
     pub by: Option<CorrectingTable>,
     /// Write the result though the lake that TABLE stands in takes no record of it: a file without a record is known as
     /// corrected by its marks alone.

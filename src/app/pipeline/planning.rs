@@ -25,7 +25,7 @@ use crate::io::store::Place;
 use crate::io::table::Row as _;
 use crate::io::tables::PublishError;
 use crate::io::tables::plan_figures::{self, FigureRow};
-use crate::io::tables::runs::{Ending, RunRow};
+use crate::io::tables::runs::{self, Ending, RunRow};
 use crate::io::tables::sampling_plan::{self, VisitRow};
 use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::kinematics::Arm;
@@ -230,7 +230,7 @@ impl Planning {
         let about = About { work: &self.work, counts: &counts, written: run.written() };
         let html = page::html(&Content::of(visits.rows, figures.rows, &about));
         run.publish_page(&html)?;
-        let row = self.work.runs_table(&counts, run.written(), &ending(plan, replaces))?;
+        let row = runs::table(&self.work, &counts, run.written(), &ending(plan, replaces))?;
         Ok(run.commit(&row)?)
     }
 }

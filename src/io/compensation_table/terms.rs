@@ -3,10 +3,10 @@
 use nalgebra::Matrix3;
 
 use super::{CommonError, TableFile, TableVerdict};
+use crate::common::Corrects as _;
 use crate::compensation::Terms;
 use crate::geometry::symmetric;
 use crate::grid::Interpolation;
-use crate::common::Corrects as _;
 use crate::tables::words::counted;
 
 impl TableFile<'_> {

@@ -6,13 +6,13 @@
 
 use std::path::Path;
 
-use nalgebra::{DVector, Isometry3, Translation3};
+use nalgebra::{Isometry3, Translation3};
 
 use super::{ExportError, ExportErrorKind};
+use crate::calibrations_table::{self, PublishedArm};
 use crate::compensation::IdentifiedArm;
 use crate::fit::IdentifiedGeometry;
 use crate::fit::conversion::Errors;
-use crate::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Axis, Chain, Element, Motion, Parameter};
 
 /// An identified geometry in the error reference frame.
@@ -88,21 +88,4 @@ fn moving_xyz(isometry: &Isometry3<f64>) -> [f64; 3] {
         r[(0, 2)].clamp(-1.0, 1.0).asin(),
         (-r[(0, 1)]).atan2(r[(0, 0)]),
     ]
-}
-
-impl Errors {
-    /// Sets the offset of a parameter, adding the parameter, exactly known, where it is not among them.
-    fn set(&mut self, parameter: Parameter, offset: f64) {
-        if let Some(place) = self.parameters.iter().position(|own| *own == parameter) {
-            self.offsets[place] = offset;
-            return;
-        }
-        let size = self.parameters.len();
-        self.parameters.push(parameter);
-        self.offsets = DVector::from_iterator(
-            size + 1,
-            self.offsets.iter().copied().chain(std::iter::once(offset)),
-        );
-        self.covariance = std::mem::take(&mut self.covariance).resize(size + 1, size + 1, 0.0);
-    }
 }

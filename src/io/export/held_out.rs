@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use crate::lake::read_given;
+use crate::report::{Angles, Model, Split};
 use crate::schema;
 use crate::table::Row as _;
 use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::tables::words::Role;
-use crate::report::{Angles, Model, Split};
 
 /// Mean errors on held-out blocks, mm.
 struct HeldOut {

@@ -9,11 +9,11 @@ use super::held_out::{self, beside};
 use crate::figures::expanded;
 use crate::fit::Identifiability;
 use crate::lake::read_given;
+use crate::report::Model;
 use crate::schema;
 use crate::table::Row as _;
 use crate::tables::parameters::{BelongsTo, ParameterRow};
 use crate::tables::words::Unit;
-use crate::report::Model;
 
 /// Sentences on the limits of an exported geometry.
 pub(super) struct Limits {

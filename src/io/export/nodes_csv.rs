@@ -8,8 +8,8 @@ use std::io::Write;
 use std::path::Path;
 
 use super::{ExportError, ExportErrorKind};
-use crate::ingest::AngleUnit;
 use crate::compensation_table;
+use crate::ingest::AngleUnit;
 use crate::schema;
 use crate::table::{self, Table};
 use crate::targets::spread::Spread;

@@ -27,10 +27,10 @@ use serde::Serialize;
 use super::{ExportError, ExportErrorKind};
 use crate::common;
 use crate::lake::read_given;
-use crate::schema;
-use crate::tables::residuals::ResidualRow;
 use crate::manifest::RunKey;
 use crate::report::{BaseRefit, Split};
+use crate::schema;
+use crate::tables::residuals::ResidualRow;
 use rows::{Numbers, Of, rows};
 use scene::{Arrow, SceneUpdate};
 use times::Times;
@@ -187,8 +187,8 @@ fn topic(of: &Of) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tables::words::Role;
     use crate::report::{Angles, Model, Subject};
+    use crate::tables::words::Role;
 
     #[test]
     fn a_session_of_any_name_is_the_last_part_of_its_topic() {

@@ -17,10 +17,10 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::limits::Limits;
 use super::{ExportError, ExportErrorKind, controller_base};
+use crate::calibrations_table::{self, PublishedArm};
 use crate::compensation::IdentifiedArm;
 use crate::fit::saved::axes_from_joints;
 use crate::geometry::rpy;
-use crate::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;

@@ -9,9 +9,9 @@ use roxmltree::{Document, Node};
 use thiserror::Error;
 
 use super::origins::{ChainJoint, Moves};
+use crate::kinematics::JointKind;
 use crate::robot::Selection;
 use crate::robot::urdf::{self, Joint, Tree, UrdfError, child};
-use crate::kinematics::JointKind;
 
 /// The two ends of a chain.
 #[derive(Debug, Clone, Copy)]

@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{Lake, LakeError, RUNS, session_key};
+use crate::manifest::{Replaced, RunKey};
 use crate::store::Listed;
 use crate::table::{self, Row as _, row};
 use crate::tables::runs::row_digest;
-use crate::manifest::{Replaced, RunKey};
 use crate::units::WallTime;
 
 /// The table, and its folder.

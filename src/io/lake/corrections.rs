@@ -10,11 +10,11 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use super::{Lake, LakeError, encoded, file_key};
+use crate::manifest::RunKey;
 use crate::schema::{self, KEY_COLUMNS};
 use crate::store::Place;
 use crate::table::{self, Row as _, Table, TableError, Word as _, row};
 use crate::tables::words::{CorrectingTable, Form};
-use crate::manifest::RunKey;
 
 /// The table, and its folder.
 pub const CORRECTIONS: &str = "corrections";

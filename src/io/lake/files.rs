@@ -9,9 +9,9 @@ use std::fs::File;
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
 use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name, request_of};
+use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
-use crate::manifest::RunKey;
 
 /// A file under a lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,8 +10,8 @@ use super::LakeError;
 use super::error::folder_error;
 use super::run::{OpenRun, into_io};
 use super::temporary::Temporary;
-use crate::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::manifest::Written;
+use crate::table::{Encoder, PartsFile, RowGroups, Table};
 
 /// Most parts of a table that are in memory at the same time: each takes some 20 MB.
 const PARTS_AT_ONCE: usize = 4;

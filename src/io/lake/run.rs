@@ -8,9 +8,9 @@ use super::error::folder_error;
 use super::parts::WholeTable;
 use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES, file_key};
+use crate::manifest::{RunKey, Written, digest};
 use crate::store::Tag;
 use crate::table::Table;
-use crate::manifest::{RunKey, Written, digest};
 
 /// A run, or the result of a stage, whose tables are being written.
 #[derive(Debug)]
@@ -119,7 +119,7 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Commits the run by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`]; or the result of a stage by its
+    /// Commits the run by creating its row in `runs`, made with [`crate::tables::runs::table`]; or the result of a stage by its
     /// row in the table of such results.
     ///
     /// # Panics

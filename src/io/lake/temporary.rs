@@ -192,14 +192,14 @@ fn removed_now(path: &Path) -> io::Result<bool> {
 
 /// A new folder under the system's temporary directory, removed when dropped; the folder of a process that was interrupted
 /// is removed by [`clean_folders`].
-pub(crate) fn folder(of: &str) -> io::Result<TempDir> {
+pub fn folder(of: &str) -> io::Result<TempDir> {
     // A number or letters follow, without a dash.
     let prefix = format!(".{of}.tmp-{}-", Owner::this_process().suffix());
     tempfile::Builder::new().prefix(&prefix).tempdir()
 }
 
 /// Removes such folders of processes that are gone, where the system allows it; errors are ignored.
-pub(crate) fn clean_folders(of: &str) {
+pub fn clean_folders(of: &str) {
     let entries = fs::read_dir(std::env::temp_dir());
     for entry in entries.into_iter().flatten().flatten() {
         let name = entry.file_name();

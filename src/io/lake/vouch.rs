@@ -9,9 +9,9 @@ use arrow::array::AsArray as _;
 use super::error::folder_error;
 use super::{Lake, LakeError, encoded, file_key, rows_of};
 use crate::input::{self, Bound};
+use crate::manifest::{RunKey, digest};
 use crate::schema::{self, TableSchema};
 use crate::table::{self, FileError, FileErrorKind, Opened, Seal, Table};
-use crate::manifest::{RunKey, digest};
 
 /// The evidence that a table is as its run wrote it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -120,17 +120,6 @@ impl ReadSummary {
     }
 }
 
-impl LogReject {
-    /// Merges a reject of another kind into this one: bytes that are no loss are not counted as lost because of it.
-    fn absorb(&mut self, other: Self) {
-        match (self.is_damage(), other.is_damage()) {
-            (true, false) => self.messages = None,
-            (false, true) => *self = other,
-            _ => self.join(&other),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

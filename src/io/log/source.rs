@@ -7,8 +7,8 @@ use std::path::Path;
 
 use super::packed::{self, Packed};
 use super::{FileError, Limits};
-use crate::system;
 use crate::progress::Progress;
+use crate::system;
 
 /// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;

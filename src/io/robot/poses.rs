@@ -97,8 +97,8 @@ fn push(out: &mut String, arm: &Arm, reported: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::ready::ReadyRobot;
     use crate::kinematics::RobotFile;
+    use crate::robot::ready::ReadyRobot;
 
     fn arm() -> Arm {
         let text = ReadyRobot::find("kr210-r2700-extra").unwrap().text;

@@ -2,8 +2,8 @@
 
 use super::StationTableErrorKind;
 use crate::ingest::{
-    CovarianceColumns, LengthColumns, OrientationColumns, OrientationForm, PoseColumns,
-    ReadingColumns, StationsSettings,
+    CovarianceColumns, LengthColumns, OrientationColumns, PoseColumns, ReadingColumns,
+    StationsSettings,
 };
 use crate::measured_table::{Cell, MeasuredTable};
 
@@ -169,17 +169,6 @@ impl Length {
             reading: Sum::find(table, "lengths.column", &own.column)?,
             sd: sd.map(|column| Sum::find(table, "lengths.sd", column)).transpose()?,
         })
-    }
-}
-
-impl OrientationForm {
-    /// Its columns, in order.
-    fn columns(&self) -> &[String] {
-        match self {
-            Self::Quaternion(own) => own,
-            Self::Angles(own, ..) | Self::Vector(own, _) => own,
-            Self::Matrix(own) => own,
-        }
     }
 }
 

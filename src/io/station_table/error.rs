@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::measured_table::{ColumnError, MeasuredTableError};
 use crate::join::RowReject;
+use crate::measured_table::{ColumnError, MeasuredTableError};
 
 /// Why a table gives no stations.
 #[derive(Debug, Error)]

@@ -14,9 +14,9 @@ use crate::ingest::{
     AngleUnit, LengthColumns, LengthRead, LengthUnit, LoggedCovariance, OrientationColumns,
     OrientationForm, ReadingColumns, StationsSettings, TableTime,
 };
-use crate::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
+use crate::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::units::round_ns;
 
 /// A quaternion or matrix further from a rotation than this is none.

@@ -10,8 +10,8 @@ use arrow::error::ArrowError;
 use arrow::row::{RowConverter, SortField};
 
 use super::{Table, TableError, same};
-use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use crate::manifest::RunKey;
+use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 
 /// The table of the columns, if they keep its contract, and for each row its place in the order given (`None` where the
 /// order is the same); columns that are not given are taken from `like`, a checked table.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
-use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
+use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 
 /// Collects the columns of a table; [`Self::finish`] reports the first error.
 ///

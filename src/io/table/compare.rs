@@ -176,9 +176,9 @@ impl ColumnDifference {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::manifest::RunKey;
     use crate::schema;
     use crate::table::Columns;
-    use crate::manifest::RunKey;
 
     /// Joint errors at these angles, with these curve values.
     fn curve<const N: usize>(angles: [f64; N], curve: [f64; N], run: &str) -> Table {

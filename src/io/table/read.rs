@@ -19,8 +19,8 @@ use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::input::{self, Bound};
-use crate::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
+use crate::schema::{ColumnSchema, Role, TableSchema};
 
 /// The key-value metadata of a file, in its order.
 struct Entries(Vec<(String, String)>);

@@ -13,8 +13,8 @@ use arrow::array::{Array, AsArray};
 use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
 
 use super::{Columns, Table, TableError, Value};
-use crate::schema::{self, ColumnType, TableSchema};
 use crate::manifest::RunKey;
+use crate::schema::{self, ColumnType, TableSchema};
 use crate::units::WallTime;
 
 /// The rows of one table.

@@ -6,8 +6,8 @@ use arrow::array::BooleanArray;
 use arrow::compute::{concat_batches, filter_record_batch};
 
 use super::{Table, TableError, check};
-use crate::schema::{KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
+use crate::schema::{KEY_COLUMNS, TableSchema};
 
 /// The rows of tables of one schema as one table, in the order of robot, session and run, and within a run in its own.
 ///

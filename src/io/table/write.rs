@@ -102,9 +102,9 @@ mod tests {
     use parquet::file::reader::{FileReader as _, SerializedFileReader};
 
     use super::*;
+    use crate::manifest::RunKey;
     use crate::schema;
     use crate::table::{Columns, read};
-    use crate::manifest::RunKey;
 
     const TURN_COVARIANCES: [&str; 2] =
         ["stated_orientation_cov_rad2", "stated_position_orientation_cov_mm_rad"];

@@ -9,11 +9,11 @@ use super::grid_steps::whole;
 use super::words::{self, Role, TableVerdict, Unit};
 use crate::figures::{COVERAGE_FACTOR, Figures, least_count};
 use crate::grid::{Tolerance, Verdict};
-use crate::table::{row, words};
 use crate::manifest::RunKey;
 use crate::report::iso_9283::{Characteristic, Iso9283};
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
+use crate::table::{row, words};
 use crate::units::WallTime;
 
 row! {

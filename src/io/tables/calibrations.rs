@@ -6,18 +6,18 @@ use super::PublishContext;
 use super::error_frame::ErrorFrameName;
 use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, joint_units, placement};
+use crate::common::corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
     Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
-use crate::common::corrects;
-use crate::table::{row, words};
-use crate::tables::outcome::Outcome;
 use crate::join::{Reading, ReadingKind, Station};
 use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
+use crate::table::{row, words};
+use crate::tables::outcome::Outcome;
 
 row! {
     /// An identified model, its determinacy, and the conditions that it is valid for.

@@ -8,15 +8,15 @@ use super::error_frame::ErrorFrameName;
 use super::validity::{joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, joint_units, placement, xyzw};
 use super::{PublishContext, grid_steps};
+use crate::common::corrects;
 use crate::geometry::{self, upper};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
-use crate::common::corrects;
-use crate::table::row;
-use crate::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
 use crate::report::Angles;
+use crate::table::row;
+use crate::tables::outcome::Outcome;
 
 row! {
     /// A node of the chosen table, with the values of the whole table.

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use super::stations::Unpaired;
 use super::validity;
 use crate::ingest::covariances::COUNTED;
-use crate::table::Word as _;
-use crate::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Pairing, ReadingCounts};
 use crate::manifest::StageCount;
 use crate::report::Model;
+use crate::table::Word as _;
+use crate::tables::outcome::{JoinedSession, Outcome};
 
 /// The counts of a run, over all its sessions.
 pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {

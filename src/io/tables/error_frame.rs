@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use crate::table::words;
 use crate::report::frame::StatedFrame;
+use crate::table::words;
 
 /// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

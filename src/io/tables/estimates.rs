@@ -8,9 +8,9 @@ use super::residuals::{self, EstimateResidualRow};
 use super::runs::row_digest;
 use crate::fit::stored::StoredModels;
 use crate::lake::{Lake, LakeError};
-use crate::table::{Row as _, Table, row};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::report::ResidualSet;
+use crate::table::{Row as _, Table, row};
 
 row! {
     /// An estimate.

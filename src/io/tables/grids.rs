@@ -11,8 +11,8 @@ use super::runs::row_digest;
 use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
 use crate::lake::{Lake, LakeError};
-use crate::table::{Row as _, Table, row};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::table::{Row as _, Table, row};
 
 /// The name of the estimate among the inputs of grids.
 pub const ESTIMATE: &str = "estimate";

@@ -10,12 +10,12 @@ use super::outcome::{DrivenBy, JoinedSession};
 use super::readings::{self, NoStations, ReadingRow};
 use super::runs::row_digest;
 use crate::ingest::LogReject;
-use crate::lake::{Lake, LakeError};
-use crate::table::{Row, Rows, Table, row};
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
+use crate::lake::{Lake, LakeError};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::table::{Row, Rows, Table, row};
 use crate::units::WallTime;
 
 row! {

@@ -4,8 +4,8 @@ use super::outcome::LengthResidual;
 use super::residuals::target_name;
 use super::sources::SourceReads;
 use super::words::Role;
-use crate::table::row;
 use crate::report::Model;
+use crate::table::row;
 
 row! {
     /// Measured minus predicted length of one reading by one model.

@@ -10,12 +10,12 @@
 use super::PublishError;
 use super::words::orientation_rows;
 use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
+use crate::join::JoinInput;
 use crate::lake::{OpenRun, OpenTable, WholeTable};
 use crate::log::JointSink;
+use crate::manifest::RunKey;
 use crate::schema;
 use crate::table::{Columns, ROW_GROUP_ROWS, Table, Word as _, words};
-use crate::join::JoinInput;
-use crate::manifest::RunKey;
 use crate::units::Stamp;
 
 /// Columns of positions, orientations and stated covariances.

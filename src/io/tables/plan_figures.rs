@@ -1,11 +1,11 @@
 //! `plan_figures`: accuracy over simulated robots, from which a plan follows.
 
 use crate::grid::{Interpolation, Source};
-use crate::table::{row, words};
 use crate::plan::compare::Expected;
 use crate::plan::outcomes::RobotFigures;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, Outcomes, PlanSettings, Purpose, SamplingPlan};
+use crate::table::{row, words};
 
 row! {
     /// Accuracy after compensation over many simulated robots, for one setting of one study.

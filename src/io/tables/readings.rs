@@ -7,11 +7,11 @@ use super::sources::SourceReads;
 use super::stations::Unpaired;
 use super::words::{orientation_rows, xyzw};
 use crate::geometry::TurnCovariance;
-use crate::table::row;
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
     Value,
 };
+use crate::table::row;
 use crate::units::Stamp;
 
 row! {

@@ -4,12 +4,12 @@
 use nalgebra::Point3;
 
 use crate::ingest::StandsOn;
-use crate::table::{row, words};
-use crate::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SourceId;
 use crate::join::references::{Event, Motion, Place};
 use crate::join::tabled::ReferenceCourse;
 use crate::report::Model;
+use crate::table::{row, words};
+use crate::tables::outcome::{JoinedSession, Outcome};
 
 row! {
     /// One place of a reference.

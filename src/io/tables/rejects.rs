@@ -2,9 +2,9 @@
 
 use super::stations::Unpaired;
 use crate::ingest::{LogReject, SpanClock};
+use crate::join::{JoinReject, RowItem, RowReject, Station};
 use crate::table::{Word, row, words};
 use crate::tables::outcome::JoinedSession;
-use crate::join::{JoinReject, RowItem, RowReject, Station};
 
 row! {
     /// Items left out for one reason at one place.

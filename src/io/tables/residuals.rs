@@ -7,11 +7,11 @@ use nalgebra::Point3;
 
 use super::words::Role;
 use crate::geometry::{symmetric, upper};
+use crate::join::TargetId;
+use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 #[cfg(test)]
 use crate::table::FieldColumn;
 use crate::table::{Columns, Row, Table, row};
-use crate::join::TargetId;
-use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 row! {
     /// Measured minus predicted at one station under one model, base frame.

@@ -3,10 +3,10 @@
 use super::PublishError;
 use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
-use crate::table::{Row as _, Table, row};
 use crate::manifest::{
     Replaced, RunKey, StageCount, VERSION, Work, Written, cpu_features, platform,
 };
+use crate::table::{Row as _, Table, row};
 use crate::units::WallTime;
 
 row! {
@@ -121,20 +121,18 @@ pub fn row_digest(row: &Table) -> String {
     row.digest_without(&["row_digest"])
 }
 
-impl Work {
-    /// The table of the run's row.
-    pub fn runs_table(
-        &self,
-        counts: &[StageCount],
-        written: &[Written],
-        ending: &Ending,
-    ) -> Result<Table, PublishError> {
-        counts.iter().try_for_each(StageCount::check)?;
-        let table = |row: RunRow| Ok(RunRow::table(vec![row], &self.key())?.table);
-        let row = row(self, serde_json::to_string(counts)?, written, ending);
-        let unsigned: Result<Table, PublishError> = table(row.clone());
-        table(RunRow { row_digest: Some(row_digest(&unsigned?)), ..row })
-    }
+/// The table of the run's row.
+pub fn table(
+    work: &Work,
+    counts: &[StageCount],
+    written: &[Written],
+    ending: &Ending,
+) -> Result<Table, PublishError> {
+    counts.iter().try_for_each(StageCount::check)?;
+    let table = |row: RunRow| Ok(RunRow::table(vec![row], &work.key())?.table);
+    let row = row(work, serde_json::to_string(counts)?, written, ending);
+    let unsigned: Result<Table, PublishError> = table(row.clone());
+    table(RunRow { row_digest: Some(row_digest(&unsigned?)), ..row })
 }
 
 /// The row without its digest.
@@ -185,10 +183,21 @@ fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> Run
 
 #[cfg(test)]
 mod tests {
-    use crate::manifest::tests::work;
     use std::collections::BTreeMap;
 
     use super::*;
+
+    fn work() -> Work {
+        Work {
+            robot: "ur10".to_owned(),
+            session: "grid".to_owned(),
+            pipeline: "nightly".to_owned(),
+            sessions: vec!["grid".to_owned()],
+            test_sessions: Vec::new(),
+            inputs: Vec::new(),
+            settings: "{}".to_owned(),
+        }
+    }
 
     #[test]
     fn a_stage_that_loses_something_is_refused() {
@@ -215,10 +224,10 @@ mod tests {
             grids: None,
             replaces: None,
         };
-        let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();
+        let row = table(&work(), &[count(7)], &[], &outcome).unwrap();
         assert_eq!(row.text("row_digest").value(0), row_digest(&row));
         assert!(row.text("counts").value(0).contains(r#""rejected":{"outlier":1,"settling":2}"#));
-        let error = work().runs_table(&[count(6)], &[], &outcome).unwrap_err();
+        let error = table(&work(), &[count(6)], &[], &outcome).unwrap_err();
         assert!(error.to_string().contains("6 + 3 is not 10"), "{error}");
     }
 }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 
 use super::words::{counted, joint_units, xyzw};
-use crate::table::{row, words};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
+use crate::table::{row, words};
 
 row! {
     /// A planned visit, with the promise of the whole plan.

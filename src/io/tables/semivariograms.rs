@@ -1,9 +1,9 @@
 //! `semivariograms`: bins of the empirical semivariograms, and the models fitted to them.
 
 use super::words::Unit;
-use crate::table::{row, words};
 use crate::report::Model;
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
+use crate::table::{row, words};
 
 row! {
     /// A bin of a semivariogram, or a model fitted to its bins: the columns of the other are absent.

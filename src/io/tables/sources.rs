@@ -3,9 +3,9 @@
 use super::outcome::Source;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::{Gauge, sources};
-use crate::table::{row, words};
 use crate::join::{ReadingKind, SourceId};
 use crate::report::Model;
+use crate::table::{row, words};
 
 row! {
     /// The part of one source in one model.

@@ -7,10 +7,10 @@ use nalgebra::DVector;
 use super::words::{orientation_rows, xyzw};
 use crate::fit::commanded::SettlingError;
 use crate::fit::saved::axes_from_joints;
-use crate::table::{row, words};
-use crate::tables::outcome::JoinedSession;
 use crate::join::{Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
+use crate::table::{row, words};
+use crate::tables::outcome::JoinedSession;
 
 row! {
     /// A dwell of the arm.

@@ -8,13 +8,13 @@ use crate::figures::extremes;
 use crate::fit::WEIGHTED_DOWN;
 use crate::fit::commanded::CommandedPose;
 use crate::grid::Reach;
-use crate::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::report::{ResidualSet, Split};
+use crate::tables::outcome::Outcome;
 
 /// The paired stations that a run learnt from.
-pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
+pub fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
     let stations = outcome.training.iter().flat_map(|session| &session.joined.stations);
     stations.filter(|station| !station.measured().is_empty())
 }

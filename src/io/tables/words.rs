@@ -9,11 +9,11 @@ use crate::fit::scale::ScaleVerdict;
 use crate::geometry::TurnCovariance;
 use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
 use crate::ingest::SpanClock;
-use crate::table::{Word, words};
 use crate::kinematics::Joint;
 use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
+use crate::table::{Word, words};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crate::compensation::{Corrected, Exception, JointCommand, Reason, Refused, Target, Term};
 use crate::fit::Gap;
 use crate::geometry::upper;
-use crate::table::{Row as _, Table, TableError, Word as _, row, words};
-use crate::tables::words::{CorrectingTable, xyzw};
 use crate::kinematics::InverseError;
 use crate::manifest::RunKey;
+use crate::table::{Row as _, Table, TableError, Word as _, row, words};
+use crate::tables::words::{CorrectingTable, xyzw};
 
 row! {
     /// A target and its command, or the reason why there is none.

@@ -36,6 +36,23 @@ pub struct Errors {
     pub covariance: DMatrix<f64>,
 }
 
+impl Errors {
+    /// Sets the offset of a parameter, adding the parameter, exactly known, where it is not among them.
+    pub fn set(&mut self, parameter: Parameter, offset: f64) {
+        if let Some(place) = self.parameters.iter().position(|own| *own == parameter) {
+            self.offsets[place] = offset;
+            return;
+        }
+        let size = self.parameters.len();
+        self.parameters.push(parameter);
+        self.offsets = DVector::from_iterator(
+            size + 1,
+            self.offsets.iter().copied().chain(std::iter::once(offset)),
+        );
+        self.covariance = std::mem::take(&mut self.covariance).resize(size + 1, size + 1, 0.0);
+    }
+}
+
 /// Errors in another convention, and how well they are the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carried {

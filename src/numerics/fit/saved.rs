@@ -600,8 +600,8 @@ mod tests {
     use crate::kinematics::RobotFile;
 
     fn ur10() -> Arm {
-        let file: RobotFile =
-            toml::from_str(include_str!("../../../pipelines/robots/ur10.toml")).expect("a robot file");
+        let file: RobotFile = toml::from_str(include_str!("../../../pipelines/robots/ur10.toml"))
+            .expect("a robot file");
         // A saved arm predicts; where its home is matters to who sets up the cell.
         let file = RobotFile { home_deg: None, ..file };
         file.arm().expect("a valid arm")

@@ -203,34 +203,34 @@ struct ControllerFile {
 /// `[commanded]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct CommandedFile {
-    pub(crate) topic: String,
-    pub(crate) time: Option<TimeSource>,
-    pub(crate) unit: Option<LengthUnit>,
+pub struct CommandedFile {
+    pub topic: String,
+    pub time: Option<TimeSource>,
+    pub unit: Option<LengthUnit>,
     #[serde(default)]
-    pub(crate) fields: PoseFields,
-    pub(crate) frame: Option<String>,
+    pub fields: PoseFields,
+    pub frame: Option<String>,
 }
 
 /// `[tracker]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct TrackerFile {
-    pub(crate) topic: String,
-    pub(crate) time: Option<TimeSource>,
-    pub(crate) unit: Option<LengthUnit>,
-    pub(crate) temperature: Option<String>,
+pub struct TrackerFile {
+    pub topic: String,
+    pub time: Option<TimeSource>,
+    pub unit: Option<LengthUnit>,
+    pub temperature: Option<String>,
     #[serde(default)]
-    pub(crate) ignore_orientation: bool,
+    pub ignore_orientation: bool,
     #[serde(default)]
-    pub(crate) fields: PoseFields,
-    pub(crate) frame: Option<String>,
+    pub fields: PoseFields,
+    pub frame: Option<String>,
     #[serde(default)]
-    pub(crate) targets: Vec<LoggedTarget>,
+    pub targets: Vec<LoggedTarget>,
     #[serde(default)]
-    pub(crate) references: Vec<LoggedReference>,
+    pub references: Vec<LoggedReference>,
     #[serde(default)]
-    pub(crate) lengths: Vec<LoggedLength>,
+    pub lengths: Vec<LoggedLength>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -244,11 +244,7 @@ pub struct MissingConvention {
 
 impl MissingConvention {
     /// The error that `[section]` leaves out `key`, with the choices for it.
-    pub(crate) const fn new(
-        section: &'static str,
-        key: &'static str,
-        choices: &'static str,
-    ) -> Self {
+    pub const fn new(section: &'static str, key: &'static str, choices: &'static str) -> Self {
         Self { section, key, choices }
     }
 }

@@ -16,7 +16,7 @@ use crate::geometry::align;
 const TARGET_PRIOR_MM: f64 = 300.0;
 const ROUNDS: usize = 12;
 /// A nominal arm is off by less than this, mm: a placement that leaves more is a wrong one.
-pub(crate) const NOMINAL_MM: f64 = 30.0;
+pub const NOMINAL_MM: f64 = 30.0;
 /// Distances of far targets from the flange, mm.
 const FAR_MM: [f64; 3] = [150.0, 400.0, 1000.0];
 /// Readings that far targets are looked for with, at most.

@@ -200,7 +200,7 @@ impl Source {
         }
     }
 
-    pub(super) const fn validity(&self) -> &Validity {
+    pub const fn validity(&self) -> &Validity {
         match self {
             Self::Table(own) => &own.table.terms().validity,
             Self::Arm(own) => &own.arm.validity,

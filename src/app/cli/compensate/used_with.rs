@@ -1,6 +1,6 @@
 //! The conditions under which corrected targets will be run, as the caller states them.
 
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use crate::compensation::{Conditions, Exception, Term, UsedWith};
@@ -59,64 +59,61 @@ impl UsedWithArgs {
     }
 }
 
-impl ValueEnum for CorrectingTable {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[Self::Compensation, Self::Calibrations]
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.word()))
-    }
+/// Reads the name of the table that corrects.
+pub(super) fn correcting_table() -> impl TypedValueParser<Value = CorrectingTable> {
+    named(
+        [CorrectingTable::Compensation, CorrectingTable::Calibrations]
+            .map(|table| (table, PossibleValue::new(table.word()))),
+    )
 }
 
-/// The name that an exception is allowed by.
+/// Reads the name that an exception is allowed by.
+pub(super) fn exception() -> impl TypedValueParser<Value = Exception> {
+    named(
+        EXCEPTIONS.map(|(exception, name, help)| (exception, PossibleValue::new(name).help(help))),
+    )
+}
+
+/// The option that allows an exception.
 pub(super) fn option(exception: Exception) -> String {
-    let value = exception.to_possible_value();
-    value.map_or_else(String::new, |value| format!("--allow {}", value.get_name()))
+    let named = EXCEPTIONS.iter().find(|(own, ..)| *own == exception);
+    named.map_or_else(String::new, |(_, name, _)| format!("--allow {name}"))
+}
+
+fn named<T, const N: usize>(values: [(T, PossibleValue); N]) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    let names = values.clone().map(|(_, name)| name);
+    PossibleValuesParser::new(names).try_map(move |name| {
+        let found = values.iter().find(|(_, own)| own.get_name() == name);
+        found.map(|(value, _)| *value).ok_or("no such name")
+    })
 }
 
 /// Reasons for refusal that can be allowed.
-impl ValueEnum for Exception {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[
-            Self::NotMet,
-            Self::NotShown,
-            Self::JointRange,
-            Self::Configuration,
-            Self::Term(Term::Tool),
-            Self::Term(Term::Payload),
-            Self::Term(Term::Mounting),
-            Self::Term(Term::Base),
-            Self::Term(Term::ControllerModel),
-            Self::Term(Term::AbsoluteAccuracy),
-            Self::Term(Term::Temperature),
-        ]
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (name, help) = match self {
-            Self::NotMet => ("not-met", "A table whose run does not meet its tolerance"),
-            Self::NotShown => {
-                ("not-shown", "A table whose run was not shown to meet its tolerance")
-            }
-            Self::JointRange => (
-                "joint-range",
-                "Joint angles beyond those measured, where the model falls back to its prior",
-            ),
-            Self::Configuration => ("configuration", "An arm configuration that no station was in"),
-            Self::Term(Term::Tool) => ("tool", "Another tool than the table's"),
-            Self::Term(Term::Payload) => ("payload", "Another payload"),
-            Self::Term(Term::Mounting) => ("mounting", "Another mounting of the base"),
-            Self::Term(Term::Base) => ("base", "Another base frame"),
-            Self::Term(Term::ControllerModel) => ("controller-model", "Another controller"),
-            Self::Term(Term::AbsoluteAccuracy) => (
-                "absolute-accuracy",
-                "The controller's own absolute-accuracy option in another state",
-            ),
-            Self::Term(Term::Temperature) => {
-                ("temperature", "A temperature that was not met while measuring")
-            }
-        };
-        Some(PossibleValue::new(name).help(help))
-    }
-}
+const EXCEPTIONS: [(Exception, &str, &str); 11] = [
+    (Exception::NotMet, "not-met", "A table whose run does not meet its tolerance"),
+    (Exception::NotShown, "not-shown", "A table whose run was not shown to meet its tolerance"),
+    (
+        Exception::JointRange,
+        "joint-range",
+        "Joint angles beyond those measured, where the model falls back to its prior",
+    ),
+    (Exception::Configuration, "configuration", "An arm configuration that no station was in"),
+    (Exception::Term(Term::Tool), "tool", "Another tool than the table's"),
+    (Exception::Term(Term::Payload), "payload", "Another payload"),
+    (Exception::Term(Term::Mounting), "mounting", "Another mounting of the base"),
+    (Exception::Term(Term::Base), "base", "Another base frame"),
+    (Exception::Term(Term::ControllerModel), "controller-model", "Another controller"),
+    (
+        Exception::Term(Term::AbsoluteAccuracy),
+        "absolute-accuracy",
+        "The controller's own absolute-accuracy option in another state",
+    ),
+    (
+        Exception::Term(Term::Temperature),
+        "temperature",
+        "A temperature that was not met while measuring",
+    ),
+];

@@ -4,7 +4,7 @@ use crate::grid::Table;
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
 use crate::io::tables::outcome::Outcome;
-use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
+use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending, runs};
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
 use crate::pipeline::history::kept::Kept;
@@ -47,7 +47,7 @@ pub fn publish(
     };
     let html = page::html(&page::content(rows, sessions, &about));
     run.publish_page(&html)?;
-    let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
+    let row = runs::table(work, &counts, run.written(), &ending(outcome, context))?;
     if let Some(kept) = kept {
         kept.write(run.lake(), &key)?;
     }
@@ -60,3 +60,6 @@ fn corners(table: &Table) -> [[f64; 3]; 2] {
     let last = lattice.node_count().saturating_sub(1);
     [0, last].map(|node| lattice.position(node).into())
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use super::scene::Time;
+use crate::report::{Model, Subject};
 use crate::table::{Row as _, Table, Word as _};
 use crate::tables::residuals::ResidualRow;
 use crate::tables::words::Role;
-use crate::report::{Model, Subject};
 
 /// The subject of residuals, and the part of the stations in the fit.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use super::{ExportError, ExportErrorKind};
 use crate::common;
 use crate::lake::{Lake, read_given};
+use crate::manifest::RunKey;
 use crate::schema;
 use crate::table::{Row as _, Table};
 use crate::tables::stations::StationRow;
-use crate::manifest::RunKey;
 
 /// The first stationary moment of each station, ns, by session and number.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -15,10 +15,10 @@ use super::roles::Whose;
 use super::spread::spread;
 use super::sum::position;
 use crate::ingest::{AngleUnit, LengthUnit};
-use crate::measured_table::MeasuredTable;
-use crate::robot::ready;
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;
+use crate::measured_table::MeasuredTable;
+use crate::robot::ready;
 use crate::setup::{
     self, Agreement, Alternatives, Dwelt, Evidence, KnownArm, Relation, SetUp, UnitKeys,
 };

@@ -12,9 +12,9 @@ use super::sum::position;
 use super::turns::{Turned, turned};
 use crate::figures::median;
 use crate::ingest::LengthUnit;
-use crate::measured_table::MeasuredTable;
 use crate::join::JoinSettings;
 use crate::join::placement::{Placement, ReadingAtFlange};
+use crate::measured_table::MeasuredTable;
 
 /// A frame turned by right angles is taken where it leaves no more than this many times what the fitted one leaves, or a millimetre.
 const AS_GOOD: f64 = 2.0;

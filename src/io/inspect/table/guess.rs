@@ -17,8 +17,8 @@ use crate::ingest::{
     AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
     StationsSettings,
 };
-use crate::measured_table::MeasuredTable;
 use crate::join::placement::{Placement, ReadingAtFlange};
+use crate::measured_table::MeasuredTable;
 
 /// The most stations at which orientations and commands are held against the arm.
 const MOST_STATIONS: usize = 250;

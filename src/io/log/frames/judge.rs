@@ -3,9 +3,7 @@
 use std::io;
 
 use super::{Frames, Loss};
-use crate::log::record::{
-    ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op,
-};
+use crate::log::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op};
 
 /// The judgement of a frame.
 pub(super) enum Judged {

@@ -7,9 +7,9 @@ use super::super::columns::Sum;
 use super::super::name;
 use super::{Fault, Long, Reader};
 use crate::ingest::LengthUnit;
-use crate::measured_table::Cell;
 use crate::join::references::ReferenceId;
 use crate::join::tabled::{ApartRow, RowItem, RowReference};
+use crate::measured_table::Cell;
 
 /// Coordinates beyond this are no reading of a cell, mm: a hundred kilometres.
 const FARTHEST_MM: f64 = 1e8;

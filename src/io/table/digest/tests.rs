@@ -2,9 +2,9 @@
 
 use super::column::Runs;
 use super::*;
+use crate::manifest::RunKey;
 use crate::schema;
 use crate::table::Columns;
-use crate::manifest::RunKey;
 
 /// Rows with nulls, texts that repeat, truth values, and lists that are absent, empty and of several lengths.
 fn parameters(rows: usize, change: impl Fn(usize, &str) -> bool) -> Table {

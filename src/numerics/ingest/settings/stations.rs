@@ -254,6 +254,17 @@ pub enum OrientationForm {
     Matrix([String; 9]),
 }
 
+impl OrientationForm {
+    /// Its columns, in order.
+    pub fn columns(&self) -> &[String] {
+        match self {
+            Self::Quaternion(own) => own,
+            Self::Angles(own, ..) | Self::Vector(own, _) => own,
+            Self::Matrix(own) => own,
+        }
+    }
+}
+
 /// The orientation as written in the file.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

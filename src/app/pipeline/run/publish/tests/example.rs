@@ -5,7 +5,6 @@ use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::super::PublishContext;
 use crate::compensation::Conditions;
 use crate::figures::{Counted, Figures};
 use crate::fit::commanded::{CommandFrames, commanded};
@@ -20,9 +19,10 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
-use crate::tables::outcome::{
+use crate::io::tables::outcome::{
     JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
 };
+use crate::io::tables::PublishContext;
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
@@ -48,7 +48,7 @@ use crate::units::{ClockModel, Stamp};
 pub(super) const SESSION: &str = "2026-11 \"grid\"/a";
 
 pub(super) static ARM: LazyLock<Arm> = LazyLock::new(|| {
-    let text = include_str!("../../../../pipelines/robots/kr210-r2700-extra.toml");
+    let text = include_str!("../../../../../../pipelines/robots/kr210-r2700-extra.toml");
     let file: RobotFile = toml::from_str(text).expect("a robot file");
     file.arm().expect("a valid arm")
 });
