@@ -24,6 +24,7 @@
 //! | [`history`] | What moved since the last session? | `history` |
 //! | [`verify`] | Is a result of years ago still what it was? What may be deleted? | `verify` |
 //! | [`benchmark`] | How do the models do on open data, beside kriging, a network and other programs on the same splits? | |
+//! | [`library`] | How are the steps called from Rust? | |
 //! | [`storage`] | How are sessions and lake kept on object storage? | |
 //! | [`performance`] | Which build, how much time and memory? | |
 //! | [`proofs`] | Which tests are there, and which longer proofs? | |
@@ -86,6 +87,9 @@ pub mod verify {}
 
 #[doc = include_str!("guide/benchmark.md")]
 pub mod benchmark {}
+
+#[doc = include_str!("guide/library.md")]
+pub mod library {}
 
 #[doc = include_str!("guide/storage.md")]
 pub mod storage {}

@@ -44,7 +44,7 @@ pub enum Command {}
 ///
 /// ```
 /// use nalgebra::Isometry3;
-/// use posegrid::geometry::{Base, Flange, Target, Transform};
+/// use posegrid_arm::geometry::{Base, Flange, Target, Transform};
 ///
 /// let base_from_flange = Transform::<Base, Flange>::claim(Isometry3::translation(800.0, 0.0, 600.0));
 /// let flange_from_target = Transform::<Flange, Target>::claim(Isometry3::translation(0.0, 0.0, 50.0));

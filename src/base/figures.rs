@@ -128,7 +128,7 @@ pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)
 /// `None` where n is too small for the asked confidence: "not shown", never a smaller claim.
 ///
 /// ```
-/// use posegrid::figures::{Coverage, least_count, upper_tolerance_bound};
+/// use posegrid_base::figures::{Coverage, least_count, upper_tolerance_bound};
 ///
 /// let coverage = Coverage { share: 0.95, confidence: 0.95 };
 /// let errors_mm: Vec<f64> = (1..=59).map(|i| 0.01 * f64::from(i)).collect();

@@ -167,7 +167,7 @@ impl<C> fmt::Debug for Stamp<C> {
 /// The relation between the two clocks of a session, usable in both directions.
 ///
 /// ```
-/// use posegrid::units::{ClockModel, Stamp};
+/// use posegrid_base::units::{ClockModel, Stamp};
 ///
 /// let clocks = ClockModel { origin: Stamp::from_ns(1_000), offset_ns: 2.5e9, drift: 12e-6 };
 /// let an_hour_later = clocks.origin.plus_ns(3_600_000_000_000);

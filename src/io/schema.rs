@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn every_schema_file_loads_and_is_in_the_list() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas");
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../schemas");
         let mut files: Vec<String> = std::fs::read_dir(folder)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -152,10 +152,10 @@ impl Corrected {
 ///
 /// ```
 /// use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
-/// use posegrid::compensation::{CompensationTable, Known, Target, Terms, Validity, compensate};
-/// use posegrid::fit::FrameUncertainty;
-/// use posegrid::geometry::{Position, Transform};
-/// use posegrid::grid::{Interpolation, Lattice};
+/// use posegrid_numerics::compensation::{CompensationTable, Known, Target, Terms, Validity, compensate};
+/// use posegrid_numerics::fit::FrameUncertainty;
+/// use posegrid_arm::geometry::{Position, Transform};
+/// use posegrid_numerics::grid::{Interpolation, Lattice};
 ///
 /// // A cube of 100 mm at whose nodes the arm goes 0.3 mm too far in x.
 /// let lattice = Lattice { origin: Point3::new(900.0, 0.0, 700.0), step: [100.0; 3], counts: [2; 3] };

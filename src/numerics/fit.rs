@@ -367,28 +367,6 @@ impl Calibration {
 }
 
 /// Identifies the parameters that `freedom` allows from the observations of `sessions` sessions.
-///
-/// ```
-/// # use std::path::Path;
-/// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
-/// # use posegrid::progress::Quiet;
-/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
-/// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
-/// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
-/// # let read = read_session(&logs, mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
-/// # let stations = &joined.stations;
-/// use posegrid::fit::{FitSettings, Freedom, identify, observations};
-///
-/// let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
-/// let settings = FitSettings::default();
-/// let before = identify(&configuration.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
-/// let after = identify(&configuration.arm, &seen, 1, Freedom::Geometry, &settings)?;
-/// assert!(after.misfit_mm < before.misfit_mm, "training errors: no verdict, see `report`");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn identify(
     arm: &Arm,
     observations: &[Observation],

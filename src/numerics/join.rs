@@ -294,24 +294,6 @@ pub struct JoinInput {
 ///
 /// Every dwell of the arm becomes a station with a verdict, every reading gets a disposition: `counts` sums to the number of
 /// readings, and `rejects` names all that were not kept.
-///
-/// ```
-/// # use std::path::Path;
-/// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
-/// # use posegrid::progress::Quiet;
-/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
-/// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
-/// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
-/// # let read = read_session(&logs, mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
-/// let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
-/// let paired = joined.stations.iter().filter(|station| !station.measured().is_empty()).count();
-/// assert!(paired > 50);
-/// // The two clocks of this session drift apart by less than a thousandth.
-/// assert!(joined.clock.model.drift.abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joined, JoinError> {
     settings.check()?;
     observe::check_joints(&input.joints, arm)?;

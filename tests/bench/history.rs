@@ -13,7 +13,7 @@ use posegrid::fit::{self, FitSettings, Freedom, Noise, Source, TrackerUncertaint
 use posegrid::io::lake::Lake;
 use posegrid::io::schema::{self, ColumnType};
 use posegrid::io::table::{Columns, Table, write};
-use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::runs::{self, Ending};
 use posegrid::io::tables::words::{TableVerdict, VerdictOf};
 use posegrid::join::ReadingKind;
 use posegrid::kinematics::{Arm, RobotFile};
@@ -165,7 +165,7 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
         grids: None,
         replaces: None,
     };
-    let row = work.runs_table(&[], &written, &outcome).expect("a row");
+    let row = runs::table(&work, &[], &written, &outcome).expect("a row");
     save(lake, &row, &key);
 }
 

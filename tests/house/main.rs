@@ -173,10 +173,17 @@ fn circles(edges: &BTreeSet<(String, String)>) -> BTreeSet<Vec<String>> {
 /// Every path in `src` from a module to another place in the crate.
 fn uses() -> Uses {
     let mut uses = Uses::new();
+    let all = modules();
     for (module, file) in files() {
         let text = fs::read_to_string(&file).expect("a source file");
         for path in paths(&production(&text)) {
             let base = match path.up {
+                // Inside `io` the crate's root is the room.
+                None if module[0] == "io"
+                    && all.contains(&["io".to_owned(), path.names[0].clone()][..]) =>
+                {
+                    vec!["io".to_owned()]
+                }
                 None => Vec::new(),
                 Some(levels) => module[..module.len().saturating_sub(levels)].to_vec(),
             };
@@ -203,13 +210,19 @@ fn files() -> Vec<(Vec<String>, PathBuf)> {
             } else if path.extension().is_some_and(|end| end == "rs") {
                 let inside = path.strip_prefix(&root).expect("inside").with_extension("");
                 let names = inside.iter().map(|name| name.to_string_lossy().into_owned());
-                found.push((names.collect::<Vec<_>>(), path));
+                let mut names: Vec<String> = names.collect();
+                // A crate's folder is no module, but for `io`, whose crate is the room.
+                if names.len() > 1 && names[0] != "io" {
+                    names.remove(0);
+                }
+                found.push((names, path));
             }
         }
     }
-    let front = [["lib"], ["main"]].map(|name| name.map(str::to_owned).to_vec());
+    let is_front =
+        |module: &[String]| module.last().is_some_and(|name| name == "lib" || name == "main");
     let is_test = |module: &[String]| module.iter().any(|name| name == "tests");
-    found.retain(|(module, _)| !front.contains(module) && !is_test(module));
+    found.retain(|(module, _)| !is_front(module) && !is_test(module));
     found
 }
 

@@ -10,7 +10,7 @@ use assert_cmd::Command;
 use posegrid::io::lake::{CompactFile, KEYS, Lake};
 use posegrid::io::table::{Row as _, Table};
 use posegrid::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
-use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::runs::{self, Ending};
 use posegrid::io::tables::words::{Role, TableVerdict, Unit, VerdictOf};
 use posegrid::manifest::{RunKey, Work};
 use posegrid::pipeline::compact::{Compacted, compact};
@@ -100,7 +100,7 @@ fn publish_figures(
         grids: None,
         replaces: None,
     };
-    let row = work.runs_table(&[], run.written(), &ending).expect("a row");
+    let row = runs::table(&work, &[], run.written(), &ending).expect("a row");
     run.commit(&row).expect("committed");
     key
 }

@@ -163,9 +163,9 @@ const SMALLEST: u32 = 64;
 ///
 /// ```
 /// use nalgebra::Isometry3;
-/// use posegrid::kinematics::{InverseSettings, RobotFile, inverse};
+/// use posegrid_arm::kinematics::{InverseSettings, RobotFile, inverse};
 ///
-/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("pipelines/robots/ur10.toml")?)?;
+/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("../../pipelines/robots/ur10.toml")?)?;
 /// let arm = file.arm()?;
 /// let joints = [0.3, -1.2, 1.5, -1.8, -1.5, 0.4];
 /// let base_from_flange = *arm.flange(&joints).isometry();

@@ -60,23 +60,6 @@ pub struct SessionRead {
 ///
 /// Damage is no error here: lost bytes and messages are in the rejects, and the pipeline's limit judges them. Zero
 /// positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
-///
-/// ```
-/// use std::path::Path;
-/// use posegrid::io::log::{SessionLogs, read_session};
-/// use posegrid::pipeline::configuration::{Configuration, Overrides};
-/// use posegrid::progress::Quiet;
-///
-/// let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
-/// let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
-/// let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// let rule = configuration.join.arm_rule();
-/// let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
-/// let read = read_session(&logs, mapping, configuration.limits, &rule, &mut (), &Quiet)?;
-/// assert!(read.rejects.is_empty(), "nothing is lost");
-/// assert!(read.input.joints.stretches.len() > 50, "dwells of the arm");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn read_session(
     logs: &SessionLogs,
     mapping: &Mapping,

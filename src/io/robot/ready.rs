@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn every_file_of_the_folder_is_listed_in_order() {
-        let folder = std::fs::read_dir("pipelines/robots").unwrap();
+        let folder = std::fs::read_dir("../../pipelines/robots").unwrap();
         let names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<String> =
             names.filter(|name| name.strip_suffix(".toml").is_some()).collect();

@@ -203,13 +203,13 @@ fn what_is_written_is_read_by_the_section_in_its_head() {
         toml::from_str(include_str!("../../../pipelines/robots/ur10.toml")).unwrap();
     let arm = file.arm().unwrap();
     let home: Vec<f64> = arm.home().unwrap().to_vec();
-    let poses = crate::simulate::Poses::Joints {
+    let poses = posegrid_numerics::simulate::Poses::Joints {
         count: 12,
         lower: home.iter().map(|q| q - 0.5).collect(),
         upper: home.iter().map(|q| q + 0.5).collect(),
     };
-    let settings = crate::simulate::SimulateSettings::realistic(3, home, poses);
-    let simulated = crate::simulate::simulate(&arm, &settings).unwrap();
+    let settings = posegrid_numerics::simulate::SimulateSettings::realistic(3, home, poses);
+    let simulated = posegrid_numerics::simulate::simulate(&arm, &settings).unwrap();
     let stations = simulated.stations_with(&[nalgebra::Vector3::new(120.0, 0.0, 0.0)]);
     let names = ["T1".to_owned(), "T2".to_owned()];
     let text = csv(&stations, &arm, super::Read { targets: &names, ..super::Read::default() });

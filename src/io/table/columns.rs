@@ -11,7 +11,8 @@ use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 /// Collects the columns of a table; [`Self::finish`] reports the first error.
 ///
 /// ```
-/// # use posegrid::{io::{schema, table::Columns}, manifest::RunKey};
+/// # use posegrid_base::manifest::RunKey;
+/// # use posegrid_io::{schema, table::Columns};
 /// # let key = RunKey::new("ur10", "2020-11-09", "00ff");
 /// let curve = [(-0.5, 1.0e-4), (0.5, -1.2e-4)];
 /// let table = Columns::new(schema::find("joint_errors")?, curve.len())

@@ -75,7 +75,8 @@ pub struct Head {
 /// that may be null may be missing, other columns may be present, and narrower types are widened.
 ///
 /// ```
-/// # use posegrid::{io::{schema, table::{self, Columns}}, manifest::RunKey};
+/// # use posegrid_base::manifest::RunKey;
+/// # use posegrid_io::{schema, table::{self, Columns}};
 /// # let folder = tempfile::tempdir()?;
 /// # let path = folder.path().join("curve.parquet");
 /// # let curve = Columns::new(schema::find("joint_errors")?, 1)

@@ -20,32 +20,6 @@ use crate::join::{SourceId, TargetId};
 use crate::kinematics::Arm;
 
 /// A model of an arm's errors.
-///
-/// ```
-/// # use std::path::Path;
-/// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
-/// # use posegrid::progress::Quiet;
-/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
-/// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
-/// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
-/// # let read = read_session(&logs, mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
-/// # let stations = &joined.stations;
-/// use posegrid::fit::model::{At, PoseModel, Query};
-/// # use posegrid::fit::{FitSettings, Freedom, identify, observations};
-/// # let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
-/// # let (freedom, settings) = (Freedom::Geometry, FitSettings::default());
-/// # let model = identify(&configuration.arm, &seen, 1, freedom, &settings)?;
-///
-/// // The reflector at the first station by the identified geometry, in the tracker frame, and its covariance.
-/// let prediction = model.predict(&At::Joints(Query::of(&seen[0])))?;
-/// let left = seen[0].point().expect("the tracker reads points").position - prediction.position;
-/// let covariance = model.spread(0, seen[0].source, &prediction).covariance();
-/// assert!(left.norm() < 1.0 && covariance.trace().sqrt() < 1.0, "mm");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub trait PoseModel: Any + Debug + Send + Sync {
     /// The frames of each session that it was identified on, in their order; empty for a model without a tracker frame.
     fn frames(&self) -> &[Frames];

@@ -35,8 +35,8 @@ impl Tolerance {
     /// The verdict on a bound that counts so many poses: `bound + guard ≤ tolerance`.
     ///
     /// ```
-    /// use posegrid::figures::PoseErrors;
-    /// use posegrid::grid::{Tolerance, Verdict};
+    /// use posegrid_base::figures::PoseErrors;
+    /// use posegrid_numerics::grid::{Tolerance, Verdict};
     ///
     /// let tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
     /// let mut errors = PoseErrors::default();

@@ -27,9 +27,9 @@ struct Seed {
 ///
 /// ```
 /// use nalgebra::Isometry3;
-/// use posegrid::kinematics::{Anywhere, InverseSettings, RobotFile};
+/// use posegrid_arm::kinematics::{Anywhere, InverseSettings, RobotFile};
 ///
-/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("pipelines/robots/ur10.toml")?)?;
+/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("../../pipelines/robots/ur10.toml")?)?;
 /// let arm = file.arm()?;
 /// let nominal = vec![0.0; arm.chain().parameters().len()];
 /// let anywhere = Anywhere::new(&arm, &nominal, Isometry3::identity(), InverseSettings::default());

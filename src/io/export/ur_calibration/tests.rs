@@ -2,7 +2,7 @@ use super::*;
 use crate::kinematics::RobotFile;
 
 fn robot(name: &str) -> Arm {
-    let path = format!("pipelines/robots/{name}");
+    let path = format!("../../pipelines/robots/{name}");
     let text = std::fs::read_to_string(path).unwrap();
     toml::from_str::<RobotFile>(&text).unwrap().arm().unwrap()
 }
@@ -10,7 +10,7 @@ fn robot(name: &str) -> Arm {
 #[test]
 fn every_ready_ur_has_the_six_frames_of_its_description() {
     let mut seen = 0;
-    for entry in std::fs::read_dir("pipelines/robots").unwrap() {
+    for entry in std::fs::read_dir("../../pipelines/robots").unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         if !name.starts_with("ur") {
             continue;
