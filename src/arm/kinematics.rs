@@ -1,7 +1,7 @@
 //! The arm as a chain of elementary transforms.
 //!
 //! Every link is a product of elementary motions, each a constant, a joint variable, or a constant with a free
-//! parameter (an *elementary transform sequence*; [`crate::method::kinematics`]). DH, Hayati and a URDF are all such
+//! parameter (an *elementary transform sequence*; `posegrid::method::kinematics`). DH, Hayati and a URDF are all such
 //! sequences, so one core serves every convention and the derivative of any element is one column: its unit twist
 //! carried to the end.
 //!

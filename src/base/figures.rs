@@ -1,7 +1,7 @@
 //! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
 //!
 //! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
-//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none. It assumes
+//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (`posegrid::method::grids`); too few errors have none. It assumes
 //! independent errors, which visits of one pose are not: [`PoseErrors`] counts poses, each with the worst of its visits.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,6 +1,6 @@
 //! A chain of elementary transforms: forward kinematics and its differential with respect to joints and parameters.
 //!
-//! The differential is that of [`crate::method::kinematics`] (the seed paper's Eqs. 3–7) in its geometric form: a free
+//! The differential is that of `posegrid::method::kinematics` (the seed paper's Eqs. 3–7) in its geometric form: a free
 //! element that moves by `ε` moves everything after it by `ε` times its unit twist, so a column is that twist carried
 //! to the chain's end.
 

@@ -2,7 +2,7 @@
 //!
 //! Every convention becomes elementary motions of one chain ([`super::chain`]): what is stated is a motion's nominal amount, and
 //! what may be wrong with the arm is a free parameter of the motion. Which directions belong to the arm and which only to the
-//! convention follows from the rank of the fit, not from the convention. Sources and formulas: [`crate::method::kinematics`].
+//! convention follows from the rank of the fit, not from the convention. Sources and formulas: `posegrid::method::kinematics`.
 //!
 //! - `table`: four or six numbers a joint: standard and modified DH, Hayati's β, Stone's S-model.
 //! - `lines`: the joints' axes as lines: CPC, product of exponentials, URDF.

@@ -39,7 +39,7 @@ pub struct Written {
 pub struct Replaced {
     /// The replaced run's name.
     pub run: String,
-    /// The digest of its row in `runs`, as [`crate::io::tables::runs::row_digest`] gives it.
+    /// The digest of its row in `runs`, as `posegrid::io::tables::runs::row_digest` gives it.
     pub row_digest: String,
 }
 

@@ -1,7 +1,7 @@
 //! The identified geometry as a controller has to have it: from its own base to its own flange.
 //!
 //! A fit moves base and flange by millimetres along directions that are not identifiable. Errors are stated in the error reference
-//! frame of base and target ([`crate::method::compensation`]), so the chain is carried there: this arm's tool point is where the
+//! frame of base and target ([`posegrid_numerics::method::compensation`]), so the chain is carried there: this arm's tool point is where the
 //! geometry's compensation puts it.
 
 use std::path::Path;

@@ -4,7 +4,7 @@
 //! with a revolute joint for each joint of the arm, m and rad. Steps:
 //! 1. the chain is cut at its joint variables: the transform before one is the joint's origin;
 //! 2. `base_link` is the controller's base and `flange` its flange, in the error reference frame of base and target
-//!    ([`crate::method::compensation`]), not the root and the end of the identified chain, which a fit may move by
+//!    ([`posegrid_numerics::method::compensation`]), not the root and the end of the identified chain, which a fit may move by
 //!    millimetres along directions that are not identifiable. So this arm's tool point is where the geometry's compensation
 //!    puts it;
 //! 3. each rotation becomes roll, pitch, yaw that restore it even where the pitch is ±90°.

@@ -3,7 +3,7 @@
 //! The temporary is next to the file, as `.FILE.tmp-HOST-PID-START-N`: START is the time at which the process began, so
 //! leftovers of a process that is gone differ from files of a live one, even when its number was given to another process.
 //!
-//! A large file is synced to the disk while more of it is written ([`Disk`]), so that its end needs little waiting.
+//! A large file is synced to the disk while more of it is written (`Disk`), so that its end needs little waiting.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
