@@ -5,7 +5,7 @@
 //!
 //! | chapter | question it answers | code |
 //! |---|---|---|
-//! | [`problem`] | What is wrong with an arm, and what does the pipeline do about it? Words, and the data behind the figures. | [`crate::pipeline`] |
+//! | [`problem`] | What is wrong with an arm, and what does the pipeline do about it? Words, and the data behind the figures. | `posegrid::pipeline` |
 //! | [`frames`] | In which frame, unit and clock is a number? | [`crate::geometry`], [`crate::units`] |
 //! | [`kinematics`] | Where is the reflector for given joint angles, and how does it move with each parameter? | [`crate::kinematics`] |
 //! | [`join`] | Which readings of the tracker belong to which dwell of the arm? | [`crate::join`] |

@@ -2,7 +2,7 @@
 //!
 //! A figure states the model, the angles, the base, the stations and the evidence that it belongs to
 //! ([`crate::method::accuracy`]): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or
-//! *after*. [`crate::page`] shows the figures to people, with the charts of [`chart`].
+//! *after*. `posegrid::page` shows the figures to people, with the charts of [`chart`].
 
 pub mod accuracy;
 pub mod chart;
