@@ -88,7 +88,8 @@ pub use posegrid_arm::{geometry, kinematics};
 pub use posegrid_base::{figures, linalg, manifest, progress, units};
 pub use posegrid_io as io;
 pub use posegrid_numerics::{
-    compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity, simulate,
+    compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity,
+    simulate,
 };
 
 pub mod guide;

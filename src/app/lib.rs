@@ -8,7 +8,9 @@ pub mod page;
 pub mod pipeline;
 
 // Names of the crates below, as if they were modules here.
-use posegrid_base::{figures, manifest, progress, units};
 use posegrid_arm::{geometry, kinematics};
-use posegrid_numerics::{compensation, fit, grid, history, ingest, join, plan, report, setup, similarity, simulate};
+use posegrid_base::{figures, manifest, progress, units};
 use posegrid_io as io;
+use posegrid_numerics::{
+    compensation, fit, grid, history, ingest, join, plan, report, setup, similarity, simulate,
+};

@@ -16,13 +16,15 @@ pub mod robot;
 pub mod schema;
 pub mod station_table;
 pub mod store;
-pub(crate) mod system;
+pub mod system;
 pub mod table;
 pub mod tables;
 pub mod targets;
 pub mod whole_file;
 
 // Names of the crates below, as if they were modules here.
-use posegrid_base::{figures, manifest, progress, units};
 use posegrid_arm::{geometry, kinematics};
-use posegrid_numerics::{compensation, fit, grid, history, ingest, join, plan, report, setup, similarity,};
+use posegrid_base::{figures, manifest, progress, units};
+use posegrid_numerics::{
+    compensation, fit, grid, history, ingest, join, plan, report, setup, similarity,
+};
